@@ -1,0 +1,76 @@
+"""radarsim: a USARSim server without Unreal, and its radar, from Python.
+
+>>> import radarsim
+>>> scene = radarsim.load_map("empty_room")
+>>> laser = radarsim.load_sensor("laser", fov_deg=2)
+>>> laser.scan(scene, (0, 0, 0)).ranges.round(3).tolist()
+[10.402, 10.4, 10.402]
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from radarsim.errors import MapError, PresetError, RadarsimError
+    from radarsim.geometry import Pose2, Pose3
+    from radarsim.host import Host
+    from radarsim.randomness import generator_for
+    from radarsim.scene.mapfile import load_map, shipped_maps
+    from radarsim.scene.material import Material
+    from radarsim.scene.scene import Part, Scene, StartPose
+    from radarsim.sensors.range_scanner import RangeScanner, Scan, load_sensor
+    from radarsim.simulation.conditions import Conditions
+
+__version__ = "0.1.0"
+
+# Imported when asked for, so that the command line answers at once.
+_HOMES = {
+    "Conditions": "radarsim.simulation.conditions",
+    "Host": "radarsim.host",
+    "MapError": "radarsim.errors",
+    "Material": "radarsim.scene.material",
+    "Part": "radarsim.scene.scene",
+    "Pose2": "radarsim.geometry",
+    "Pose3": "radarsim.geometry",
+    "PresetError": "radarsim.errors",
+    "RadarsimError": "radarsim.errors",
+    "RangeScanner": "radarsim.sensors.range_scanner",
+    "Scan": "radarsim.sensors.range_scanner",
+    "Scene": "radarsim.scene.scene",
+    "StartPose": "radarsim.scene.scene",
+    "generator_for": "radarsim.randomness",
+    "load_map": "radarsim.scene.mapfile",
+    "load_sensor": "radarsim.sensors.range_scanner",
+    "shipped_maps": "radarsim.scene.mapfile",
+}
+
+__all__ = [
+    "Conditions",
+    "Host",
+    "MapError",
+    "Material",
+    "Part",
+    "Pose2",
+    "Pose3",
+    "PresetError",
+    "RadarsimError",
+    "RangeScanner",
+    "Scan",
+    "Scene",
+    "StartPose",
+    "__version__",
+    "generator_for",
+    "load_map",
+    "load_sensor",
+    "shipped_maps",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,6 @@
+"""``python -m radarsim``."""
+
+from radarsim.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""The commands and what they take; what they do is in the modules beside this one.
+
+Nothing heavy is imported before a command runs: ``radarsim --help`` answers at once.
+"""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from radarsim import __version__
+from radarsim.errors import RadarsimError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="A USARSim server without Unreal: a P3AT whose radar sees through foliage.",
+)
+
+
+class DialectName(StrEnum):
+    """How the server speaks."""
+
+    COMPAT = "compat"
+    UDK = "udk"
+
+
+class DriveUnit(StrEnum):
+    """Unit of DRIVE."""
+
+    RAD_PER_S = "rad_per_s"
+    REV_PER_S = "rev_per_s"
+
+
+class ScanFormat(StrEnum):
+    """What a scan is written as."""
+
+    JSON = "json"
+    CSV = "csv"
+    PNG = "png"
+
+
+class TextFormat(StrEnum):
+    """What an explanation is written as."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+class Ray(StrEnum):
+    """A ray of a beam."""
+
+    DRAWN = "drawn"
+    RIGHT = "right"
+    CENTRE = "centre"
+    LEFT = "left"
+
+
+MapArgument = Annotated[
+    str,
+    typer.Argument(metavar="MAP", help="A map file, or the name of a shipped map."),
+]
+SensorOption = Annotated[
+    str, typer.Option("--sensor", help="A preset: see 'radarsim sensors'.")
+]
+PoseOption = Annotated[
+    str | None,
+    typer.Option(
+        "--pose",
+        metavar="X,Y,YAW_DEG",
+        help="The sensor's pose in the map frame; or X,Y,Z,ROLL,PITCH,YAW_DEG.",
+    ),
+]
+StartOption = Annotated[
+    str | None,
+    typer.Option("--start", help="The sensor's place on a P3AT at this start pose."),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the sensor."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of all randomness.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"radarsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="And exit."),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def serve(
+    map_: MapArgument,
+    *,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="0 takes a free one.")
+    ] = 3000,
+    seed: SeedOption = 0,
+    speed: Annotated[
+        float, typer.Option(help="Simulated seconds in one second.")
+    ] = 1.0,
+    dialect: Annotated[
+        DialectName, typer.Option(help="What clients need, or the original's bytes.")
+    ] = DialectName.COMPAT,
+    drive_unit: Annotated[
+        DriveUnit | None, typer.Option(help="Of DRIVE; the dialect's by default.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="ITEM.KEY=VALUE",
+            help="Change a setting of the robots' items, such as lms200.max_range=20.",
+        ),
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Log connections too.")
+    ] = False,
+) -> None:
+    """Serve a map to USARSim clients until interrupted."""
+    from radarsim.cli.serving import run_server
+
+    code = run_server(
+        map_,
+        address=(host, port),
+        seed=seed,
+        speed=speed,
+        conditions=(dialect.value, drive_unit and drive_unit.value, settings or []),
+        verbose=verbose,
+    )
+    raise typer.Exit(code)
+
+
+@app.command()
+def check(map_: MapArgument) -> None:
+    """Read a map and print what is in it, or all its errors."""
+    from radarsim.cli.looking import check_map
+
+    raise typer.Exit(check_map(map_))
+
+
+@app.command()
+def scan(
+    map_: MapArgument,
+    *,
+    sensor: SensorOption,
+    start: StartOption = None,
+    pose: PoseOption = None,
+    settings: SetOption = None,
+    seed: SeedOption = 0,
+    count: Annotated[int, typer.Option(min=1, help="More than 1 gives a list.")] = 1,
+    format_: Annotated[ScanFormat, typer.Option("--format")] = ScanFormat.JSON,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Instead of stdout.")
+    ] = None,
+) -> None:
+    """Scan a map without a server."""
+    from radarsim.cli.scanning import Request, write_scans
+
+    request = Request(map_, sensor, start, pose, settings or [], seed)
+    write_scans(request, count=count, form=format_.value, output=output)
+
+
+@app.command()
+def explain(
+    map_: MapArgument,
+    *,
+    sensor: SensorOption,
+    beam: Annotated[int, typer.Option(min=0, help="Counted from 0, from the right.")],
+    start: StartOption = None,
+    pose: PoseOption = None,
+    settings: SetOption = None,
+    seed: SeedOption = 0,
+    ray: Annotated[
+        Ray, typer.Option(help="The one that 'scan' draws with this seed, or another.")
+    ] = Ray.DRAWN,
+    format_: Annotated[TextFormat, typer.Option("--format")] = TextFormat.TEXT,
+) -> None:
+    """Tell everything that one beam meets."""
+    from radarsim.cli.explaining import write_explanation
+    from radarsim.cli.scanning import Request
+
+    request = Request(map_, sensor, start, pose, settings or [], seed)
+    write_explanation(request, beam=beam, ray=ray.value, form=format_.value)
+
+
+@app.command()
+def sensors(
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """List the sensor presets: their numbers, sources and confidence."""
+    from radarsim.cli.looking import list_sensors
+
+    list_sensors(as_json=as_json)
+
+
+def main() -> None:
+    """Run a command and exit with its code."""
+    try:
+        app()
+    except RadarsimError as error:
+        sys.stderr.write(f"radarsim: {error}\n")
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(130)

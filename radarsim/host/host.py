@@ -1,0 +1,156 @@
+"""One simulation and many clients, without sockets.
+
+Theory of operation
+===================
+A shell hands over what a client sent (``receive``), lets time pass (``step``), and
+sends what there is (``take``). Commands are carried out as they come; what they are
+answered with waits for the tick's one write, as does everything that the tick itself
+tells. A client without a robot has no ticks: its answers can be sent at once.
+
+Rule 1: nothing that a client sends raises. What cannot be carried out is ignored, as
+the original server ignores it, and told to the shell as a ``Notice`` for its log.
+Rule 2: the order in a write is status, answers, readings, scans. Clients rely on it.
+Rule 3: a client that does not read loses readings, not answers; one that goes on
+asking without reading is to be disconnected (``must_close``).
+Rule 4: a client gets so many commands a tick, and a robot so often; what it sends
+beyond that waits for the next ticks (``is_busy``), so that a flood delays nobody else.
+How the bytes were cut on their way changes nothing.
+"""
+
+from radarsim.host.client import Client
+from radarsim.host.notices import Notice
+from radarsim.host.orders import Orders
+from radarsim.protocol.encoding import encode_report, to_bytes
+from radarsim.protocol.reports import Greeting, Report
+from radarsim.scene.scene import Scene
+from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.simulation import Simulation, Told
+
+COMMANDS_A_TICK = 100  # clients in the field send a few
+
+
+class Host:
+    """A server, but for its sockets.
+
+    Attributes:
+        simulation: The world that the clients share.
+    """
+
+    def __init__(
+        self, scene: Scene, *, conditions: Conditions | None = None, seed: int = 0
+    ) -> None:
+        """Make a world without robots.
+
+        Raises:
+            PresetError: If the conditions do not fit the robot classes.
+        """
+        conditions = conditions or Conditions()
+        conditions.check()
+        self._dialect = conditions.dialect
+        self.simulation = Simulation(scene, conditions=conditions, seed=seed)
+        self._orders = Orders(self.simulation, conditions)
+        self._clients: dict[int, Client] = {}
+        self._connected = 0
+
+    def connect(self) -> int:
+        """Take a client in, and greet it.
+
+        Returns:
+            Its number, for all other calls.
+        """
+        self._connected += 1
+        client = self._clients[self._connected] = Client(turns=COMMANDS_A_TICK)
+        client.answers.append(Greeting(self.simulation.scene.level))
+        self._answer(client)
+        return self._connected
+
+    def disconnect(self, number: int) -> None:
+        """Forget a client; its robot vanishes, and the robot's name is free again."""
+        self._orders.dismiss(self._clients.pop(number))
+
+    def receive(self, number: int, data: bytes) -> list[Notice]:
+        """Carry out what a client sent, as far as its turn goes.
+
+        Returns:
+            What had no effect.
+        """
+        client = self._clients[number]
+        if client.lines.overflow is not None:
+            return []
+        client.pending.extend(client.lines.feed(data))
+        notices = self._take_turns(client)
+        if client.lines.overflow is not None:
+            notices.append(Notice("line", str(client.lines.overflow)))
+        return notices
+
+    def is_busy(self, number: int) -> bool:
+        """Tell whether commands of a client wait, so that it should not send more."""
+        return bool(self._clients[number].pending)
+
+    def has_robot(self, number: int) -> bool:
+        """Tell whether a client has a robot, and so a write in every tick."""
+        return self._clients[number].vehicle is not None
+
+    def must_close(self, number: int) -> bool:
+        """Tell whether a client is past serving: an endless line, or unread answers."""
+        client = self._clients[number]
+        return client.lines.overflow is not None or client.outbox.flooded
+
+    def step(self) -> list[tuple[int, Notice]]:
+        """Let 10 ms pass; all that falls due waits in the clients' outboxes.
+
+        Returns:
+            What had no effect of the commands that had to wait, by client.
+        """
+        notices = []
+        for number, client in self._clients.items():
+            client.turns = COMMANDS_A_TICK
+            notices += [(number, notice) for notice in self._take_turns(client)]
+        self.simulation.step()
+        told = self.simulation.tell()
+        for client in self._clients.values():
+            if client.vehicle is not None:
+                self._write_tick(client, told[client.vehicle.number])
+        return notices
+
+    def take(self, number: int) -> bytes:
+        """Give what a client is to be sent: whole lines, in order."""
+        return self._clients[number].outbox.take()
+
+    def waiting(self, number: int) -> int:
+        """Tell how many bytes a client is to be sent."""
+        return len(self._clients[number].outbox)
+
+    def dropped(self, number: int) -> int:
+        """Tell how many readings a client has lost by not reading."""
+        return self._clients[number].outbox.dropped
+
+    def _take_turns(self, client: Client) -> list[Notice]:
+        notices = []
+        while client.pending and client.turns:
+            line = client.pending.popleft()
+            done, notice = self._orders.obey(client, line)
+            if not done:
+                client.pending.appendleft(line)
+                break
+            client.turns -= 1
+            if notice is not None:
+                notices.append(notice)
+            if client.vehicle is None:
+                self._answer(client)
+        return notices
+
+    def _answer(self, client: Client) -> None:
+        self._put(client, client.answers, keep=True)
+        client.answers.clear()
+
+    def _write_tick(self, client: Client, told: Told) -> None:
+        if told.status is not None:
+            self._put(client, [told.status], keep=False)
+        self._answer(client)
+        self._put(client, [*told.readings, *told.scans], keep=False)
+
+    def _put(self, client: Client, reports: list[Report], *, keep: bool) -> None:
+        for report in reports:
+            line = to_bytes([encode_report(report, self._dialect)])
+            client.outbox.put(line, keep=keep)

@@ -1,0 +1,1 @@
+"""The shipped sensors and robots: YAML files, and what reads them."""

@@ -1,0 +1,220 @@
+"""What a client asks for, as values in the frames of the simulation.
+
+Positions and angles are REP-103: the axes of the wire end here. A command is read
+whole or refused whole, so that a bad number in one field never leaves half of it.
+Fields come in any order, unknown ones are ignored, and an empty one is a missing one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias, TypeVar
+
+from radarsim.errors import MalformedMessage
+from radarsim.geometry import Pose3
+from radarsim.protocol.axes import Triple, pose_from_wire, turn_over
+from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.numbers import read_flag, read_number, read_numbers
+from radarsim.protocol.wire import Message, decode_message
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, slots=True)
+class Init:
+    """Spawn a robot.
+
+    Attributes:
+        class_name: Robot class without its package, as the client spelt it.
+        name: None if the client leaves it to the server.
+        start: Name of a start pose; if it is given, position and rotation are None.
+        position: x, y, z in m.
+        rotation: Roll, pitch, yaw in rad.
+    """
+
+    class_name: str
+    name: str | None = None
+    start: str | None = None
+    position: Triple | None = None
+    rotation: Triple | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Set wheel speeds and lamps; what is None stays as it is.
+
+    Attributes:
+        left: Wheel speed in the dialect's drive unit, or percent of the largest.
+        right: Likewise; a command with only one of the two moves no wheel.
+        normalized: Whether speeds count in percent from this command on.
+        light: Whether the headlight burns.
+        flip: Whether a robot that lies on its back shall be turned over.
+    """
+
+    left: float | None = None
+    right: float | None = None
+    normalized: bool | None = None
+    light: bool | None = None
+    flip: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GetStartPoses:
+    """Ask for the start poses of the map."""
+
+
+@dataclass(frozen=True, slots=True)
+class GetGeo:
+    """Ask where the robot's items of one type are mounted.
+
+    Attributes:
+        type: As the client spelt it, to be echoed; ``Robot`` means the robot itself.
+        name: None for all items of that type.
+    """
+
+    type: str
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GetConf:
+    """Ask for the settings of items of one type; attributes as in ``GetGeo``."""
+
+    type: str
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SetItem:
+    """Give an order to the items of one type.
+
+    Attributes:
+        type: As the client spelt it.
+        name: None for all items of that type.
+        opcode: ``SCAN``, ``RESET``, ``POSE`` and the like, as the client spelt it.
+        params: Text, empty if there is none.
+    """
+
+    type: str
+    name: str | None
+    opcode: str
+    params: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Unsupported:
+    """Anything that USARSim servers know and this one accepts without effect."""
+
+    verb: str
+
+
+Command: TypeAlias = (
+    Init | Drive | GetStartPoses | GetGeo | GetConf | SetItem | Unsupported
+)
+
+
+def parse_command(line: str, dialect: Dialect) -> Command:
+    """Read one line of a client.
+
+    Raises:
+        MalformedMessage: If the line is no command, lacks a field that it needs, or
+            has a number that is none.
+    """
+    message = decode_message(line)
+    verb = message.verb.upper()
+    if verb in _UNSUPPORTED:
+        return Unsupported(verb)
+    if verb not in _PARSERS:
+        raise MalformedMessage(
+            f"verb {message.verb[:80]!r}, expected one of {sorted(_PARSERS)}"
+        )
+    return _PARSERS[verb](message, dialect)
+
+
+def read_pose(params: str) -> Pose3:
+    """Read the ``x,y,z,roll,pitch,yaw`` of an INS POSE order, in the wire's frame.
+
+    Raises:
+        MalformedMessage: If these are not six numbers.
+    """
+    return pose_from_wire(read_numbers(params, 6))
+
+
+def _init(message: Message) -> Init:
+    class_name = _needed(message, "ClassName").rpartition(".")[2]
+    name = message.get("Name") or None
+    start = message.get("Start") or None
+    if start is not None:
+        return Init(class_name, name, start)
+    return Init(
+        class_name,
+        name,
+        position=_read(message, "Location", _triple),
+        rotation=_read(message, "Rotation", _triple),
+    )
+
+
+def _drive(message: Message, dialect: Dialect) -> Drive:
+    flag = partial(read_flag, any_case=dialect.accepts_any_case_true)
+    return Drive(
+        left=_read(message, "Left", read_number),
+        right=_read(message, "Right", read_number),
+        normalized=_read(message, "Normalized", flag),
+        light=_read(message, "Light", flag),
+        flip=_read(message, "Flip", flag),
+    )
+
+
+def _set(message: Message) -> SetItem:
+    return SetItem(
+        _needed(message, "Type"),
+        message.get("Name") or None,
+        _needed(message, "Opcode"),
+        message.get("Params") or "",
+    )
+
+
+def _needed(message: Message, key: str) -> str:
+    value = message.get(key)
+    if not value:
+        raise MalformedMessage(
+            f"{message.encode()[:80]!r}, expected a field '{{{key} ...}}'"
+        )
+    return value
+
+
+def _read(message: Message, key: str, read: Callable[[str], Value]) -> Value | None:
+    text = message.get(key)
+    if not text:
+        return None
+    try:
+        return read(text)
+    except MalformedMessage as error:
+        raise MalformedMessage(f"{message.verb} {key}: {error}") from None
+
+
+def _triple(text: str) -> Triple:
+    first, second, third = read_numbers(text, 3)
+    return turn_over((first, second, third))
+
+
+_PARSERS: dict[str, Callable[[Message, Dialect], Command]] = {
+    "INIT": lambda message, _: _init(message),
+    "DRIVE": _drive,
+    "SET": lambda message, _: _set(message),
+    "GETSTARTPOSES": lambda *_: GetStartPoses(),
+    "GETGEO": lambda message, _: GetGeo(
+        _needed(message, "Type"), message.get("Name") or None
+    ),
+    "GETCONF": lambda message, _: GetConf(
+        _needed(message, "Type"), message.get("Name") or None
+    ),
+}
+
+# Verbs of the servers of all generations that do nothing to a wheeled robot here.
+_UNSUPPORTED = frozenset(
+    (
+        *("ACT", "CAMERA", "CONTROL", "GETCLOSESTPATHNODE", "GETNFO", "GETPATHNODES"),
+        *("GOTO", "MISPKG", "MOVE", "MULTIDRIVE", "PAUSE", "PING", "TEST", "TRACE"),
+    )
+)

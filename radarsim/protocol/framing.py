@@ -1,0 +1,64 @@
+"""Lines out of a stream of bytes that TCP cuts where it likes."""
+
+import re
+
+from radarsim.errors import LineTooLong
+
+_LINE_END = re.compile(rb"[\r\n]+")
+
+
+class LineBuffer:
+    r"""Collects received bytes and gives back whole lines.
+
+    A line ends at CR or at LF. What is empty or blank vanishes, so CRLF, LF CR and
+    bare LF, which all occur in the field, are one line end each. Bytes are read as
+    Latin-1: nothing is refused here, whatever a client sends.
+
+    >>> lines = LineBuffer()
+    >>> lines.feed(b"DRIVE {Left 1}")
+    []
+    >>> lines.feed(b" {Right 1}\n\rGETSTARTPOSES\r\n")
+    ['DRIVE {Left 1} {Right 1}', 'GETSTARTPOSES']
+
+    Attributes:
+        limit: Most bytes of a line, without its end.
+        overflow: None until a line is longer than that; then the connection is to
+            be closed, once the lines that came before have been handled.
+    """
+
+    def __init__(self, limit: int = 65536) -> None:
+        self.limit = limit
+        self.overflow: LineTooLong | None = None
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> list[str]:
+        """Take what came and give the lines that it completes.
+
+        Raises:
+            LineTooLong: If an earlier call has set ``overflow``.
+        """
+        if self.overflow is not None:
+            raise self.overflow
+        lines: list[str] = []
+        *ended, rest = _LINE_END.split(data)
+        for piece in ended:
+            if not self._append(piece):
+                return lines
+            line = self._pending.decode("latin-1").strip()
+            self._pending.clear()
+            if line:
+                lines.append(line)
+        self._append(rest)
+        return lines
+
+    def _append(self, piece: bytes) -> bool:
+        """Add to the pending line and tell whether it still fits."""
+        size = len(self._pending) + len(piece)
+        if size > self.limit:
+            self._pending.clear()
+            self.overflow = LineTooLong(
+                f"line of {size} bytes, expected at most {self.limit}"
+            )
+            return False
+        self._pending += piece
+        return True

@@ -1,0 +1,1 @@
+"""Robots on the floor: how they drive, what stops them, what they carry along."""

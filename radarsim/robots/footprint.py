@@ -1,0 +1,119 @@
+"""How far a rectangle on the floor is from line segments, and which way is out.
+
+Theory of operation
+===================
+In the frame of the rectangle three axes can separate a segment from it: x, y and the
+segment's own normal (separating axes of two convex shapes). On each axis the distance
+between the two shadows is a lower bound of the distance between the shapes, and the
+largest of the three is negative only if they overlap; then it is the shortest way out,
+along that axis. One number so serves as test, as clearance and as depth.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose2
+
+MARGIN = 1e-6  # m; a gap below it counts as none, far above what rounding does
+NO_SEGMENTS: Floats = np.zeros((0, 2, 2))
+NO_SEGMENTS.setflags(write=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """What is nearest to a footprint, or deepest in it.
+
+    Attributes:
+        gap: m; at most the distance to the nearest segment, and below 0 where one
+            reaches into the footprint: minus the depth.
+        away_x: Unit vector, map frame, along which the gap grows.
+        away_y: Its other component.
+    """
+
+    gap: float
+    away_x: float = 0.0
+    away_y: float = 0.0
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """The rectangle that a robot covers, centred on its origin.
+
+    Attributes:
+        length: Along x of the robot, m.
+        width: Along y of the robot, m.
+    """
+
+    length: float
+    width: float
+
+    @cached_property
+    def radius(self) -> float:
+        """From the centre to a corner, m."""
+        return math.hypot(self.length, self.width) / 2
+
+    @cached_property
+    def _sides(self) -> Floats:
+        x, y = self.length / 2, self.width / 2
+        corners = np.array([[x, y], [-x, y], [-x, -y], [x, -y]])
+        return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+    def outline(self, pose: Pose2) -> Floats:
+        """Give the four sides as segments, (4, 2, 2) m, map frame."""
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        sides: Floats = self._sides @ np.array([[c, s], [-s, c]])
+        centre: Floats = np.array([pose.x, pose.y])
+        return sides + centre
+
+    def covers(self, pose: Pose2, x: float, y: float) -> bool:
+        """Tell whether a point of the map lies inside."""
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        dx, dy = x - pose.x, y - pose.y
+        ahead, aside = c * dx + s * dy, c * dy - s * dx
+        return abs(ahead) <= self.length / 2 and abs(aside) <= self.width / 2
+
+    def contact(self, pose: Pose2, segments: Floats) -> Contact:
+        """Find what is nearest, or deepest inside.
+
+        Args:
+            pose: Of the robot.
+            segments: (S, 2, 2) m, map frame, none of them of length 0.
+
+        Returns:
+            The contact with the smallest gap; of equals, that of the first segment.
+        """
+        if not len(segments):
+            return Contact(math.inf)
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        middle = (segments[:, 0] + segments[:, 1]) / 2 - (pose.x, pose.y)
+        half = (segments[:, 1] - segments[:, 0]) / 2
+        to_local = np.array([[c, -s], [s, c]])
+        middle, half = middle @ to_local, half @ to_local
+        gaps = self._gaps(middle, half)
+        nearest = int(gaps.max(axis=0).argmin())
+        axis = int(gaps[:, nearest].argmax())
+        x, y = _axis(axis, half[nearest])
+        toward = x * middle[nearest, 0] + y * middle[nearest, 1]
+        x, y = (-x, -y) if toward > 0 else (x, y)
+        return Contact(float(gaps[axis, nearest]), c * x - s * y, s * x + c * y)
+
+    def _gaps(self, middle: Floats, half: Floats) -> Floats:
+        """Give the distances of the shadows on x, y and the normals, (3, S) m."""
+        x, y = self.length / 2, self.width / 2
+        reach = np.abs(half)
+        along = np.abs(middle) - reach - (x, y)
+        across = np.abs(middle[:, 0] * half[:, 1] - middle[:, 1] * half[:, 0])
+        across -= x * reach[:, 1] + y * reach[:, 0]
+        across /= np.hypot(half[:, 0], half[:, 1])
+        return np.stack([along[:, 0], along[:, 1], across])
+
+
+def _axis(axis: int, half: Floats) -> tuple[float, float]:
+    """Give the unit vector of one of the three axes, footprint frame."""
+    if axis < 2:
+        return (1.0, 0.0) if axis == 0 else (0.0, 1.0)
+    length = math.hypot(half[0], half[1])
+    return float(half[1]) / length, -float(half[0]) / length

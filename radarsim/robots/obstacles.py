@@ -1,0 +1,144 @@
+"""The lines on the floor that a robot cannot cross: sections of all solid things."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+import shapely
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
+from radarsim.robots.sections import section
+from radarsim.scene.scene import Part, Scene
+
+# m above the floor: the lowest is that of a P3AT's bumpers, the highest the top of what
+# it carries. Something level and thin between two of them is not met.
+BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
+
+_SHORTEST = 1e-9  # m; a shorter line has no direction
+_SEARCH_STEP = 0.05  # m between the places that are tried
+_ELBOW_ROOM = 0.01  # m that such a place leaves around the footprint
+
+
+class Standing(Protocol):
+    """Something with a footprint that stands on the floor, such as a robot."""
+
+    @property
+    def pose(self) -> Pose2:
+        """Where it stands."""
+        ...
+
+    @property
+    def footprint(self) -> Footprint:
+        """What it covers of the floor."""
+        ...
+
+
+class Obstacles:
+    """Everything solid on one floor.
+
+    These are surfaces: a footprint that fits between them is clear, be it inside a box.
+
+    Attributes:
+        segments: (S, 2, 2) m, x and y of both ends, map frame; those that are mere
+            points are left out.
+        floor: Height of the floor that they are met on, m.
+    """
+
+    def __init__(self, segments: Floats = NO_SEGMENTS, *, floor: float = 0.0) -> None:
+        lengths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+        self.segments = segments[lengths > _SHORTEST]
+        self.floor = floor
+        self._tree = shapely.STRtree(shapely.linestrings(self.segments))
+
+    @classmethod
+    def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":
+        """Cut the solid parts of a scene at the bumpers' heights above a floor."""
+        return cls.from_parts(scene.parts, floor=floor)
+
+    @classmethod
+    def from_parts(cls, parts: Iterable[Part], *, floor: float = 0.0) -> "Obstacles":
+        """Cut the solid ones of some parts at the bumpers' heights above a floor."""
+        cuts = [
+            section(part.vertices, part.faces, floor + height)
+            for part in parts
+            if part.material.solid
+            for height in BUMPER_HEIGHTS
+        ]
+        return cls(np.concatenate([NO_SEGMENTS, *cuts]), floor=floor)
+
+    def near(self, x: float, y: float, reach: float) -> Floats:
+        """Give the segments within ``reach`` m of a point, in their own order."""
+        point = shapely.Point(x, y)
+        found = self._tree.query(point, predicate="dwithin", distance=reach)
+        near: Floats = self.segments[np.sort(found)]
+        return near
+
+    def clear(
+        self, footprint: Footprint, pose: Pose2, others: Sequence[Standing] = ()
+    ) -> bool:
+        """Tell whether a footprint fits at a pose, free of obstacles and of others."""
+        walls = self.near(pose.x, pose.y, footprint.radius)
+        return _fits(footprint, pose, walls, others)
+
+    def nearest_free(
+        self,
+        footprint: Footprint,
+        pose: Pose2,
+        others: Sequence[Standing] = (),
+        *,
+        within: float = 1.0,
+    ) -> Pose2 | None:
+        """Find the nearest pose of the same yaw at which a footprint fits.
+
+        Args:
+            footprint: What is to be placed.
+            pose: The pose asked for; it is the answer if it is clear.
+            others: What stands there already.
+            within: How far to look, m.
+
+        Returns:
+            The pose, to 0.05 m, touching nothing; None if there is none. Of places
+            equally far away it is the first counter-clockwise from the map's x axis.
+        """
+        if self.clear(footprint, pose, others):
+            return pose
+        roomy = Footprint(
+            footprint.length + 2 * _ELBOW_ROOM, footprint.width + 2 * _ELBOW_ROOM
+        )
+        walls = self.near(pose.x, pose.y, roomy.radius + within)
+        for dx, dy in _outward(within):
+            place = Pose2(pose.x + dx, pose.y + dy, pose.yaw)
+            if _fits(roomy, place, walls, others):
+                return place
+        return None
+
+
+def _fits(
+    footprint: Footprint, pose: Pose2, walls: Floats, others: Sequence[Standing]
+) -> bool:
+    if footprint.contact(pose, walls).gap <= MARGIN:
+        return False
+    return not any(_overlap(footprint, pose, other) for other in others)
+
+
+def _overlap(footprint: Footprint, pose: Pose2, other: Standing) -> bool:
+    apart = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
+    if apart > footprint.radius + other.footprint.radius:
+        return False
+    sides = other.footprint.outline(other.pose)
+    # no side of the other reaches in: it is apart, or all around
+    return footprint.contact(pose, sides).gap <= MARGIN or other.footprint.covers(
+        other.pose, pose.x, pose.y
+    )
+
+
+def _outward(within: float) -> Iterator[tuple[float, float]]:
+    """Give places in rings around (0, 0), the innermost first, m."""
+    for ring in range(1, int(within / _SEARCH_STEP + 1e-9) + 1):
+        radius = ring * _SEARCH_STEP
+        places = math.ceil(2 * math.pi * ring)
+        for k in range(places):
+            angle = 2 * math.pi * k / places
+            yield radius * math.cos(angle), radius * math.sin(angle)

@@ -1,0 +1,1 @@
+"""What there is: materials, parts, start poses, and the map files they come from."""

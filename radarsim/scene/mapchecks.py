@@ -1,0 +1,72 @@
+"""What several keys of a map's entry say together.
+
+These checks look at the raw data, so that a key which is wrong by itself does not hide
+what is wrong with the others.
+"""
+
+from collections.abc import Iterator
+from typing import Any, TypeAlias
+
+from radarsim.geometry import Floats
+from radarsim.scene.mapmodel import MAX_EXTENT
+from radarsim.yamlfile import shown
+from radarsim.yamlnodes import KeyPath
+
+Problem: TypeAlias = tuple[KeyPath, str]
+
+_SHAPES = {"box", "cylinder", "mesh", "sphere"}
+_FOR_MESHES = {"materials", "scale", "up_axis"}
+_EITHER = (
+    ("material", "materials"),
+    ("yaw_deg", "rotation_deg"),
+    ("repeat", "scatter"),
+)
+
+
+def material_problems(item: Any) -> Iterator[Problem]:
+    """Check a material: a density, or a loss at each surface of what beams enter."""
+    if not isinstance(item, dict):
+        return
+    density, sheet_loss = item.get("density"), item.get("sheet_loss")
+    if density is None and sheet_loss is None:
+        yield ("density",), "missing, expected 'opaque' or a number"
+    if density == "opaque" and sheet_loss is not None:
+        message = "expected a density that is a number, or none"
+        yield ("sheet_loss",), f"{shown(sheet_loss)} with 'opaque', {message}"
+
+
+def object_problems(item: Any) -> Iterator[Problem]:
+    """Check an object: one shape, one way to say what and where it is."""
+    if not isinstance(item, dict):
+        return
+    given = {key for key, value in item.items() if value is not None}
+    yield from _shape_problems(given)
+    if not given & {"material", "materials"}:
+        yield (), "no material, expected 'material' or, for a mesh, 'materials'"
+    for one, other in _EITHER:
+        if {one, other} <= given:
+            yield (other,), f"expected either {one!r} or {other!r}"
+    if "scatter" in given and _is_off_centre(item.get("position")):
+        message = "expected 0 for x and y, since the area of 'scatter' says where"
+        yield ("position",), f"{shown(item['position'])}, {message}"
+
+
+def _shape_problems(given: set[str]) -> Iterator[Problem]:
+    shapes = sorted(given & _SHAPES)
+    if len(shapes) != 1:
+        yield (), f"{shapes or 'no shape'}, expected one of {sorted(_SHAPES)}"
+    if "mesh" not in given:
+        for key in sorted(given & _FOR_MESHES):
+            yield (key,), "expected only for a mesh"
+
+
+def extent_problems(bounds: Floats) -> Iterator[Problem]:
+    """Check the extents of all objects together; bounds are (2, 3) m."""
+    sizes = bounds[1] - bounds[0]
+    if sizes.max() > MAX_EXTENT:
+        extents = " x ".join(f"{size:.1f}" for size in sizes)
+        yield (), f"{extents} m, expected at most {MAX_EXTENT:g} m each way"
+
+
+def _is_off_centre(position: Any) -> bool:
+    return isinstance(position, list) and any(position[:2])

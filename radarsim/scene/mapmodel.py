@@ -1,0 +1,202 @@
+"""What a map file may say, one model for each kind of entry.
+
+The models look at one key at a time. What concerns several keys of an entry is in
+mapchecks.py, and names that must not stand twice where the whole file is read.
+"""
+
+import math
+import re
+from typing import Annotated, Any, Literal, TypeAlias
+
+from annotated_types import Ge, Gt, Le, Len
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    PlainValidator,
+    Strict,
+    ValidationInfo,
+    field_validator,
+)
+
+from radarsim.scene.material import OPAQUE
+from radarsim.scene.meshes import MeshError, find_inside
+from radarsim.yamlfile import shown
+
+MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
+MAX_COPIES = 10_000
+
+START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
+
+
+def _density(value: object) -> float:
+    if value == "opaque":
+        return OPAQUE
+    if isinstance(value, int | float) and not isinstance(value, bool) and value >= 0:
+        return float(value)
+    raise ValueError(f"{shown(value)}, expected 'opaque' or a number, at least 0")
+
+
+def _name(value: str) -> str:
+    if not value.strip() or not value.isprintable() or re.search(r"[{}]", value):
+        raise ValueError(f"{shown(value)}, expected printable text without braces")
+    return value
+
+
+def _level(value: str) -> str:
+    if not re.fullmatch(r"[!-z|~]+", value):  # all of ASCII that is seen, no braces
+        expected = "expected ASCII without blanks and braces"
+        raise ValueError(f"{shown(value)}, {expected}")
+    return value
+
+
+def _start_name(value: str) -> str:
+    if not START_NAME.fullmatch(value):
+        expected = "expected Robot, Player or ComSt, then letters, then digits"
+        raise ValueError(f"{shown(value)}, {expected}")
+    return value
+
+
+def _ordered(value: list[Any]) -> list[Any]:
+    for low, high in zip(*value, strict=True):
+        if low > high:
+            raise ValueError(f"{shown(value)}, expected the lower corner first")
+    return value
+
+
+def _known_material(value: str, info: ValidationInfo) -> str:
+    context: Any = info.context
+    known = context["materials"]
+    if value not in known:
+        raise ValueError(f"{shown(value)}, expected one of {sorted(known)}")
+    return value
+
+
+def _mesh_file(value: str, info: ValidationInfo) -> str:
+    context: Any = info.context
+    folder = context["folder"]
+    try:
+        find_inside(folder, folder, value)
+    except MeshError as error:
+        raise ValueError(str(error)) from error
+    return value
+
+
+Real: TypeAlias = Annotated[float, Strict()]
+Coordinate: TypeAlias = Annotated[Real, Ge(-MAX_EXTENT), Le(MAX_EXTENT)]
+Size: TypeAlias = Annotated[Real, Gt(0), Le(MAX_EXTENT)]
+Vector: TypeAlias = Annotated[list[Coordinate], Len(3, 3)]
+Corner: TypeAlias = Annotated[list[Coordinate], Len(2, 2)]
+Text: TypeAlias = Annotated[str, Strict()]
+Whole: TypeAlias = Annotated[int, Strict()]
+MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
+MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
+Density: TypeAlias = Annotated[float, PlainValidator(_density)]
+
+
+class Entry(BaseModel):
+    """An entry of a map file; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Header(Entry):
+    """What the top of a map file may say; the entries are looked at one by one."""
+
+    version: Literal[1]
+    level: Annotated[Text, AfterValidator(_level)]
+    materials: dict[Text, Any] | None = None
+    objects: list[Any] | None = None
+    starts: list[Any] | None = None
+
+
+class MaterialEntry(Entry):
+    """A material; without a density it is a sheet, or wrong."""
+
+    density: Density | None = None
+    laser_density: Density = OPAQUE
+    solid: Annotated[bool, Strict()] = True
+    sheet_loss: Annotated[Real, Ge(0)] | None = None
+
+
+class RepeatEntry(Entry):
+    """Copies along a line: ``count`` of them, each ``step`` after the one before."""
+
+    count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
+    step: Vector
+
+
+class ScatterEntry(Entry):
+    """Copies at random places of a rectangle on the floor.
+
+    Attributes:
+        area: Its lower and its upper corner, m.
+        min_distance: Between any two of the places, m.
+        scale: The smallest and the largest factor that a copy's size is drawn from.
+    """
+
+    count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
+    area: Annotated[list[Corner], Len(2, 2), AfterValidator(_ordered)]
+    seed: Annotated[Whole, Ge(0)]
+    min_distance: Annotated[Real, Ge(0)] = 0.0
+    scale: Annotated[list[Size], Len(2, 2)] = [1.0, 1.0]
+
+    @field_validator("scale")
+    @classmethod
+    def _low_first(cls, value: list[float]) -> list[float]:
+        if value[0] > value[1]:
+            raise ValueError(f"{shown(value)}, expected the smaller one first")
+        return value
+
+
+class ObjectEntry(Entry):
+    """An object.
+
+    Validated with the context ``{"materials": names, "folder": the map's own}``.
+
+    Attributes:
+        box: Lengths along x, y, z, m.
+        sphere: Radius, m.
+        cylinder: Radius and height, m.
+        mesh: The path of a file in the map's folder.
+        up_axis: Which axis of the mesh file points up.
+        scale: Metres for each unit of the mesh file.
+        material: The one material of it all.
+        materials: For a mesh, the material for each name in its file.
+        position: The centre of a primitive, a mesh's own origin, m.
+    """
+
+    name: Annotated[Text, AfterValidator(_name)]
+    box: Annotated[list[Size], Len(3, 3)] | None = None
+    sphere: Size | None = None
+    cylinder: Annotated[list[Size], Len(2, 2)] | None = None
+    mesh: MeshFile | None = None
+    up_axis: Literal["y", "z"] = "z"
+    scale: Size = 1.0
+    material: MaterialName | None = None
+    materials: dict[Text, MaterialName] | None = None
+    position: Vector = [0.0, 0.0, 0.0]
+    yaw_deg: Real = 0.0
+    rotation_deg: Annotated[list[Real], Len(3, 3)] | None = None
+    repeat: RepeatEntry | None = None
+    scatter: ScatterEntry | None = None
+
+    def angles(self) -> tuple[float, float, float]:
+        """Give roll, pitch and yaw, rad."""
+        degrees = self.rotation_deg or [0.0, 0.0, self.yaw_deg]
+        roll, pitch, yaw = (math.radians(angle) for angle in degrees)
+        return roll, pitch, yaw
+
+    @property
+    def copies(self) -> int | None:
+        """The number of copies; None if it is neither repeated nor scattered."""
+        several = self.repeat or self.scatter
+        return several.count if several else None
+
+
+class StartEntry(Entry):
+    """A place where robots start, on the floor."""
+
+    name: Annotated[Text, AfterValidator(_start_name)]
+    position: Vector
+    yaw_deg: Real = 0.0

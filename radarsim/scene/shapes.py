@@ -1,0 +1,112 @@
+"""Primitive shapes as closed triangle meshes.
+
+Every shape is centred on the origin, closed, and wound outward: seen from outside
+the corners of a face run counter-clockwise. Round shapes are inscribed: all vertices
+lie on the true surface, those on the axes exactly, and every face lies inside it.
+"""
+
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+
+Faces: TypeAlias = NDArray[np.int32]
+
+SPHERE_SUBDIVISIONS = 3  # 1280 faces; no face is deeper than 0.46 % of the radius
+CYLINDER_SIDES = 64  # the middle of a side is 0.12 % of the radius too deep
+
+_BOX_FACES = [
+    *([0, 2, 3], [0, 3, 1]),  # bottom
+    *([4, 5, 7], [4, 7, 6]),  # top
+    *([0, 1, 5], [0, 5, 4]),  # right, -y
+    *([2, 6, 7], [2, 7, 3]),  # left, +y
+    *([0, 4, 6], [0, 6, 2]),  # back, -x
+    *([1, 3, 7], [1, 7, 5]),  # front, +x
+]
+
+
+def box(length: float, width: float, height: float) -> tuple[Floats, Faces]:
+    """Make a box with edges of these lengths along x, y and z, m."""
+    corners = [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
+    vertices = np.array(corners) * [length, width, height]
+    return vertices, np.array(_BOX_FACES, dtype=np.int32)
+
+
+def sphere(radius: float) -> tuple[Floats, Faces]:
+    """Make a sphere of 1280 faces; radius in m."""
+    vertices, faces = _unit_sphere()
+    return vertices * radius, faces.copy()
+
+
+def cylinder(radius: float, height: float) -> tuple[Floats, Faces]:
+    """Make an upright cylinder of 64 sides; radius and height in m."""
+    n = CYLINDER_SIDES
+    angles = np.arange(n) * (2 * np.pi / n)
+    rim = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    low, high = np.full((n, 1), -height / 2), np.full((n, 1), height / 2)
+    centres = [[0.0, 0.0, -height / 2], [0.0, 0.0, height / 2]]
+    vertices = np.vstack([np.hstack([rim, low]), np.hstack([rim, high]), centres])
+    here = np.arange(n)
+    there = (here + 1) % n
+    bottom, top = np.full(n, 2 * n), np.full(n, 2 * n + 1)
+    triangles = [
+        (here, there, there + n),
+        (here, there + n, here + n),
+        (bottom, there, here),
+        (top, here + n, there + n),
+    ]
+    faces = np.vstack([np.column_stack(corners) for corners in triangles])
+    return vertices, faces.astype(np.int32)
+
+
+@lru_cache(maxsize=1)
+def _unit_sphere() -> tuple[Floats, Faces]:
+    """Subdivide an icosahedron; the middles of some of its edges are on the axes."""
+    vertices, faces = _icosahedron()
+    for _ in range(SPHERE_SUBDIVISIONS):
+        vertices, faces = _subdivide(vertices, faces)
+    return vertices, faces
+
+
+def _icosahedron() -> tuple[Floats, Faces]:
+    """Give the 12 corners, on the unit sphere, and the 20 faces, wound outward."""
+    golden = (1 + 5**0.5) / 2
+    pairs = [(a, b) for a in (-1.0, 1.0) for b in (-golden, golden)]
+    corners = [
+        corner for a, b in pairs for corner in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))
+    ]
+    vertices = np.array(corners)
+    gaps = np.linalg.norm(vertices[:, None] - vertices[None], axis=2)
+    near = np.abs(gaps - 2.0) < 1e-9  # an edge is 2 long here
+    triples = [
+        (i, j, k)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
+        if near[i, j] and near[j, k] and near[i, k]
+    ]
+    faces = [
+        (i, j, k) if np.linalg.det(vertices[[i, j, k]]) > 0 else (i, k, j)
+        for i, j, k in triples
+    ]
+    return _on_unit_sphere(vertices), np.array(faces, dtype=np.int32)
+
+
+def _subdivide(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
+    """Split every face into four, pushing the middles of the edges outward."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    unique, places = np.unique(edges, axis=0, return_inverse=True)
+    middles = _on_unit_sphere(vertices[unique].sum(axis=1))
+    ab, bc, ca = (places.reshape(-1, 3) + len(vertices)).T
+    a, b, c = faces.T
+    corners = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    split = np.vstack([np.column_stack(corner) for corner in corners])
+    return np.vstack([vertices, middles]), split.astype(np.int32)
+
+
+def _on_unit_sphere(points: Floats) -> Floats:
+    lengths: Floats = np.linalg.norm(points, axis=1, keepdims=True)
+    return points / lengths

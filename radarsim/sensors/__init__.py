@@ -1,0 +1,1 @@
+"""Sensors: a pose, a scene and a generator give readings; no protocol, no clock."""

@@ -1,0 +1,1 @@
+"""The world in motion: robots with their sensors, in steps of simulated time."""

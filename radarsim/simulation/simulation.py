@@ -1,0 +1,199 @@
+"""All robots in one scene, stepped together.
+
+In each tick every robot drives, in the order of spawning, and then everything that is
+due is read; the rays of all scans of a tick are cast together.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import RobotModel
+from radarsim.protocol.reports import RangeScan, Report, Status
+from radarsim.raycast.boxes import Boxes
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.tracers import tracer_of
+from radarsim.robots.footprint import Footprint
+from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import Robot
+from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import Plan, RangeScanner
+from radarsim.simulation.clock import TICK, seconds
+from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.vehicle import MountedScanner, Vehicle
+
+SEARCH_RADIUS = 1.0  # m around a place that is taken
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What one robot tells in one tick.
+
+    Attributes:
+        status: If it is due.
+        readings: Poses first.
+        scans: Last of all.
+    """
+
+    status: Status | None
+    readings: tuple[Report, ...]
+    scans: tuple[RangeScan, ...]
+
+
+class Simulation:
+    """A scene with robots in it.
+
+    Attributes:
+        scene: What there is.
+        conditions: What holds for all robots.
+        seed: Of everything random.
+        ticks: How many have passed.
+    """
+
+    def __init__(
+        self, scene: Scene, *, conditions: Conditions | None = None, seed: int = 0
+    ) -> None:
+        self.scene = scene
+        self.conditions = conditions or Conditions()
+        self.seed = seed
+        self.ticks = 0
+        self._tracer = tracer_of(scene)
+        self._warm_up()
+        self._floors: dict[float, Obstacles] = {}
+        self._vehicles: dict[int, Vehicle] = {}
+        self._robots: tuple[Robot, ...] = ()
+        self._spawned = 0
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return seconds(self.ticks)
+
+    @property
+    def vehicles(self) -> tuple[Vehicle, ...]:
+        """All robots, in the order of spawning."""
+        return tuple(self._vehicles.values())
+
+    def spawn(self, name: str, model: RobotModel, pose: Pose2) -> Vehicle | None:
+        """Put a robot on the floor, at the nearest free place within 1 m.
+
+        Args:
+            name: Keys what the robot draws; of two of one name, the later gets another
+                key.
+            model: Its class.
+            pose: Wanted, map frame.
+
+        Returns:
+            The robot; None if there is no free place.
+        """
+        obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
+        footprint = Footprint(model.length, model.width)
+        free = obstacles.nearest_free(
+            footprint, pose, self._robots, within=SEARCH_RADIUS
+        )
+        if free is None:
+            return None
+        robot = Robot(
+            self._free_name(name),
+            model,
+            free,
+            obstacles=obstacles,
+            wheel_drive=self.conditions.wheel_drive(),
+        )
+        self._spawned += 1
+        vehicle = Vehicle(
+            self._spawned, robot, self.conditions, seed=self.seed, tick=self.ticks
+        )
+        self._vehicles[vehicle.number] = vehicle
+        self._robots = (*self._robots, robot)
+        return vehicle
+
+    def remove(self, vehicle: Vehicle) -> None:
+        """Take a robot off the floor."""
+        del self._vehicles[vehicle.number]
+        self._robots = tuple(v.robot for v in self._vehicles.values())
+
+    def step(self) -> None:
+        """Let 10 ms pass."""
+        self.ticks += 1
+        for vehicle in self._vehicles.values():
+            vehicle.step(TICK, self._robots)
+
+    def tell(self) -> dict[int, Told]:
+        """Read all that is due in this tick, by the number of the robot."""
+        due = [
+            (vehicle, mounted)
+            for vehicle in self._vehicles.values()
+            for mounted in vehicle.due_scanners()
+        ]
+        scans: dict[int, list[RangeScan]] = {n: [] for n in self._vehicles}
+        for (vehicle, mounted), scan in zip(due, self._scan(due), strict=True):
+            scans[vehicle.number].append(self._report(mounted, scan))
+        return {
+            number: Told(
+                vehicle.status(), tuple(vehicle.readings()), tuple(scans[number])
+            )
+            for number, vehicle in self._vehicles.items()
+        }
+
+    def _scan(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[np.ndarray]:
+        """Cast the rays of all scans together; give the ranges of each."""
+        if not due:
+            return []
+        boxes = self._boxes()
+        plans: list[tuple[RangeScanner, Plan]] = []
+        for vehicle, mounted in due:
+            pose = vehicle.sensor_pose(mounted.item)
+            plan = mounted.scanner.plan(
+                self._tracer, pose, mounted.rng, boxes, vehicle.number
+            )
+            plans.append((mounted.scanner, plan))
+        traces = self._tracer.trace(
+            Rays.joined([plan.rays for _, plan in plans]), boxes
+        )
+        pieces = traces.split([len(plan.rays.reach) for _, plan in plans])
+        return [
+            scanner.read(plan, piece).ranges
+            for (scanner, plan), piece in zip(plans, pieces, strict=True)
+        ]
+
+    def _warm_up(self) -> None:
+        """Have the rays' code compiled now, and not while clients wait for a scan."""
+        start, ahead = np.zeros((1, 3)), np.eye(3)[:1]
+        self._tracer.trace(Rays.alike(start, ahead, reach=1.0), self._boxes())
+
+    def _report(self, mounted: MountedScanner, ranges: np.ndarray) -> RangeScan:
+        settings = mounted.scanner.settings
+        return RangeScan(
+            self.time,
+            mounted.item.name,
+            math.radians(settings.resolution_deg),
+            math.radians(settings.fov_deg),
+            np.minimum(ranges, settings.max_range),
+        )
+
+    def _boxes(self) -> Boxes:
+        rows = []
+        for vehicle in self._vehicles.values():
+            body, model = vehicle.robot.body, vehicle.model
+            floor = body.z - model.origin_height
+            rows.append(
+                (body.x, body.y, body.yaw, floor, floor + model.height)
+                + (model.length / 2, model.width / 2, vehicle.number)
+            )
+        return Boxes(np.array(rows, np.float64).reshape(-1, 8))
+
+    def _obstacles(self, floor: float) -> Obstacles:
+        if floor not in self._floors:
+            self._floors[floor] = Obstacles.from_scene(self.scene, floor=floor)
+        return self._floors[floor]
+
+    def _free_name(self, name: str) -> str:
+        taken = {robot.name for robot in self._robots}
+        wanted, number = name, 1
+        while wanted in taken:
+            number += 1
+            wanted = f"{name} ({number})"
+        return wanted

@@ -1,0 +1,51 @@
+import subprocess
+import sys
+
+import pytest
+
+import radarsim.cli.commands
+from radarsim.cli import main
+from radarsim.errors import ServerError
+
+PROGRAM = (sys.executable, "-m", "radarsim")
+
+
+def test_a_reader_that_has_enough_is_no_crash() -> None:
+    command = (*PROGRAM, "scan", "empty_room", "--sensor", "laser")
+    process = subprocess.Popen(
+        (*command, "--start", "RobotStart1", "--count", "100"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.read(10)
+    process.stdout.close()
+    errors = process.stderr.read()
+    process.stderr.close()
+    process.wait(timeout=50)
+    assert errors == b""
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        pytest.param(KeyboardInterrupt(), 130, id="interrupted"),
+        pytest.param(ServerError("the port is taken"), 1, id="failed"),
+    ],
+)
+def test_how_a_command_ends(
+    error: BaseException,
+    code: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def run() -> None:
+        raise error
+
+    monkeypatch.setattr(radarsim.cli.commands, "app", run)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == code
+    text = capsys.readouterr().err
+    assert text == ("radarsim: the port is taken\n" if code == 1 else "")

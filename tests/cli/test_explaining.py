@@ -1,0 +1,151 @@
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Command = Callable[..., Any]
+
+MAP = """\
+version: 1
+materials:
+  wall: {density: opaque}
+  leaf: {density: 0.5}
+  mist: {density: 0.1, laser_density: 0.001, solid: false}
+  sheet: {density: 0.0, sheet_loss: 0.25}
+objects:
+  - {name: room, box: [20, 20, 4], position: [0, 0, 1], material: wall}
+  - {name: mist, box: [4, 4, 3], position: [0, 0, 1], material: mist}
+  - {name: bush, box: [1, 4, 3], position: [4, 0, 1], material: leaf}
+  - {name: paper, mesh: sheet.stl, position: [6, 0, 0], material: sheet}
+starts:
+  - {name: RobotStart1, position: [0, 0, 0], yaw_deg: 0}
+"""
+SHEET = """\
+solid sheet
+ facet normal 1 0 0
+  outer loop
+   vertex 0 -3 -1
+   vertex 0 3 -1
+   vertex 0 0 3
+  endloop
+ endfacet
+endsolid sheet
+"""
+AHEAD = ("--sensor", "radar", "--pose", "0,0,0", "--beam", "90", "--ray", "centre")
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> str:
+    path = tmp_path / "room.yaml"
+    path.write_text(MAP)
+    (tmp_path / "sheet.stl").write_text(SHEET)
+    return str(path)
+
+
+def test_every_crossing_is_told_with_the_power_before_and_after(
+    radarsim: Command, room: str
+) -> None:
+    run = radarsim("explain", room, *AHEAD, "--format", "json")
+    assert run.code == 0
+    told = json.loads(run.text)
+    mist, bush, paper = told["crossings"]
+    assert (mist["object"], mist["material"]) == ("mist", "mist")
+    assert mist["starts_inside"] is True
+    assert (mist["entry"], mist["exit"]) == pytest.approx((0, 2))
+    assert (mist["power_before"], mist["power_after"]) == pytest.approx((1, 0.8))
+    assert (bush["entry"], bush["exit"]) == pytest.approx((3.5, 4.5))
+    assert (bush["power_before"], bush["power_after"]) == pytest.approx((0.8, 0.3))
+    assert (paper["entry"], paper["exit"]) == pytest.approx((6, 6))
+    assert (paper["power_before"], paper["power_after"]) == pytest.approx((0.3, 0.05))
+    assert told["outcome"] == "hit"
+    assert (told["object"], told["material"]) == ("room", "wall")
+    assert told["range"] == pytest.approx(10)
+    assert told["power_left"] == pytest.approx(0.05)
+
+
+def test_a_spent_beam_says_where_and_in_what(radarsim: Command, room: str) -> None:
+    weak = ("--set", "penetration_power=0.6")
+    told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
+    assert told["outcome"] == "spent"
+    assert told["object"] == "bush"
+    assert told["range"] == pytest.approx(3.5 + 0.4 / 0.5)
+    assert told["crossings"][-1]["exit"] is None
+
+
+def test_a_sheet_that_takes_the_rest_ends_the_beam(
+    radarsim: Command, room: str
+) -> None:
+    weak = ("--set", "penetration_power=0.9")
+    told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
+    assert (told["outcome"], told["object"]) == ("spent", "paper")
+    assert told["range"] == pytest.approx(6)
+
+
+def test_a_blinded_hokuyo_reads_zero_at_a_distance(
+    radarsim: Command, room: str
+) -> None:
+    run = radarsim(
+        *("explain", room, "--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113"),
+        *("--set", "max_range=20", "--set", "penetration_power=0.003"),
+        *("--format", "json"),
+    )
+    told = json.loads(run.text)
+    assert (told["outcome"], told["range"], told["ray"]) == ("spent", 0.0, None)
+    assert told["distance"] > 3
+
+
+def test_the_same_in_sentences(radarsim: Command, room: str) -> None:
+    lines = radarsim("explain", room, *AHEAD).text.splitlines()
+    assert lines == [
+        "radar, beam 90 at 0.00 deg, centre ray",
+        "leaves with power 1.0000",
+        "starts inside mist (mist), leaves at 2.0000 m, power 1.0000 to 0.8000",
+        "3.5000 m: enters bush (leaf), leaves at 4.5000 m, power 0.8000 to 0.3000",
+        "6.0000 m: enters paper (sheet), leaves at 6.0000 m, power 0.3000 to 0.0500",
+        "10.0000 m: hits room (wall), power left 0.0500",
+        "reads 10.0000 m",
+    ]
+
+
+def test_a_beam_that_meets_nothing(radarsim: Command, room: str) -> None:
+    run = radarsim(
+        *("explain", room, "--sensor", "sick", "--pose", "8,0,0", "--beam", "90"),
+        *("--set", "max_range=1"),
+    )
+    assert run.text.splitlines()[1:] == [
+        "leaves with power unlimited",
+        "1.0000 m: out of range, power left unlimited",
+        "reads nothing",
+    ]
+
+
+@pytest.mark.parametrize("beam", range(60, 121, 7))
+def test_the_drawn_ray_is_the_one_that_scan_reads(radarsim: Command, beam: int) -> None:
+    place = (
+        "foliage_room",
+        "--sensor",
+        "radar",
+        "--start",
+        "RobotStart1",
+        "--seed",
+        "4",
+    )
+    scan = json.loads(radarsim("scan", *place).text)
+    told = json.loads(
+        radarsim("explain", *place, "--beam", str(beam), "--format", "json").text
+    )
+    assert told["range"] == scan["ranges"][beam]
+    assert told["ray"] == scan["rays"][beam]
+    assert told["angle"] == pytest.approx(math.radians(beam - 90))
+
+
+def test_a_beam_that_is_not_there_is_usage(radarsim: Command) -> None:
+    run = radarsim(
+        *("explain", "empty_room", "--sensor", "radar", "--pose", "0,0,0"),
+        *("--beam", "181"),
+    )
+    assert run.code == 2
+    assert "expected 0 to 180" in run.err

@@ -1,0 +1,65 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Command = Callable[..., Any]
+
+WRONG = """\
+version: 1
+materials:
+  leaf: {density: -1}
+objects:
+  - {name: bush, sphere: 1.0, position: [0, 0, 0], material: laef}
+starts: []
+"""
+
+
+def test_check_tells_what_is_in_a_map(radarsim: Command) -> None:
+    run = radarsim("check", "foliage_room")
+    assert run.code == 0
+    for text in ("16 objects", "foliage: density 0.7", "bush_7", "RobotStart1"):
+        assert text in run.text
+    assert run.err == ""
+
+
+def test_check_tells_every_error_with_its_place(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text(WRONG)
+    run = radarsim("check", str(path))
+    assert run.code == 1
+    lines = run.text.splitlines()
+    assert any(line.startswith(f"{path}:3:") and "density" in line for line in lines)
+    assert any(line.startswith(f"{path}:5:") and "material" in line for line in lines)
+
+
+@pytest.mark.parametrize("command", ["check", "scan", "serve"])
+def test_a_map_that_is_not_there_is_one_line(radarsim: Command, command: str) -> None:
+    options = ["--sensor", "radar", "--pose", "0,0,0"] if command == "scan" else []
+    run = radarsim(command, "no_such_room", *options)
+    assert run.code == 1
+    assert "no_such_room" in run.text + run.err
+    assert "Traceback" not in run.err
+
+
+def test_sensors_are_listed_with_sources_and_confidence(radarsim: Command) -> None:
+    run = radarsim("sensors")
+    assert run.code == 0
+    for text in ("radar", "hokuyo", "sick", "laser", "verified", "source"):
+        assert text in run.text
+
+
+def test_sensors_for_programs(radarsim: Command) -> None:
+    told = json.loads(radarsim("sensors", "--json").text)
+    assert told["radar"]["settings"]["side_offset_uu"]["value"] == 25
+    assert told["sick"]["settings"]["penetration_power"]["value"] is None
+
+
+def test_version_and_help(radarsim: Command) -> None:
+    assert radarsim("--version").text.startswith("radarsim 0.")
+    assert "serve" in radarsim("--help").text
+    assert radarsim("sarve").code == 2

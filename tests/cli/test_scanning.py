@@ -1,0 +1,167 @@
+import csv
+import io
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+Command = Callable[..., Any]
+START = ("--start", "RobotStart1")
+FAR_SIDE = 1.8  # m; no bush of the foliage room reaches so far in x
+
+
+def ends(told: dict[str, Any]) -> "np.ndarray[Any, np.dtype[np.float64]]":
+    """Give x of the readings of a level scan that looks along x."""
+    ranges = np.array([math.inf if r is None else r for r in told["ranges"]])
+    angles = told["angle_min"] + told["angle_increment"] * np.arange(len(ranges))
+    along: np.ndarray[Any, np.dtype[np.float64]] = ranges * np.cos(angles)
+    along += told["pose"][0]
+    return along
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_radar_sees_through_the_wall_of_foliage_and_not_everywhere(
+    radarsim: Command, seed: int
+) -> None:
+    run = radarsim(
+        "scan", "foliage_room", "--sensor", "radar", *START, "--seed", str(seed)
+    )
+    told = json.loads(run.text)
+    assert run.code == 0
+    x = ends(told)
+    assert len(x) == 181
+    assert np.count_nonzero(x > FAR_SIDE) >= 8
+    y = told["ranges"] * np.sin(np.radians(np.arange(-90, 91)))
+    inside = (x > -0.7) & (x < FAR_SIDE) & (np.abs(y) < 6.2)
+    assert np.count_nonzero(inside) >= 8
+
+
+def test_the_hokuyo_sees_nothing_behind_it(radarsim: Command) -> None:
+    run = radarsim(
+        *("scan", "foliage_room", "--sensor", "hokuyo", *START),
+        *("--set", "max_range=80"),
+    )
+    told = json.loads(run.text)
+    assert len(told["ranges"]) == 228
+    assert told["rays"] is None
+    assert np.max(ends(told)) < FAR_SIDE
+
+
+def test_in_smoke_the_radar_measures_the_walls(radarsim: Command) -> None:
+    here = ("--start", "RobotStart1", "--set", "side_offset_uu=0")
+    clear = json.loads(radarsim("scan", "empty_room", "--sensor", "radar", *here).text)
+    smoky = json.loads(radarsim("scan", "smoke_room", "--sensor", "radar", *here).text)
+    walls = np.abs(np.arange(-90, 91)) > 45  # where no crate stands
+    gap = np.abs(np.array(clear["ranges"]) - np.array(smoky["ranges"]))
+    assert np.max(gap[walls]) < 1e-3
+
+
+def test_in_smoke_the_hokuyo_is_blinded(radarsim: Command) -> None:
+    run = radarsim("scan", "smoke_room", "--sensor", "hokuyo", *START)
+    assert json.loads(run.text)["ranges"] == [0.0] * 228
+
+
+def test_a_start_is_where_the_scanner_of_a_p3at_is(radarsim: Command) -> None:
+    told = json.loads(radarsim("scan", "empty_room", "--sensor", "laser", *START).text)
+    assert told["pose"] == pytest.approx([-7.7915, 0, 0.346, 0, 0, 0])
+
+
+def test_three_numbers_and_six_give_the_same(radarsim: Command) -> None:
+    three, six = (
+        radarsim("scan", "empty_room", "--sensor", "laser", "--pose", pose)
+        for pose in ("-4,1,30", "-4,1,0.346,0,0,30")
+    )
+    assert json.loads(three.text)["pose"][5] == pytest.approx(math.radians(30))
+    assert three.text == six.text
+
+
+def test_several_scans_are_a_list_and_differ(radarsim: Command) -> None:
+    base = ("scan", "empty_room", "--sensor", "radar", *START, "--count", "3")
+    scans = json.loads(radarsim(*base).text)
+    assert len(scans) == 3
+    assert scans[0]["rays"] != scans[1]["rays"]
+    assert json.loads(radarsim(*base).text) == scans
+
+
+def test_a_row_of_csv_for_each_beam(radarsim: Command) -> None:
+    run = radarsim(
+        *("scan", "empty_room", "--sensor", "laser", *START),
+        *("--set", "max_range=3", "--count", "2", "--format", "csv"),
+    )
+    rows = list(csv.DictReader(io.StringIO(run.text)))
+    assert len(rows) == 2 * 181
+    assert list(rows[0]) == ["scan", "beam", "angle", "range", "ray"]
+    assert {row["range"] for row in rows[80:100]} == {""}
+
+
+def test_a_picture_shows_red_and_blue_rays_and_the_plan(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "scan.png"
+    run = radarsim(
+        *("scan", "foliage_room", "--sensor", "radar", *START),
+        *("--format", "png", "-o", str(path)),
+    )
+    assert (run.code, run.out) == (0, b"")
+    with Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB"), np.int16).reshape(-1, 3)
+    red, green, blue = pixels.T
+    assert np.count_nonzero((red > green + 80) & (red > blue + 80)) > 200
+    assert np.count_nonzero((blue > red + 80) & (blue > green + 20)) > 200
+    assert np.count_nonzero((green > red + 40) & (green > blue + 40)) > 200
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_picture_of_many_scans_goes_to_a_pipe(radarsim: Command) -> None:
+    run = radarsim(
+        *("scan", "empty_room", "--sensor", "hokuyo", *START),
+        *("--format", "png", "--count", "2"),
+    )
+    assert run.out.startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        pytest.param(["--sensor", "rader", *START], "'rader'", id="sensor"),
+        pytest.param(["--sensor", "radar"], "--start and --pose", id="no place"),
+        pytest.param(
+            ["--sensor", "radar", *START, "--pose", "0,0,0"],
+            "--start and --pose",
+            id="two places",
+        ),
+        pytest.param(["--sensor", "radar", "--start", "Home"], "'Home'", id="start"),
+        pytest.param(["--sensor", "radar", "--pose", "0,0"], "'0,0'", id="two numbers"),
+        pytest.param(["--sensor", "radar", "--pose", "0,0,nan"], "nan", id="nan"),
+        pytest.param(["--sensor", "radar", "--pose", "a,b,c"], "a,b,c", id="letters"),
+        pytest.param(
+            ["--sensor", "radar", *START, "--set", "max_rnge=3"], "max_rnge", id="key"
+        ),
+        pytest.param(
+            ["--sensor", "radar", *START, "--set", "max_range"], "KEY=VALUE", id="no ="
+        ),
+        pytest.param(
+            ["--sensor", "radar", *START, "--set", "max_range=-1"], "-1", id="value"
+        ),
+        pytest.param(
+            ["--sensor", "radar", *START, "--count", "0"], "--count", id="count"
+        ),
+        pytest.param(
+            ["--sensor", "radar", *START, "-o", "/no/such/folder/a.json"],
+            "cannot write",
+            id="output",
+        ),
+    ],
+)
+def test_a_wrong_option_is_usage(
+    radarsim: Command, options: list[str], text: str
+) -> None:
+    run = radarsim("scan", "empty_room", *options)
+    assert run.code == 2
+    assert text in " ".join(run.err.replace("│", " ").split())
+    assert "Traceback" not in run.err

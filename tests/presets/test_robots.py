@@ -1,0 +1,248 @@
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from radarsim.errors import PresetError
+from radarsim.geometry import Pose3
+from radarsim.presets.robots import (
+    Item,
+    RobotModel,
+    load_robot,
+    read_robot,
+    robot_names,
+)
+
+NAMES = (
+    "P2AT",
+    "P2DX",
+    "P3AT",
+    "P3AT_Compare",
+    "P3AT_Hokuyo",
+    "P3AT_Radar360",
+    "P3AT_SICK",
+)
+BODY = """\
+name: Toy
+length: 0.4
+width: 0.3
+height: 0.2
+origin_height: 0.1
+wheel_radius: 0.05
+wheel_separation: 0.2
+wheel_base: 0.2
+track: 0.2
+wheels: [right, left]
+mass: 1
+max_torque: 2
+"""
+
+
+def write(folder: Path, text: str, name: str = "Toy") -> Path:
+    path = folder / f"{name}.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_the_shipped_classes() -> None:
+    assert robot_names() == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_class_is_named_like_its_file_in_any_case(name: str) -> None:
+    assert load_robot(name).name == name
+    assert load_robot(name.lower()) == load_robot(name.upper()) == load_robot(name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_robot_covers_its_wheels_and_rests_on_them(name: str) -> None:
+    model = load_robot(name)
+    assert model.width >= model.wheel_separation
+    assert model.length >= model.wheel_base
+    assert model.height > model.origin_height >= model.wheel_radius
+    assert set(model.wheels) == {"left", "right"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_class_says_where_it_is_and_what_it_sees(name: str) -> None:
+    model = load_robot(name)
+    for item_type in ("GroundTruth", "INS", "Odometry", "Touch", "Battery"):
+        assert len(model.items_of(item_type)) == 1
+    assert model.items_of("rangescanner")
+
+
+def test_an_unknown_class() -> None:
+    with pytest.raises(PresetError) as caught:
+        load_robot("KR6" * 50)
+    names = list(NAMES)
+    shown = ("KR6" * 50)[:80]
+    assert str(caught.value) == f"robot class {shown!r}, expected one of {names}"
+
+
+def test_the_p3at_is_the_originals() -> None:
+    model = load_robot("P3AT")
+    assert model.mass == 11.9
+    assert model.max_torque == 50000
+    assert model.origin_height == pytest.approx(0.048 + 0.098)
+    assert (model.wheel_radius, model.wheel_separation, model.wheel_base) == (
+        0.098,
+        0.36,
+        0.248,
+    )
+    assert model.dimensions == (0.552, 0.497, 0.46)
+    assert model.wheels == ("right", "left", "right", "left")
+
+
+def test_the_p3at_carries_what_clients_know_by_name() -> None:
+    names = [item.name for item in load_robot("P3AT").items]
+    assert names == [
+        "GndTruth",
+        "InsTest",
+        "Odometer",
+        "TachTest",
+        "W1",
+        "W2",
+        "Bumper",
+        "battery",
+        "lms200",
+    ]
+
+
+def test_the_p3ats_scanner_looks_from_the_originals_place() -> None:
+    (scanner,) = load_robot("P3AT").items_of("RangeScanner")
+    assert scanner.mount == Pose3(0.2085, 0, 0.2)
+    assert scanner.sensor == "radar"
+
+
+@pytest.mark.parametrize(
+    ("name", "scanners"),
+    [
+        pytest.param("P3AT_Radar360", [("lms200", "radar")], id="all round"),
+        pytest.param("P3AT_Hokuyo", [("lms200", "hokuyo")], id="hokuyo"),
+        pytest.param("P3AT_SICK", [("lms200", "sick")], id="sick"),
+        pytest.param(
+            "P3AT_Compare", [("lms200", "radar"), ("Hokuyo", "hokuyo")], id="both"
+        ),
+        pytest.param("P2AT", [("Scanner1", "radar")], id="P2AT"),
+        pytest.param("P2DX", [("Scanner1", "radar")], id="P2DX"),
+    ],
+)
+def test_the_scanners_of_a_class(name: str, scanners: list[tuple[str, str]]) -> None:
+    found = [
+        (item.name, item.sensor) for item in load_robot(name).items_of("RangeScanner")
+    ]
+    assert found == scanners
+
+
+def test_variants_of_the_p3at_differ_in_their_scanners_alone() -> None:
+    plain = load_robot("P3AT")
+    for name in NAMES:
+        if name.startswith("P3AT_"):
+            variant = load_robot(name)
+            rest = [item for item in variant.items if item.type != "RangeScanner"]
+            assert rest == list(plain.items[:-1])
+            assert (
+                variant.model_copy(update={"name": "P3AT", "items": plain.items})
+                == plain
+            )
+
+
+def test_all_round_is_360_beams() -> None:
+    (scanner,) = load_robot("P3AT_Radar360").items_of("RangeScanner")
+    fov, step = scanner.settings["fov_deg"], scanner.settings["resolution_deg"]
+    assert round(fov / step) + 1 == 360
+
+
+def test_a_mount_is_in_radians() -> None:
+    item = Item(type="INS", name="I", position=(1, 2, 3), rotation_deg=(90, 0, -180))
+    assert item.mount == Pose3(1, 2, 3, math.pi / 2, 0, -math.pi)
+
+
+def test_models_do_not_change() -> None:
+    with pytest.raises(ValidationError):
+        load_robot("P3AT").mass = 3
+
+
+def test_a_file_on_its_own(tmp_path: Path) -> None:
+    model = read_robot(write(tmp_path, BODY))
+    assert isinstance(model, RobotModel)
+    assert model.items == ()
+    assert model.cog == (0, 0, 0)
+
+
+def test_a_file_based_on_another_replaces_and_adds(tmp_path: Path) -> None:
+    items = "items: [{type: INS, name: A}, {type: Touch, name: B}]\n"
+    write(tmp_path, BODY + items)
+    text = """\
+based_on: Toy
+name: Toy2
+mass: 5
+items: [{type: Touch, name: C}, {type: Odometry, name: A}]
+"""
+    model = read_robot(write(tmp_path, text, "Toy2"))
+    assert (model.name, model.mass, model.length) == ("Toy2", 5, 0.4)
+    kinds = [(item.type, item.name) for item in model.items]
+    assert kinds == [("Odometry", "A"), ("Touch", "B"), ("Touch", "C")]
+
+
+def test_a_file_may_add_items_to_one_that_has_none(tmp_path: Path) -> None:
+    write(tmp_path, BODY)
+    text = "based_on: Toy\nname: Toy2\nitems: [{type: Touch, name: C}]\n"
+    assert [item.name for item in read_robot(write(tmp_path, text, "T")).items] == ["C"]
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        pytest.param("wheel: 3\n", ":13:1: wheel: ", id="unknown key"),
+        pytest.param("cog: [1, 2]\n", ":13:6: cog", id="too few numbers"),
+        pytest.param(
+            "items: [{type: GPS, name: A}]\n", ":13:16: items.0.type", id="type"
+        ),
+        pytest.param("items: [{type: INS, name: 'A B'}]\n", ":13:27: ", id="blank"),
+        pytest.param(
+            "items: [{type: RangeScanner, name: A}]\n", ":13:9: items.0", id="no sensor"
+        ),
+        pytest.param(
+            "items: [{type: INS, name: A, sensor: sick}]\n", ":13:9: ", id="a sensor"
+        ),
+        pytest.param(
+            "items: [{type: INS, name: A}, {type: INS, name: a}]\n",
+            ":1:1: ",
+            id="twice",
+        ),
+        pytest.param("mass: 2\n", ":13:1: mass: ", id="a key twice"),
+    ],
+)
+def test_a_wrong_file_says_where(tmp_path: Path, text: str, place: str) -> None:
+    path = write(tmp_path, BODY + text)
+    with pytest.raises(PresetError) as caught:
+        read_robot(path)
+    assert str(caught.value).startswith(f"{path}{place}")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "items",
+    ["3", "[3]", "[{type: INS}]", "{name: A}"],
+    ids=["number", "3", "nameless", "map"],
+)
+def test_items_that_are_none_are_refused(tmp_path: Path, items: str) -> None:
+    write(tmp_path, BODY + "items: []\n")
+    text = f"based_on: Toy\nname: Toy2\nitems: {items}\n"
+    with pytest.raises(PresetError, match="items"):
+        read_robot(write(tmp_path, text, "Toy2"))
+
+
+def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PresetError, match=r"Toy\.yaml:1:1: "):
+        read_robot(write(tmp_path, "[1, 2]\n"))
+
+
+def test_the_models_data_is_what_the_file_says(tmp_path: Path) -> None:
+    data: dict[str, Any] = read_robot(write(tmp_path, BODY)).model_dump(
+        exclude_unset=True
+    )
+    assert set(data) == {line.split(":")[0] for line in BODY.splitlines()}

@@ -1,0 +1,143 @@
+import math
+from typing import Any
+
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.presets.sensors import (
+    SensorSettings,
+    load_settings,
+    parse_setting,
+    sensor_presets,
+)
+
+
+def test_the_four_presets_are_there_and_fit() -> None:
+    assert {"radar", "hokuyo", "sick", "laser"} <= set(sensor_presets())
+    for name in sensor_presets():
+        assert isinstance(load_settings(name), SensorSettings)
+
+
+@pytest.mark.parametrize(
+    ("name", "beams", "reach", "power"),
+    [
+        pytest.param("radar", 181, 80, 1.0, id="radar"),
+        pytest.param("hokuyo", 228, 4, 0.00575, id="hokuyo"),
+        pytest.param("sick", 181, 80, math.inf, id="sick"),
+        pytest.param("laser", 181, 80, math.inf, id="laser"),
+    ],
+)
+def test_what_the_presets_promise(
+    name: str, beams: int, reach: float, power: float
+) -> None:
+    settings = load_settings(name)
+    assert (settings.beams, settings.max_range) == (beams, reach)
+    assert settings.penetration_power == power
+
+
+def test_every_setting_of_every_preset_names_its_source() -> None:
+    for preset in sensor_presets().values():
+        for number in preset.settings.values():
+            assert len(number.source) > 3
+
+
+@pytest.mark.parametrize(
+    ("fov", "step", "beams"),
+    [
+        pytest.param(180, 1, 181, id="half a circle"),
+        pytest.param(359, 1, 360, id="a full circle"),
+        pytest.param(270, 0.25, 1081, id="quarter degrees"),
+        pytest.param(10, 3, 4, id="a step that does not divide it"),
+        pytest.param(1, 1, 2, id="two beams"),
+    ],
+)
+def test_a_scan_has_one_beam_more_than_steps(
+    fov: float, step: float, beams: int
+) -> None:
+    settings = load_settings("radar", fov_deg=fov, resolution_deg=step)
+    assert settings.beams == beams
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        pytest.param(
+            {"fov_deg": -3},
+            "sensor radar: fov_deg: -3: input should be greater than 0",
+            id="negative",
+        ),
+        pytest.param(
+            {"max_range": math.nan},
+            "sensor radar: max_range: nan: input should be a finite number",
+            id="nan",
+        ),
+        pytest.param(
+            {"side_mode": "both"},
+            "sensor radar: side_mode: 'both': input should be 'perpendicular',"
+            " 'lateral' or 'divergent'",
+            id="unknown word",
+        ),
+        pytest.param(
+            {"ray_weights": (0, 0, 0)},
+            "sensor radar: ray_weights (0.0, 0.0, 0.0), expected one above 0",
+            id="no chance at all",
+        ),
+        pytest.param(
+            {"resolution_deg": 300},
+            "sensor radar: resolution_deg 300, expected at most fov_deg 180",
+            id="a step wider than the view",
+        ),
+        pytest.param(
+            {"resolution_deg": 1e-5},
+            "sensor radar: 18000001 beams, expected at most 1000000",
+            id="too many beams",
+        ),
+        pytest.param(
+            {"penetration_power": math.nan},
+            "sensor radar: penetration_power: nan: input should be greater than or"
+            " equal to 0",
+            id="power nan",
+        ),
+    ],
+)
+def test_a_setting_that_does_not_fit_is_refused(
+    settings: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(PresetError) as caught:
+        load_settings("radar", **settings)
+    assert str(caught.value) == text
+
+
+def test_all_wrong_settings_are_named_at_once() -> None:
+    with pytest.raises(PresetError) as caught:
+        load_settings("radar", fov_deg=0, max_rnge=5)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 2
+    assert lines[1].startswith("sensor radar: no setting 'max_rnge', expected one of [")
+
+
+def test_an_unknown_sensor_is_answered_with_those_there_are() -> None:
+    with pytest.raises(PresetError, match=r"sensor 'rader', expected one of \['hok"):
+        load_settings("rader")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        pytest.param("max_range=20", 20, id="integer"),
+        pytest.param("max_range=2.5", 2.5, id="decimal"),
+        pytest.param("penetration_power=.inf", math.inf, id="infinity"),
+        pytest.param("side_mode=lateral", "lateral", id="word"),
+        pytest.param("ray_weights=1,2,1", [1, 2, 1], id="between commas"),
+        pytest.param("ray_weights=[1, 2, 1]", [1, 2, 1], id="list"),
+    ],
+)
+def test_a_setting_on_the_command_line(text: str, value: object) -> None:
+    key = text.partition("=")[0]
+    assert parse_setting(text) == (key, value)
+
+
+@pytest.mark.parametrize("text", ["max_range", "=3", "  =3", "a=[1", "a=!!python/x 1"])
+def test_a_text_that_is_no_setting_is_refused(text: str) -> None:
+    with pytest.raises(PresetError, match="expected KEY=VALUE"):
+        parse_setting(text)

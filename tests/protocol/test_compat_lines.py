@@ -1,0 +1,207 @@
+from math import pi, radians
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.encoding import encode_report
+from radarsim.protocol.reports import (
+    Encoder,
+    EncoderConf,
+    Greeting,
+    GroundTruth,
+    Ins,
+    IntervalConf,
+    ItemGeo,
+    NameConf,
+    Odometry,
+    RangeScan,
+    Report,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    StartPoses,
+    Status,
+    Tachometer,
+    Touch,
+    TouchConf,
+)
+
+RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
+LASER = Pose3(0.2085, 0.0, 0.2)
+P3AT_GEO = RobotGeo("P3AT", (0.552, 0.497, 0.46), (0, 0, 0), 0.098, 0.36, 0.248)
+STARTS = StartPoses(
+    (
+        ("RobotStart1", Pose3(4.5, -1.9, -1.8)),
+        ("RobotStart2", Pose3(1.0, -2.0, -1.8, yaw=-1.57)),
+    )
+)
+
+
+COMPAT_LINES: list[tuple[str, Report, str]] = [
+    (
+        "greeting",
+        Greeting("DM-Test"),
+        "NFO {Gametype BotDeathMatch} {Level DM-Test} {TimeLimit 0}",
+    ),
+    (
+        "start poses",
+        STARTS,
+        "NFO {StartPoses 2} {RobotStart1 4.50,1.90,1.80 0.00,0.00,0.00 "
+        "RobotStart2 1.00,2.00,1.80 0.00,0.00,1.57}",
+    ),
+    ("no start poses", StartPoses(()), "NFO {StartPoses 0}"),
+    (
+        "status",
+        Status(10.2, 3590, light=False),
+        "STA {Type GroundVehicle} {Time 10.20} {FrontSteer 0.0000} "
+        "{RearSteer 0.0000} {LightToggle False} {LightIntensity 0} {Battery 3590} "
+        "{View -1}",
+    ),
+    (
+        "status with light and an empty battery, which never reads 0",
+        Status(10.2, 0, light=True),
+        "STA {Type GroundVehicle} {Time 10.20} {FrontSteer 0.0000} "
+        "{RearSteer 0.0000} {LightToggle True} {LightIntensity 100} {Battery 1} "
+        "{View -1}",
+    ),
+    (
+        "scan",
+        RangeScan(
+            10.2, "lms200", radians(1), pi, np.array([2.195, 2.204, 0.0, -1e-9, 80])
+        ),
+        "SEN {Time 10.20} {Type RangeScanner} {Name lms200} {Resolution 0.017453} "
+        "{FOV 3.141593} {Range 2.19,2.20,0.00,0.00,80.00}",
+    ),
+    (
+        "ground truth",
+        GroundTruth(10.2, "GndTruth", RESTING),
+        "SEN {Time 10.20} {Type GroundTruth} {Name GndTruth} "
+        "{Location 4.5000,1.9000,-0.1460} {Orientation 0.0000,0.0000,1.5708}",
+    ),
+    (
+        "ground truth that turned many times",
+        GroundTruth(10.2, "GndTruth", Pose3(0, 0, 0, -1e-9, -1e-9, 7 * pi)),
+        "SEN {Time 10.20} {Type GroundTruth} {Name GndTruth} "
+        "{Location 0.0000,0.0000,0.0000} {Orientation 0.0000,0.0000,3.1416}",
+    ),
+    (
+        "INS",
+        Ins(10.2, "InsTest", Pose3(4.5, -1.9, 0.346, yaw=pi / 2)),
+        "SEN {Time 10.20} {Type INS} {Name InsTest} "
+        "{Location 4.5000,1.9000,-0.3460} {Orientation 0.0000,0.0000,-1.5708}",
+    ),
+    (
+        "odometry, which is not wrapped",
+        Odometry(10.2, "Odometer", Pose2(1.0, 2.0, -7.5)),
+        "SEN {Time 10.20} {Type Odometry} {Name Odometer} {Pose 1.0000,-2.0000,7.5000}",
+    ),
+    (
+        "tachometer",
+        Tachometer(10.2, "TachTest", (0.99984, -1, 0.8, 0.8), (3.3132, 0, 0, -0.5)),
+        "SEN {Time 10.20} {Type Tachometer} {Name TachTest} "
+        "{Vel 0.9998,-1.0000,0.8000,0.8000} {Pos 3.3132,0.0000,0.0000,-0.5000}",
+    ),
+    (
+        "encoder",
+        Encoder(10.2, (("W1", -12),)),
+        "SEN {Time 10.20} {Type Encoder} {Name W1} {Tick -12}",
+    ),
+    (
+        "two wheels of one encoder",
+        Encoder(10.2, (("W1", 0), ("W2", 3))),
+        "SEN {Time 10.20} {Type Encoder} {Name W1} {Tick 0} {Name W2} {Tick 3}",
+    ),
+    (
+        "touch",
+        Touch(10.2, "Touch", touched=True),
+        "SEN {Time 10.20} {Type Touch} {Name Touch} {Touch True}",
+    ),
+    (
+        "shape of the robot",
+        P3AT_GEO,
+        "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.5520,0.4970,0.4600} "
+        "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+        "{WheelBase 0.2480}",
+    ),
+    (
+        "centre of gravity on the left and above",
+        RobotGeo("P2AT", (0.5, 0.5, 0.3), (0.1, 0.2, 0.3), 0.1, 0.4, 0.3),
+        "GEO {Type GroundVehicle} {Name P2AT} {Dimensions 0.5000,0.5000,0.3000} "
+        "{COG 0.1000,-0.2000,-0.3000} {WheelRadius 0.1000} {WheelSeparation 0.4000} "
+        "{WheelBase 0.3000}",
+    ),
+    (
+        "abilities of the robot",
+        RobotConf("P3AT", 11.9, 8.17, 50000),
+        "CONF {Type GroundVehicle} {Name P3AT} {SteeringType SkidSteered} "
+        "{Mass 11.9000} {MaxSpeed 8.1700} {MaxTorque 50000.0000} "
+        "{MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
+    ),
+    (
+        "mount, type as the client spelt it",
+        ItemGeo("rangescanner", (("lms200", LASER),), "P3AT"),
+        "GEO {Type rangescanner} {Name lms200 Location 0.2085,0.0000,-0.2000 "
+        "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+    ),
+    (
+        "two mounts",
+        ItemGeo(
+            "RangeScanner",
+            (("lms200", LASER), ("Hokuyo", Pose3(0.1, 0.2, 0.3, 0.4, 0.5, 0.6))),
+            "P3AT_Compare",
+        ),
+        "GEO {Type RangeScanner} {Name lms200 Location 0.2085,0.0000,-0.2000 "
+        "Orientation 0.0000,0.0000,0.0000 Mount HARD} {Name Hokuyo Location "
+        "0.1000,-0.2000,-0.3000 Orientation 0.4000,-0.5000,-0.6000 Mount HARD}",
+    ),
+    (
+        "settings of scanners",
+        ScannerConf(
+            "RangeScanner",
+            (
+                ("lms200", 80, 0.2, radians(1), pi),
+                ("Hokuyo", 4, 0.02, 0.0184086914, 4.189),
+            ),
+        ),
+        "CONF {Type RangeScanner} {Name lms200} {MaxRange 80.0000} "
+        "{MinRange 0.2000} {Resolution 0.017453} {Fov 3.141593} {Name Hokuyo} "
+        "{MaxRange 4.0000} {MinRange 0.0200} {Resolution 0.018409} {Fov 4.189000}",
+    ),
+    (
+        "settings of ground truth",
+        IntervalConf("GroundTruth", (("GndTruth", 0.1),)),
+        "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
+    ),
+    (
+        "settings of encoders",
+        EncoderConf("Encoder", (("W1", 0.01745), ("W2", 0.01745))),
+        "CONF {Type Encoder} {Name W1} {Resolution 0.017450} {Name W2} "
+        "{Resolution 0.017450}",
+    ),
+    (
+        "settings of touch",
+        TouchConf("Touch", (("Touch", 0.01),)),
+        "CONF {Type Touch} {Name Touch} {Diameter 0.0100}",
+    ),
+    (
+        "items without settings",
+        NameConf("Battery", ("battery",)),
+        "CONF {Type Battery} {Name battery}",
+    ),
+    ("no items", NameConf("MisPkg", ()), "CONF {Type MisPkg}"),
+]
+
+
+@pytest.mark.parametrize(
+    ("report", "line"),
+    [pytest.param(report, line, id=name) for name, report, line in COMPAT_LINES],
+)
+def test_lines_of_the_compat_dialect(report: Report, line: str) -> None:
+    assert encode_report(report, COMPAT) == line
+
+
+def test_every_kind_of_report_has_a_line_above() -> None:
+    assert {type(report) for _, report, _ in COMPAT_LINES} == set(get_args(Report))

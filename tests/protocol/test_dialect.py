@@ -1,0 +1,37 @@
+import pytest
+
+from radarsim.protocol.dialect import COMPAT, UDK, dialect_named
+
+
+def test_dialects_are_found_by_name() -> None:
+    assert dialect_named("compat") is COMPAT
+    assert dialect_named("udk") is UDK
+
+
+def test_an_unknown_dialect_is_refused_with_what_there_is() -> None:
+    problem = "^dialect 'ut2004', expected 'compat' or 'udk'$"
+    with pytest.raises(ValueError, match=problem):
+        dialect_named("ut2004")
+
+
+def test_both_dialects_drive_equally_fast() -> None:
+    turn = 2 * 3.141592653589793
+    assert pytest.approx(UDK.max_wheel_speed * turn, abs=0.005) == (
+        COMPAT.max_wheel_speed
+    )
+    assert (COMPAT.drive_unit, UDK.drive_unit) == ("rad_per_s", "rev_per_s")
+
+
+def test_rates_are_ten_hertz_in_compat_and_the_originals_in_udk() -> None:
+    names = ("radar", "sick", "hokuyo")
+    assert [COMPAT.scan_interval_of(name) for name in names] == [0.1, 0.1, 0.1]
+    assert [UDK.scan_interval_of(name) for name in names] == [0.2, 0.2, 0.3]
+    assert (COMPAT.ins_interval, UDK.ins_interval) == (0.1, 0.2)
+    assert (COMPAT.tachometer_interval, UDK.tachometer_interval) == (0.1, 0.2)
+
+
+def test_limits_and_battery_are_each_dialects_own() -> None:
+    assert (COMPAT.battery_start, COMPAT.battery_runs_out) == (3600, False)
+    assert (UDK.battery_start, UDK.battery_runs_out) == (1200, True)
+    assert (COMPAT.laser_max_range, UDK.laser_max_range) == (None, 20)
+    assert (COMPAT.one_range_limit, UDK.one_range_limit) == (192, None)

@@ -1,0 +1,176 @@
+import re
+from math import pi, radians
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.encoding import encode_report, to_bytes
+from radarsim.protocol.reports import (
+    Encoder,
+    EncoderConf,
+    Greeting,
+    GroundTruth,
+    Ins,
+    IntervalConf,
+    ItemGeo,
+    NameConf,
+    Odometry,
+    RangeScan,
+    Report,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    StartPoses,
+    Status,
+    Tachometer,
+    Touch,
+    TouchConf,
+)
+from radarsim.protocol.wire import decode_message
+
+
+def test_what_is_no_report_is_our_own_mistake() -> None:
+    with pytest.raises(TypeError, match="'SEN' to udk, expected a report"):
+        encode_report("SEN", UDK)  # type: ignore[arg-type]
+
+
+def test_lines_end_with_crlf_and_are_ascii() -> None:
+    greeting = encode_report(Greeting("DM-Straße"), COMPAT)
+    assert to_bytes([greeting, "NFO {StartPoses 0}"]) == (
+        b"NFO {Gametype BotDeathMatch} {Level DM-Stra?e} {TimeLimit 0}\r\n"
+        b"NFO {StartPoses 0}\r\n"
+    )
+    assert to_bytes([]) == b""
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
+@pytest.mark.parametrize("count", [1, 70, 80, 90, 1000])
+def test_start_poses_fit_into_one_read_and_their_count_is_right(
+    dialect: Dialect, count: int
+) -> None:
+    poses = [(f"RobotStart{i}", Pose3(-100, 100, 0.146)) for i in range(1, count + 1)]
+    line = encode_report(StartPoses(tuple(poses)), dialect)
+    assert len(to_bytes([line])) <= 4095
+    message = decode_message(line)
+    names = [message.segments[1][0], *message.segments[1][1].split()][::3]
+    assert int(message.get("StartPoses") or "") == len(names)
+    assert names == [name for name, _ in poses][: len(names)]
+    spare = 4095 - len(to_bytes([line]))
+    assert len(names) == count or spare < len(line) / len(names) + 5
+
+
+@pytest.mark.parametrize("beams", [181, 192])
+def test_a_full_scan_of_a_p3at_fits_into_one_read(beams: int) -> None:
+    scan = RangeScan(99999.99, "lms200", radians(1), pi, np.full(beams, 80.0))
+    assert len(to_bytes([encode_report(scan, COMPAT)])) <= 4095
+
+
+@pytest.mark.parametrize(
+    ("step", "fov"),
+    [
+        pytest.param(radians(1), pi, id="one degree"),
+        pytest.param(radians(0.5), radians(90), id="half a degree"),
+        pytest.param(radians(1), radians(359), id="full circle"),
+        pytest.param(0.0184086914, 4.189, id="Hokuyo"),
+    ],
+)
+def test_the_number_of_beams_follows_from_what_is_printed(
+    step: float, fov: float
+) -> None:
+    scan = RangeScan(1.0, "lms200", step, fov, np.zeros(1))
+    message = decode_message(encode_report(scan, COMPAT))
+    printed_fov = float(message.get("FOV") or "")
+    printed_step = float(message.get("Resolution") or "")
+    assert round(printed_fov / printed_step) == round(fov / step)
+
+
+@pytest.mark.parametrize(
+    ("step", "fov", "beams"),
+    [
+        pytest.param(0.01745, 3.14159, 181, id="SICK"),
+        pytest.param(radians(1), pi, 181, id="whole degrees"),
+        pytest.param(0.0184086914, 4.189, 228, id="Hokuyo"),
+    ],
+)
+def test_clients_of_the_original_count_the_beams_by_cutting(
+    step: float, fov: float, beams: int
+) -> None:
+    scan = RangeScan(1.0, "lms200", step, fov, np.zeros(1))
+    message = decode_message(encode_report(scan, UDK))
+    printed_fov = float(message.get("FOV") or "")
+    assert int(printed_fov / float(message.get("Resolution") or "")) + 1 == beams
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
+def test_a_range_that_is_not_finite_never_gets_onto_the_wire(dialect: Dialect) -> None:
+    with pytest.raises(ValueError, match="number inf, expected less"):
+        encode_report(
+            RangeScan(1.0, "lms200", 0.1, 0.1, np.array([1.0, np.inf])), dialect
+        )
+
+
+NUMBERS = st.floats(-1e6, 1e6) | st.floats(-1e-4, 1e-4)
+NAMES = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,9}", fullmatch=True)
+POSES = st.builds(Pose3, *[NUMBERS] * 6)
+NAMED = st.lists(st.tuples(NAMES, NUMBERS), max_size=3).map(tuple)
+TRIPLES = st.tuples(*[NUMBERS] * 3)
+TIMES = st.floats(0.01, 1e6)
+VECTORS = st.lists(NUMBERS, min_size=1, max_size=4).map(tuple)
+REPORTS = st.one_of(
+    st.builds(Greeting, NAMES),
+    st.builds(StartPoses, st.lists(st.tuples(NAMES, POSES), max_size=3).map(tuple)),
+    st.builds(Status, TIMES, st.integers(-5, 99999), st.booleans()),
+    st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
+    st.builds(GroundTruth, TIMES, NAMES, POSES),
+    st.builds(Ins, TIMES, NAMES, POSES),
+    st.builds(Odometry, TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
+    st.builds(Tachometer, TIMES, NAMES, VECTORS, VECTORS),
+    st.builds(
+        Encoder,
+        TIMES,
+        st.lists(st.tuples(NAMES, st.integers(-360, 360)), min_size=1).map(tuple),
+    ),
+    st.builds(Touch, TIMES, NAMES, st.booleans()),
+    st.builds(RobotGeo, NAMES, TRIPLES, TRIPLES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(RobotConf, NAMES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(
+        ItemGeo, NAMES, st.lists(st.tuples(NAMES, POSES), max_size=3).map(tuple), NAMES
+    ),
+    st.builds(
+        ScannerConf,
+        NAMES,
+        st.lists(st.tuples(NAMES, *[NUMBERS] * 4), max_size=3).map(tuple),
+    ),
+    st.builds(IntervalConf, NAMES, NAMED),
+    st.builds(EncoderConf, NAMES, NAMED),
+    st.builds(TouchConf, NAMES, NAMED),
+    st.builds(NameConf, NAMES, st.lists(NAMES, max_size=3).map(tuple)),
+)
+VALUE = r"[A-Za-z0-9_]+|-?[0-9]+(\.[0-9]+)?(,-?[0-9]+\.[0-9]+)*"
+LINE = re.compile(rf"(NFO|STA|SEN|GEO|CONF)( \{{[A-Za-z0-9_]+( ({VALUE}))+\}})+")
+
+
+@given(report=REPORTS)
+def test_every_line_has_the_form_that_all_clients_read(report: Report) -> None:
+    line = encode_report(report, COMPAT)
+    assert LINE.fullmatch(line)
+    assert not re.search(r"-0\.0+(?![0-9])", line)
+
+
+@given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]))
+def test_decoding_a_line_undoes_encoding_it(report: Report, dialect: Dialect) -> None:
+    line = encode_report(report, dialect)
+    assert decode_message(line).encode() == line.replace("}{", "} {")
+
+
+@given(pose=st.builds(Pose3, *[NUMBERS] * 6), dialect=st.sampled_from([COMPAT, UDK]))
+def test_angles_on_the_wire_stay_within_a_turn(pose: Pose3, dialect: Dialect) -> None:
+    low, high = (-pi, pi) if dialect is COMPAT else (0, 2 * pi)
+    line = encode_report(Ins(1.0, "InsTest", pose), dialect)
+    angles = (decode_message(line).get("Orientation") or "").split(",")
+    for angle in angles:
+        assert low - 0.005 <= float(angle) <= high + 0.005

@@ -1,0 +1,94 @@
+import re
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.errors import LineTooLong
+from radarsim.protocol.framing import LineBuffer
+
+STREAMS = st.lists(
+    st.sampled_from(
+        [b"DRIVE {Left 1}", b"{", b" ", b"\r", b"\n", b"\0", b"\xff", b"GET"]
+    ),
+    max_size=30,
+).map(b"".join)
+
+
+def collect(chunks: list[bytes], limit: int = 65536) -> tuple[list[str], bool]:
+    """Feed chunks until the end or an overflow; give the lines, and whether it came."""
+    buffer = LineBuffer(limit)
+    lines: list[str] = []
+    for chunk in chunks:
+        lines += buffer.feed(chunk)
+        if buffer.overflow is not None:
+            return lines, True
+    return lines, False
+
+
+def cut(stream: bytes, places: list[int]) -> list[bytes]:
+    edges = [0, *sorted(place % (len(stream) + 1) for place in places), len(stream)]
+    return [stream[a:b] for a, b in pairwise(edges)]
+
+
+@given(stream=STREAMS | st.binary(max_size=80), cuts=st.lists(st.integers(0, 400)))
+def test_where_tcp_cuts_the_stream_does_not_matter(
+    stream: bytes, cuts: list[int]
+) -> None:
+    assert collect(cut(stream, cuts)) == collect([stream])
+
+
+@given(stream=STREAMS, cuts=st.lists(st.integers(0, 400)), limit=st.integers(0, 40))
+def test_where_tcp_cuts_an_overlong_stream_does_not_matter(
+    stream: bytes, cuts: list[int], limit: int
+) -> None:
+    assert collect(cut(stream, cuts), limit) == collect([stream], limit)
+
+
+@given(stream=st.binary(max_size=200))
+def test_lines_are_the_stretches_between_line_ends_that_are_not_blank(
+    stream: bytes,
+) -> None:
+    stretches = [part.strip() for part in re.split("[\r\n]", stream.decode("latin-1"))]
+    assert collect([stream, b"\n"])[0] == [part for part in stretches if part]
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        pytest.param(b"\r\n", id="CRLF"),
+        pytest.param(b"\n\r", id="LFCR, the Player driver"),
+        pytest.param(b"\n", id="LF alone, where the original waits for a CR"),
+        pytest.param(b"\r", id="CR alone"),
+        pytest.param(b" \r\n", id="blank before the end, UsarCommander"),
+        pytest.param(b"\r\n\r\n\n \r", id="blank lines"),
+    ],
+)
+def test_a_command_ends_with_any_mix_of_cr_and_lf(end: bytes) -> None:
+    assert LineBuffer().feed(b"GETSTARTPOSES" + end + b"A" + end) == [
+        "GETSTARTPOSES",
+        "A",
+    ]
+
+
+def test_a_line_without_its_end_waits() -> None:
+    buffer = LineBuffer()
+    assert buffer.feed(b"DRIVE {Left") == []
+    assert buffer.feed(b" 1}") == []
+    assert buffer.feed(b"\r") == ["DRIVE {Left 1}"]
+    assert buffer.feed(b"\n") == []
+
+
+def test_a_line_of_the_limit_passes_and_one_byte_more_does_not() -> None:
+    assert collect([b"x" * 65536 + b"\n"]) == (["x" * 65536], False)
+    assert collect([b"x" * 65537]) == ([], True)
+    assert collect([b"x" * 65537 + b"\n"]) == ([], True)
+
+
+def test_lines_before_an_overlong_one_are_given_and_none_after_it() -> None:
+    buffer = LineBuffer(limit=4)
+    assert buffer.feed(b"A\nB\nCCCCC\nD\n") == ["A", "B"]
+    assert str(buffer.overflow) == "line of 5 bytes, expected at most 4"
+    with pytest.raises(LineTooLong, match="line of 5 bytes, expected at most 4"):
+        buffer.feed(b"E\n")

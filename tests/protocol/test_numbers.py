@@ -1,0 +1,208 @@
+import re
+import struct
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from radarsim.errors import MalformedMessage
+from radarsim.protocol.numbers import (
+    NumberFormat,
+    Rule,
+    format_ranges,
+    read_flag,
+    read_number,
+    read_numbers,
+)
+
+WRITABLE = st.floats(-2e9, 2e9) | st.floats(-1e-3, 1e-3) | st.floats(-100, 100)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        pytest.param("1", 1.0, id="whole"),
+        pytest.param("-0.5", -0.5, id="point"),
+        pytest.param("-0,5", -0.5, id="decimal comma"),
+        pytest.param("1,00", 1.0, id="decimal comma with zeros"),
+        pytest.param(".4", 0.4, id="leading point"),
+        pytest.param(",4", 0.4, id="leading comma"),
+        pytest.param("4.", 4.0, id="trailing point"),
+        pytest.param("+1", 1.0, id="plus"),
+        pytest.param(" 2.695418 ", 2.695418, id="blanks"),
+        pytest.param("1E-05", 1e-5, id="exponent, .NET"),
+        pytest.param("1e9", 1e9, id="the largest"),
+        pytest.param("1e-400", 0.0, id="too small to matter"),
+    ],
+)
+def test_numbers_are_read_in_every_locale(text: str, value: float) -> None:
+    assert read_number(text) == value
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", " ", ".", ",", "-", "abc", "nan", "NaN", "inf", "-Infinity", "1_0"),
+        *("0x10", "1,000.5", "1.2.3", "1 2", "--1", "1e", "e5", "1f", "{1"),
+        *("\0", "1\0", "\u00b2"),
+    ],
+)
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(MalformedMessage, match=r", expected a number$"):
+        read_number(text)
+
+
+@pytest.mark.parametrize("text", ["1e400", "-1e400", "1e10", "9" * 400])
+def test_what_is_too_large_is_refused(text: str) -> None:
+    with pytest.raises(MalformedMessage, match=r", expected at most 1e\+09$"):
+        read_number(text)
+
+
+def test_a_long_text_is_cut_in_the_error() -> None:
+    with pytest.raises(MalformedMessage, match=f"^'{'x' * 80}', expected a number$"):
+        read_number("x" * 5000)
+
+
+@given(text=st.text(max_size=12) | st.from_regex(r"[-+.,0-9eE]{1,9}", fullmatch=True))
+def test_any_text_is_a_finite_number_or_malformed(text: str) -> None:
+    try:
+        value = read_number(text)
+    except MalformedMessage:
+        return
+    assert abs(value) <= 1e9
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        pytest.param("4.5,1.9,1.8", (4.5, 1.9, 1.8), id="commas"),
+        pytest.param("4.5, 1.9, 1.8", (4.5, 1.9, 1.8), id="commas and blanks"),
+        pytest.param("4.5 1.9 1.8", (4.5, 1.9, 1.8), id="blanks"),
+        pytest.param("  4.5   1.9\t1.8 ", (4.5, 1.9, 1.8), id="many blanks"),
+        pytest.param("4.5 ,1.9 ,1.8", (4.5, 1.9, 1.8), id="blanks before commas"),
+        pytest.param("4.5 , 1.9 , 1.8", (4.5, 1.9, 1.8), id="blanks around commas"),
+        pytest.param("47,17 -55,70 -2,25", (47.17, -55.7, -2.25), id="decimal commas"),
+        pytest.param("0,0000, 0,0000, 1,5", (0, 0, 1.5), id="all kinds of commas"),
+        pytest.param(".4, .4, 1.8", (0.4, 0.4, 1.8), id="leading points"),
+        pytest.param("0,0,0", (0, 0, 0), id="zeros"),
+    ],
+)
+def test_vectors_are_read_in_every_form(
+    text: str, values: tuple[float, float, float]
+) -> None:
+    assert read_numbers(text, 3) == values
+
+
+@pytest.mark.parametrize("text", ["", "1", "1,2", "1 2", "1,2,3,4", "1 2 3 4", "1,2,"])
+def test_a_vector_of_another_length_is_refused(text: str) -> None:
+    with pytest.raises(MalformedMessage, match=r"expected (3 numbers|a number)$"):
+        read_numbers(text, 3)
+
+
+@pytest.mark.parametrize(
+    "text", ["1,nan,2", "1 abc 2", "1,,2", "1,2,1e400", "1 2 3,,,"]
+)
+def test_a_vector_with_one_bad_number_is_refused(text: str) -> None:
+    with pytest.raises(MalformedMessage):
+        read_numbers(text, 3)
+
+
+@given(
+    values=st.tuples(*[st.floats(-1e6, 1e6).map(lambda x: round(x, 4))] * 3),
+    form=st.sampled_from(
+        [(",", "."), (", ", "."), (" ", "."), (" ", ","), (", ", ",")]
+    ),
+)
+def test_a_vector_means_the_same_in_all_forms(
+    values: tuple[float, float, float], form: tuple[str, str]
+) -> None:
+    between, point = form
+    text = between.join(f"{value:.4f}".replace(".", point) for value in values)
+    assert read_numbers(text, 3) == values
+
+
+def test_only_the_lower_case_word_is_true_unless_case_is_free() -> None:
+    texts = ["true", "True", "TRUE", "false", "1", "yes", ""]
+    assert [read_flag(t, any_case=False) for t in texts] == [True] + [False] * 6
+    assert [read_flag(t, any_case=True) for t in texts] == [True] * 3 + [False] * 4
+
+
+@given(value=WRITABLE, decimals=st.integers(1, 6))
+def test_rounded_numbers_are_the_nearest_and_have_no_negative_zero(
+    value: float, decimals: int
+) -> None:
+    text = NumberFormat(decimals).text(value)
+    assert re.fullmatch(rf"-?[0-9]+\.[0-9]{{{decimals}}}", text)
+    assert not re.fullmatch(r"-[0.]+", text)
+    assert abs(Fraction(text) - Fraction(value)) * 2 <= Fraction(1, 10**decimals)
+
+
+def to_float32(value: Fraction | float) -> Fraction:
+    return Fraction(struct.unpack("<f", struct.pack("<f", float(value)))[0])
+
+
+@given(value=WRITABLE, decimals=st.sampled_from([2, 3, 4]))
+@example(value=1.3, decimals=4)
+@example(value=0.99999994, decimals=4)
+def test_truncated_numbers_follow_float32_arithmetic(
+    value: float, decimals: int
+) -> None:
+    single = to_float32(value)
+    size = abs(single)
+    part = to_float32(to_float32(size - int(size)) * 10**decimals)
+    sign = "-" if single < 0 else ""
+    expected = f"{sign}{int(size)}.{int(part):0{decimals}d}"
+    assert NumberFormat(decimals, Rule.TRUNCATED).text(value) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "text"),
+    [
+        pytest.param(1.3, 4, "1.2999", id="top speed of a wheel"),
+        pytest.param(0.7, 4, "0.7000", id="just above"),
+        pytest.param(2.3, 2, "2.29", id="range"),
+        pytest.param(1.15, 2, "1.14", id="another range"),
+        pytest.param(0.07, 2, "0.07", id="zero after the point"),
+        pytest.param(-1e-6, 3, "-0.000", id="tiny negative"),
+        pytest.param(-0.0, 4, "0.0000", id="negative zero"),
+        pytest.param(0.098, 4, "0.0980", id="wheel radius"),
+        pytest.param(50000.0, 4, "50000.0000", id="torque"),
+    ],
+)
+def test_truncated_numbers_of_the_original(
+    value: float, decimals: int, text: str
+) -> None:
+    assert NumberFormat(decimals, Rule.TRUNCATED).text(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "text"),
+    [
+        pytest.param(31.1, 4, "31.1000", id="time"),
+        pytest.param(5000.12, 4, "5000.1201", id="late time, as float32 has it"),
+        pytest.param(-0.001, 2, "-0.00", id="negative zero is kept"),
+        pytest.param(0.2085, 2, "0.21", id="rounded"),
+    ],
+)
+def test_engine_numbers_are_rounded_from_float32(
+    value: float, decimals: int, text: str
+) -> None:
+    assert NumberFormat(decimals, Rule.ENGINE).text(value) == text
+
+
+@pytest.mark.parametrize("rule", list(Rule))
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 2.0**31])
+def test_what_a_client_could_not_read_is_never_written(
+    rule: Rule, value: float
+) -> None:
+    with pytest.raises(ValueError, match="expected less than"):
+        NumberFormat(2, rule).text(value)
+
+
+@given(values=st.lists(st.floats(0, 100), max_size=8), rule=st.sampled_from(list(Rule)))
+def test_a_scan_is_written_range_by_range(values: list[float], rule: Rule) -> None:
+    form = NumberFormat(2, rule)
+    text = format_ranges(np.array(values, dtype=np.float64), form)
+    assert text == ",".join(form.text(value) for value in values)

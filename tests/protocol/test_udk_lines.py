@@ -1,0 +1,184 @@
+from math import pi, radians
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import UDK
+from radarsim.protocol.encoding import encode_report
+from radarsim.protocol.reports import (
+    Encoder,
+    EncoderConf,
+    Greeting,
+    GroundTruth,
+    Ins,
+    IntervalConf,
+    ItemGeo,
+    Odometry,
+    RangeScan,
+    Report,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    StartPoses,
+    Status,
+    Tachometer,
+    Touch,
+    TouchConf,
+)
+
+RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
+LASER = Pose3(0.2085, 0.0, 0.2)
+P3AT_GEO = RobotGeo("P3AT", (0.552, 0.497, 0.46), (0, 0, 0), 0.098, 0.36, 0.248)
+
+
+def sick(ranges: list[float]) -> RangeScan:
+    return RangeScan(31.2, "lms200", 0.01745, 3.14159, np.array(ranges))
+
+
+UDK_LINES: list[tuple[str, Report, str]] = [
+    (
+        "greeting",
+        Greeting("DM-Test"),
+        "NFO {Gametype BotDeathMatch} {Level DM-Test} {TimeLimit 20}",
+    ),
+    (
+        "start poses",
+        StartPoses(
+            (
+                ("PlayerStart_0", Pose3(4.5, -1.9, 0.5)),
+                ("Robot1", Pose3(3.63, -10.8, 0.18, yaw=1.59)),
+            )
+        ),
+        "NFO {StartPoses 2} {PlayerStart_0 4.5000,1.9000,-0.5000 "
+        "0.0000,0.0000,0.0000 Robot1 3.6300,10.8000,-0.1800 0.0000,0.0000,-1.5900}",
+    ),
+    (
+        "status",
+        Status(31.1, 1199, light=False),
+        "STA {Time 31.1000} {Battery 1199} {Type GroundVehicle} {LightToggle False} "
+        "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
+    ),
+    (
+        "status with light and an empty battery",
+        Status(31.1, 0, light=True),
+        "STA {Time 31.1000} {Battery 0} {Type GroundVehicle} {LightToggle True} "
+        "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
+    ),
+    (
+        "scan",
+        sick([2.199, 2.3, 1.15, 20.0]),
+        "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0174} "
+        "{FOV 3.1414} {Range 2.19,2.29,1.14,20.00}",
+    ),
+    (
+        "scan of whole degrees",
+        RangeScan(31.2, "lms200", radians(1), pi, np.array([2.0])),
+        "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0174} "
+        "{FOV 3.1414} {Range 2.00}",
+    ),
+    (
+        "scan of a Hokuyo",
+        RangeScan(31.2, "lms200", 0.0184086914, 4.189, np.array([4.0])),
+        "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0184} "
+        "{FOV 4.1889} {Range 4.00}",
+    ),
+    (
+        "ground truth",
+        GroundTruth(31.1, "GndTruth", RESTING),
+        "SEN {Time 31.1000} {Type GroundTruth} {Name GndTruth} "
+        "{Location 4.500,1.900,-0.146} {Orientation 0.000,0.000,1.570}",
+    ),
+    (
+        "INS without time",
+        Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=-1.57)),
+        "SEN {Type INS} {Name InsTest} {Location 4.50,1.90,-0.40} "
+        "{Orientation 0.00,0.00,1.57}",
+    ),
+    (
+        "INS to the left counts on from a full turn",
+        Ins(31.2, "InsTest", Pose3(4.5, -1.9, 0.4, yaw=pi / 2)),
+        "SEN {Type INS} {Name InsTest} {Location 4.50,1.90,-0.40} "
+        "{Orientation 0.00,0.00,4.71}",
+    ),
+    (
+        "odometry",
+        Odometry(31.2, "Odometer", Pose2(1.0, 2.0, -0.5)),
+        "SEN {Time 31.2000} {Type Odometry} {Name Odometer} "
+        "{Pose 1.0000,-2.0000,0.5000}",
+    ),
+    (
+        "tachometer",
+        Tachometer(31.2, "TachTest", (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)),
+        "SEN {Time 31.2000} {Type Tachometer} {Name TachTest} "
+        "{Vel 0.0000,0.0000,0.0000,0.0000} {Pos 0.0000,0.0000,0.0000,0.0000}",
+    ),
+    (
+        "encoder",
+        Encoder(31.1, (("W1", 0),)),
+        "SEN {Time 31.1000} {Type Encoder} {Name W1} {Tick 0}",
+    ),
+    (
+        "touch",
+        Touch(31.1, "Touch", touched=False),
+        "SEN {Time 31.1000} {Type Touch} {Name Touch} {Touch False}",
+    ),
+    (
+        "shape of the robot, which is its wheels",
+        P3AT_GEO,
+        "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
+        "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+        "{WheelBase 0.2480}",
+    ),
+    (
+        "abilities of the robot, name first",
+        RobotConf("P3AT", 11.9, 1.3, 50000),
+        "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
+        "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} {MaxFrontSteer 0} "
+        "{MaxRearSteer 0}",
+    ),
+    (
+        "mount, no blank before its last group",
+        ItemGeo("rangescanner", (("lms200", LASER),), "P3AT"),
+        "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
+        "{Orientation 0.00,0.00,0.00}{Mount P3AT}",
+    ),
+    (
+        "two mounts",
+        ItemGeo("Encoder", (("W1", Pose3(0, 0, 0)), ("W2", Pose3(0, 0, 0))), "P3AT"),
+        "GEO {Type Encoder} {Name W1} {Location 0.00,0.00,0.00} "
+        "{Orientation 0.00,0.00,0.00}{Mount P3AT} {Name W2} "
+        "{Location 0.00,0.00,0.00} {Orientation 0.00,0.00,0.00}{Mount P3AT}",
+    ),
+    (
+        "settings of a scanner",
+        ScannerConf("RangeScanner", (("lms200", 20, 0.1, 0.01745, 3.14159),)),
+        "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
+        "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} {Panning True} "
+        "{Tilting False}",
+    ),
+    (
+        "settings of encoders",
+        EncoderConf("Encoder", (("W1", 0.01745), ("W2", 0.01745))),
+        "CONF {Type Encoder} {Name W1} {Resolution 0.0174} {Name W2} "
+        "{Resolution 0.0174}",
+    ),
+    (
+        "settings of ground truth",
+        IntervalConf("GroundTruth", (("GndTruth", 0.1),)),
+        "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
+    ),
+    (
+        "settings of touch",
+        TouchConf("Touch", (("Touch", 0.01),)),
+        "CONF {Type Touch} {Name Touch} {Diameter 0.0100}",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("report", "line"),
+    [pytest.param(report, line, id=name) for name, report, line in UDK_LINES],
+)
+def test_lines_of_the_udk_dialect(report: Report, line: str) -> None:
+    assert encode_report(report, UDK) == line

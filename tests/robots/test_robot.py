@@ -1,0 +1,159 @@
+import math
+
+import pytest
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import Robot
+from radarsim.robots.skid_steer import WheelDrive
+
+TICK = 0.01
+
+
+def robot(
+    pose: Pose2 | None = None,
+    *,
+    class_name: str = "P3AT",
+    wheel_drive: WheelDrive | None = None,
+    floor: float = 0.0,
+) -> Robot:
+    """Put a robot on an open floor."""
+    return Robot(
+        "R1",
+        load_robot(class_name),
+        pose or Pose2(0, 0),
+        obstacles=Obstacles(floor=floor),
+        wheel_drive=wheel_drive or WheelDrive(8.17),
+    )
+
+
+def run(driven: Robot, seconds: float) -> None:
+    for _ in range(round(seconds / TICK)):
+        driven.step(TICK)
+
+
+def test_it_stands_until_it_is_driven() -> None:
+    driven = robot(Pose2(1, 2, 3))
+    run(driven, 1)
+    assert driven.pose == Pose2(1, 2, 3)
+    assert driven.wheel_angles == (0, 0, 0, 0)
+    assert not driven.light
+    assert not driven.touched
+
+
+def test_full_speed_is_that_of_the_real_robot() -> None:
+    driven = robot()
+    driven.drive(100, 100)
+    run(driven, 10)
+    assert driven.pose.x == pytest.approx(8.17 * 0.098 * 10)
+    assert driven.pose.x == pytest.approx(8.0, abs=0.01)
+    assert driven.pose.y == pytest.approx(0)
+
+
+def test_the_right_wheels_faster_turn_it_left_by_the_wheel_separation() -> None:
+    driven = robot()
+    driven.drive(-1, 1)
+    run(driven, 1)
+    assert driven.pose.yaw == pytest.approx(2 * 0.098 / 0.36)
+    assert math.hypot(driven.pose.x, driven.pose.y) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        pytest.param(1.0, None, id="left alone"),
+        pytest.param(None, 1.0, id="right alone"),
+        pytest.param(None, None, id="neither"),
+    ],
+)
+def test_set_points_hold_until_both_sides_are_given(
+    left: float | None, right: float | None
+) -> None:
+    driven = robot()
+    driven.drive(2, 2)
+    driven.drive(left, right)
+    run(driven, 1)
+    assert driven.side_angles == pytest.approx((2, 2))
+
+
+def test_percentages_stay_percentages_until_told_otherwise() -> None:
+    driven = robot()
+    driven.drive(50, 50, normalized=True)
+    driven.drive(1, 1)
+    run(driven, 1)
+    assert driven.side_angles == pytest.approx((0.0817, 0.0817))
+    driven.drive(1, 1, normalized=False)
+    run(driven, 1)
+    assert driven.side_angles == pytest.approx((1.0817, 1.0817))
+
+
+def test_turns_per_second_turn_the_wheels_so_often() -> None:
+    driven = robot(wheel_drive=WheelDrive(1.3, "rev_per_s"))
+    driven.drive(1, 1)
+    run(driven, 1)
+    assert driven.side_angles == pytest.approx((2 * math.pi, 2 * math.pi))
+
+
+def test_the_light_is_independent_of_the_wheels() -> None:
+    driven = robot()
+    driven.drive(light=True)
+    driven.drive(1, 1)
+    assert driven.light
+    driven.drive(light=False)
+    assert not driven.light
+    run(driven, 1)
+    assert driven.side_angles == pytest.approx((1, 1))
+
+
+def test_halt_stops_the_wheels() -> None:
+    driven = robot()
+    driven.drive(1, 1)
+    driven.halt()
+    run(driven, 1)
+    assert driven.pose == Pose2(0, 0)
+
+
+def test_wheels_are_told_in_the_order_of_the_wire() -> None:
+    driven = robot()
+    driven.drive(-1, 2)
+    run(driven, 1)
+    assert driven.wheel_angles == pytest.approx((2, -1, 2, -1))
+    two_wheels = robot(class_name="P2DX")
+    assert two_wheels.wheel_angles == (0, 0)
+
+
+@pytest.mark.parametrize("speed", [math.nan, math.inf, -math.inf])
+def test_a_speed_that_is_no_number_is_refused_and_changes_nothing(speed: float) -> None:
+    driven = robot()
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        driven.drive(speed, 1, light=True)
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        driven.drive(1, speed, normalized=True)
+    run(driven, 1)
+    assert driven.pose == Pose2(0, 0)
+    assert not driven.light
+
+
+def test_the_body_is_above_the_floor_by_its_height() -> None:
+    upstairs = robot(Pose2(1, 2, 0.5), floor=3.0)
+    assert upstairs.body == Pose3(1, 2, 3.146, 0, 0, 0.5)
+
+
+def test_a_long_step_lands_where_short_ones_do() -> None:
+    short, long = robot(), robot()
+    for driven in (short, long):
+        driven.drive(3, 5)
+    run(short, 1)
+    long.step(1.0)
+    assert long.pose.x == pytest.approx(short.pose.x)
+    assert long.pose.y == pytest.approx(short.pose.y)
+    assert long.pose.yaw == pytest.approx(short.pose.yaw)
+
+
+def test_no_more_than_its_top_speed_is_reached() -> None:
+    driven = robot()
+    assert driven.top_speed >= 0.8
+    driven.drive(8.17, 8.17)
+    driven.step(TICK)
+    assert driven.pose.x <= driven.top_speed * TICK

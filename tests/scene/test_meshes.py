@@ -1,0 +1,328 @@
+import base64
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Floats
+from radarsim.scene.meshes import (
+    MeshError,
+    Surface,
+    find_inside,
+    join_surfaces,
+    join_volume,
+    read_surfaces,
+)
+from radarsim.scene.shapes import box
+from radarsim.scene.shells import is_closed, split_shells
+
+CORNERS, TRIANGLES = box(1, 1, 1)
+
+
+def obj_box(*, usemtl: str = "") -> str:
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS]
+    faces = [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in TRIANGLES]
+    return "\n".join([*lines, usemtl, *faces]) + "\n"
+
+
+def stl_box() -> str:
+    def facet(face: Any) -> str:
+        corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in CORNERS[face])
+        return f"facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n"
+
+    return f"solid box\n{''.join(facet(face) for face in TRIANGLES)}endsolid box\n"
+
+
+def ply_box() -> str:
+    head = [
+        *("ply", "format ascii 1.0", "comment TextureFile ../../etc/passwd"),
+        *("element vertex 8", "property float x", "property float y"),
+        *("property float z", "element face 12"),
+        *("property list uchar int vertex_indices", "end_header"),
+    ]
+    vertices = [f"{x} {y} {z}" for x, y, z in CORNERS]
+    faces = [f"3 {a} {b} {c}" for a, b, c in TRIANGLES]
+    return "\n".join([*head, *vertices, *faces]) + "\n"
+
+
+def box_buffer() -> bytes:
+    return CORNERS.astype("<f4").tobytes() + TRIANGLES.astype("<u2").tobytes()
+
+
+def gltf_box(uri: str | None, nodes: list[dict[str, Any]]) -> dict[str, Any]:
+    """Two boxes share one buffer; one is of Leaves, one of Bark."""
+    buffer = {"byteLength": 168} | ({"uri": uri} if uri else {})
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1}
+    low, high = [-0.5] * 3, [0.5] * 3
+    return {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes,
+        "meshes": [
+            {"name": "crown", "primitives": [primitive | {"material": 0}]},
+            {"name": "trunk", "primitives": [primitive | {"material": 1}]},
+        ],
+        "images": [{"uri": "../../etc/passwd"}, {"uri": "bark.png"}],
+        "textures": [{"source": 1}],
+        "materials": [
+            {"name": "Leaves"},
+            {
+                "name": "Bark",
+                "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
+            },
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"}
+            | {"min": low, "max": high},
+            {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 96},
+            {"buffer": 0, "byteOffset": 96, "byteLength": 72},
+        ],
+        "buffers": [buffer],
+    }
+
+
+NODES: list[dict[str, Any]] = [
+    {"name": "tree", "children": [1, 2], "translation": [10, 0, 0]},
+    {"name": "crown", "mesh": 0, "translation": [0, 5, 0], "scale": [2, 2, 2]},
+    {"name": "trunk", "mesh": 1, "scale": [-1, 1, 1]},
+]
+
+
+def glb(tree: dict[str, Any], binary: bytes) -> bytes:
+    head = json.dumps(tree).encode()
+    head += b" " * (-len(head) % 4)
+    chunks = struct.pack("<I4s", len(head), b"JSON") + head
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def write(path: Path, content: str | bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def read(path: Path) -> dict[str | None, Surface]:
+    surfaces = read_surfaces(path, path.parent)
+    found = {surface.material: surface for surface in surfaces}
+    assert len(found) == len(surfaces)
+    return found
+
+
+def volume(vertices: Floats, faces: Any) -> float:
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        pytest.param("box.obj", obj_box(), id="OBJ"),
+        pytest.param("box.stl", stl_box(), id="STL"),
+        pytest.param("box.ply", ply_box(), id="PLY"),
+        pytest.param("BOX.STL", stl_box(), id="upper case"),
+    ],
+)
+def test_a_box_without_materials_is_one_closed_surface(
+    tmp_path: Path, name: str, content: str
+) -> None:
+    (surface,) = read_surfaces(write(tmp_path / name, content), tmp_path)
+    vertices, faces = join_volume([surface])
+    assert surface.material is None
+    assert volume(vertices, faces) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        pytest.param("t.glb", glb(gltf_box(None, NODES), box_buffer()), id="GLB"),
+        pytest.param(
+            "t.gltf",
+            json.dumps(gltf_box("my%20box.bin", NODES)),
+            id="glTF with a buffer beside it",
+        ),
+        pytest.param(
+            "t.gltf",
+            json.dumps(
+                gltf_box(
+                    "data:application/octet-stream;base64,"
+                    + base64.b64encode(box_buffer()).decode(),
+                    NODES,
+                )
+            ),
+            id="glTF with a buffer inside",
+        ),
+    ],
+)
+def test_gltf_keeps_material_names_and_applies_the_scene_graph(
+    tmp_path: Path, name: str, content: str | bytes
+) -> None:
+    write(tmp_path / "my box.bin", box_buffer())
+    found = read(write(tmp_path / name, content))
+    leaves, bark = found["Leaves"], found["Bark"]
+    assert leaves.vertices.min(axis=0) == pytest.approx([9, 4, -1])
+    assert leaves.vertices.max(axis=0) == pytest.approx([11, 6, 1])
+    assert volume(leaves.vertices, leaves.faces) == pytest.approx(8)
+    assert volume(bark.vertices, bark.faces) == pytest.approx(1)  # a mirror turns it
+    assert bark.vertices.mean(axis=0) == pytest.approx([10, 0, 0])
+
+
+def test_obj_keeps_material_names_without_their_library(tmp_path: Path) -> None:
+    text = "mtllib ../../etc/passwd\n" + obj_box(usemtl="usemtl Old Bark")
+    text += "o leaf\nusemtl Leaves\nf 1 2 3\nf 4 5 6\n"
+    found = read(write(tmp_path / "tree.obj", text))
+    assert {name: len(each.faces) for name, each in found.items()} == {
+        "Old Bark": 12,
+        "Leaves": 2,
+    }
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        pytest.param("../out.stl", "expected a file in the map's own folder", id="up"),
+        pytest.param("link.stl", "expected a file in the map's own folder", id="link"),
+        pytest.param(
+            "linked/out.stl",
+            "expected a file in the map's own folder",
+            id="linked folder",
+        ),
+        pytest.param(
+            "/etc/passwd", "expected a file in the map's own folder", id="absolute"
+        ),
+        pytest.param(
+            "../nowhere.stl", "expected a file in the map's own folder", id="not told"
+        ),
+        pytest.param("nowhere.stl", "expected an existing file", id="missing"),
+        pytest.param("meshes", "expected an existing file", id="a folder"),
+        pytest.param("", "expected an existing file", id="nothing"),
+        pytest.param("a\0b", "expected the path of a file", id="NUL"),
+        pytest.param("loop", "expected the path of a file", id="a link to itself"),
+    ],
+)
+def test_nothing_outside_of_the_folder_is_found(
+    tmp_path: Path, reference: str, message: str
+) -> None:
+    folder = tmp_path / "map"
+    write(tmp_path / "out.stl", stl_box())
+    write(folder / "meshes" / "in.stl", stl_box())
+    (folder / "link.stl").symlink_to(tmp_path / "out.stl")
+    (folder / "linked").symlink_to(tmp_path)
+    (folder / "loop").symlink_to(folder / "loop")
+    with pytest.raises(MeshError) as caught:
+        find_inside(folder, folder, reference)
+    assert str(caught.value) == f"{reference!r}, {message}"
+
+
+def test_links_inside_of_the_folder_are_followed(tmp_path: Path) -> None:
+    inside = write(tmp_path / "meshes" / "in.stl", stl_box())
+    (tmp_path / "link.stl").symlink_to(inside)
+    assert find_inside(tmp_path, tmp_path, "link.stl") == inside
+    assert find_inside(tmp_path, tmp_path / "meshes", "../meshes/in.stl") == inside
+
+
+@pytest.mark.parametrize("uri", ["../box.bin", "link.bin"])
+def test_a_gltf_file_cannot_read_outside_of_the_folder(
+    tmp_path: Path, uri: str
+) -> None:
+    folder = tmp_path / "map"
+    write(tmp_path / "box.bin", box_buffer())
+    path = write(folder / "t.gltf", json.dumps(gltf_box(uri, NODES)))
+    (folder / "link.bin").symlink_to(tmp_path / "box.bin")
+    with pytest.raises(MeshError) as caught:
+        read_surfaces(path, folder)
+    expected = f"refers to {uri!r}, expected a file in the map's own folder"
+    assert str(caught.value) == f"'t.gltf': {expected}"
+
+
+def test_a_buffer_may_lie_elsewhere_in_the_folder(tmp_path: Path) -> None:
+    write(tmp_path / "box.bin", box_buffer())
+    tree = json.dumps(gltf_box("../box.bin", NODES))
+    path = write(tmp_path / "meshes" / "t.gltf", tree)
+    assert len(read_surfaces(path, tmp_path)) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        pytest.param(
+            "a.dae",
+            "",
+            "'a.dae', expected one of ['.glb', '.gltf', '.obj', '.ply', '.stl']",
+            id="another format",
+        ),
+        pytest.param("a.stl", "", "'a.stl': no triangles", id="empty"),
+        pytest.param("a.obj", "v 0 0 0\n", "'a.obj': no triangles", id="points"),
+        pytest.param(
+            "a.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n",
+            "'a.obj': ValueError: a vertex is not finite",
+            id="NaN",
+        ),
+        pytest.param(
+            "a.ply",
+            ply_box().replace("3 0 2 3", "3 0 2 9"),
+            "'a.ply': ValueError: a face names a vertex that is not there",
+            id="index out of range",
+        ),
+    ],
+)
+def test_a_broken_file_is_refused(
+    tmp_path: Path, name: str, content: str, message: str
+) -> None:
+    path = write(tmp_path / name, content)
+    with pytest.raises(MeshError) as caught:
+        read_surfaces(path, tmp_path)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl"])
+def test_any_garbage_is_refused(tmp_path: Path, suffix: str) -> None:
+    noise = np.random.Generator(np.random.PCG64(1)).bytes(300)
+    for content in (noise, b"ply\n" + noise, b"{" + noise, b"glTF" + noise):
+        path = write(tmp_path / f"a.{suffix}", content)
+        with pytest.raises(MeshError):
+            read_surfaces(path, tmp_path)
+
+
+def test_a_file_that_memory_cannot_hold_is_refused(tmp_path: Path) -> None:
+    tree = gltf_box(None, NODES)
+    tree["accessors"][0] = {"componentType": 5126, "count": 10**17, "type": "VEC3"}
+    path = write(tmp_path / "a.glb", glb(tree, box_buffer()))
+    with pytest.raises(MeshError, match="too large"):
+        read_surfaces(path, tmp_path)
+
+
+def surface(faces: Any, at: float = 0.0) -> Surface:
+    return Surface(None, CORNERS + np.array([at, 0, 0]), np.asarray(faces, np.int32))
+
+
+def test_open_pieces_are_sewn_together() -> None:
+    vertices, faces = join_volume([surface(TRIANGLES[:5]), surface(TRIANGLES[5:])])
+    assert (len(vertices), len(faces)) == (8, 12)
+    assert is_closed(faces)
+
+
+def test_closed_pieces_stay_apart_where_they_touch() -> None:
+    pieces = [surface(TRIANGLES), surface(TRIANGLES, at=1.0), surface(TRIANGLES)]
+    _, faces = join_volume(pieces)
+    assert split_shells(faces).max() == 2
+
+
+def test_what_stays_open_is_no_volume() -> None:
+    with pytest.raises(MeshError) as caught:
+        join_volume([surface(TRIANGLES), surface(TRIANGLES[2:])])
+    assert str(caught.value) == "not closed: 4 edges have no partner"
+
+
+def test_any_surfaces_can_be_joined_as_sheets() -> None:
+    vertices, faces = join_surfaces([surface(TRIANGLES[2:]), surface(TRIANGLES[:1])])
+    assert (len(vertices), len(faces)) == (11, 11)
+    assert volume(*join_surfaces([surface(TRIANGLES[:, ::-1])])) == pytest.approx(1)

@@ -1,0 +1,45 @@
+from radarsim.geometry import Pose3
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene, StartPose
+from radarsim.scene.shapes import box, sphere
+from radarsim.scene.summary import summarise
+
+WOOD = Material("wood")
+LEAF = Material("leaf", 0.7)
+SMOKE = Material("smoke", 0.0, 0.5, solid=False, sheet_loss=0.25)
+
+
+def test_a_summary_says_what_is_in_the_map() -> None:
+    crown = sphere(2.0)
+    parts = (
+        Part("crate", WOOD, *box(2, 4, 6)),
+        Part("tree", WOOD, *box(1, 1, 1)),
+        Part("tree", LEAF, *crown),
+    )
+    starts = (StartPose("RobotStart1", Pose3(-8, 0.25, 0, yaw=1.5707963)),)
+    materials = {each.name: each for each in (WOOD, LEAF, SMOKE)}
+    scene = Scene("room", "DM-Room", parts, starts, materials)
+    assert summarise(scene) == [
+        "map room, level DM-Room",
+        "2 objects, 1304 triangles",
+        "  x from -2.000 to 2.000 m",
+        "  y from -2.000 to 2.000 m",
+        "  z from -3.000 to 3.000 m",
+        "3 materials",
+        "  wood: density opaque, laser opaque, solid; 24 triangles",
+        "  leaf: density 0.7 per m, laser opaque, solid; 1280 triangles",
+        "  smoke: density 0 per m, laser 0.5 per m, can be driven through,"
+        " loses 0.25 at each surface; 0 triangles",
+        "objects, with their materials and triangles",
+        "  crate: wood, 12",
+        "  tree: wood, 12",
+        "  tree: leaf, 1280",
+        "1 starts, x y z in m, yaw in degrees",
+        "  RobotStart1: -8.000 0.250 0.000, 90.0",
+    ]
+
+
+def test_an_empty_map_can_be_summarised() -> None:
+    lines = summarise(Scene("room", "DM-Room"))
+    assert lines[1] == "0 objects, 0 triangles"
+    assert lines[-1] == "0 starts, x y z in m, yaw in degrees"

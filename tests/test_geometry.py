@@ -1,0 +1,63 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Pose3, rotation_matrix, wrap_angle
+
+angles = st.floats(-10, 10)
+lengths = st.floats(-100, 100)
+poses = st.builds(Pose3, lengths, lengths, lengths, angles, angles, angles)
+
+
+@given(angle=st.floats(-1e3, 1e3))
+def test_a_wrapped_angle_is_in_range_and_points_the_same_way(angle: float) -> None:
+    wrapped = wrap_angle(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+def test_yaw_turns_forward_to_the_left_and_pitch_turns_it_down() -> None:
+    ahead = np.array([1.0, 0.0, 0.0])
+    assert rotation_matrix(0, 0, math.pi / 2) @ ahead == pytest.approx([0, 1, 0])
+    assert rotation_matrix(0, math.pi / 2, 0) @ ahead == pytest.approx([0, 0, -1])
+    left = np.array([0.0, 1.0, 0.0])
+    assert rotation_matrix(math.pi / 2, 0, 0) @ left == pytest.approx([0, 0, 1])
+
+
+@given(outer=poses, inner=poses, point=st.tuples(lengths, lengths, lengths))
+def test_composing_poses_is_moving_points_twice(
+    outer: Pose3, inner: Pose3, point: tuple[float, float, float]
+) -> None:
+    both = outer.compose(inner)
+    once = inner.position() + inner.rotation() @ np.array(point)
+    twice = outer.position() + outer.rotation() @ once
+    moved = both.position() + both.rotation() @ np.array(point)
+    assert moved == pytest.approx(twice, abs=1e-6)
+
+
+def test_looking_straight_up_keeps_its_matrix() -> None:
+    pose = Pose3(0, 0, 0, 0.3, -math.pi / 2, 0.7)
+    again = Pose3(0, 0, 0).compose(pose)
+    assert again.rotation() == pytest.approx(pose.rotation(), abs=1e-9)
+
+
+def test_a_level_pose_has_no_negative_zeros() -> None:
+    numbers = Pose3(1, 2, 3).compose(Pose3(0.5, 0, 0)).numbers()
+    assert [math.copysign(1, number) for number in numbers] == [1.0] * 6
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        pytest.param([1, 2, 3], id="three"),
+        pytest.param([1, 2, 3, 4, 5, math.nan], id="nan"),
+        pytest.param([1, 2, 3, 4, 5, math.inf], id="infinite"),
+    ],
+)
+def test_a_pose_is_six_finite_numbers(numbers: list[float]) -> None:
+    with pytest.raises(ValueError, match="expected six finite numbers"):
+        Pose3.from_numbers(numbers)

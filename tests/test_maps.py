@@ -1,0 +1,206 @@
+"""The shipped maps, against numbers worked out from their triangles in float64."""
+
+import math
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Floats
+from radarsim.scene.mapfile import load_map, shipped_maps
+from radarsim.scene.scene import Part, Scene
+
+SENSOR = np.array([-8 + 0.2085, 0.0, 0.346])  # on a P3AT at RobotStart1
+ANGLES = np.radians(np.arange(-90, 91))
+BEYOND = 1.71  # m; no bush reaches this far along x
+
+
+def crossings(part: Part, origins: Floats, directions: Floats) -> list[Floats]:
+    """Give the distances, sorted, at which each ray crosses a part's triangles."""
+    a, b, c = (part.vertices[part.faces[:, i]] for i in range(3))
+    found = []
+    for origin, direction in zip(origins, directions, strict=True):
+        normal = np.cross(direction, c - a)
+        scale = np.einsum("ij,ij->i", b - a, normal)
+        scale[np.abs(scale) < 1e-15] = np.inf
+        u = np.einsum("ij,ij->i", origin - a, normal) / scale
+        cross = np.cross(origin - a, b - a)
+        v = cross @ direction / scale
+        distance = np.einsum("ij,ij->i", c - a, cross) / scale
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
+        hit &= np.isfinite(scale)
+        found.append(np.unique(np.round(distance[hit], 9)))
+    return found
+
+
+def fan(offset: float) -> tuple[Floats, Floats]:
+    """Give the rays of a fan that starts beside the sensor, to the left, m."""
+    zero = np.zeros_like(ANGLES)
+    directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), zero])
+    left = np.column_stack([-np.sin(ANGLES), np.cos(ANGLES), zero])
+    return SENSOR + offset * left, directions
+
+
+def ends(scene: Scene, offset: float = 0.0) -> tuple[Floats, Floats]:
+    """Give the ends of beams of power 1, (181, 3) m, and what is left of it there."""
+    origins, directions = fan(offset)
+    walls = np.full(len(ANGLES), np.inf)
+    chords: list[list[tuple[float, float, float]]] = [[] for _ in ANGLES]
+    for part in scene.parts:
+        density = part.material.density
+        for ray, hits in enumerate(crossings(part, origins, directions)):
+            if math.isinf(density) and hits.size:
+                walls[ray] = min(walls[ray], hits[0])
+            elif hits.size:
+                entries = hits if hits.size % 2 == 0 else np.array([0.0, *hits])
+                pairs = entries.reshape(-1, 2)
+                chords[ray] += [(near, far, density) for near, far in pairs]
+    reached = [_reach(layers, wall) for layers, wall in zip(chords, walls, strict=True)]
+    distances, left = np.array(reached).T
+    return origins + distances[:, None] * directions, left
+
+
+def _reach(
+    layers: list[tuple[float, float, float]], wall: float
+) -> tuple[float, float]:
+    """Walk along one ray from layer to layer; overlapping ones both count."""
+    power = 1.0
+    marks = sorted({0.0, wall, *(x for near, far, _ in layers for x in (near, far))})
+    for start, end in pairwise(marks):
+        if start >= wall:
+            break
+        middle = (start + end) / 2
+        density = sum(rho for near, far, rho in layers if near < middle < far)
+        if density * (end - start) > power:
+            return start + power / density, 0.0
+        power -= density * (end - start)
+    return wall, power
+
+
+def bushes(scene: Scene) -> list[Part]:
+    return [part for part in scene.parts if part.object_name.startswith("bush_")]
+
+
+def circle(part: Part) -> tuple[Floats, float]:
+    """Give the centre of a sphere and the radius of its section at the sensor."""
+    low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+    centre: Floats = (low + high) / 2
+    radius = (high[2] - low[2]) / 2
+    return centre, math.sqrt(radius**2 - (centre[2] - SENSOR[2]) ** 2)
+
+
+@pytest.mark.parametrize("name", ["empty_room", "foliage_room", "smoke_room"])
+def test_a_shipped_map_is_a_room_with_three_starts(name: str) -> None:
+    scene = load_map(name)
+    assert np.abs(scene.bounds[:, :2]).tolist() == [[10.6, 6.6], [10.6, 6.6]]
+    starts = [start.name for start in scene.starts]
+    assert starts == ["RobotStart1", "RobotStart2", "RobotStart3"]
+    assert scene.starts[0].pose.numbers() == (-8, 0, 0, 0, 0, 0)
+    assert scene.floor_at(-8, 0) == 0
+
+
+def test_every_map_in_the_folder_is_tested_here() -> None:
+    assert set(shipped_maps()) == {"empty_room", "foliage_room", "smoke_room"}
+
+
+def test_a_shipped_map_loads_quickly() -> None:
+    load_map("foliage_room")
+    start = time.process_time()
+    load_map("foliage_room")
+    assert time.process_time() - start < 0.3
+
+
+def test_the_empty_room_is_free_where_it_must_be() -> None:
+    for part in load_map("empty_room").parts:
+        if part.object_name != "floor":
+            low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+            margin = 0.39  # m; a P3AT turns on the spot within this
+            off_x = low[0] > 0 + margin or high[0] < -10 - margin
+            off_y = low[1] > 6 + margin or high[1] < -6 - margin
+            assert off_x or off_y
+
+
+def test_neighbouring_bushes_overlap_by_2_to_5_percent_of_their_diameters() -> None:
+    circles = [circle(part) for part in bushes(load_map("foliage_room"))]
+    assert len(circles) >= 6
+    for (one, r), (other, s) in pairwise(circles):
+        depth = r + s - np.linalg.norm(one[:2] - other[:2])
+        assert 0.02 <= depth / (2 * r) <= 0.05
+        assert 0.02 <= depth / (2 * s) <= 0.05
+
+
+def test_bushes_have_the_radii_and_density_that_they_should() -> None:
+    parts = bushes(load_map("foliage_room"))
+    radii = [np.ptp(part.vertices[:, 0]) / 2 for part in parts]
+    assert min(radii) == pytest.approx(0.8)
+    assert max(radii) == pytest.approx(1.2)
+    assert {part.material.density for part in parts} == {0.7}
+
+
+def test_the_row_of_bushes_has_no_gap_from_wall_to_wall() -> None:
+    scene = load_map("foliage_room")
+    circles = [circle(part) for part in bushes(scene)]
+    # the triangles lie inside of the spheres, by less than half a percent
+    edges = [(c[1] - 0.995 * r, c[1] + 0.995 * r) for c, r in circles]
+    assert edges[0][0] < -6.4
+    assert edges[-1][1] > 6.4
+    assert all(b[0] < a[1] for a, b in pairwise(edges))
+
+
+@pytest.mark.parametrize("offset", [-0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4])
+def test_the_radar_sees_past_the_edges_of_the_bushes_but_not_through_them(
+    offset: float,
+) -> None:
+    places, power = ends(load_map("foliage_room"), offset)
+    assert np.count_nonzero((places[:, 0] > BEYOND) & (power > 0)) >= 10
+    inside = (power == 0) & (places[:, 0] < BEYOND)
+    assert np.count_nonzero(inside) >= 40
+
+
+def test_every_beam_to_the_far_side_meets_a_bush() -> None:
+    scene = load_map("foliage_room")
+    places, power = ends(scene)
+    assert (power[places[:, 0] > 0.5] < 1).all()
+
+
+def test_there_is_something_to_discover_behind_the_bushes() -> None:
+    scene = load_map("foliage_room")
+    behind = [part for part in scene.parts if part.vertices[:, 0].min() > BEYOND]
+    names = {part.object_name for part in behind} - {"east_wall"}
+    assert names == {"crate_low", "crate_high", "cabinet", "pole"}
+    assert all(part.vertices[:, 2].max() > SENSOR[2] for part in behind)
+
+
+def test_the_cloud_holds_every_start_and_crosses_the_room() -> None:
+    scene = load_map("smoke_room")
+    (cloud,) = (part for part in scene.parts if part.object_name == "cloud")
+    low, high = cloud.vertices.min(axis=0), cloud.vertices.max(axis=0)
+    for start in scene.starts:
+        sensor = start.pose.position() + np.array([0.0, 0.0, SENSOR[2]])
+        assert (sensor > low).all()
+        assert (sensor < high).all()
+    assert low[1] < -6.4
+    assert high[1] > 6.4
+    material = cloud.material
+    assert (material.density, material.laser_density, material.solid) == (0, 0.5, False)
+
+
+def test_smoke_costs_the_radar_nothing() -> None:
+    scene = load_map("smoke_room")
+    places, power = ends(scene)
+    assert (power == 1).all()
+    parts = tuple(part for part in scene.parts if part.object_name != "cloud")
+    clear, _ = ends(Scene("room", "DM-Room", parts))
+    assert np.abs(places - clear).max() < 1e-9
+
+
+def test_foliage_and_smoke_room_are_the_same_room() -> None:
+    def things(name: str) -> dict[str, list[list[float]]]:
+        return {
+            part.object_name: part.vertices.tolist()
+            for part in load_map(name).parts
+            if not part.material.penetrable
+        }
+
+    assert things("foliage_room") == things("smoke_room")
