@@ -4,7 +4,7 @@ from radarsim.randomness import generator_for
 def numbers(*key: int | str) -> list[float]:
     seed, *names = key
     rng = generator_for(int(seed), *(str(name) for name in names))
-    return rng.random(8).tolist()
+    return [float(number) for number in rng.random(8)]
 
 
 def test_the_same_key_draws_the_same() -> None:

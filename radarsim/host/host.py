@@ -26,7 +26,7 @@ from radarsim.scene.scene import Scene
 from radarsim.simulation.conditions import Conditions
 from radarsim.simulation.simulation import Simulation, Told
 
-COMMANDS_A_TICK = 100  # clients in the field send a few
+COMMANDS_A_TICK = 20  # clients in the field send a few; answers cost most of a tick
 
 
 class Host:

@@ -38,14 +38,12 @@ def malformed(line: str, error: MalformedMessage) -> Notice:
 def unknown_fields(line: str) -> Notice | None:
     """Tell of the fields of a command that have no meaning here, if it has any."""
     message = decode_message(line)
-    known = FIELDS.get(message.verb.upper())
-    if known is None:
-        return None
+    verb = message.verb.upper()
+    known = FIELDS[verb]
     lowered = {key.lower() for key in known}
     strange = [key for key, _ in message.segments if key.lower() not in lowered]
     if not strange:
         return None
-    verb = message.verb.upper()
     return Notice(
         f"{verb} fields", f"{verb} {strange[0][:80]!r}, expected of {list(known)}"
     )

@@ -76,7 +76,7 @@ class Orders:
                 return self._init(client, command)
             case Unsupported(verb):
                 return Notice(verb, f"{verb} does nothing here")
-            case Drive() | GetGeo() | GetConf() | SetItem():
+            case _:
                 return self._order(client, command)
 
     def _order(self, client: Client, command: RobotCommand) -> Notice | None:
@@ -96,7 +96,7 @@ class Orders:
             case GetConf(kind, name):
                 found = configuration(vehicle, self._conditions, kind, name)
                 return _answer(client, kind, found)
-            case SetItem():
+            case _:
                 return _set(vehicle, command)
 
     def _init(self, client: Client, command: Init) -> Notice | None:

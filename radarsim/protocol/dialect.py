@@ -52,7 +52,6 @@ class Dialect:
         ins_interval: s.
         tachometer_interval: s.
         laser_max_range: Of a robot's radar and SICK, m; None for the preset's own.
-        one_range_limit: Most ranges in one scan of a P3AT; None for no limit.
     """
 
     name: str
@@ -87,7 +86,6 @@ class Dialect:
     ins_interval: float
     tachometer_interval: float
     laser_max_range: float | None
-    one_range_limit: int | None
 
     def scan_interval_of(self, sensor: str) -> float:
         """Give the interval of a scanner preset, s."""
@@ -135,7 +133,6 @@ COMPAT = Dialect(
     ins_interval=0.1,
     tachometer_interval=0.1,
     laser_max_range=None,
-    one_range_limit=192,
 )
 
 UDK = Dialect(
@@ -182,7 +179,6 @@ UDK = Dialect(
     ins_interval=0.2,
     tachometer_interval=0.2,
     laser_max_range=20.0,
-    one_range_limit=None,
 )
 
 

@@ -1,12 +1,18 @@
 """Upright boxes that stop every ray: robots, which move while the scene is sealed."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.raycast.compiled import leaf
+
+# Columns of the boxes as they are laid out; the last but one is how far a corner is
+# from the middle, seen from above.
+X, Y, Z, COS, SIN, LENGTH, WIDTH, HEIGHT, AROUND, NUMBER = range(10)
+NO_BOXES: Final = np.zeros((0, 10))
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,17 +22,39 @@ class Boxes:
     Attributes:
         rows: (B, 8): x, y, yaw, lower and upper z, half the length, half the width
             (m, rad), and a number that names the box.
+
+    Raises:
+        EngineError: If the rows have another shape, or numbers that are not finite.
     """
 
     rows: Floats
 
-    @classmethod
-    def none(cls) -> "Boxes":
-        """Give no boxes."""
-        return cls(np.zeros((0, 8)))
+    def __post_init__(self) -> None:
+        rows = np.asarray(self.rows, np.float64)
+        if rows.ndim != 2 or rows.shape[1] != 8:
+            raise EngineError(f"boxes of shape {rows.shape}, expected (n, 8)")
+        if not np.isfinite(rows).all():
+            row = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+            raise EngineError(
+                f"boxes[{row}] is {rows[row].tolist()}, expected finite numbers"
+            )
+        object.__setattr__(self, "rows", rows)
+
+    def laid_out(self, middle: Floats) -> Floats:
+        """Give the columns that ``meet_boxes`` reads.
+
+        Args:
+            middle: (3,) m, where the coordinates of its rays count from.
+        """
+        x, y, yaw, low, high, length, width, number = self.rows.T
+        around = np.hypot(length, width)
+        centre = x - middle[0], y - middle[1], (low + high) / 2 - middle[2]
+        half = length, width, (high - low) / 2
+        columns = (*centre, np.cos(yaw), np.sin(yaw), *half, around, number)
+        return np.column_stack(columns)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@leaf
 def _slab(at: Any, step: Any, half: Any) -> Any:
     """Give where a ray enters and leaves the slab from -half to half along one axis."""
     if step == 0.0:
@@ -35,8 +63,8 @@ def _slab(at: Any, step: Any, half: Any) -> Any:
     return min(first, second), max(first, second)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def meet_boxes(rows: Any, own: Any, origin: Any, direction: Any, reach: Any) -> Any:
+@leaf
+def meet_boxes(laid: Any, own: Any, origin: Any, direction: Any, reach: Any) -> Any:
     """Find the nearest surface of all boxes but one's own.
 
     A ray that starts in a box meets it from within.
@@ -45,18 +73,18 @@ def meet_boxes(rows: Any, own: Any, origin: Any, direction: Any, reach: Any) -> 
         How far it is, m, at most ``reach``; and the box's number, -1 for none.
     """
     nearest, name = reach, np.int64(-1)
-    for i in range(len(rows)):
-        x, y, yaw, low, high, length, width, number = rows[i]
-        if number == own:
+    ex, ey = direction[0], direction[1]
+    for i in range(len(laid)):
+        dx, dy = origin[0] - laid[i, X], origin[1] - laid[i, Y]
+        if abs(ex * dy - ey * dx) > laid[i, AROUND] or laid[i, NUMBER] == own:
             continue
-        c, s = np.cos(yaw), np.sin(yaw)
-        dx, dy = origin[0] - x, origin[1] - y
-        ahead = _slab(c * dx + s * dy, c * direction[0] + s * direction[1], length)
-        beside = _slab(c * dy - s * dx, c * direction[1] - s * direction[0], width)
-        above = _slab(origin[2] - (low + high) / 2, direction[2], (high - low) / 2)
+        c, s = laid[i, COS], laid[i, SIN]
+        ahead = _slab(c * dx + s * dy, c * ex + s * ey, laid[i, LENGTH])
+        beside = _slab(c * dy - s * dx, c * ey - s * ex, laid[i, WIDTH])
+        above = _slab(origin[2] - laid[i, Z], direction[2], laid[i, HEIGHT])
         near = max(ahead[0], beside[0], above[0])
         far = min(ahead[1], beside[1], above[1])
         t = near if near >= 0.0 else far
         if near <= far and 0.0 <= t <= nearest:
-            nearest, name = t, np.int64(number)
+            nearest, name = t, np.int64(laid[i, NUMBER])
     return nearest, name

@@ -1,4 +1,4 @@
-"""The one door to Embree: a sealed set of meshes, and every hit along a ray.
+"""The one door to Embree: a sealed set of triangles, and all that a ray meets there.
 
 Theory of operation
 ===================
@@ -6,182 +6,93 @@ embreex brings Embree 4's own shared library in its wheel; ctypes opens that fil
 builds the scene. Rays go from compiled code straight to ``rtcIntersect1``, with no
 Python between two rays.
 
-A penetrable surface is not a reason to stop: its geometry carries an intersection
-filter, which writes the hit down and rejects it, so one traversal, from one origin,
-lists *all* penetrable surfaces up to the first opaque one. No ray is ever restarted
-behind a hit. Restarts with a shifted origin lose thin exits, restarts at the next
-float lose surfaces that coincide; a list loses neither.
+Embree computes in float32, which at 1 km is off by more than a foliage's edge is
+thick: a grazing ray gains or loses a chord of centimetres. So Embree only says which
+triangles a ray may meet: to Embree they are boxes, wider than the triangles by more
+than float32 can err. For each box on its way a callback crosses the triangle itself,
+in float64, see ``line``. What is penetrable goes on a list; what is opaque shortens
+the ray. So one traversal, from one origin, gives *all* surfaces up to the first opaque
+one, and no ray is ever restarted behind a hit. Restarts with a shifted origin lose
+thin exits, restarts at the next float lose surfaces that coincide; a list loses
+neither.
 
 Rule 1: a scene is sealed when it is made. Embree would ignore what is added later.
 Rule 2: what goes in is checked: shapes, finite vertices, indices in range. Embree
 reads past arrays and drops whole meshes in silence.
-Rule 3: Embree computes in float32. Its distances choose and order nothing in the end;
-callers refine them with the float64 planes of the triangles.
+Rule 3: far from the scene nothing is cast: a ray that starts outside is taken to the
+sphere around the scene first, so that Embree sees no larger numbers than the scene's.
 """
 
 import ctypes
-import functools
-import importlib.metadata
 import weakref
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import carray, cfunc, njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 from numpy.typing import ArrayLike, NDArray
 
 from radarsim.errors import EngineError
+from radarsim.geometry import Floats
+from radarsim.raycast.compiled import callback
+from radarsim.raycast.library import open_library
+from radarsim.raycast.query import meet, pointer
 
-GEOMETRY_TRIANGLES: Final = 0
-BUFFER_INDEX: Final = 0
-BUFFER_VERTEX: Final = 1
-FORMAT_UINT3: Final = 0x5003
-FORMAT_FLOAT3: Final = 0x9003
-SCENE_ROBUST: Final = 1 << 2  # edges are watertight: no ray slips between two triangles
-PROPERTY_VERSION: Final = 0
-PROPERTY_FILTERS: Final = 34
+# How much wider than its triangle a box is, for each metre of the scene's radius.
+# float32 rounds what Embree compares to 6e-8 of it, some eight times over.
+WIDER: Final = 2e-6
 
-# One block of memory serves a call: the ray with its hit, the arguments, the context.
-# Embree sees the first 64 bytes of the context; ours follow them.
-# RTCRayHit comes first: 12 words for the ray, 8 or 9 for the hit, 4 bytes each.
-RAY_END: Final = 8  # the ray's reach goes in, the distance of an opaque hit comes out
-ARGUMENTS_WORD: Final = 32  # RTCIntersectArguments: 2 words, then pointers
-CONTEXT_WORD: Final = 64
-LIST_QUAD: Final = 40  # in 8 byte words: where hits go, how many fit, how many came
-BLOCK_BYTES: Final = 512
-
-HIT: Final = np.dtype([("t", "f4"), ("geometry", "u4"), ("triangle", "u4")])
+GEOMETRY_USER: Final = 120  # one of RTCGeometryType
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _pointer(typingctx: Any, address: Any) -> Any:
-    """Take an integer for the address that it is."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.intp), generate
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def _call_intersect(
-    typingctx: Any, function: Any, scene: Any, ray: Any, arguments: Any
-) -> Any:
-    """Call ``rtcIntersect1`` at an address: no Python, no lock."""
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * 3)
-        callee = builder.inttoptr(args[0], kind.as_pointer())
-        pointers = [builder.inttoptr(arg, cgutils.voidptr_t) for arg in args[1:]]
-        builder.call(callee, pointers)
-        return context.get_dummy_value()
-
-    return types.void(*[types.intp] * 4), generate
-
-
-@cfunc(types.void(types.voidptr), cache=True)  # type: ignore[untyped-decorator]
-def _write_hit_down(call: Any) -> None:
-    """Embree asks: does this hit count? Opaque ones do, the others go on the list."""
-    fields = carray(call, 5, np.int64)  # valid, user data, context, ray, hit
-    ours = carray(_pointer(fields[2]), 12, np.int64)
-    hit = carray(_pointer(fields[4]), 7, np.uint32)
-    opaque = carray(_pointer(ours[11]), int(hit[6]) + 1, np.uint8)
-    if opaque[hit[6]]:
-        return
-    count = ours[10]
-    if count < ours[9]:
-        place = ours[8] + count * 12
-        distance = carray(_pointer(place), 1, np.float32)
-        distance[0] = carray(_pointer(fields[3]), 9, np.float32)[8]
-        names = carray(_pointer(place), 3, np.uint32)
-        names[1] = hit[6]
-        names[2] = hit[5]
-    ours[10] = count + 1
-    carray(_pointer(fields[0]), 1, np.int32)[0] = 0
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def new_block(opaque: Any, hits: Any) -> Any:
-    """Lay out the memory that ``intersect`` works in; one per thread and call.
-
-    Args:
-        opaque: (G,) uint8, 1 where a geometry stops the ray.
-        hits: (H,) HIT, where the hits on all others are listed.
-    """
-    block = np.zeros(BLOCK_BYTES // 8 + 8, np.int64)
-    block = block[(64 - block.ctypes.data % 64) % 64 // 8 :]  # Embree wants 16
-    words = block.view(np.uint32)
-    words[ARGUMENTS_WORD + 1] = 0xFFFFFFFF  # every feature
-    block[ARGUMENTS_WORD // 2 + 1] = block.ctypes.data + CONTEXT_WORD * 4
-    words[CONTEXT_WORD : CONTEXT_WORD + 4] = 0xFFFFFFFF  # no instance
-    block[LIST_QUAD] = hits.ctypes.data
-    block[LIST_QUAD + 1] = hits.size
-    block[LIST_QUAD + 3] = opaque.ctypes.data
-    return block
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def intersect(handle: Any, block: Any, origin: Any, direction: Any, reach: Any) -> Any:
-    """Cast one ray and list what it meets.
-
-    Args:
-        handle: ``EmbreeScene.handle``.
-        block: From ``new_block``.
-        origin: (3,) m.
-        direction: (3,) unit vector.
-        reach: How far the ray goes, m.
-
-    Returns:
-        How many hits on penetrable surfaces there are, in no order, some of them
-        behind the opaque hit, and if more than fit, only the first are written; the
-        geometry and the triangle of the first opaque hit, -1 and -1 without one.
-    """
-    words = block.view(np.uint32)
-    floats = block.view(np.float32)
+@callback
+def _bound(call: Any) -> None:
+    """Embree asks: in which box is triangle i?"""
+    fields = carray(call, 3, np.uint64)  # the table, i, where the answer goes
+    numbers = carray(call, 3, np.uint32)
+    table = carray(pointer(fields[0]), 2, np.uint64)
+    margin = carray(pointer(fields[0]), 2, np.float64)[1]
+    place = table[0] + np.uint64(numbers[2]) * np.uint64(72)
+    corners = carray(pointer(place), 9, np.float64)
+    box = carray(pointer(fields[2]), 8, np.float32)
     for axis in range(3):
-        floats[axis] = origin[axis]
-        floats[4 + axis] = direction[axis]
-    floats[3] = 0.0
-    floats[7] = 0.0
-    floats[RAY_END] = reach
-    words[9] = 0xFFFFFFFF
-    words[10] = 0
-    words[11] = 0
-    words[18] = 0xFFFFFFFF
-    words[19] = 0xFFFFFFFF
-    block[LIST_QUAD + 2] = 0
-    address = block.ctypes.data
-    _call_intersect(handle[0], handle[1], address, address + ARGUMENTS_WORD * 4)
-    if words[18] == 0xFFFFFFFF:
-        return block[LIST_QUAD + 2], np.int64(-1), np.int64(-1)
-    geometry, triangle = words[18], words[17]
-    return block[LIST_QUAD + 2], np.int64(geometry), np.int64(triangle)
+        a, b, c = corners[axis], corners[axis + 3], corners[axis + 6]
+        box[axis] = min(a, b, c) - margin
+        box[axis + 4] = max(a, b, c) + margin
 
 
 class Mesh(NamedTuple):
-    """One geometry of a scene.
+    """The triangles of one part.
 
     Attributes:
-        vertices: (V, 3) m.
+        vertices: (V, 3) m, of at most 1 km around the scene's middle, the origin.
         faces: (F, 3) indices of vertices.
-        listed: Whether some rays pass through it, so that its hits are listed.
     """
 
     vertices: ArrayLike
     faces: ArrayLike
-    listed: bool
+
+
+class Handle(NamedTuple):
+    """What ``intersect`` needs to know of a scene; valid while the scene lives.
+
+    Attributes:
+        numbers: (4,) uint64: addresses of Embree's function, Embree's scene, the
+            corners of the triangles, and the numbers of the parts that they are of.
+        radius: m, of a sphere around the origin that holds everything.
+        margin: m, how much wider than their triangles the boxes are.
+    """
+
+    numbers: NDArray[np.uint64]
+    radius: float
+    margin: float
 
 
 class EmbreeScene:
     """A sealed set of triangle meshes.
 
     Attributes:
-        handle: (2,) int64, what ``intersect`` needs: the address of Embree's function
-            and of the scene. Valid while this object lives.
+        handle: For ``intersect``.
     """
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
@@ -191,30 +102,23 @@ class EmbreeScene:
             EngineError: If Embree cannot be opened, or a mesh is not what it has to be.
         """
         library = open_library()
-        checked = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
-        device = library.rtcNewDevice(None)
-        if not device:
-            raise EngineError("Embree made no device, expected one with its defaults")
-        scene = library.rtcNewScene(device)
+        corners = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
+        self._triangles = np.concatenate([np.zeros((0, 9)), *corners])
+        counts = [len(rows) for rows in corners]
+        self._owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
+        points = self._triangles.reshape(-1, 3)
+        radius = float(np.sqrt((points**2).sum(axis=1).max(initial=0.0)))
+        margin = WIDER * radius
+        device, scene = _build(library, self._triangles, margin)
         self._close = weakref.finalize(self, _release, library, scene, device)
-        library.rtcSetSceneFlags(scene, SCENE_ROBUST)
-        self._shared = [arrays[:2] for arrays in checked]  # Embree reads these in place
-        for vertices, faces, listed in checked:
-            _attach(library, device, scene, vertices, faces, listed)
-        library.rtcCommitScene(scene)
-        error = library.rtcGetDeviceError(device)
-        if error:
-            raise EngineError(
-                f"Embree error {error} while building {len(meshes)} meshes"
-            )
         function = ctypes.cast(library.rtcIntersect1, ctypes.c_void_p).value
-        self.handle: NDArray[np.int64] = np.array([function, scene], np.int64)
+        triangles, owners = self._triangles.ctypes.data, self._owners.ctypes.data
+        numbers = np.array([function, scene, triangles, owners], np.uint64)
+        self.handle = Handle(numbers, radius + margin, margin)
 
 
-def _checked(
-    index: int, mesh: Mesh
-) -> tuple[NDArray[np.float32], NDArray[np.uint32], bool]:
-    """Give the arrays as Embree shares them, the vertices padded by 16 bytes."""
+def _checked(index: int, mesh: Mesh) -> Floats:
+    """Give the corners of a mesh's triangles, (F, 9) m."""
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces)
     for name, array in (("vertices", vertices), ("faces", faces)):
@@ -235,88 +139,36 @@ def _checked(
             f"face indices {faces.min()} to {faces.max()}, expected 0 to"
             f" {len(vertices) - 1}, in mesh {index}"
         )
-    padded = np.zeros(vertices.size + 4, np.float32)
-    padded[: vertices.size] = vertices.ravel()
-    return padded, np.array(faces, np.uint32, order="C"), mesh.listed
+    corners: Floats = vertices[faces].reshape(-1, 9)
+    return corners
 
 
-def _attach(
-    library: Any,
-    device: int,
-    scene: int,
-    vertices: NDArray[np.float32],
-    faces: NDArray[np.uint32],
-    listed: bool,
-) -> None:
-    geometry = library.rtcNewGeometry(device, GEOMETRY_TRIANGLES)
-    share = library.rtcSetSharedGeometryBuffer
-    count = (vertices.size - 4) // 3
-    at = vertices.ctypes.data
-    share(geometry, BUFFER_VERTEX, 0, FORMAT_FLOAT3, at, 0, 12, count)
-    share(geometry, BUFFER_INDEX, 0, FORMAT_UINT3, faces.ctypes.data, 0, 12, len(faces))
-    if listed:
-        library.rtcSetGeometryIntersectFilterFunction(geometry, _write_hit_down.address)
+def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int, int]:
+    """Build Embree's tree of boxes around triangles.
+
+    Returns:
+        The device and the scene, to be released.
+    """
+    device = library.rtcNewDevice(None)
+    scene = library.rtcNewScene(device)
+    geometry = library.rtcNewGeometry(device, GEOMETRY_USER)
+    table = np.array([triangles.ctypes.data, 0], np.uint64)
+    table.view(np.float64)[1] = margin
+    library.rtcSetGeometryUserPrimitiveCount(geometry, len(triangles))
+    library.rtcSetGeometryUserData(geometry, table.ctypes.data)
+    library.rtcSetGeometryBoundsFunction(geometry, _bound.address, None)
+    library.rtcSetGeometryIntersectFunction(geometry, meet.address)
     library.rtcCommitGeometry(geometry)
     library.rtcAttachGeometry(scene, geometry)
     library.rtcReleaseGeometry(geometry)
+    library.rtcCommitScene(scene)
+    error = library.rtcGetDeviceError(device)
+    if error:
+        _release(library, scene, device)
+        raise EngineError(f"Embree error {error} over {len(triangles)} triangles")
+    return device, scene
 
 
-def _release(library: Any, scene: int, device: int) -> None:
+def _release(library: ctypes.CDLL, scene: int, device: int) -> None:
     library.rtcReleaseScene(scene)
     library.rtcReleaseDevice(device)
-
-
-@functools.cache
-def open_library() -> ctypes.CDLL:
-    """Open the Embree 4 that embreex brings, and make sure that it is what we expect.
-
-    Raises:
-        EngineError: If there is none, or one of another version or build.
-    """
-    files = importlib.metadata.files("embreex") or []
-    paths = [Path(str(file.locate())) for file in files if "embree4" in file.name]
-    if len(paths) != 1:
-        names = [path.name for path in paths]
-        raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
-    try:
-        library = ctypes.CDLL(str(paths[0]))
-    except OSError as error:
-        raise EngineError(f"cannot open {paths[0]}: {error}") from error
-    _declare(library)
-    device = library.rtcNewDevice(None)
-    version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
-    filters = library.rtcGetDeviceProperty(device, PROPERTY_FILTERS)
-    library.rtcReleaseDevice(device)
-    if version // 10000 != 4 or not filters:
-        raise EngineError(
-            f"Embree {version} with filters {bool(filters)},"
-            " expected 4xxxx with filter functions"
-        )
-    return library
-
-
-def _declare(library: ctypes.CDLL) -> None:
-    """Tell ctypes the types; unsaid, it would cut pointers to 32 bits."""
-    pointer, number, size = ctypes.c_void_p, ctypes.c_int, ctypes.c_size_t
-    signatures: dict[str, tuple[Any, list[Any]]] = {
-        "rtcNewDevice": (pointer, [ctypes.c_char_p]),
-        "rtcGetDeviceProperty": (ctypes.c_ssize_t, [pointer, number]),
-        "rtcGetDeviceError": (number, [pointer]),
-        "rtcReleaseDevice": (None, [pointer]),
-        "rtcNewScene": (pointer, [pointer]),
-        "rtcSetSceneFlags": (None, [pointer, number]),
-        "rtcCommitScene": (None, [pointer]),
-        "rtcReleaseScene": (None, [pointer]),
-        "rtcNewGeometry": (pointer, [pointer, number]),
-        "rtcSetSharedGeometryBuffer": (
-            None,
-            [pointer, number, ctypes.c_uint, number, pointer, size, size, size],
-        ),
-        "rtcSetGeometryIntersectFilterFunction": (None, [pointer, pointer]),
-        "rtcCommitGeometry": (None, [pointer]),
-        "rtcAttachGeometry": (ctypes.c_uint, [pointer, pointer]),
-        "rtcReleaseGeometry": (None, [pointer]),
-    }
-    for name, (result, arguments) in signatures.items():
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments

@@ -9,13 +9,13 @@ it walks one ray's list of crossings, in order of distance, in float64.
 
 A part is around the ray where its winding number is above zero: the number there at
 the start, plus one for each front of a triangle that the ray goes in by, minus one for
-each back that it goes out by. Shells that overlap count once, cavities are outside,
+each back that it comes out by. Shells that overlap count once, cavities are outside,
 and two crossings on a grazed edge add up to nothing in either order.
 
-Rule 1: a crossing is counted once. That a ray through an edge meets both triangles of
-it is for the caller to mend; here it would be two surfaces.
+Rule 1: the list is complete, and a surface is on it once; ``line`` sees to that.
 Rule 2: the density is summed anew after each crossing, never added to and taken from:
 a ray that has left all volumes pays nothing, exactly.
+Rule 3: a power of which rounding alone leaves something is spent.
 
 Source: the recursion of a thesis on a radar for USARSim, of which this is the loop;
 in that model a penetrable object costs density times length, and where the power
@@ -26,11 +26,14 @@ from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.raycast.compiled import compiled, leaf
 
+ROUNDING: Final = 1e-12  # share of a power that may be left of it by rounding
+
+CROSSING: Final = np.dtype([("t", "f8"), ("part", "i4"), ("turn", "i4")])
 EVENT: Final = np.dtype(
     [("ray", "i8"), ("t", "f8"), ("part", "i4"), ("kind", "i4"), ("power", "f8")]
 )
@@ -56,6 +59,11 @@ class EventKind(IntEnum):
     OUT_OF_RANGE = 6
 
 
+# The same as plain numbers, of which compiled code makes less ado.
+_START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT, _SPENT, _OUT_OF_RANGE = map(int, EventKind)
+_ENDED, _ENDED_BY_HIT, _ENDED_SPENT = map(int, Outcome)
+
+
 class Toll(NamedTuple):
     """What the parts of a scene cost one kind of ray.
 
@@ -72,23 +80,18 @@ class Walk(NamedTuple):
     """Where one ray is followed, and what it met; made once for many rays.
 
     Attributes:
-        t: (H,) m, where the ray crosses surfaces; the first ``count`` of a ``Stop``.
-        part: (H,) int32, whose they are.
-        turn: (H,) int32, what that adds to the part's winding number.
-        row: (H,) int64, which triangle it is; for the caller only.
+        crossings: (H,) CROSSING: how far a surface is, whose it is, and what it adds
+            to the winding number of that part; the first ``before`` of a ``Stop``.
         winding: (P,) int32, the winding number of each part.
-        touched: (P,) int32, the parts with an entry in ``seen``.
-        seen: (P,) uint8, whether the ray had to do with a part.
+        touched: (P,) int32, the parts that the ray had to do with.
+        seen: (P,) uint8, which parts these are.
         around: (P,) int32, the parts around the ray, last entered last.
         sizes: (2,) int64, how many are touched and how many around.
         events: (E,) EVENT; what happened, if anybody asks: the ``ray`` of the last
             row counts, and what does not fit is counted only. Without rows, nothing.
     """
 
-    t: Floats
-    part: NDArray[np.int32]
-    turn: NDArray[np.int32]
-    row: NDArray[np.int64]
+    crossings: NDArray[np.void]
     winding: NDArray[np.int32]
     touched: NDArray[np.int32]
     seen: NDArray[np.uint8]
@@ -101,12 +104,12 @@ class Stop(NamedTuple):
     """How far a ray can come at all.
 
     Attributes:
-        count: How many surfaces it crosses before.
+        before: How many surfaces it crosses before.
         t: Where, m.
         part: What stops it; -1 for the end of its reach.
     """
 
-    count: int
+    before: int
     t: float
     part: int
 
@@ -128,66 +131,45 @@ class Ending(NamedTuple):
     power: float
 
 
-def new_walk(parts: int, crossings: int, events: int = 0) -> Walk:
+@compiled
+def new_walk(parts: int, crossings: NDArray[np.void], events: NDArray[np.void]) -> Walk:
     """Make room for walks in a scene.
 
     Args:
         parts: How many parts the scene has.
-        crossings: How many one ray may meet.
-        events: How many all rays together may write; 0 if nobody asks.
+        crossings: As many as one ray may have.
+        events: One more than all rays together may write, or none.
     """
     return Walk(
-        t=np.zeros(crossings),
-        part=np.zeros(crossings, np.int32),
-        turn=np.zeros(crossings, np.int32),
-        row=np.zeros(crossings, np.int64),
-        winding=np.zeros(parts, np.int32),
-        touched=np.zeros(parts, np.int32),
-        seen=np.zeros(parts, np.uint8),
-        around=np.zeros(parts, np.int32),
-        sizes=np.zeros(2, np.int64),
-        events=np.zeros(events + 1 if events else 0, EVENT),
+        crossings,
+        np.zeros(parts, np.int32),
+        np.zeros(parts, np.int32),
+        np.zeros(parts, np.uint8),
+        np.zeros(parts, np.int32),
+        np.zeros(2, np.int64),
+        events,
     )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def new_walk_like(walk: Any) -> Any:
-    """Make room for as many crossings, to list them aside; nobody walks these."""
-    return Walk(
-        np.zeros_like(walk.t),
-        np.zeros_like(walk.part),
-        np.zeros_like(walk.turn),
-        np.zeros_like(walk.row),
-        walk.winding[:0],
-        walk.touched[:0],
-        walk.seen[:0],
-        walk.around[:0],
-        walk.sizes[:0],
-        walk.events[:0],
-    )
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _comes_after(walk: Any, i: Any, j: Any) -> Any:
+@leaf
+def _comes_after(one: Any, other: Any) -> Any:
     """Order by distance; where distances are equal, by part, and in before out."""
-    if walk.t[i] != walk.t[j]:
-        return walk.t[i] > walk.t[j]
-    if walk.part[i] != walk.part[j]:
-        return walk.part[i] > walk.part[j]
-    if walk.turn[i] != walk.turn[j]:
-        return walk.turn[i] < walk.turn[j]
-    return walk.row[i] > walk.row[j]
+    if one.t != other.t:
+        return one.t > other.t
+    if one.part != other.part:
+        return one.part > other.part
+    return one.turn < other.turn
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _swap(column: Any, i: Any, j: Any) -> None:
-    kept = column[i]
-    column[i] = column[j]
-    column[j] = kept
+@leaf
+def _swap(one: Any, other: Any) -> None:
+    one.t, other.t = other.t, one.t
+    one.part, other.part = other.part, one.part
+    one.turn, other.turn = other.turn, one.turn
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def sort_crossings(walk: Any, count: Any) -> None:
+@leaf
+def sort_crossings(crossings: Any, count: Any) -> None:
     """Sort the first ``count`` crossings in place: Shell's sort, in gaps of 3k + 1."""
     gap = 1
     while gap < count // 3:
@@ -195,16 +177,13 @@ def sort_crossings(walk: Any, count: Any) -> None:
     while gap > 0:
         for start in range(gap, count):
             i = start
-            while i >= gap and _comes_after(walk, i - gap, i):
-                _swap(walk.t, i - gap, i)
-                _swap(walk.part, i - gap, i)
-                _swap(walk.turn, i - gap, i)
-                _swap(walk.row, i - gap, i)
+            while i >= gap and _comes_after(crossings[i - gap], crossings[i]):
+                _swap(crossings[i - gap], crossings[i])
                 i -= gap
         gap //= 3
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@leaf
 def wind(walk: Any, part: Any, turn: Any) -> Any:
     """Add to a part's winding number; above zero, the part is around the ray.
 
@@ -234,7 +213,18 @@ def wind(walk: Any, part: Any, turn: Any) -> Any:
     return 0
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@leaf
+def forget(walk: Any) -> None:
+    """Leave all parts."""
+    for i in range(walk.sizes[0]):
+        part = walk.touched[i]
+        walk.winding[part] = 0
+        walk.seen[part] = 0
+    walk.sizes[0] = 0
+    walk.sizes[1] = 0
+
+
+@leaf
 def _density(walk: Any, toll: Any) -> Any:
     total = 0.0
     for i in range(walk.sizes[1]):
@@ -242,40 +232,70 @@ def _density(walk: Any, toll: Any) -> Any:
     return total
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _write(walk: Any, ray: Any, t: Any, part: Any, what: Any) -> None:
-    """Write an event down; ``what`` is its kind and the power there."""
+@leaf
+def _write(walk: Any, ray: Any, t: Any, part: Any, kind: Any, power: Any) -> None:
+    """Write an event down, if anybody asks."""
     last = walk.events.size - 1
     if last < 0:
         return
     n = walk.events[last].ray
     if n < last:
-        walk.events[n].ray = ray
-        walk.events[n].t = t
-        walk.events[n].part = part
-        walk.events[n].kind = what[0]
-        walk.events[n].power = what[1]
+        event = walk.events[n]
+        event.ray = ray
+        event.t = t
+        event.part = part
+        event.kind = kind
+        event.power = power
     walk.events[last].ray = n + 1
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _cross(walk: Any, toll: Any, i: Any, power: Any) -> Any:
+@leaf
+def _cross(walk: Any, toll: Any, crossing: Any, power: Any) -> Any:
     """Go through one surface.
 
     Returns:
         What happens there, an ``EventKind`` or -1 for nothing, and the power behind it.
     """
-    part = walk.part[i]
-    loss = toll.sheet_loss[part]
-    if loss == loss:
-        return np.int64(EventKind.SHEET), max(power - loss, 0.0)
-    change = wind(walk, part, walk.turn[i])
+    loss = toll.sheet_loss[crossing.part]
+    if not np.isnan(loss):
+        return _SHEET, max(power - loss, 0.0)
+    change = wind(walk, crossing.part, crossing.turn)
     if change > 0:
-        return np.int64(EventKind.ENTER), power
-    return np.int64(EventKind.LEAVE if change < 0 else -1), power
+        return _ENTER, power
+    return _LEAVE if change < 0 else -1, power
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@leaf
+def _follow(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
+    """Go from crossing to crossing, as far as the power carries.
+
+    Returns:
+        How far that is, the power there, and the part that took the last of it or -1.
+    """
+    least = power * ROUNDING if np.isfinite(power) else 0.0
+    at, density = 0.0, _density(walk, toll)
+    for i in range(stop.before + 1):
+        t = walk.crossings[i].t if i < stop.before else stop.t
+        if density > 0.0:
+            left = power - density * (t - at)
+            if left <= least:
+                at = min(at + power / density, t)
+                return at, 0.0, np.int64(walk.around[walk.sizes[1] - 1])
+            power = left
+        at = t
+        if i == stop.before:
+            break
+        crossing = walk.crossings[i]
+        kind, power = _cross(walk, toll, crossing, power)
+        if kind >= 0:
+            _write(walk, ray, at, crossing.part, kind, power)
+            if kind == _SHEET and power <= least:
+                return at, 0.0, np.int64(crossing.part)
+            density = _density(walk, toll)
+    return at, power, np.int64(-1)
+
+
+@leaf
 def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
     """Walk one ray from its start to where it ends.
 
@@ -291,44 +311,15 @@ def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
         An ``Ending``.
     """
     for i in range(walk.sizes[1]):
-        _write(walk, ray, 0.0, walk.around[i], (EventKind.START_INSIDE, power))
-    at, spent = 0.0, -1
-    density = _density(walk, toll)
-    for i in range(stop.count + 1):
-        last = i == stop.count
-        t = max(stop.t if last else walk.t[i], at)
-        if density > 0.0:
-            if density * (t - at) >= power:
-                at += power / density
-                spent = walk.around[walk.sizes[1] - 1]
-                break
-            power -= density * (t - at)
-        at = t
-        if last:
-            break
-        kind, power = _cross(walk, toll, i, power)
-        if kind >= 0:
-            _write(walk, ray, at, walk.part[i], (kind, power))
-            density = _density(walk, toll)
-            if kind == EventKind.SHEET and power == 0.0:
-                spent = walk.part[i]
-                break
+        _write(walk, ray, 0.0, walk.around[i], _START_INSIDE, power)
+    at, left, spent = _follow(ray, power, stop, toll, walk)
     forget(walk)
     if spent >= 0:
-        _write(walk, ray, at, spent, (EventKind.SPENT, 0.0))
-        return Ending(at, np.int64(Outcome.SPENT), np.int64(spent), 0.0)
-    hit = stop.part >= 0
-    kind = np.int64(EventKind.HIT if hit else EventKind.OUT_OF_RANGE)
-    _write(walk, ray, at, stop.part, (kind, power))
-    outcome = np.int64(Outcome.HIT if hit else Outcome.NOTHING)
-    return Ending(at, outcome, np.int64(stop.part), power)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def forget(walk: Any) -> None:
-    """Leave all parts."""
-    for i in range(walk.sizes[0]):
-        part = walk.touched[i]
-        walk.winding[part] = 0
-        walk.seen[part] = 0
-    walk.sizes[:] = 0
+        _write(walk, ray, at, spent, _SPENT, 0.0)
+        return Ending(at, _ENDED_SPENT, spent, 0.0)
+    part: Any = np.int64(stop.part)
+    if part < 0:
+        _write(walk, ray, at, part, _OUT_OF_RANGE, left)
+        return Ending(at, _ENDED, part, left)
+    _write(walk, ray, at, part, _HIT, left)
+    return Ending(at, _ENDED_BY_HIT, part, left)

@@ -3,17 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.raycast.compiled import leaf
 from radarsim.raycast.penetration import EventKind
 
 RADAR: Final = 0
 LASER: Final = 1
+UNIT: Final = 2e-9  # how far a direction's squared length may be from 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,34 +113,62 @@ class Event:
     power: float
 
 
-def check_rays(rays: Rays) -> None:
-    """Refuse what compiled code would read past the end of, or Embree misread.
+def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
+    """Give the columns in order, as compiled code takes them.
 
     Raises:
-        EngineError: If shapes disagree or numbers are not finite.
+        EngineError: If shapes or kinds of numbers are not those of ``Rays``.
     """
     n = len(rays.origins)
-    for name, array, shape in (
-        ("origins", rays.origins, (n, 3)),
-        ("directions", rays.directions, (n, 3)),
-        ("reach", rays.reach, (n,)),
-        ("power", rays.power, (n,)),
-        ("medium", rays.medium, (n,)),
-        ("own", rays.own, (n,)),
+    columns: list[NDArray[Any]] = []
+    for name, array, shape, kind in (
+        ("origins", rays.origins, (n, 3), np.float64),
+        ("directions", rays.directions, (n, 3), np.float64),
+        ("reach", rays.reach, (n,), np.float64),
+        ("power", rays.power, (n,), np.float64),
+        ("medium", rays.medium, (n,), np.uint8),
+        ("own", rays.own, (n,), np.int64),
     ):
         if array.shape != shape:
             raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
-    for name, array in (("origins", rays.origins), ("directions", rays.directions)):
-        if not np.isfinite(array).all():
-            row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-            raise EngineError(
-                f"{name}[{row}] is {array[row].tolist()}, expected finite numbers"
-            )
-    lengths = np.einsum("ij,ij->i", rays.directions, rays.directions)
-    if not np.allclose(lengths, 1.0, rtol=0, atol=1e-9):
-        row = int(np.argmax(np.abs(lengths - 1.0)))
-        raise EngineError(
-            f"directions[{row}] has length {lengths[row] ** 0.5:.9g}, expected 1"
-        )
-    if rays.medium.size and rays.medium.max() > LASER:
-        raise EngineError(f"medium {rays.medium.max()}, expected {RADAR} or {LASER}")
+        if array.dtype != kind:
+            raise EngineError(f"{name} of {array.dtype}, expected {np.dtype(kind)}")
+        # For arrays that are laid out otherwise all would be compiled once more.
+        plain = array.flags.c_contiguous and array.flags.writeable
+        columns.append(array if plain else array.copy())
+    return tuple(columns)
+
+
+@leaf
+def is_fit(origin: Any, direction: Any, reach: Any, power: Any, medium: Any) -> Any:
+    """Say whether one ray has finite numbers, a unit vector, and a known medium."""
+    length = 0.0
+    for axis in range(3):
+        length += direction[axis] ** 2
+        if not np.isfinite(origin[axis]):
+            return False
+    if not abs(length - 1.0) <= UNIT:
+        return False
+    return reach >= 0.0 and power >= 0.0 and medium <= LASER
+
+
+def refuse(rays: Rays, row: int) -> NoReturn:
+    """Say what is wrong with a ray that is not fit.
+
+    Raises:
+        EngineError: Always.
+    """
+    for name in ("origins", "directions"):
+        numbers = getattr(rays, name)[row]
+        if not np.isfinite(numbers).all():
+            text = f"{name}[{row}] is {numbers.tolist()}, expected finite numbers"
+            raise EngineError(text)
+    for name in ("reach", "power"):
+        number = float(getattr(rays, name)[row])
+        if not number >= 0.0:
+            raise EngineError(f"{name}[{row}] is {number}, expected at least 0")
+    if rays.medium[row] > LASER:
+        text = f"medium[{row}] is {rays.medium[row]}, expected {RADAR} or {LASER}"
+        raise EngineError(text)
+    length = float(np.linalg.norm(rays.directions[row]))
+    raise EngineError(f"directions[{row}] has length {length:.9g}, expected 1")

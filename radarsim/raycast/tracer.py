@@ -1,65 +1,49 @@
-"""Rays through a scene: what Embree lists, refined, sorted and settled.
+"""Rays through a scene: what they meet, sorted and settled.
 
 Theory of operation
 ===================
-One compiled loop takes one ray after the other. Embree lists the surfaces that the
-ray meets; their distances are computed again in float64 from the planes of the
-triangles; ``penetration.settle`` walks the sorted list.
+One compiled loop takes one ray after the other. ``embree`` lists the surfaces that the
+ray meets, ``penetration`` walks the sorted list.
 
-Rule 1: which volumes contain the start of a ray is not deduced from its crossings, as
-an opaque wall may hide the exit. Where a volume's box contains the start, probes in
-other directions, through penetrable surfaces only, count its winding number.
-Rule 2: a ray that would be charged behind its last crossing, up to a wall or to the
-end of its reach, is charged only for volumes that contain the middle of that stretch.
-Rule 3: robots are upright boxes outside Embree: they move, and the scene stays sealed.
-Rule 4: coordinates count from the middle of the scene, so that float32 has the fewest
-digits to lose.
+Rule 1: which volumes contain the start of a ray is not deduced from what is ahead, as
+an opaque wall may hide the exit. Where the start is in a volume's box, the same line
+is looked at backwards, through everything: what was entered there and not left again
+is around the ray. As it is the same line, no surface is counted on both sides of the
+start, or on none, and the sum of all crossings is zero, also for a ray that starts on
+a face or runs along an edge.
+Rule 2: robots are upright boxes outside Embree: they move, and the scene stays sealed.
+Rule 3: coordinates count from the middle of the scene, so that they are small.
 """
 
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from radarsim.raycast.boxes import Boxes, meet_boxes
-from radarsim.raycast.embree import (
-    HIT,
-    RAY_END,
-    EmbreeScene,
-    Mesh,
-    intersect,
-    new_block,
-)
+from radarsim.raycast.boxes import NO_BOXES, Boxes, meet_boxes
+from radarsim.raycast.compiled import compiled, leaf
+from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.penetration import (
+    CROSSING,
+    EVENT,
     EventKind,
     Outcome,
     Stop,
+    Toll,
     new_walk,
-    new_walk_like,
     settle,
+    sort_crossings,
     wind,
 )
-from radarsim.raycast.rays import Event, Rays, Traces, check_rays
-from radarsim.raycast.surfaces import (
-    NO_FACES,
-    list_crossings,
-    middle_of,
-    refine,
-    tabulate,
-    toll_of,
-)
+from radarsim.raycast.query import look_ahead, look_back, new_block
+from radarsim.raycast.rays import Event, Rays, Traces, columns_of, is_fit, refuse
+from radarsim.raycast.tolls import middle_of, tabulate
 from radarsim.scene.scene import Part
 
-PROBE: Final = 2  # the row of what is opaque to probes, behind those of the media
 FIRST_ROOM: Final = 512  # surfaces on one ray; a call that meets more is made again
-MARGIN: Final = 1e-3  # m; float32 puts a ray's end this near at 1 km
-# Directions of probes: no scene that people build has faces or edges along them.
-_SLANTS = np.array(
-    [[0.3015, 0.2214, 0.9274], [-0.5773, 0.3464, 0.7394], [0.1231, -0.8616, 0.4924]]
-)
-PROBES: Final = _SLANTS / np.linalg.norm(_SLANTS, axis=1, keepdims=True)
+NOTHING: Final = int(Outcome.NOTHING)
+INCLUSIVE: Final = 1e-9  # m; a surface this far out of reach is within
 
 
 class Tracer:
@@ -72,38 +56,27 @@ class Tracer:
             EngineError: If Embree cannot take a part, or a penetrable one encloses
                 nothing and is no sheet.
         """
-        self._parts = tuple(parts)
         self._middle = middle_of(parts)
-        self._tolls = (toll_of(parts, "density"), toll_of(parts, "laser_density"))
-        # The rows outlive every call: compiled code holds bare addresses of them.
-        self._opaque = np.array(
-            [
-                *(~np.isfinite(toll.density) for toll in self._tolls),
-                np.zeros(len(parts), np.bool_),
-            ],
-            np.uint8,
+        self._tolls = tabulate(parts, self._middle)
+        self._scene = EmbreeScene(
+            [Mesh(part.vertices - self._middle, part.faces) for part in parts]
         )
-        listed = (self._opaque[:PROBE] == 0).any(axis=0)
-        meshes = [
-            Mesh(part.vertices - self._middle, part.faces, bool(through))
-            for part, through in zip(parts, listed, strict=True)
-        ]
-        self._scene = EmbreeScene(meshes)
-        # Probes go through everything: here nothing is opaque.
-        self._probed = EmbreeScene(
-            [mesh if mesh.listed else mesh._replace(faces=NO_FACES) for mesh in meshes]
-        )
-        self._surfaces = tabulate(parts, self._middle, listed)
-        x, y, z = self._middle
-        self._box_shift = np.array([x, y, 0.0, z, z, 0.0, 0.0, 0.0])
         self._room = FIRST_ROOM
 
     def trace(self, rays: Rays, boxes: Boxes | None = None) -> Traces:
-        """Follow rays to where they end."""
+        """Follow rays to where they end.
+
+        Raises:
+            EngineError: If a column of the rays is not what it has to be.
+        """
         return self._run(rays, boxes, 0)[0]
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
-        """Follow rays and tell everything that each of them met, in order."""
+        """Follow rays and tell everything that each of them met, in order.
+
+        Raises:
+            EngineError: If a column of the rays is not what it has to be.
+        """
         events: list[list[Event]] = [[] for _ in range(len(rays.origins))]
         for row in self._run(rays, boxes, FIRST_ROOM)[1]:
             event = Event(
@@ -119,181 +92,134 @@ class Tracer:
         self, rays: Rays, boxes: Boxes | None, events: int
     ) -> tuple[Traces, NDArray[np.void]]:
         """Cast; again with more room where there was too little."""
-        check_rays(rays)
+        columns = columns_of(rays)
         n = len(rays.origins)
-        rows = (boxes or Boxes.none()).rows - self._box_shift
+        laid = NO_BOXES if boxes is None else boxes.laid_out(self._middle)
         while True:
             traces = Traces(
                 np.zeros(n), np.zeros(n, np.uint8), np.zeros(n, np.int64), np.zeros(n)
             )
-            walk = new_walk(len(self._parts), self._room, events)
+            notes = np.zeros(events + 1 if events else 0, EVENT)
             needed = _trace_all(
-                (self._scene.handle, self._probed.handle, self._middle),
-                (self._surfaces, self._tolls, self._opaque),
-                (rays.origins, rays.directions, rays.reach, rays.power, rays.medium),
-                (rows, rays.own),
-                walk,
+                (self._scene.handle, self._middle, self._tolls),
+                columns,
+                laid,
+                (np.zeros(self._room, CROSSING), notes),
                 (traces.ranges, traces.outcomes, traces.parts, traces.power),
             )
-            written = int(walk.events[-1]["ray"]) if events else 0
+            written = int(notes[-1]["ray"]) if events else 0
+            if needed < 0:
+                refuse(rays, -1 - int(needed))
             if needed == 0 and written <= events:
-                return traces, walk.events[:written]
+                return traces, notes[:written]
             self._room = max(self._room, 2 * int(needed))
             events = max(events, written)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _probe(handle: Any, work: Any, surfaces: Any, point: Any, part: Any) -> Any:
-    """Count how often a part contains a point: what two of three probes agree on.
+@leaf
+def _is_in_box(tolls: Any, k: Any, origin: Any, margin: Any) -> Any:
+    for axis in range(3):
+        if origin[axis] < tolls.low[k, axis] - margin:
+            return False
+        if origin[axis] > tolls.high[k, axis] + margin:
+            return False
+    return True
+
+
+@leaf
+def _is_near_volume(tolls: Any, roles: Any, origin: Any, margin: Any) -> Any:
+    """Say whether a point is in the box of a volume that the ray penetrates."""
+    count = tolls.volume.size
+    if not _is_in_box(tolls, count, origin, margin):
+        return False
+    for k in range(count):
+        if roles[tolls.volume[k]] and _is_in_box(tolls, k, origin, margin):
+            return True
+    return False
+
+
+@leaf
+def _wind_start(work: Any, roles: Any, origin: Any, direction: Any, walk: Any) -> Any:
+    """Set the winding numbers at a ray's start; give how many surfaces are behind."""
+    handle, block = work
+    count = look_back(handle, block, roles, origin, direction)
+    crossings = walk.crossings
+    if count <= crossings.size:
+        sort_crossings(crossings, count)
+        for i in range(count):
+            wind(walk, crossings[i].part, crossings[i].turn)
+    return count
+
+
+@leaf
+def _find_stop(work: Any, roles: Any, origin: Any, direction: Any, limit: Any) -> Any:
+    """Find what stops a ray, after the surfaces that it crosses before.
 
     Args:
-        handle: Of the scene without opaque parts.
-        work: A block, the list that it writes to, and a walk to use.
-        surfaces: The tables.
-        point: (3,) m.
-        part: The part in question.
+        work: The scene's handle, a block, and the list of crossings.
+        roles: (P,) How the ray takes the parts.
+        origin: (3,) m.
+        direction: (3,)
+        limit: A ``Stop`` at the latest.
 
     Returns:
-        The winding number; then 0, or how much room is needed.
+        A ``Stop``; its count is greater than the list if that has too little room.
     """
-    block, hits, walk = work
-    answers = np.zeros(3, np.int64)
-    for number in range(3):
-        direction = PROBES[number]
-        count, _, _ = intersect(handle, block, point, direction, 4e3)
-        if count > hits.size:
-            return 0, count
-        n = list_crossings(surfaces, walk, hits, count, (point, direction), np.inf)
-        for i in range(n):
-            if walk.part[i] == part:
-                answers[number] -= walk.turn[i]
-        if number == 1 and answers[0] == answers[1]:
-            return answers[0], 0
-    return (answers[0] if answers[0] == answers[2] else answers[1]), 0
+    handle, block, crossings = work
+    reach = limit.t + INCLUSIVE
+    count, t, part = look_ahead(handle, block, roles, origin, direction, reach)
+    if count > crossings.size:
+        return Stop(count, t, part)
+    end = min(t, limit.t)
+    sort_crossings(crossings, count)
+    while count > 0 and crossings[count - 1].t > end:
+        count -= 1
+    return Stop(count, end, part if part >= 0 else limit.part)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _wind_start(
-    handle: Any, work: Any, surfaces: Any, origin: Any, opaque: Any, walk: Any
-) -> Any:
-    """Set the winding numbers at a ray's start; give 0, or how much room is needed."""
-    for k in range(surfaces.volume.size):
-        part = surfaces.volume[k]
-        within = not opaque[part]
-        for axis in range(3):
-            if not surfaces.low[k, axis] <= origin[axis] <= surfaces.high[k, axis]:
-                within = False
-        if within:
-            number, needed = _probe(handle, work, surfaces, origin, part)
-            if needed:
-                return needed
-            if number != 0:
-                wind(walk, part, number)
-    return 0
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _close_tail(
-    handle: Any, work: Any, surfaces: Any, ray: Any, stop: Any, walk: Any
-) -> Any:
-    """Add exits at the last crossing, where the list has none and the ray is outside.
-
-    Returns:
-        How many crossings there are; then 0, or how much room is needed.
-    """
-    origin, direction = ray
-    count = stop.count
-    for i in range(stop.count):
-        walk.winding[walk.part[i]] += walk.turn[i]
-    for i in range(stop.count):
-        part = walk.part[i]
-        number = walk.winding[part]
-        if number <= 0 or surfaces.sheet[part]:
-            continue
-        last = walk.t[stop.count - 1]
-        middle = origin + (last + stop.t) / 2 * direction
-        found, needed = _probe(handle, work, surfaces, middle, part)
-        if needed or count == walk.t.size:
-            return count, max(needed, count + 1)
-        if found != number:
-            walk.t[count], walk.part[count] = last, part
-            walk.turn[count], walk.row[count] = found - number, -1
-            walk.winding[part] = found
-            count += 1
-    for i in range(count):
-        walk.winding[walk.part[i]] -= walk.turn[i]
-    return count, 0
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _stop(
-    handle: Any, work: Any, surfaces: Any, ray: Any, reach: Any, boxes: Any
-) -> Any:
-    """Find what stops a ray, and list what it crosses before.
-
-    Returns:
-        A ``Stop``; then 0, or how much room is needed.
-    """
-    block, hits, walk = work
-    origin, direction = ray
-    rows, own = boxes
-    end, name = meet_boxes(rows, own, origin, direction, reach)
-    part = surfaces.first.size + name if name >= 0 else np.int64(-1)
-    count, geometry, triangle = intersect(
-        handle, block, origin, direction, end + MARGIN
-    )
-    if count > hits.size:
-        return Stop(np.int64(0), end, part), count
-    if geometry >= 0:
-        row = surfaces.first[geometry] + triangle
-        t, _ = refine(surfaces, row, origin, direction, block.view(np.float32)[RAY_END])
-        if t <= end:
-            end, part = t, geometry
-    count = list_crossings(surfaces, walk, hits, count, ray, end)
-    return Stop(count, end, part), np.int64(0)
-
-
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _trace_all(
-    scene: Any, tables: Any, rays: Any, boxes: Any, walk: Any, found: Any
-) -> Any:
+@compiled
+def _trace_all(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
     """Follow rays one after the other.
 
     Args:
-        scene: Handle, handle of the scene without opaque parts, and its middle.
-        tables: Surfaces, tolls and which parts are opaque, by medium.
-        rays: The columns of ``Rays`` but for ``own``.
-        boxes: The rows of ``Boxes``, and the column ``own``.
-        walk: With room for the crossings of one ray.
+        scene: Its handle, its middle, and its tolls.
+        rays: The columns of ``Rays``.
+        laid: Boxes, laid out.
+        room: For the crossings of one ray, and for events.
         found: The columns of ``Traces``, to be filled.
 
     Returns:
-        0, or how many crossings a ray has that has too many for the walk.
+        0; or how many surfaces a ray meets that meets too many; or of an unfit ray
+        -1 minus its number.
     """
-    handle, probed, middle = scene
-    surfaces, tolls, opaque = tables
-    origins, directions, reach, power, medium = rays
-    rows, own = boxes
+    handle, middle, tolls = scene
+    origins, directions, reach, power, medium, own = rays
     ranges, outcomes, parts, left = found
-    hits = np.zeros(walk.t.size, HIT)
-    aside = new_walk_like(walk)
-    probe_work = (new_block(opaque[PROBE], hits), hits, aside)
-    blocks = (new_block(opaque[0], hits), new_block(opaque[1], hits))
+    crossings, events = room
+    n_parts = tolls.density.shape[1]
+    walk = new_walk(n_parts, crossings, events)
+    block = new_block(handle, crossings)
+    origin = np.zeros(3)
     for i in range(len(origins)):
-        kind = medium[i]
-        ray = (origins[i] - middle, directions[i])
-        work = (blocks[kind], hits, walk)
-        stop, needed = _stop(handle, work, surfaces, ray, reach[i], (rows, own[i]))
-        if needed:
-            return needed
-        needed = _wind_start(probed, probe_work, surfaces, ray[0], opaque[kind], walk)
-        if needed:
-            return needed
-        count, needed = _close_tail(probed, probe_work, surfaces, ray, stop, walk)
-        if needed:
-            return needed
-        ending = settle(i, power[i], Stop(count, stop.t, stop.part), tolls[kind], walk)
-        ranges[i] = np.inf if ending.outcome == Outcome.NOTHING else ending.t
+        kind, direction = medium[i], directions[i]
+        if not is_fit(origins[i], direction, reach[i], power[i], kind):
+            return -1 - i
+        for axis in range(3):
+            origin[axis] = origins[i, axis] - middle[axis]
+        behind = tolls.behind[kind]
+        if _is_near_volume(tolls, behind, origin, handle.margin):
+            needed = _wind_start((handle, block), behind, origin, direction, walk)
+            if needed > crossings.size:
+                return needed
+        end, box = meet_boxes(laid, own[i], origin, direction, reach[i])
+        limit = Stop(0, end, n_parts + box if box >= 0 else -1)
+        work = (handle, block, crossings)
+        stop = _find_stop(work, tolls.ahead[kind], origin, direction, limit)
+        if stop.before > crossings.size:
+            return stop.before
+        toll = Toll(tolls.density[kind], tolls.sheet_loss[kind])
+        ending = settle(i, power[i], stop, toll, walk)
+        ranges[i] = np.inf if ending.outcome == NOTHING else ending.t
         outcomes[i] = ending.outcome
         parts[i] = ending.part
         left[i] = ending.power

@@ -1,7 +1,7 @@
 """The lines on the floor that a robot cannot cross: sections of all solid things."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -89,6 +89,7 @@ class Obstacles:
         others: Sequence[Standing] = (),
         *,
         within: float = 1.0,
+        is_open: Callable[[Pose2], bool] = lambda _: True,
     ) -> Pose2 | None:
         """Find the nearest pose of the same yaw at which a footprint fits.
 
@@ -97,12 +98,13 @@ class Obstacles:
             pose: The pose asked for; it is the answer if it is clear.
             others: What stands there already.
             within: How far to look, m.
+            is_open: Asked last whether a place that fits is one to stand in.
 
         Returns:
             The pose, to 0.05 m, touching nothing; None if there is none. Of places
             equally far away it is the first counter-clockwise from the map's x axis.
         """
-        if self.clear(footprint, pose, others):
+        if self.clear(footprint, pose, others) and is_open(pose):
             return pose
         roomy = Footprint(
             footprint.length + 2 * _ELBOW_ROOM, footprint.width + 2 * _ELBOW_ROOM
@@ -110,7 +112,7 @@ class Obstacles:
         walls = self.near(pose.x, pose.y, roomy.radius + within)
         for dx, dy in _outward(within):
             place = Pose2(pose.x + dx, pose.y + dy, pose.yaw)
-            if _fits(roomy, place, walls, others):
+            if _fits(roomy, place, walls, others) and is_open(place):
                 return place
         return None
 

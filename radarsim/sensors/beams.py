@@ -38,6 +38,59 @@ class Fan:
     directions: Floats
 
 
+class BeamPattern:
+    """Where the beams of a sensor are, seen from the sensor; worked out once.
+
+    Attributes:
+        angles: (N,) rad, counter-clockwise from the right.
+    """
+
+    def __init__(self, settings: SensorSettings) -> None:
+        self.angles = beam_angles(settings)
+        offset = settings.side_offset_uu * METRES_PER_UNIT
+        self._divergent = settings.side_mode == "divergent"
+        turn = math.atan(offset / settings.divergence_distance)
+        turns = (-turn, 0.0, turn) if self._divergent else (0.0, 0.0, 0.0)
+        # (3, N, 3): the directions of all right, all centre and all left rays.
+        self._directions = np.array([_level(self.angles + side) for side in turns])
+        # (N, 3) m: from the sensor to the start of each left ray.
+        self._to_left = np.zeros((len(self.angles), 3))
+        if settings.side_mode == "perpendicular":
+            self._to_left[:] = offset * _level(self.angles + math.pi / 2)
+        elif settings.side_mode == "lateral":
+            self._to_left[:, 1] = offset
+        weights = np.array(settings.ray_weights) / sum(settings.ray_weights)
+        self._edges = np.cumsum(weights)[:2]
+        self._rows = np.arange(len(self.angles))
+
+    @property
+    def width(self) -> float:
+        """How far from the sensor a ray can start, m."""
+        return float(np.linalg.norm(self._to_left, axis=1).max())
+
+    def draw(self, rng: np.random.Generator) -> Draw:
+        """Draw a ray for each beam: (N,) of ``RIGHT``, ``CENTRE``, ``LEFT``."""
+        chance = rng.random(len(self.angles))
+        drawn: Draw = (chance >= self._edges[0]).astype(np.int8)
+        drawn += chance >= self._edges[1]
+        drawn -= 1
+        return drawn
+
+    def aim(self, pose: Pose3, sides: Draw) -> Fan:
+        """Point one ray of each beam.
+
+        Args:
+            pose: Of the sensor, map frame.
+            sides: (N,), which ray of each beam.
+        """
+        turn = pose.rotation().T
+        starts = self._to_left * sides[:, None]
+        directions = self._directions[1]
+        if self._divergent:
+            directions = self._directions[sides + 1, self._rows]
+        return Fan(pose.position() + starts @ turn, directions @ turn)
+
+
 def beam_angles(settings: SensorSettings) -> Floats:
     """Give the angles of the beams, (N,) rad, counter-clockwise from the right."""
     step = math.radians(settings.resolution_deg)
@@ -46,39 +99,6 @@ def beam_angles(settings: SensorSettings) -> Floats:
     return angles
 
 
-def draw_rays(settings: SensorSettings, rng: np.random.Generator) -> Draw:
-    """Draw a ray for each beam: (N,) of ``RIGHT``, ``CENTRE``, ``LEFT``."""
-    weights = np.array(settings.ray_weights)
-    edges = np.cumsum(weights / weights.sum())
-    drawn = np.searchsorted(edges, rng.random(settings.beams), side="right")
-    return (np.minimum(drawn, 2) - 1).astype(np.int8)
-
-
-def aim(settings: SensorSettings, pose: Pose3, sides: Draw) -> Fan:
-    """Point one ray of each beam.
-
-    Args:
-        settings: Of the sensor.
-        pose: Of the sensor, map frame.
-        sides: (N,), which ray of each beam.
-    """
-    angles = beam_angles(settings)
-    offset = settings.side_offset_uu * METRES_PER_UNIT * sides
-    if settings.side_mode == "divergent":
-        angles = angles + np.arctan(offset / settings.divergence_distance)
-    directions = np.column_stack(
-        [np.cos(angles), np.sin(angles), np.zeros(len(angles))]
-    )
-    starts = np.zeros_like(directions)
-    if settings.side_mode == "perpendicular":
-        starts[:, 0] = -directions[:, 1] * offset
-        starts[:, 1] = directions[:, 0] * offset
-    elif settings.side_mode == "lateral":
-        starts[:, 1] = offset
-    turn = pose.rotation().T
-    return Fan(pose.position() + starts @ turn, _unit(directions @ turn))
-
-
-def _unit(vectors: Floats) -> Floats:
-    units: Floats = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return units
+def _level(angles: Floats) -> Floats:
+    """Give unit vectors in the plane of the scan, (N, 3)."""
+    return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])

@@ -21,7 +21,7 @@ from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import CENTRE, Draw, aim, beam_angles, draw_rays
+from radarsim.sensors.beams import CENTRE, BeamPattern, Draw
 
 SENSOR_HEIGHT = 0.346  # m above the floor, of the scanner on a P3AT
 
@@ -87,7 +87,8 @@ class RangeScanner:
     def __init__(self, name: str, settings: SensorSettings) -> None:
         self.name = name
         self.settings = settings
-        self.angles = beam_angles(settings)
+        self._pattern = BeamPattern(settings)
+        self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
 
     @property
@@ -143,7 +144,7 @@ class RangeScanner:
                 raise ValueError(
                     f"no rng, expected a Generator for sensor {self.name!r}"
                 )
-            sides = draw_rays(self.settings, rng)
+            sides = self._pattern.draw(rng)
             sides[self._hidden(tracer, pose, sides, boxes, own)] = CENTRE
         return Plan(pose, sides, self._rays(pose, sides, own))
 
@@ -168,7 +169,7 @@ class RangeScanner:
         )
 
     def _rays(self, pose: Pose3, sides: Draw, own: int) -> Rays:
-        fan = aim(self.settings, pose, sides)
+        fan = self._pattern.aim(pose, sides)
         return Rays.alike(
             fan.origins,
             fan.directions,
@@ -182,7 +183,7 @@ class RangeScanner:
         self, tracer: Tracer, pose: Pose3, sides: Draw, boxes: Boxes | None, own: int
     ) -> NDArray[np.int64]:
         """Find the beams whose side ray starts behind something opaque."""
-        starts = aim(self.settings, pose, sides).origins
+        starts = self._pattern.aim(pose, sides).origins
         way = starts - pose.position()
         length = np.linalg.norm(way, axis=1)
         moved = np.flatnonzero(length > 0)

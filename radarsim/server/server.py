@@ -5,6 +5,7 @@ import logging
 import signal
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 from radarsim.errors import ServerError
 from radarsim.host import Host
@@ -66,15 +67,15 @@ class Server:
         self._ticking = asyncio.create_task(self._tick_for_ever())
 
     async def stop(self) -> None:
-        """Close the port and all connections, at once."""
+        """Close the port and all connections, at once; whatever has failed before."""
         if self._listener is not None:
             self._listener.close()
         for connection in list(self._connections):
             connection.close()
         if self._ticking is not None:
             self._ticking.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._ticking
+            await asyncio.wait({self._ticking})
+        await asyncio.sleep(0)  # sockets are closed in the loop's next round
 
     async def failed(self) -> None:
         """Wait until time stops passing, which only a bug can bring about.
@@ -145,7 +146,8 @@ async def serve(
         await server.start(address, port)
         announce(server.address)
         failed = asyncio.ensure_future(server.failed())
-        await asyncio.wait({ended, failed}, return_when=asyncio.FIRST_COMPLETED)
+        both: set[asyncio.Future[Any]] = {ended, failed}
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
         if failed.done():
             failed.result()
         failed.cancel()

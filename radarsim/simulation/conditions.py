@@ -51,9 +51,7 @@ class Conditions:
         elif item.type == "INS":
             InsNoise.from_settings(self.settings(item))
         elif self.settings(item):
-            raise PresetError(
-                f"item {item.name!r} is a {item.type}, which has no settings"
-            )
+            raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
 
     def wheel_drive(self) -> WheelDrive:
         """Give the meaning of DRIVE's numbers."""
@@ -64,11 +62,15 @@ class Conditions:
         )
 
     def settings(self, item: Item) -> dict[str, Any]:
-        """Give an item's own settings: its class's, and over them these."""
-        for name, settings in self.item_settings.items():
+        """Give an item's settings: its class's, the dialect's, and over them these."""
+        settings = dict(item.settings)
+        longest = self.dialect.laser_max_range
+        if longest is not None and item.sensor not in (None, "hokuyo"):
+            settings["max_range"] = longest
+        for name, own in self.item_settings.items():
             if name.casefold() == item.name.casefold():
-                return {**item.settings, **settings}
-        return dict(item.settings)
+                settings |= own
+        return settings
 
     def scanner(self, item: Item) -> RangeScanner:
         """Make the scanner that an item is.
@@ -77,12 +79,11 @@ class Conditions:
             PresetError: If its settings do not fit.
         """
         if item.sensor is None:
-            raise ValueError(f"item {item.name!r} is a {item.type}, expected a scanner")
-        settings = self.settings(item)
-        longest = self.dialect.laser_max_range
-        if longest is not None and item.sensor != "hokuyo":
-            settings = {"max_range": longest, **settings}
-        return RangeScanner(item.sensor, load_settings(item.sensor, **settings))
+            raise ValueError(
+                f"item {item.name!r}: type {item.type}, expected a scanner"
+            )
+        settings = load_settings(item.sensor, **self.settings(item))
+        return RangeScanner(item.sensor, settings)
 
     def interval(self, item: Item) -> float:
         """Give the time between two readings of an item, s."""

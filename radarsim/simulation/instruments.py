@@ -131,7 +131,7 @@ class OdometryInstrument(_Still):
             wheel_radius=model.wheel_radius, wheel_separation=model.wheel_separation
         )
 
-    def tick(self, age: int) -> None:
+    def tick(self, age: int) -> None:  # noqa: ARG002 - the verb of all instruments
         """Follow the wheels; in each step they keep their speeds."""
         self._odometry.update(*self.robot.side_angles)
 

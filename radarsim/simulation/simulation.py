@@ -13,6 +13,7 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.boxes import Boxes
+from radarsim.raycast.penetration import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracers import tracer_of
 from radarsim.robots.footprint import Footprint
@@ -60,11 +61,11 @@ class Simulation:
         self.seed = seed
         self.ticks = 0
         self._tracer = tracer_of(scene)
-        self._warm_up()
         self._floors: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
         self._robots: tuple[Robot, ...] = ()
         self._spawned = 0
+        self._warm_up()
 
     @property
     def time(self) -> float:
@@ -89,9 +90,13 @@ class Simulation:
             The robot; None if there is no free place.
         """
         obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
-        footprint = Footprint(model.length, model.width)
+        height = obstacles.floor + model.origin_height
         free = obstacles.nearest_free(
-            footprint, pose, self._robots, within=SEARCH_RADIUS
+            Footprint(model.length, model.width),
+            pose,
+            self._robots,
+            within=SEARCH_RADIUS,
+            is_open=lambda place: not self._is_filled(place, height),
         )
         if free is None:
             return None
@@ -180,8 +185,10 @@ class Simulation:
             body, model = vehicle.robot.body, vehicle.model
             floor = body.z - model.origin_height
             rows.append(
-                (body.x, body.y, body.yaw, floor, floor + model.height)
-                + (model.length / 2, model.width / 2, vehicle.number)
+                (
+                    *(body.x, body.y, body.yaw, floor, floor + model.height),
+                    *(model.length / 2, model.width / 2, vehicle.number),
+                )
             )
         return Boxes(np.array(rows, np.float64).reshape(-1, 8))
 
@@ -189,6 +196,16 @@ class Simulation:
         if floor not in self._floors:
             self._floors[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._floors[floor]
+
+    def _is_filled(self, place: Pose2, height: float) -> bool:
+        """Tell whether a place is within a bush or the like: solid, yet no surface."""
+        point = np.array([[place.x, place.y, height]])
+        ray = Rays.alike(point, np.array([[1.0, 0.0, 0.0]]), reach=0.0)
+        return any(
+            event.kind is EventKind.START_INSIDE
+            and self.scene.parts[event.part].material.solid
+            for event in self._tracer.explain(ray)[0]
+        )
 
     def _free_name(self, name: str) -> str:
         taken = {robot.name for robot in self._robots}

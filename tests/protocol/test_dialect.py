@@ -34,4 +34,3 @@ def test_limits_and_battery_are_each_dialects_own() -> None:
     assert (COMPAT.battery_start, COMPAT.battery_runs_out) == (3600, False)
     assert (UDK.battery_start, UDK.battery_runs_out) == (1200, True)
     assert (COMPAT.laser_max_range, UDK.laser_max_range) == (None, 20)
-    assert (COMPAT.one_range_limit, UDK.one_range_limit) == (192, None)

@@ -4,17 +4,23 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose3
-from radarsim.presets.sensors import load_settings
+from radarsim.presets.sensors import SensorSettings, load_settings
 from radarsim.randomness import generator_for
-from radarsim.sensors.beams import aim, beam_angles, draw_rays
+from radarsim.sensors.beams import BeamPattern, Draw, Fan, beam_angles
 
 HERE = Pose3(1.0, -2.0, 0.5)
 
 
-def sides_of(
-    settings_beams: int, side: int
-) -> "np.ndarray[tuple[int], np.dtype[np.int8]]":
-    return np.full(settings_beams, side, np.int8)
+def sides_of(beams: int, side: int) -> Draw:
+    return np.full(beams, side, np.int8)
+
+
+def aim(settings: SensorSettings, pose: Pose3, sides: Draw) -> Fan:
+    return BeamPattern(settings).aim(pose, sides)
+
+
+def draw_rays(settings: SensorSettings, rng: np.random.Generator) -> Draw:
+    return BeamPattern(settings).draw(rng)
 
 
 def test_beams_go_counter_clockwise_from_the_right() -> None:

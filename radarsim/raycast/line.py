@@ -1,0 +1,93 @@
+"""Where a line crosses triangles: float64, and the same answer from all sides.
+
+Theory of operation
+===================
+A line is looked at along itself: points are sheared so that it becomes the third
+axis, and a triangle is crossed if the origin lies inside its shadow on the plane of
+the first two axes. The origin is inside where it is on the same side of all three
+edges, and how deep the line is there follows from the depths of the corners.
+
+Rule 1: every corner is sheared by itself, by the same operations, so that it has one
+shadow, whichever triangle asks.
+Rule 2: the side of an edge is the sign of a difference of two products. Rounding
+never turns that sign round, it can only make it zero; seen from the triangle on the
+other side of the edge it is the exact opposite.
+Rule 3: where it is zero, the line goes through the edge. It is taken to pass beside
+it, by an infinitely small step along the first axis and a still smaller one along the
+second, the same for all triangles (simulation of simplicity).
+Therefore a line through an edge or a corner crosses one triangle of a surface, not
+two or none; and along any line a closed surface is entered as often as left, exactly.
+Rule 4: the depth is a mean of the corners' depths with weights of one sign, so that no
+grazing line finds a crossing outside the triangle.
+"""
+
+from typing import Any, Final
+
+from radarsim.raycast.compiled import leaf
+
+LINE_SIZE: Final = 6  # numbers that say where a line is
+AXES_SIZE: Final = 3  # which axis of space is the line's first, second, third
+BARELY: Final = 1e-200  # how far a line passes beside an edge that it goes through
+
+
+@leaf
+def aim(origin: Any, direction: Any, line: Any, axes: Any) -> None:
+    """Write down a line for ``cross``.
+
+    Args:
+        origin: (3,) m, where depths count from.
+        direction: (3,) unit vector.
+        line: (6,) to be filled: the origin, two shears and the stretch of the depth.
+        axes: (3,) unsigned integers, to be filled.
+    """
+    third = 0
+    if abs(direction[1]) > abs(direction[third]):
+        third = 1
+    if abs(direction[2]) > abs(direction[third]):
+        third = 2
+    first, second = (third + 1) % 3, (third + 2) % 3
+    axes[0], axes[1], axes[2] = first, second, third
+    line[0], line[1], line[2] = origin[first], origin[second], origin[third]
+    stretch = 1.0 / direction[third]
+    line[3], line[4] = direction[first] * stretch, direction[second] * stretch
+    line[5] = stretch
+
+
+@leaf
+def _side(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+    """Say on which side of the edge from a to b the line passes, and how far."""
+    area = ax * by - ay * bx
+    if area != 0.0:
+        return area
+    return BARELY * (ay - by if ay != by else bx - ax)
+
+
+@leaf
+def cross(line: Any, axes: Any, corners: Any) -> Any:
+    """Cross one triangle.
+
+    Args:
+        line: From ``aim``.
+        axes: From ``aim``.
+        corners: (9,) m, x, y, z of one corner after the other.
+
+    Returns:
+        1 if the line goes in by the front, -1 if it comes out by the back, 0 if it
+        passes by; and how far along the line, m.
+    """
+    first, second, third = axes[0], axes[1], axes[2]
+    az = corners[third] - line[2]
+    bz = corners[third + 3] - line[2]
+    cz = corners[third + 6] - line[2]
+    ax = corners[first] - line[0] - line[3] * az
+    bx = corners[first + 3] - line[0] - line[3] * bz
+    cx = corners[first + 6] - line[0] - line[3] * cz
+    ay = corners[second] - line[1] - line[4] * az
+    by = corners[second + 3] - line[1] - line[4] * bz
+    cy = corners[second + 6] - line[1] - line[4] * cz
+    a, b, c = _side(bx, by, cx, cy), _side(cx, cy, ax, ay), _side(ax, ay, bx, by)
+    whole = a + b + c
+    if whole == 0.0 or (min(a, b, c) < 0.0 and max(a, b, c) > 0.0):
+        return 0, 0.0
+    t = line[5] * ((a * az + b * bz + c * cz) / whole)
+    return (-1 if (whole > 0.0) == (line[5] > 0.0) else 1), t

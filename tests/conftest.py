@@ -1,0 +1,28 @@
+"""Scenes that many tests look at; they are read once, and nothing changes them."""
+
+import pytest
+
+from radarsim.scene.mapfile import load_map
+from radarsim.scene.scene import Scene
+from radarsim.simulation.simulation import Simulation
+
+
+def _ready(name: str) -> Scene:
+    scene = load_map(name)
+    Simulation(scene)  # compiles the engine, if its cache is cold
+    return scene
+
+
+@pytest.fixture(scope="session")
+def empty_room() -> Scene:
+    return _ready("empty_room")
+
+
+@pytest.fixture(scope="session")
+def foliage_room() -> Scene:
+    return _ready("foliage_room")
+
+
+@pytest.fixture(scope="session")
+def smoke_room() -> Scene:
+    return _ready("smoke_room")

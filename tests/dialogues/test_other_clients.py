@@ -1,0 +1,371 @@
+"""Stand-ins for other clients, each with the quirks that cost its author a day.
+
+They are pumped in lockstep. An assertion in a stand-in is where the real client would
+drop what came, stall, or crash.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import pytest
+
+from radarsim.host import Host
+from radarsim.scene.scene import Scene
+
+
+class Wire:
+    """A host and one connection to it."""
+
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.number = host.connect()
+
+    def send(self, text: str) -> None:
+        self.host.receive(self.number, text.encode("ascii"))
+
+    def writes(self, seconds: float) -> Iterator[bytes]:
+        """Let time pass; give each write of the server as it is made."""
+        for tick in range(1 + round(seconds * 100)):
+            if tick:
+                self.host.step()
+            data = self.host.take(self.number)
+            if data:
+                yield data
+
+    def lines(self, seconds: float) -> Iterator[str]:
+        for data in self.writes(seconds):
+            assert data.endswith(b"\r\n")
+            yield from data.decode("ascii").split("\r\n")[:-1]
+
+    @property
+    def x(self) -> float:
+        """Where the robot is."""
+        (vehicle,) = self.host.simulation.vehicles
+        return vehicle.robot.pose.x
+
+
+@pytest.fixture
+def wire(empty_room: Scene) -> Wire:
+    return Wire(Host(empty_room))
+
+
+@dataclass
+class RosNode:
+    """Keeps one question of each kind open; drives when it knows robot and sensors."""
+
+    wire: Wire
+    infos: dict[str, set[str]] = field(
+        default_factory=lambda: {"CONF": set(), "GEO": set()}
+    )
+    asked: dict[str, str | None] = field(
+        default_factory=lambda: {"CONF": None, "GEO": None}
+    )
+    seen: set[tuple[str, str]] = field(default_factory=lambda: {("Robot", "")})
+    limits: tuple[float, float] = (0.0, 0.0)
+    steering: dict[str, float] = field(default_factory=dict)
+    scans: int = 0
+    poses: int = 0
+    driven: bool = False
+
+    def run(self, seconds: float) -> None:
+        self.wire.send(
+            "GETSTARTPOSES\r\nINIT {Classname USARBot.P3AT} {Name R1} "
+            "{Start RobotStart1}\r\nGETCONF {Type RFID}\r\nGETGEO {Type RFID}\r\n"
+        )
+        for line in self.wire.lines(seconds):
+            self.handle(line)
+            self.ask()
+
+    def ask(self) -> None:
+        for verb, asked in self.asked.items():
+            unknown = sorted(
+                (kind, name)
+                for kind, name in self.seen
+                if f"{kind} {name}".strip() not in self.infos[verb]
+            )
+            if asked is None and unknown:
+                kind, name = unknown[0]
+                self.asked[verb] = f"{kind} {name}".strip()
+                self.wire.send(f"GET{verb} {{Type {kind}}} {{Name {name}}}\r\n")
+        if not self.driven and len(self.seen) > 1 and self.knows_all():
+            speed = min(self.steering["MaxSpeed"], 0.264 / self.steering["WheelRadius"])
+            self.wire.send(f"Drive {{Left {speed:f}}} {{Right {speed:f}}}\r\n")
+            self.driven = True
+
+    def knows_all(self) -> bool:
+        wanted = {f"{kind} {name}".strip() for kind, name in self.seen}
+        return all(infos >= wanted for infos in self.infos.values())
+
+    def handle(self, line: str) -> None:
+        tokens = re.findall(r"[^{}\s]+", line)  # braces mean nothing to it
+        assert all(len(token) < 1024 for token in tokens if token.count(",") < 3)
+        values = dict(pairwise(tokens))
+        verb = tokens[0]
+        if verb == "STA":
+            assert values["Type"] == "GroundVehicle"
+            assert float(values["Time"]) > 0
+        elif verb == "SEN":
+            assert float(values["Time"]) > 0
+            self.seen.add((values["Type"], values["Name"]))
+            self.poses += values["Name"] == "GndTruth"
+            if values["Type"] == "RangeScanner":
+                self.on_scan(tokens, values)
+        elif verb in self.infos:
+            self.on_info(verb, tokens, values)
+
+    def on_scan(self, tokens: list[str], values: dict[str, str]) -> None:
+        after = tokens[tokens.index("Range") + 1 :]
+        ranges = [float(number) for token in after for number in token.split(",")]
+        assert len(ranges) <= 192
+        assert (
+            len(ranges) == round(float(values["FOV"]) / float(values["Resolution"])) + 1
+        )
+        self.scans += 1
+
+    def on_info(self, verb: str, tokens: list[str], values: dict[str, str]) -> None:
+        self.infos[verb].add(self.asked[verb] or "")
+        self.asked[verb] = None
+        if values["Type"] == "GroundVehicle":
+            assert verb == "GEO" or values["SteeringType"] == "SkidSteered"
+            keys = ("WheelRadius", "WheelSeparation", "MaxSpeed")
+            self.steering |= {k: float(values[k]) for k in keys if k in values}
+        elif verb == "GEO":
+            at = tokens.index("Name")
+            assert [tokens[at + 2], tokens[at + 4]] == ["Location", "Orientation"]
+            assert tokens[at + 6] == "Mount"
+        elif values["Type"] == "RangeScanner":
+            assert float(values["Fov"]) > 3
+            self.limits = (float(values["MinRange"]), float(values["MaxRange"]))
+
+
+def test_the_ros_node_learns_its_robot_and_drives(wire: Wire) -> None:
+    node = RosNode(wire)
+    node.run(6)
+    kinds = {kind for kind, _ in node.seen}
+    assert kinds >= {"Robot", "RangeScanner", "GroundTruth", "INS", "Encoder", "Touch"}
+    assert node.knows_all()
+    assert node.steering == {
+        "WheelRadius": 0.098,
+        "WheelSeparation": 0.36,
+        "MaxSpeed": 8.17,
+    }
+    assert node.limits == (0.1, 80)
+    assert node.scans >= 55
+    assert node.poses >= 55
+    assert wire.x > -7
+
+
+@dataclass
+class PlayerDriver:
+    """Holds a line in 4096 bytes, and reads only lines that have a name in them."""
+
+    wire: Wire
+    buffer: bytes = b""
+    geo: dict[str, str] = field(default_factory=dict)
+    conf: dict[str, str] = field(default_factory=dict)
+    place: list[float] = field(default_factory=list)
+    scans: list[list[float]] = field(default_factory=list)
+    odometry: list[list[float]] = field(default_factory=list)
+
+    def run(self, seconds: float) -> None:
+        for data in self.wire.writes(seconds):
+            for i in range(len(data)):  # one byte at a time
+                self.buffer += data[i : i + 1]
+                assert len(self.buffer) < 4096
+                if self.buffer.endswith(b"\n"):
+                    self.handle(self.buffer.decode("ascii").strip())
+                    self.buffer = b""
+
+    def handle(self, line: str) -> None:
+        if "{Name " not in line:
+            return
+        if line.startswith("GEO {Type RangeScanner}"):
+            match = re.fullmatch(
+                r".*\{Name Scanner1 Location (\S+) Orientation (\S+) Mount \w+\}", line
+            )
+            assert match, "a segmentation fault"
+            self.place = [float(number) for number in match[1].split(",")]
+            return
+        fields = dict(re.findall(r"\{(\w+) ([^}]*)\}", line))
+        if line.startswith("CONF {Type RangeScanner}"):
+            assert fields["Name"] == "Scanner1", "a segmentation fault"
+        elif line.startswith("GEO "):
+            self.geo = fields
+        elif line.startswith("CONF "):
+            self.conf = fields
+        elif "{Type RangeScanner}" in line:
+            assert fields["Name"] == "Scanner1"
+            self.scans.append([float(r) for r in fields["Range"].split(",")])
+        elif "{Type Odometry}" in line:
+            self.odometry.append([float(p) for p in fields["Pose"].split(",")])
+
+
+def test_the_player_driver_gets_its_geometry_and_scans(wire: Wire) -> None:
+    driver = PlayerDriver(wire)
+    wire.send(
+        "INIT {ClassName USARBot.P2AT} {Name p2} {Location -8.000000 1.000000 0.200000}"
+        " {Rotation 0.000000 0.000000 0.000000}\r\n"
+        "GETCONF {Type Robot}\r\nGETGEO {Type Robot}\r\n"
+        "GETGEO {Type RangeScanner}\r\nGETCONF {Type RangeScanner}\r\n"
+        "DRIVE {Left 2.000000} {Right 2.000000}\r\n"
+    )
+    driver.run(1)
+    wire.send("SET {Type Odometry} {Name Odometry} {Opcode RESET} \r\n\n\r")
+    driver.run(1)
+    assert {"Dimensions", "COG", "WheelRadius", "WheelSeparation"} <= set(driver.geo)
+    wanted = {"SteeringType", "Mass", "MaxSpeed", "MaxTorque", "MaxFrontSteer"}
+    assert wanted <= set(driver.conf)
+    assert driver.place == [0.15, 0, -0.2]
+    assert len(driver.scans) >= 18
+    # the first range is the right one, from y = 1 to the wall at y = 6.4
+    assert driver.scans[0][0] == pytest.approx(5.4, abs=0.02)
+    assert driver.scans[0][-1] == pytest.approx(7.4, abs=0.02)
+    ways = [pose[0] for pose in driver.odometry]
+    assert max(ways[:10]) == pytest.approx(0.2, abs=0.03)
+    assert max(ways[11:]) == pytest.approx(0.2, abs=0.03)
+
+
+class JavaController:
+    """Eats one byte before each line that it reads.
+
+    What has been eaten is missed by the first line of the next write, which loses as
+    many bytes as the write before it had lines.
+    """
+
+    def __init__(self, wire: Wire) -> None:
+        self.wire = wire
+        self.owed = 1  # the greeting
+        self.lost: list[str] = []
+        self.readings: dict[str, list[list[str]]] = {}
+
+    def run(self, seconds: float) -> None:
+        self.wire.host.take(self.wire.number)  # the greeting
+        for data in self.wire.writes(seconds):
+            lines = data.decode("ascii").split("\r\n")[:-1]
+            mangled = lines[0][min(self.owed, len(lines[0])) :]
+            self.owed = len(lines)
+            for line in [mangled, *lines[1:]]:
+                self.handle(line)
+            self.lost.append(lines[0])
+
+    def handle(self, line: str) -> None:
+        if line.startswith("SEN {Time "):
+            keys = re.findall(r"\{(\w+) [^}]*\}", line)
+            kind = re.findall(r"\{Type (\w+)\}", line)[0]
+            self.readings.setdefault(kind, []).append(keys[2:])
+
+
+def test_the_java_controller_loses_the_status_and_nothing_else(wire: Wire) -> None:
+    java = JavaController(wire)
+    wire.send(
+        "INIT {ClassName USARBot.P2AT} {Name 1} {Location -8,169998 5,700001 -2,250000}"
+        " {Rotation 0,000000 0,000000 0,000000}\r\n"
+    )
+    java.run(2)
+    assert len(java.lost) == 20
+    assert all(line.startswith("STA {Type GroundVehicle}") for line in java.lost)
+    for kind, keys in (
+        ("RangeScanner", ["Name", "Resolution", "FOV", "Range"]),
+        ("GroundTruth", ["Name", "Location", "Orientation"]),
+        ("INS", ["Name", "Location", "Orientation"]),
+        ("Odometry", ["Name", "Pose"]),
+    ):
+        assert java.readings[kind] == [keys] * 20
+    assert wire.x == pytest.approx(-8.169998)
+
+
+def test_the_java_controller_drives_in_percent(wire: Wire) -> None:
+    wire.send("INIT {ClassName USARBot.P2AT} {Location -8,0,0}\r\n")
+    wire.send("DRIVE {Left 2.0} {Right 2.0} {Normalized false}\r\n")
+    list(wire.writes(1))
+    assert wire.x == pytest.approx(-8 + 2 * 0.11)
+
+
+class MatlabToolbox:
+    """Searches the next 1000 lines for a reading; gives up after 0.5 s without data."""
+
+    def __init__(self, wire: Wire) -> None:
+        self.wire = wire
+
+    def find(self, kind: str) -> str:
+        silence, count = 0.0, 0
+        while count < 1000:
+            lines = list(self.wire.lines(0.05))
+            silence = 0 if lines else silence + 0.05
+            assert silence < 0.5
+            for line in lines:
+                assert len(line) + 2 <= 4096  # InputBufferSize
+                count += 1
+                if f"Type {kind}" in line:
+                    return line
+        raise AssertionError(f"no {kind} within 1000 lines")
+
+
+def test_the_matlab_toolbox_finds_every_reading(wire: Wire) -> None:
+    toolbox = MatlabToolbox(wire)
+    wire.send(
+        "INIT {ClassName USARBot.P3AT} {Name R1} {Location -8,1.9,1.8} "
+        "{Rotation 0,0,1.5708}\r\n"
+    )
+    for kind in ("Odometry", "GroundTruth", "INS", "RangeScanner", "Encoder"):
+        assert toolbox.find(kind)
+    for command in (
+        "DRIVE {Left 1} {Right 1} {Normalized False}",
+        "DRIVE {Flip True}",
+        "DRIVE {Name FRFlipper} {Value 0.5}",
+        "DRIVE {Speed 1} {FrontSteer 0.2} {Normalized True}",
+        "MISPKG {Name CameraPanTilt} {Link 1} {Value 0.1} {Order 0}",
+        "DRIVE {Light True}",
+    ):
+        wire.send(f"{command}\r\n")
+    list(wire.writes(1))
+    truth = toolbox.find("GroundTruth")
+    assert "{Orientation 0.0000,0.0000,1.5708}" in truth
+    y = float(truth.split("{Location ")[1].split(",")[1])
+    assert y == pytest.approx(
+        1.9 + 0.1, abs=0.02
+    )  # right of x, at yaw 90 degrees right
+    assert "{LightToggle True}" in toolbox.find("GroundVehicle")
+
+
+def test_the_matlab_toolbox_leaves_without_a_word(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    for _ in range(3):
+        wire = Wire(host)
+        wire.send("INIT {ClassName USARBot.P3AT} {Name R1} {Location -8,0,0}\r\n")
+        assert wire.x == -8  # the place and the name are free again
+        host.disconnect(wire.number)
+    assert host.simulation.vehicles == ()
+
+
+def test_a_student_client_drives_by_position_in_the_line(wire: Wire) -> None:
+    wire.send("INIT {ClassName USARBot.P2DX} {Location -8,1.9,1.8} {Name R1}\r\n")
+    scans = statuses = 0
+    for data in wire.writes(3):
+        assert len(data) <= 4096  # one recv(4096) ...
+        assert data.endswith(b"\n")  # ... that ends with a line
+        for line in data.decode("ascii").splitlines():
+            words = re.findall(r"\{[^\}]*\}|\S+", line)
+            if words[1] == "{Type GroundVehicle}":
+                statuses += 1
+            elif words[0] == "SEN" and words[2] == "{Type RangeScanner}":
+                ranges = words[6].removeprefix("{Range ").removesuffix("}").split(",")
+                assert len([float(r) for r in ranges]) == 181
+                scans += 1
+            wire.send("DRIVE {LEFT 20} {RIGHT 10} {Normalized true}\r\n")
+    assert scans >= 29
+    assert statuses >= 29
+    (vehicle,) = wire.host.simulation.vehicles
+    assert vehicle.robot.pose.yaw < -0.5  # the left wheels are faster: it turns right
+
+
+def test_a_student_client_may_send_one_wheel_or_spread_its_commas(wire: Wire) -> None:
+    wire.send("INIT {ClassName USARBot.P2DX} {Location -8,0000, 0,0000, 0,0000}\r\n")
+    wire.send("DRIVE {Left 1.0}\r\n")
+    list(wire.writes(1))
+    assert wire.x == -8
+    wire.send("DRIVE {LEFT -1.0} {RIGHT -1.0}\r\n")
+    list(wire.writes(1))
+    assert wire.x == pytest.approx(-8 - 0.0825)

@@ -1,0 +1,449 @@
+"""A stand-in for UsarCommander probes, drives and maps, in lockstep and over TCP.
+
+What it parses, ignores, throws away and dies of is what its source does; nothing of it
+is shared with the server. An assertion inside the stand-in is where the real one would
+throw.
+"""
+
+import asyncio
+import math
+import re
+import socket
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Floats
+from radarsim.host import Host, Notice
+from radarsim.scene.scene import Scene
+from radarsim.server import Server
+from radarsim.simulation.conditions import Conditions
+
+ONE_READ = 4096
+GROUND = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")
+HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES")
+STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
+NO_DRIFT = Conditions(item_settings={"InsTest": STILL})
+NO_NOISE = Conditions(item_settings={"InsTest": STILL, "lms200": {"side_offset_uu": 0}})
+
+# seconds, forward, left: turns on the spot, curves and straight stretches
+TOUR = (
+    *((2, 0, 0), (6, 0, 1), (8, 4, 0), (2.5, 0, -1.5), (5, 4, 0.5), (6, 5, -0.4)),
+    *((3, 0, -2), (4, 3, 0), (1, 0, 0)),
+)
+SHORT_TOUR = ((2, 0, 0), (4, 0, 1.5), (3, 4, 0), (3, 3, 1), (1, 0, 0))
+
+
+class Link(Protocol):
+    """A connection with a clock."""
+
+    def send(self, data: bytes) -> None: ...
+    def read(self) -> bytes: ...
+    def sleep(self, seconds: float) -> None: ...
+    def seconds(self) -> float: ...
+    def milliseconds(self) -> int: ...
+    def close(self) -> None: ...
+
+
+class World:
+    """A host and its connections, pumped in lockstep; its clock is the only one."""
+
+    def __init__(self, host: Host, *, phase: int = 0) -> None:
+        self.host = host
+        self.phase = phase  # ms that the client's clock is ahead
+        self.links: list[LockstepLink] = []
+        self.notices: list[Notice] = []
+
+    def connect(self) -> Link:
+        return LockstepLink(self)
+
+    def tick(self) -> None:
+        self.notices += [notice for _, notice in self.host.step()]
+        for link in self.links:
+            link.inbox += self.host.take(link.number)
+
+
+class LockstepLink:
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.number = world.host.connect()
+        self.inbox = bytearray(world.host.take(self.number))
+        world.links.append(self)
+
+    def send(self, data: bytes) -> None:
+        self.world.notices += self.world.host.receive(self.number, data)
+
+    def read(self) -> bytes:
+        for _ in range(100):
+            if self.inbox:
+                break
+            self.world.tick()
+        data = bytes(self.inbox[:ONE_READ])
+        del self.inbox[:ONE_READ]
+        return data
+
+    def sleep(self, seconds: float) -> None:
+        if not self.world.host.has_robot(self.number):
+            self.inbox += self.world.host.take(self.number)
+        for _ in range(round(seconds * 100)):
+            self.world.tick()
+
+    def seconds(self) -> float:
+        return self.world.host.simulation.time
+
+    def milliseconds(self) -> int:
+        return round(self.seconds() * 1000) + self.world.phase
+
+    def close(self) -> None:
+        self.world.links.remove(self)
+        self.world.host.disconnect(self.number)
+
+
+class SocketLink:
+    def __init__(self, address: tuple[str, int], speed: float) -> None:
+        self.socket = socket.create_connection(address, timeout=5)
+        self.speed = speed
+
+    def send(self, data: bytes) -> None:
+        self.socket.sendall(data)
+
+    def read(self) -> bytes:
+        return self.socket.recv(ONE_READ)
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds / self.speed)
+
+    def seconds(self) -> float:
+        return time.monotonic() * self.speed
+
+    def milliseconds(self) -> int:
+        return int(time.monotonic() * 1000)
+
+    def close(self) -> None:
+        self.socket.close()
+
+
+def parts_of(line: str) -> list[str]:
+    return re.findall(r"\{([^{}]*)\}", line)
+
+
+def numbers(text: str, count: int) -> list[float]:
+    values = [float(word) for word in text.split(",")]
+    assert len(values) == count
+    return values
+
+
+@dataclass
+class Patch:
+    """A scan in the map: the pose that the robot believed, and ranges left to right."""
+
+    pose: tuple[float, float, float]
+    fov: float
+    step: float
+    ranges: list[float]
+
+
+@dataclass
+class Commander:
+    """The agent: its answers drive the chain of questions, its scans make the map."""
+
+    link: Link
+    name: str = "Rob"
+    battery: int = 0
+    sent: list[str] = field(default_factory=list)
+    answers: dict[str, dict[str, str]] = field(default_factory=dict)
+    offset: tuple[float, float] = (0.0, 0.0)
+    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scans: int = 0
+    first: tuple[float, float, float] | None = None
+    patches: list[Patch] = field(default_factory=list)
+    rest: str = ""
+
+    def send(self, line: str) -> None:
+        self.sent.append(line)
+        self.link.send(f"{line}\r\n".encode("ascii"))
+
+    def start(self, location: str, rotation: str) -> None:
+        self.send(
+            f"INIT {{ClassName USARBot.P3AT}} {{Name {self.name}}} "
+            f"{{Location {location}}} {{Rotation {rotation}}} "
+        )
+
+    def drive(self, forward: float, left: float) -> None:
+        """Send speeds; an agent that believes its battery empty pauses itself."""
+        if self.battery >= 1:
+            a, b = forward - left, forward + left
+            line = f"DRIVE {{Left {a:g}}} {{Right {b:g}}} {{Light False}}"
+            if line not in self.sent[-1:]:
+                self.send(line)
+
+    def run(self, seconds: float) -> None:
+        until = self.link.seconds() + seconds
+        while self.link.seconds() < until:
+            self.receive(self.link.read())
+
+    def tour(self, legs: Iterable[tuple[float, float, float]]) -> None:
+        for seconds, forward, left in legs:
+            self.drive(forward, left)
+            self.run(seconds)
+
+    def receive(self, data: bytes) -> None:
+        *lines, self.rest = (self.rest + data.decode("ascii")).split("\n")
+        for line in lines:
+            self.handle(line.removesuffix("\r"))
+
+    def handle(self, line: str) -> None:
+        head = line[: line.index(" ")]  # no blank: the driver thread dies here
+        assert head in HEADS
+        fields: dict[str, str] = {}
+        for part in parts_of(line):
+            key, _, value = part.strip().partition(" ")
+            fields.setdefault(key.lower(), value)
+        if head == "NFO":
+            self.send(f"GETGEO {{Type Robot}} {{Name {self.name}}}")
+            self.send(f"GETCONF {{Type Robot}} {{Name {self.name}}}")
+        elif head == "STA":
+            self.on_status(fields)
+        elif head in ("GEO", "CONF"):
+            self.on_answer(head, fields, line)
+        elif head == "SEN":
+            self.on_reading(fields)
+
+    def on_status(self, fields: dict[str, str]) -> None:
+        self.battery = int(fields["battery"])
+        int(fields["view"]), int(fields["lightintensity"])
+        assert fields["lighttoggle"] in ("True", "False")
+
+    def on_answer(self, head: str, fields: dict[str, str], line: str) -> None:
+        kind = fields["type"]
+        if kind in GROUND:
+            self.answers[f"{head} Robot"] = fields
+            self.send(f"GET{head} {{Type RangeScanner}} {{Name lms200}}")
+        elif kind == "RangeScanner":
+            self.answers[f"{head} RangeScanner"] = fields
+            self.send(f"GET{head} {{Type Camera}} {{Name Camera}}")
+            for part in parts_of(line):
+                words = part.split(" ")
+                if words[:2] == ["Name", "lms200"] and words[-1] == "HARD":
+                    assert len(words) == 8
+                    x, y, _ = numbers(words[3], 3)
+                    self.offset = (x, y)
+
+    def on_reading(self, fields: dict[str, str]) -> None:
+        kind = fields["type"]
+        if kind == "RangeScanner":
+            self.on_scan(fields)
+        elif kind == "INS":
+            x, y, _ = numbers(fields["location"], 3)
+            self.pose = (x, y, numbers(fields["orientation"], 3)[2])
+        elif kind == "GroundTruth":
+            numbers(fields["location"], 3), numbers(fields["orientation"], 3)
+        elif kind == "Encoder":
+            assert not [key for key in fields if key.startswith(("ec", "enc"))]
+        elif kind == "Tachometer":
+            numbers(fields["vel"], 4), numbers(fields["pos"], 4)
+
+    def on_scan(self, fields: dict[str, str]) -> None:
+        fov, step = float(fields["fov"]), float(fields["resolution"])
+        ranges = [float(text) for text in fields["range"].split(",")][::-1]
+        if fields["name"] != "lms200":
+            return
+        self.scans += 1
+        assert round(fov / step) + 1 >= len(ranges)  # else the scan is swallowed
+        if self.link.milliseconds() % 200 > 100:
+            return
+        if self.first is None:
+            self.first = self.pose
+        elif self.is_patch():
+            self.patches.append(Patch(self.pose, fov, step, ranges))
+
+    def is_patch(self) -> bool:
+        """Tell whether a scan extends the map, or starts it where the first one was."""
+        if not self.patches:
+            assert self.first is not None
+            return not apart(self.pose, self.first, 0.020, math.radians(2))
+        return apart(self.pose, self.patches[-1].pose, 0.200, math.radians(5))
+
+    def walls(self) -> Floats:
+        """Give the points of the map, (N, 2) m, in USARSim's frame with y right."""
+        points = []
+        for patch in self.patches:
+            x, y, yaw = patch.pose
+            x += self.offset[0] * math.cos(yaw) - self.offset[1] * math.sin(yaw)
+            y += self.offset[0] * math.sin(yaw) + self.offset[1] * math.cos(yaw)
+            for i, distance in enumerate(patch.ranges):
+                if 0.2 <= distance <= 79:
+                    angle = yaw - patch.fov / 2 + i * patch.step
+                    points.append(
+                        (x + distance * math.cos(angle), y + distance * math.sin(angle))
+                    )
+        return np.array(points)
+
+
+def apart(
+    one: tuple[float, float, float],
+    other: tuple[float, float, float],
+    way: float,
+    turn: float,
+) -> bool:
+    moved = math.hypot(one[0] - other[0], one[1] - other[1])
+    return moved > way or abs(math.remainder(one[2] - other[2], 2 * math.pi)) > turn
+
+
+def probe_level(connect: Callable[[], Link]) -> str:
+    """Read the level as the dialogs do, which never ask for a robot."""
+    link = connect()
+    link.sleep(1)
+    text = link.read().decode("ascii")
+    link.close()
+    return next(p[6:] for p in parts_of(text) if p.startswith("Level "))
+
+
+def probe_starts(connect: Callable[[], Link]) -> dict[str, tuple[str, str]]:
+    """Read the start poses as the dialogs do: one read a second after the question."""
+    link = connect()
+    link.sleep(1)
+    link.read()
+    link.send(b"GETSTARTPOSES\r\n")
+    link.sleep(1)
+    text = link.read().decode("ascii")
+    link.close()
+    words = parts_of(text)[-1].split(" ")
+    starts = dict(
+        zip(words[::3], zip(words[1::3], words[2::3], strict=True), strict=True)
+    )
+    for name in starts:
+        assert name.startswith(("Playe", "Robot", "ComSt"))
+        assert name.isalnum()
+    return starts
+
+
+def dialogue(
+    connect: Callable[[], Link], legs: Iterable[tuple[float, float, float]]
+) -> tuple[str, Commander]:
+    """Do all that a user does: look at the map, choose a start, drive about."""
+    level = probe_level(connect)
+    location, rotation = probe_starts(connect)["RobotStart1"]
+    commander = Commander(connect())
+    commander.link.sleep(3)
+    commander.start(location, rotation)
+    commander.run(0.5)
+    commander.tour(legs)
+    return level, commander
+
+
+def wall_errors(points: Floats) -> Floats:
+    """Give the distances of points from the walls of the shipped rooms, m."""
+    beyond = np.abs(points) - (10.4, 6.4)
+    outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
+    errors: Floats = np.abs(np.where(outside > 0, outside, beyond.max(axis=1)))
+    return errors
+
+
+def seen_share(points: Floats) -> float:
+    """Give the share of 0.5 m pieces of the four walls that have a point."""
+    pieces = set()
+    for x, y in points:
+        if abs(abs(y) - 6.4) < 0.1:
+            pieces.add(("long", y > 0, x // 0.5))
+        if abs(abs(x) - 10.4) < 0.1:
+            pieces.add(("short", x > 0, y // 0.5))
+    return len(pieces) / (2 * (20.8 + 12.8) / 0.5)
+
+
+def test_it_finds_the_level_the_starts_and_its_robot(empty_room: Scene) -> None:
+    world = World(Host(empty_room))
+    level, commander = dialogue(world.connect, [(1, 0, 0)])
+    assert level == "DM-EmptyRoom"
+    assert commander.sent[0].startswith("INIT")
+    assert commander.sent[1:7] == [
+        "GETGEO {Type Robot} {Name Rob}",
+        "GETCONF {Type Robot} {Name Rob}",
+        "GETGEO {Type RangeScanner} {Name lms200}",
+        "GETCONF {Type RangeScanner} {Name lms200}",
+        "GETGEO {Type Camera} {Name Camera}",
+        "GETCONF {Type Camera} {Name Camera}",
+    ]
+    geo = commander.answers["GEO Robot"]
+    assert float(geo["wheelradius"]) == 0.098
+    assert float(geo["wheelseparation"]) == 0.36
+    assert float(geo["wheelbase"]) == 0.248
+    assert commander.offset == (0.2085, 0.0)
+    assert commander.pose == (-8.0, 0.0, 0.0)
+    assert {notice.text for notice in world.notices} == {
+        "no item of type 'Camera' on this robot"
+    }
+
+
+def test_probes_leave_no_robot_behind(empty_room: Scene) -> None:
+    world = World(Host(empty_room))
+    probe_level(world.connect)
+    assert list(probe_starts(world.connect)) == [
+        "RobotStart1",
+        "RobotStart2",
+        "RobotStart3",
+    ]
+    assert world.host.simulation.vehicles == ()
+
+
+@pytest.mark.parametrize("phase", [0, 40, 100, 105, 190])
+def test_its_map_starts_at_whatever_phase_its_clock_is(
+    empty_room: Scene, phase: int
+) -> None:
+    world = World(Host(empty_room), phase=phase)
+    _, commander = dialogue(world.connect, [(2, 0, 0)])
+    assert len(commander.patches) == 1
+    assert commander.patches[0].pose == (-8.0, 0.0, 0.0)
+
+
+def test_without_noise_its_walls_are_those_of_the_room(empty_room: Scene) -> None:
+    world = World(Host(empty_room, conditions=NO_NOISE))
+    _, commander = dialogue(world.connect, TOUR)
+    points = commander.walls()
+    assert len(commander.patches) > 100
+    assert wall_errors(points).max() < 0.05
+    assert seen_share(points) > 0.95
+
+
+def test_with_side_beams_its_walls_are_those_of_the_room_on_average(
+    empty_room: Scene,
+) -> None:
+    world = World(Host(empty_room, conditions=NO_DRIFT))
+    _, commander = dialogue(world.connect, TOUR)
+    errors = wall_errors(commander.walls())
+    assert math.sqrt(np.mean(errors**2)) < 0.05
+    assert 0.05 < errors.max() < 0.105  # no ray is farther from its beam than 25 units
+
+
+def test_in_front_of_the_bushes_its_walls_are_those_of_the_room(
+    foliage_room: Scene,
+) -> None:
+    world = World(Host(foliage_room, conditions=NO_NOISE))
+    _, commander = dialogue(world.connect, TOUR)
+    points = commander.walls()
+    in_front = points[points[:, 0] < -1]
+    assert wall_errors(in_front).max() < 0.05
+    assert len(in_front) > 2000
+    assert (points[:, 0] > 2.5).sum() > 100  # and through the bushes it sees the rest
+
+
+async def test_over_tcp_its_walls_are_those_of_the_room(empty_room: Scene) -> None:
+    speed = 8
+    server = Server(Host(empty_room, conditions=NO_NOISE), speed=speed)
+    await server.start(port=0)
+    try:
+        level, commander = await asyncio.to_thread(
+            dialogue, lambda: SocketLink(server.address, speed), SHORT_TOUR
+        )
+        commander.link.close()
+    finally:
+        await server.stop()
+    assert level == "DM-EmptyRoom"
+    points = commander.walls()
+    assert len(commander.patches) > 10
+    assert wall_errors(points).max() < 0.05
+    assert seen_share(points) > 0.5

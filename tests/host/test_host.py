@@ -1,0 +1,592 @@
+"""What one client sees of the host, in the dialect that clients of all kinds speak."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.geometry import Pose3
+from radarsim.host import Host
+from radarsim.host.host import COMMANDS_A_TICK
+from radarsim.host.orders import SPAWN_TICKS
+from radarsim.presets.robots import robot_names
+from radarsim.scene.scene import Scene, StartPose
+from radarsim.simulation.conditions import Conditions
+
+GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
+STARTS = (
+    b"NFO {StartPoses 3} {RobotStart1 -8.00,0.00,0.00 0.00,0.00,0.00 "
+    b"RobotStart2 -8.00,-3.50,0.00 0.00,0.00,0.00 "
+    b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
+)
+INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
+GEO = (
+    b"GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.5520,0.4970,0.4600} "
+    b"{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+    b"{WheelBase 0.2480}\r\n"
+)
+
+
+@pytest.fixture
+def host(empty_room: Scene) -> Host:
+    return Host(empty_room)
+
+
+def greeted(host: Host) -> int:
+    number = host.connect()
+    host.take(number)
+    return number
+
+
+def spawned(host: Host, init: bytes = INIT) -> int:
+    number = greeted(host)
+    assert host.receive(number, init) == []
+    assert host.has_robot(number)
+    return number
+
+
+def let_pass(host: Host, ticks: int) -> None:
+    for _ in range(ticks):
+        host.step()
+
+
+def heads(data: bytes) -> list[str]:
+    """Name the lines: by their verb, and readings by their type."""
+    lines = data.decode("ascii").split("\r\n")[:-1]
+    return [
+        re.findall(r"{Type (\w+)}", line)[0] if line.startswith("SEN") else line[:3]
+        for line in lines
+    ]
+
+
+def test_a_client_is_greeted_once_and_before_it_says_anything(host: Host) -> None:
+    number = host.connect()
+    assert host.waiting(number) == len(GREETING)
+    assert host.take(number) == GREETING
+    host.receive(number, INIT)
+    let_pass(host, 30)
+    assert b"Gametype" not in host.take(number)
+
+
+def test_start_poses_are_answered_at_once_and_without_a_robot(host: Host) -> None:
+    number = greeted(host)
+    assert host.receive(number, b"GETSTARTPOSES\r\n") == []
+    assert host.take(number) == STARTS
+    let_pass(host, 100)
+    assert host.take(number) == b""
+    assert host.simulation.vehicles == ()
+
+
+def test_with_a_robot_answers_wait_for_the_write_of_the_tick(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"GETGEO {Type Robot}\r\n")
+    assert host.take(number) == b""
+    host.step()
+    assert host.take(number) == GEO
+
+
+def test_questions_in_the_packet_of_init_are_answered(host: Host) -> None:
+    number = greeted(host)
+    asked = b"GETSTARTPOSES\r\n" + INIT + b"GETGEO {Type Robot} {Name R1}\r\n"
+    host.receive(number, asked)
+    host.step()
+    assert host.take(number) == STARTS + GEO
+
+
+def test_a_write_is_status_answers_poses_others_scan(host: Host) -> None:
+    number = spawned(host)
+    let_pass(host, 9)
+    assert host.take(number) == b""
+    host.receive(number, b"GETGEO {Type Robot}\r\nGETSTARTPOSES\r\n")
+    host.step()
+    assert heads(host.take(number)) == [
+        *("STA", "GEO", "NFO", "GroundTruth", "INS", "Odometry", "Tachometer"),
+        *("Encoder", "Encoder", "Touch", "RangeScanner"),
+    ]
+
+
+@pytest.mark.parametrize("class_name", robot_names())
+def test_every_line_keeps_to_the_rules_of_all_clients(
+    host: Host, class_name: str
+) -> None:
+    number = host.connect()
+    types = ("Robot", "RangeScanner", "INS", "Encoder", "Battery", "MisPkg", "Touch")
+    asked = [f"GET{verb} {{Type {t}}}" for t in types for verb in ("GEO", "CONF")]
+    init = INIT.replace(b"P3AT", class_name.encode())
+    host.receive(number, init + "\r\n".join(["GETSTARTPOSES", *asked, ""]).encode())
+    host.receive(number, b"DRIVE {Left 3} {Right -2.5}\r\n")
+    sent = b""
+    for _ in range(300):
+        host.step()
+        write = host.take(number)
+        assert len(write) < 4096
+        sent += write
+    text = sent.decode("ascii")
+    assert text.count("\r") == text.count("\n") == text.count("\r\n")
+    for line in text.split("\r\n")[:-1]:
+        assert re.fullmatch(r"[A-Z]{3,4}( \{[^{}\s]+( [^{}\s]+)*\})+", line)
+        assert len(line) + 2 <= 4095
+        assert not re.search(r"[0-9]e|nan|inf|,\}|-0\.0*[,}]", line.lower())
+    if class_name != "P3AT_Compare":
+        assert text.count("{Type RangeScanner} {Name") == 30 + 2
+
+
+def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
+    number = spawned(host)
+    let_pass(host, 100)
+    times = re.findall(rb"{Time ([0-9.]+)}", host.take(number))
+    assert len(times) == 9 * 10
+    assert times == sorted(times, key=float)
+    assert float(times[0]) > 0
+    assert times[-1] == b"1.00"
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "text"),
+    [
+        pytest.param(
+            b"DRIVE Left 1",
+            "malformed line",
+            "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
+            id="no braces",
+        ),
+        pytest.param(
+            b"FOO {A b}",
+            "malformed line",
+            "verb 'FOO', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
+            "'GETSTARTPOSES', 'INIT', 'SET']",
+            id="unknown verb",
+        ),
+        pytest.param(
+            b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
+            "class",
+            "robot class 'KR6', expected one of ['P2AT', 'P2DX', 'P3AT', "
+            "'P3AT_Compare', 'P3AT_Hokuyo', 'P3AT_Radar360', 'P3AT_SICK']",
+            id="unknown class",
+        ),
+        pytest.param(
+            b"DRIVE {Left 1} {Right 1}",
+            "DRIVE without robot",
+            "DRIVE without a robot, expected INIT",
+            id="drive before init",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode RESET}",
+            "SET without robot",
+            "SET without a robot, expected INIT",
+            id="set before init",
+        ),
+        pytest.param(
+            b"GETGEO {Type Robot}",
+            "GETGEO without robot",
+            "GETGEO without a robot, expected INIT",
+            id="question before init",
+        ),
+        pytest.param(
+            b"DRIVE {Left nan} {Right 1}",
+            "malformed DRIVE",
+            "DRIVE Left: 'nan', expected a number",
+            id="no number",
+        ),
+        pytest.param(
+            b"MULTIDRIVE {FRFlipper 1}",
+            "MULTIDRIVE",
+            "MULTIDRIVE does nothing here",
+            id="verb of other servers",
+        ),
+        pytest.param(
+            b"GETSTARTPOSES {Which all}",
+            "GETSTARTPOSES fields",
+            "GETSTARTPOSES 'Which', expected of []",
+            id="unknown key",
+        ),
+    ],
+)
+def test_what_cannot_be_done_is_noticed_and_does_nothing(
+    host: Host, line: bytes, kind: str, text: str
+) -> None:
+    number = greeted(host)
+    (notice,) = host.receive(number, line + b"\r\n")
+    assert (notice.kind, notice.text) == (kind, text)
+    let_pass(host, 20)
+    assert host.take(number) in (b"", STARTS)
+    assert host.receive(number, b"GETSTARTPOSES\r\n") == []
+    assert host.take(number) == STARTS
+    assert host.simulation.vehicles == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "text"),
+    [
+        pytest.param(
+            b"DRIVE {Left 1}",
+            "one side",
+            "DRIVE of one side, expected Left and Right",
+            id="one wheel",
+        ),
+        pytest.param(
+            b"DRIVE {Right 1e400} {Left 1}",
+            "malformed DRIVE",
+            "DRIVE Right: '1e400', expected at most 1e+09",
+            id="no finite number",
+        ),
+        pytest.param(
+            b"DRIVE {Left 1} {Right inf} {Light true}",
+            "malformed DRIVE",
+            "DRIVE Right: 'inf', expected a number",
+            id="infinity",
+        ),
+        pytest.param(
+            b"DRIVE {Speed 1} {FrontSteer 0.2}",
+            "DRIVE fields",
+            "DRIVE 'Speed', expected of "
+            "['Left', 'Right', 'Normalized', 'Light', 'Flip']",
+            id="fields of other vehicles",
+        ),
+        pytest.param(
+            b"GETCONF {Type Actuator}",
+            "no item",
+            "no item of type 'Actuator' on this robot",
+            id="item that is not there",
+        ),
+        pytest.param(
+            b"GETGEO {Type RangeScanner} {Name Scanner1}",
+            "no item",
+            "no item of type 'RangeScanner' on this robot",
+            id="item of another name",
+        ),
+        pytest.param(
+            b"SET {Type Camera} {Opcode ZOOM} {Params 1}",
+            "no item",
+            "SET of 'Camera', which is not there",
+            id="order to nothing",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode ZOOM}",
+            "opcode",
+            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE']",
+            id="unknown opcode",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode POSE} {Params 1,2,3}",
+            "malformed POSE",
+            "SET POSE: '1,2,3', expected 6 numbers",
+            id="half a pose",
+        ),
+    ],
+)
+def test_what_the_robot_cannot_do_is_noticed_and_does_nothing(
+    host: Host, line: bytes, kind: str, text: str
+) -> None:
+    number = spawned(host)
+    (notice,) = host.receive(number, line + b"\r\n")
+    assert notice.kind == kind
+    assert notice.text.startswith(text)
+    let_pass(host, 20)
+    sent = host.take(number)
+    assert b"-8.0000,0.0000,-0.1460" in sent
+    assert b"{LightToggle True}" not in sent
+    assert set(heads(sent)) <= {
+        *("STA", "GroundTruth", "INS", "Odometry", "Tachometer"),
+        *("Encoder", "Touch", "RangeScanner"),
+    }
+
+
+def test_one_unknown_key_does_not_spoil_the_others(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Light True} {Beep 1} {Left 1} {Right 1}\r\n")
+    let_pass(host, 20)
+    assert b"{LightToggle True}" in host.take(number)
+    assert host.simulation.vehicles[0].robot.pose.x > -8
+
+
+def test_drive_holds_until_it_is_changed(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"Drive {left 2,0} {RIGHT +2}\n\r")
+    let_pass(host, 300)
+    pose = host.simulation.vehicles[0].robot.pose
+    assert pose.x == pytest.approx(-8 + 2 * 0.098 * 3)
+    host.receive(number, b"DRIVE {Light True}\r\nDRIVE {Flip true}\r\n")
+    let_pass(host, 100)
+    pose = host.simulation.vehicles[0].robot.pose
+    assert pose.x == pytest.approx(-8 + 2 * 0.098 * 4)
+
+
+def test_normalized_is_percent_and_stays(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Left 50} {Right 50} {Normalized true}\r\n")
+    let_pass(host, 100)
+    x = -8 + 0.5 * 8.17 * 0.098
+    assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
+    host.receive(number, b"DRIVE {Left 10} {Right 10}\r\n")
+    let_pass(host, 100)
+    x += 0.1 * 8.17 * 0.098
+    assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
+
+
+@pytest.mark.parametrize(
+    ("fields", "pose"),
+    [
+        pytest.param(
+            "{Location 1,2,-2.25} {Rotation 0,0,1.5}", (1, -2, -1.5), id="all"
+        ),
+        pytest.param("{Location 1 2 0.2}", (1, -2, 0), id="blanks"),
+        pytest.param("{Location 1,5 -2,5 0,2}", (1.5, 2.5, 0), id="decimal commas"),
+        pytest.param("{Location .4, .4, 1.8}", (0.4, -0.4, 0), id="leading dots"),
+        pytest.param("{Name 7}", (0, 0, 0), id="nothing"),
+        pytest.param(
+            "{Name } {Start robotSTART2}", (-8, 3.5, 0), id="start in any case"
+        ),
+        pytest.param("{Start RobotStart3} {Location 1,1,1}", (-8, -3.5, 0), id="both"),
+    ],
+)
+def test_a_robot_stands_where_init_says(
+    host: Host, fields: str, pose: tuple[float, float, float]
+) -> None:
+    init = f"INIT {{Classname USARBot.p3at}} {fields} \n\r"
+    spawned(host, init.encode())
+    robot = host.simulation.vehicles[0].robot
+    assert (robot.pose.x, robot.pose.y, robot.pose.yaw) == pytest.approx(pose)
+    assert robot.body.z == pytest.approx(0.146)
+
+
+def test_an_unknown_start_is_the_origin_and_noticed(host: Host) -> None:
+    number = greeted(host)
+    (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert notice.kind == "start"
+    assert notice.text == (
+        "start 'Nowhere', expected one of ['RobotStart1', 'RobotStart2', 'RobotStart3']"
+    )
+    assert host.simulation.vehicles[0].robot.pose.x == 0
+
+
+def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
+    number = greeted(host)
+    (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Location 10.4,1,0}\r\n")
+    assert notice.kind == "moved"
+    assert re.fullmatch(
+        r"INIT moved from \(10\.40, -1\.00\) to \([0-9.]+, -[0-9.]+\), "
+        "the nearest free place",
+        notice.text,
+    )
+    pose = host.simulation.vehicles[0].robot.pose
+    assert abs(pose.x - 10.4) + abs(pose.y + 1) < 1
+
+
+def test_where_there_is_no_place_there_is_no_robot(host: Host) -> None:
+    first = greeted(host)
+    host.receive(first, INIT)
+    notices = []
+    clients = [greeted(host) for _ in range(10)]
+    for number in clients:
+        notices += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
+    kinds = [notice.kind for notice in notices]
+    assert kinds[:3] == ["moved"] * 3
+    assert kinds[-2:] == ["no place", "GETGEO without robot"]
+    assert not host.has_robot(clients[-1])
+    assert notices[-2].text == (
+        "INIT at (-8.00, 0.00), expected a free place within 1 m"
+    )
+    host.disconnect(first)
+    let_pass(host, SPAWN_TICKS)
+    assert host.receive(clients[-1], INIT) == []
+    assert host.has_robot(clients[-1])
+
+
+def test_a_robot_leaves_with_its_client_and_its_name_is_free(host: Host) -> None:
+    numbers = [spawned(host) for _ in range(1)]
+    other = greeted(host)
+    host.receive(other, b"INIT {ClassName P3AT} {Name R1} {Location 0,0,0}\r\n")
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1", "R1 (2)"]
+    host.disconnect(numbers[0])
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)"]
+    spawned(host)
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)", "R1"]
+
+
+def test_a_robot_without_a_name_gets_its_class_for_one(host: Host) -> None:
+    spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,0,0}\r\n")
+    spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,2,0} {Name }\r\n")
+    names = [vehicle.robot.name for vehicle in host.simulation.vehicles]
+    assert names == ["P2DX", "P2DX (2)"]
+
+
+def test_a_second_init_replaces_the_robot(host: Host) -> None:
+    number = spawned(host)
+    let_pass(host, SPAWN_TICKS)
+    host.receive(number, b"INIT {ClassName USARBot.P2AT} {Location 0,0,0}\r\n")
+    let_pass(host, 1)
+    (vehicle,) = host.simulation.vehicles
+    assert vehicle.model.name == "P2AT"
+
+
+def test_a_client_has_no_more_than_one_robot_made_in_a_while(host: Host) -> None:
+    number = greeted(host)
+    host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
+    assert host.is_busy(number)
+    seen = set()
+    for _ in range(2 * SPAWN_TICKS):
+        seen.add(host.simulation.vehicles[0].number)
+        host.step()
+    assert host.is_busy(number)
+    host.step()
+    assert not host.is_busy(number)
+    seen.add(host.simulation.vehicles[0].number)
+    assert seen == {1, 2, 3}
+    assert host.simulation.vehicles[0].robot.pose.x > -8
+
+
+def test_a_flood_waits_for_the_next_ticks(host: Host) -> None:
+    number = spawned(host)
+    other = spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
+    drives = b"".join(
+        b"DRIVE {Left %d} {Right %d}\r\n" % (k % 9, k % 9) for k in range(1000)
+    )
+    host.receive(number, drives + b"GETGEO {Type Robot}\r\n")
+    assert host.is_busy(number)
+    assert not host.is_busy(other)
+    ticks = 0
+    while host.is_busy(number):
+        host.step()
+        ticks += 1
+    assert ticks == (1000 - COMMANDS_A_TICK) // COMMANDS_A_TICK + 1
+    assert GEO in host.take(number)
+
+
+def test_notices_of_commands_that_waited_come_with_the_step(host: Host) -> None:
+    number = greeted(host)
+    notices = host.receive(number, b"FOO\r\n" * (COMMANDS_A_TICK + 1))
+    assert len(notices) == COMMANDS_A_TICK
+    ((who, notice),) = host.step()
+    assert who == number
+    assert notice.kind == "malformed line"
+
+
+def test_a_line_without_end_closes_after_what_came_before_it(host: Host) -> None:
+    number = greeted(host)
+    assert not host.must_close(number)
+    (notice,) = host.receive(number, b"GETSTARTPOSES\r\n" + b"x" * 70_000)
+    assert notice.kind == "line"
+    assert notice.text == "line of 70000 bytes, expected at most 65536"
+    assert host.must_close(number)
+    assert host.take(number) == STARTS
+    assert host.receive(number, b"\r\nGETSTARTPOSES\r\n") == []
+    assert host.take(number) == b""
+
+
+def test_half_a_command_waits_for_the_other_half(host: Host) -> None:
+    number = greeted(host)
+    host.receive(number, b"GETSTAR")
+    let_pass(host, 100)
+    assert host.take(number) == b""
+    host.receive(number, b"TPOSES\n")
+    assert host.take(number) == STARTS
+
+
+def test_who_asks_without_reading_is_to_be_closed(empty_room: Scene) -> None:
+    starts = tuple(StartPose(f"RobotStart{n}", Pose3(n, 0, 0)) for n in range(99))
+    host = Host(replace(empty_room, starts=starts))
+    number = greeted(host)
+    host.receive(number, b"GETSTARTPOSES\r\n")
+    size = host.waiting(number)
+    assert 4000 < size < 4096  # as many as fit into one read
+    while host.waiting(number) + size <= 4 * 2**20:
+        assert not host.must_close(number)
+        host.receive(number, b"GETSTARTPOSES\r\n")
+        host.step()
+    host.receive(number, b"GETSTARTPOSES\r\n")
+    assert host.must_close(number)
+
+
+def test_who_does_not_read_loses_readings_and_no_answers(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"GETGEO {Type Robot}\r\n")
+    let_pass(host, 2000)
+    assert host.dropped(number) > 100
+    assert host.waiting(number) < 270_000
+    sent = host.take(number)
+    assert sent.startswith(GEO)
+    assert b"{Time 20.00}" in sent
+    assert b"{Time 5.00}" not in sent
+    assert sent.endswith(b"}\r\n")
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        pytest.param(b"SET {Type RangeScanner} {Opcode SCAN}", id="all"),
+        pytest.param(
+            b"set {TYPE rangescanner} {Name LMS200} {Opcode scan} {Params 0}", id="one"
+        ),
+    ],
+)
+def test_set_scan_gives_one_more_scan_and_no_answer(host: Host, order: bytes) -> None:
+    number = spawned(host)
+    let_pass(host, 15)
+    host.take(number)
+    host.receive(number, order + b"\r\n")
+    let_pass(host, 1)
+    assert heads(host.take(number)) == ["RangeScanner"]
+    let_pass(host, 10)
+    assert heads(host.take(number)).count("RangeScanner") == 1
+
+
+def test_set_pose_overwrites_the_ins_in_the_frame_of_the_wire(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"SET {Type INS} {Opcode POSE} {Params 1,2,-3,0,0,0.5}\r\n")
+    let_pass(host, 10)
+    assert (
+        b"{Type INS} {Name InsTest} {Location 1.0000,2.0000,-3.0000} "
+        b"{Orientation 0.0000,0.0000,0.5000}"
+    ) in host.take(number)
+
+
+def test_set_reset_begins_the_odometry_anew(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Left 5} {Right 5}\r\n")
+    let_pass(host, 100)
+    host.receive(number, b"SET {Type Odometry} {Name Odometer} {Opcode RESET} \r\n")
+    host.receive(number, b"DRIVE {Left 0} {Right 0}\r\n")
+    host.take(number)
+    let_pass(host, 10)
+    assert b"{Pose 0.0000,0.0000,0.0000}" in host.take(number)
+
+
+def test_conditions_that_no_robot_fits_are_refused(empty_room: Scene) -> None:
+    with pytest.raises(PresetError, match="item 'lms'"):
+        Host(empty_room, conditions=Conditions(item_settings={"lms": {}}))
+
+
+def test_two_clients_do_not_hear_each_other(host: Host) -> None:
+    one, other = spawned(host), greeted(host)
+    host.receive(one, b"GETGEO {Type Robot}\r\n")
+    let_pass(host, 20)
+    assert host.take(other) == b""
+    assert GEO in host.take(one)
+
+
+@pytest.mark.parametrize("level", ["foliage_room", "smoke_room"])
+def test_the_greeting_names_the_level_of_the_map(
+    level: str, request: pytest.FixtureRequest
+) -> None:
+    host = Host(request.getfixturevalue(level))
+    expected = {"foliage_room": b"DM-FoliageRoom", "smoke_room": b"DM-SmokeRoom"}
+    assert b"{Level %s}" % expected[level] in host.take(host.connect())
+
+
+def test_the_foliage_room_takes_a_robot_far_outside(
+    foliage_room: Scene,
+) -> None:
+    host = Host(foliage_room)
+    number = spawned(host, b"INIT {ClassName P3AT} {Location 1e9,-1e9,1e9}\r\n")
+    let_pass(host, 10)
+    assert b"80.00,80.00,80.00" in host.take(number)
+
+
+def test_a_map_without_starts_says_so(empty_room: Scene) -> None:
+    host = Host(replace(empty_room, starts=()))
+    number = greeted(host)
+    host.receive(number, b"GETSTARTPOSES\r\n")
+    assert host.take(number) == b"NFO {StartPoses 0}\r\n"
+    spawned(host, b"INIT {ClassName P3AT} {Location 1,1,0}\r\n")

@@ -1,0 +1,159 @@
+"""What holds whatever clients send, and however it is cut on its way."""
+
+from itertools import pairwise
+
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from radarsim.host import Host
+from radarsim.protocol.dialect import UDK
+from radarsim.scene.scene import Scene
+from radarsim.simulation.conditions import Conditions
+
+INITS = (
+    b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n",
+    b"INIT {ClassName USARBot.P2DX} {Location 10.4 0 0}\n\r",
+    b"INIT {ClassName P3AT_Compare} {Location 1e9,-1e9,7} {Rotation 0,0,1e9}\r\n",
+    b"INIT {ClassName Nobody}\r\n",
+)
+COMMANDS = (
+    *INITS,
+    *(b"GETSTARTPOSES\r\n", b"GETGEO {Type Robot}\r\n", b"GETCONF {Type INS}\n"),
+    *(b"DRIVE {Left 3} {Right 2,5}\r\n", b"DRIVE {Left -800} {Right 1}\r\n"),
+    *(b"DRIVE {Left 90} {Right -90} {Normalized True}\r\n", b"DRIVE {Left 1}\r"),
+    *(b"SET {Type RangeScanner} {Opcode SCAN}\r\n", b"DRIVE {Light true}\r\n"),
+    b"SET {Type INS} {Opcode POSE} {Params 1e9,-1e9,1e9,1e9,-1e9,1e9}\r\n",
+    *(b"SET {Type Encoder} {Opcode RESET}\r\n", b"SET {Type GPS} {Opcode RESET}\r\n"),
+    *(b"FOO {", b"}\r\n", b"\r\n\r\n", b"{Name }", b"MISPKG {Link 1}\r\n", b"\xff\x00"),
+)
+SCRIPT = st.lists(  # what is sent before each of some steps
+    st.tuples(st.lists(st.sampled_from(COMMANDS), max_size=6), st.integers(1, 12)),
+    max_size=8,
+)
+QUICK = settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+Script = list[tuple[list[bytes], int]]
+
+
+class Talk:
+    """A client that sends, and keeps what comes, write by write."""
+
+    def __init__(self, host: Host) -> None:
+        self.host = host
+        self.number = host.connect()
+        self.writes = [host.take(self.number)]
+
+    def step(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.host.step()
+            self.writes.append(self.host.take(self.number))
+
+    def send(self, data: bytes, cuts: list[int]) -> None:
+        edges = [0, *sorted(cut % (len(data) + 1) for cut in cuts), len(data)]
+        for start, end in pairwise(edges):
+            self.host.receive(self.number, data[start:end])
+
+
+def play(host: Host, script: Script, cuts: list[int]) -> list[bytes]:
+    talk = Talk(host)
+    for commands, ticks in script:
+        talk.send(b"".join(commands), cuts)
+        talk.step(ticks)
+    return talk.writes
+
+
+@QUICK
+@given(script=SCRIPT, seed=st.integers(0, 3))
+def test_same_seed_same_bytes_at_the_same_ticks_same_bytes_back(
+    foliage_room: Scene, script: Script, seed: int
+) -> None:
+    one = play(Host(foliage_room, seed=seed), script, [])
+    assert play(Host(foliage_room, seed=seed), script, []) == one
+
+
+@QUICK
+@given(script=SCRIPT, cuts=st.lists(st.integers(0, 400), max_size=12))
+@example(script=[([INITS[0], *COMMANDS[4:9], INITS[1]] * 3, 30)], cuts=[*range(300)])
+@example(script=[([INITS[0], *([COMMANDS[7]] * 150), COMMANDS[4]], 9)], cuts=[2000])
+def test_where_tcp_cuts_the_input_does_not_matter(
+    empty_room: Scene, script: Script, cuts: list[int]
+) -> None:
+    whole = play(Host(empty_room), script, [])
+    assert play(Host(empty_room), script, cuts) == whole
+
+
+@QUICK
+@given(script=SCRIPT)
+def test_a_seed_changes_nothing_but_the_noise(
+    empty_room: Scene, script: Script
+) -> None:
+    one = play(Host(empty_room, seed=1), script, [])
+    other = play(Host(empty_room, seed=2), script, [])
+    assert [w.count(b"\n") for w in one] == [w.count(b"\n") for w in other]
+
+
+@QUICK
+@given(
+    data=st.lists(
+        st.one_of(
+            st.binary(max_size=300),
+            st.sampled_from(COMMANDS),
+            st.text("{}LeftRight0123456789.,-+e \r\nDRIVEGTO", max_size=80).map(
+                lambda text: text.encode("ascii")
+            ),
+        ),
+        max_size=30,
+    ),
+    udk=st.booleans(),
+)
+def test_nothing_that_a_client_sends_raises(
+    foliage_room: Scene, data: list[bytes], udk: bool
+) -> None:
+    host = Host(foliage_room, conditions=Conditions(UDK) if udk else None)
+    talk = Talk(host)
+    for piece in data:
+        host.receive(talk.number, piece)
+        talk.step(1)
+    talk.step(30)
+    for write in talk.writes:
+        assert not write or write.endswith(b"\r\n")
+        write.decode("ascii")
+    host.disconnect(talk.number)
+    assert host.simulation.vehicles == ()
+
+
+def _first_of_two(scene: Scene, *, second: bytes | None) -> list[bytes]:
+    """Give what a robot is told that looks west, with another behind it or none."""
+    host = Host(scene, seed=5)
+    first = Talk(host)
+    if second is not None:
+        other = Talk(host)
+    first.send(
+        b"INIT {ClassName P3AT} {Name A} {Location -8,0,0} {Rotation 0,0,3.14159}\r\n"
+        b"DRIVE {Left 0.5} {Right 0.6}\r\n",
+        [],
+    )
+    if second is not None:
+        other.send(second + b"DRIVE {Left -1} {Right 2}\r\n", [])
+    first.step(120)
+    return first.writes
+
+
+def test_another_robot_changes_none_of_the_first_ones_noise(
+    foliage_room: Scene,
+) -> None:
+    alone = _first_of_two(foliage_room, second=None)
+    assert b"RangeScanner" in b"".join(alone)
+    for name in (b"B", b"A"):
+        second = b"INIT {ClassName P3AT} {Name %s} {Location -4,2,0}\r\n" % name
+        assert _first_of_two(foliage_room, second=second) == alone
+
+
+def test_a_robot_in_sight_is_seen(foliage_room: Scene) -> None:
+    alone = _first_of_two(foliage_room, second=None)
+    in_sight = b"INIT {ClassName P3AT} {Name B} {Location -9.2,0,0}\r\n"
+    assert _first_of_two(foliage_room, second=in_sight) != alone

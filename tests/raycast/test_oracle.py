@@ -1,0 +1,355 @@
+"""The engine against an oracle that shares nothing with it.
+
+The oracle cuts a ray at every plane of a triangle that it comes near, by Moeller and
+Trumbore, and asks for the middle of each piece which volumes contain it, by the solid
+angle of their faces. Too many cuts do no harm. No order of crossings, no winding along
+the ray, no tree of boxes, no float32: what it shares with the engine is the law.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.raycast.penetration import Outcome
+from radarsim.raycast.rays import LASER, RADAR, Rays
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene import shapes
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+
+Place = Sequence[float] | Floats
+Solid = tuple[Floats, NDArray[np.int32]]
+
+CONCRETE = Material("concrete")
+FOLIAGE = Material("foliage", density=0.7)
+HEDGE = Material("hedge", density=0.4)
+SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
+GLASS = Material("glass", density=math.inf, laser_density=0.2)
+LEAF = Material("leaf", density=0.0, sheet_loss=0.25)
+EXACT = 1e-6  # what float64 comes to, grazing rays included
+
+
+def ball(radius: float, at: Place, rough: int = 1) -> Solid:
+    """Make a sphere of 80 faces, or of 20 * 4**rough."""
+    vertices, faces = shapes._icosahedron()
+    for _ in range(rough):
+        vertices, faces = shapes._subdivide(vertices, faces)
+    return vertices * radius + np.asarray(at, float), faces
+
+
+def brick(size: Sequence[float], at: Place) -> Solid:
+    vertices, faces = shapes.box(*size)
+    return vertices + np.asarray(at, float), faces
+
+
+def inverted(solid: Solid) -> Solid:
+    return solid[0], solid[1][:, ::-1].copy()
+
+
+def joined(*solids: Solid) -> Solid:
+    """Put shells into one mesh."""
+    offsets = np.cumsum([0, *(len(vertices) for vertices, _ in solids[:-1])])
+    faces = [f + shift for (_, f), shift in zip(solids, offsets, strict=True)]
+    return np.vstack([v for v, _ in solids]), np.vstack(faces).astype(np.int32)
+
+
+def part(material: Material, solid: Solid) -> Part:
+    return Part(material.name, material, *solid)
+
+
+def moved(parts: Sequence[Part], by: Sequence[float]) -> list[Part]:
+    return [
+        Part(p.object_name, p.material, p.vertices + np.asarray(by), p.faces)
+        for p in parts
+    ]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One ray's end: how far, how, with what power left."""
+
+    t: float
+    outcome: Outcome
+    power: float
+
+
+class Oracle:
+    """Answers for one scene and one medium."""
+
+    def __init__(self, parts: Sequence[Part], medium: int = RADAR) -> None:
+        name = "laser_density" if medium == LASER else "density"
+        self.density = np.array([getattr(p.material, name) for p in parts])
+        loss = [p.material.sheet_loss for p in parts]
+        self.sheet = np.array([number is not None for number in loss])
+        self.loss = np.array([number or 0.0 for number in loss])
+        if medium == LASER:
+            self.loss[:] = 0.0
+        self.parts = parts
+        self.corners = np.concatenate([p.vertices[p.faces] for p in parts])
+        self.owner = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
+
+    def hits(self, origin: Floats, direction: Floats, blur: float) -> NDArray[np.bool_]:
+        """Say which triangles the ray comes as near to as this share of them."""
+        a, b, c = self.corners.transpose(1, 0, 2)
+        ab, ac, gap = b - a, c - a, origin - a
+        p = np.cross(direction, ac)
+        q = np.cross(gap, ab)
+        with np.errstate(all="ignore"):
+            scale = 1 / np.einsum("ij,ij->i", ab, p)
+            u = np.einsum("ij,ij->i", gap, p) * scale
+            v = q @ direction * scale
+            self.t = np.einsum("ij,ij->i", ac, q) * scale
+            near: NDArray[np.bool_] = (u >= -blur) & (v >= -blur) & (u + v <= 1 + blur)
+            near &= np.isfinite(self.t) & (self.t >= -1e-9)
+        return near
+
+    def inside(self, index: int, points: Floats) -> NDArray[np.bool_]:
+        """Say which points a part contains: the solid angle of its faces."""
+        corners = self.corners[self.owner == index]
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        answer: NDArray[np.bool_] = ((points > low) & (points < high)).all(axis=1)
+        for row in np.flatnonzero(answer):
+            a, b, c = (corners - points[row]).transpose(1, 0, 2)
+            la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+            dots = (
+                la * lb * lc
+                + np.einsum("ij,ij->i", a, b) * lc
+                + np.einsum("ij,ij->i", b, c) * la
+                + np.einsum("ij,ij->i", c, a) * lb
+            )
+            triple = np.einsum("ij,ij->i", a, np.cross(b, c))
+            answer[row] = np.arctan2(triple, dots).sum() > math.pi
+        return answer
+
+    def answer(
+        self, origin: Floats, direction: Floats, reach: float, power: float
+    ) -> Answer:
+        near = self.hits(origin, direction, 1e-6)
+        t = self.t
+        opaque = np.isinf(self.density)[self.owner]
+        walls = t[self.hits(origin, direction, 1e-12) & opaque]
+        end = float(np.min(walls, initial=np.inf))
+        stop = min(end, reach)
+        cuts = np.unique(np.clip(t[near & ~opaque & (t < stop)], 0.0, stop))
+        cuts = np.concatenate([[0.0], cuts, [stop]])
+        middles = origin + (cuts[:-1] + cuts[1:])[:, None] / 2 * direction
+        sheets = near & self.sheet[self.owner] & ~opaque
+        costs = np.zeros(len(middles))
+        for index in np.flatnonzero(np.isfinite(self.density) & ~self.sheet).tolist():
+            if self.density[index]:
+                costs += self.density[index] * self.inside(index, middles)
+        for start, until, cost in zip(cuts[:-1], cuts[1:], costs, strict=True):
+            power -= float(self.loss[self.owner[sheets & (t == start)]].sum())
+            if power <= 0.0:
+                return Answer(float(start), Outcome.SPENT, 0.0)
+            if cost * (until - start) >= power:
+                return Answer(float(start + power / cost), Outcome.SPENT, 0.0)
+            power -= float(cost * (until - start))
+        return Answer(stop, Outcome.HIT if end <= reach else Outcome.NOTHING, power)
+
+
+def compare(
+    parts: Sequence[Part],
+    origins: Floats,
+    directions: Floats,
+    *,
+    power: float = 1.0,
+    reach: float = 80.0,
+    medium: int = RADAR,
+) -> None:
+    """Hold the engine against the oracle, ray by ray."""
+    rays = Rays.alike(origins, directions, reach=reach, power=power, medium=medium)
+    traces = Tracer(parts).trace(rays)
+    oracle = Oracle(parts, medium)
+    for i in range(len(origins)):
+        wanted = oracle.answer(origins[i], directions[i], reach, power)
+        t = wanted.t if wanted.outcome != Outcome.NOTHING else math.inf
+        story = f"ray {i} from {origins[i].tolist()} along {directions[i].tolist()}"
+        assert traces.outcomes[i] == wanted.outcome, story
+        assert traces.ranges[i] == pytest.approx(t, abs=EXACT), story
+        assert traces.power[i] == pytest.approx(wanted.power, abs=EXACT), story
+
+
+def spheres_in_a_row(rng: np.random.Generator, count: int = 8) -> list[Part]:
+    return [
+        part(FOLIAGE, ball(rng.uniform(0.5, 0.9), [rng.uniform(0, 1), y, 0.1]))
+        for y in np.linspace(-4, 4, count)
+    ]
+
+
+def room() -> Part:
+    """Make a room: a brick that is looked at from within."""
+    return part(CONCRETE, inverted(brick([16, 12, 6], [0, 0, 0])))
+
+
+def wall_of_spheres(rng: np.random.Generator) -> list[Part]:
+    return [room(), *spheres_in_a_row(rng)]
+
+
+def nested(rng: np.random.Generator) -> list[Part]:
+    centre = rng.uniform(-0.5, 0.5, 3)
+    balls = [
+        part(material, ball(radius, centre + rng.uniform(-0.1, 0.1, 3)))
+        for radius, material in ((2.5, HEDGE), (1.5, FOLIAGE), (0.7, HEDGE))
+    ]
+    return [*balls, part(CONCRETE, brick([0.4, 0.4, 0.4], centre))]
+
+
+def coincident(rng: np.random.Generator) -> list[Part]:
+    at = rng.uniform(-1, 1, 3)
+    same = [part(m, ball(1.2, at)) for m in (FOLIAGE, HEDGE, FOLIAGE)]
+    bricks = [part(m, brick([1, 2, 2], [3, 0, 0])) for m in (HEDGE, FOLIAGE)]
+    return [*same, *bricks, part(CONCRETE, brick([1, 1, 1], [5, 0, 0]))]
+
+
+def touching_walls(rng: np.random.Generator) -> list[Part]:
+    poking = part(FOLIAGE, brick([1.5, 2, 2], [7.5, rng.uniform(-1, 1), 0]))
+    flush = part(HEDGE, brick([2, 3, 1.5], [-7, 2, 0]))
+    return [
+        room(),
+        part(CONCRETE, brick([1, 4, 4], [4, 0, 0])),
+        part(FOLIAGE, brick([1, 4, 4], [3, 0, 0])),
+        poking,
+        flush,
+        part(FOLIAGE, ball(1.5, [0, 6, 0])),
+    ]
+
+
+def shells_in_one_part(rng: np.random.Generator) -> list[Part]:
+    overlapping = joined(
+        *(ball(1, [0, y, 0]) for y in (-1.2, 0, 0.7, rng.uniform(0, 2)))
+    )
+    hollow = joined(ball(1.5, [3, 0, 0]), inverted(ball(0.8, [3.1, 0.2, 0])))
+    twice = joined(ball(1, [-3, 0, 0]), ball(1, [-3, 0, 0]))
+    return [
+        part(FOLIAGE, overlapping),
+        part(HEDGE, hollow),
+        part(FOLIAGE, twice),
+        part(CONCRETE, ball(0.3, [3.1, 0.2, 0])),
+    ]
+
+
+def leaves(rng: np.random.Generator) -> list[Part]:
+    loose = rng.uniform(-2, 2, (60, 1, 3)) + rng.uniform(-0.6, 0.6, (60, 3, 3))
+    faces = np.arange(180, dtype=np.int32).reshape(-1, 3)
+    return [
+        part(LEAF, (loose.reshape(-1, 3), faces)),
+        part(LEAF, ball(0.8, [0, 0, 0])),
+        part(FOLIAGE, ball(1.3, [0.4, 0, 0])),
+        part(CONCRETE, inverted(brick([12, 12, 12], [0, 0, 0]))),
+    ]
+
+
+def media(rng: np.random.Generator) -> list[Part]:
+    return [
+        room(),
+        part(SMOKE, brick([9, 9, 4], [0, 0, 0])),
+        part(GLASS, brick([0.2, 3, 3], [rng.uniform(1, 2), 0, 0])),
+        part(FOLIAGE, ball(1, [3, 1, 0])),
+        part(SMOKE, ball(2, [-3, -1, 0])),
+    ]
+
+
+Make = Callable[[np.random.Generator], list[Part]]
+SCENES = [
+    pytest.param(wall_of_spheres, id="wall of overlapping spheres"),
+    pytest.param(nested, id="nested volumes"),
+    pytest.param(coincident, id="coincident volumes"),
+    pytest.param(touching_walls, id="volumes that touch and poke through walls"),
+    pytest.param(shells_in_one_part, id="several shells and cavities in one part"),
+    pytest.param(leaves, id="sheets"),
+    pytest.param(media, id="parts opaque to one medium"),
+]
+
+
+def some_rays(
+    rng: np.random.Generator, parts: Sequence[Part], count: int
+) -> tuple[Floats, Floats]:
+    """Give rays from anywhere to anywhere, and level ones; some start within things."""
+    points = np.vstack([p.vertices for p in parts])
+    low, high = points.min(axis=0), points.max(axis=0)
+    origins = rng.uniform(low, high, (count, 3))
+    ways = rng.uniform(low, high, (count, 3)) - origins
+    level = rng.random(count) < 0.3
+    ways[level, 2] = 0.0
+    return origins, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("medium", [RADAR, LASER], ids=["radar", "laser"])
+@pytest.mark.parametrize("make", SCENES)
+def test_every_scene_answers_as_the_oracle_does(make: Make, medium: int) -> None:
+    rng = np.random.Generator(np.random.PCG64(7))
+    parts = make(rng)
+    origins, directions = some_rays(rng, parts, 600)
+    compare(parts, origins, directions, medium=medium)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("make", SCENES)
+def test_hundreds_of_thousands_of_rays_answer_as_the_oracle_does(
+    make: Make, seed: int
+) -> None:
+    rng = np.random.Generator(np.random.PCG64(seed))
+    parts = make(rng)
+    origins, directions = some_rays(rng, parts, 6000)
+    compare(parts, origins, directions)
+    compare(parts, origins[:3000], directions[:3000], medium=LASER, power=0.4)
+
+
+@pytest.mark.parametrize("make", SCENES)
+def test_half_a_kilometre_from_the_middle_changes_nothing(make: Make) -> None:
+    rng = np.random.Generator(np.random.PCG64(11))
+    parts = moved(make(rng), [480, -470, 3])
+    origins, directions = some_rays(rng, parts, 120)
+    far = part(CONCRETE, brick([1, 1, 1], [-499, 499, 0]))
+    compare([*parts, far], origins, directions)
+
+
+@pytest.mark.parametrize("make", SCENES)
+def test_a_scene_is_seen_from_the_other_end_of_a_kilometre(make: Make) -> None:
+    rng = np.random.Generator(np.random.PCG64(13))
+    parts = moved(make(rng), [480, 300, 3])
+    points = np.vstack([p.vertices for p in parts])
+    origins = np.array([-480.0, -300, 0]) + rng.uniform(-5, 5, (120, 3))
+    ways = points[rng.integers(len(points), size=120)] + rng.normal(0, 0.3, (120, 3))
+    ways -= origins
+    directions = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    compare(parts, origins, directions, reach=1500.0)
+
+
+def in_many_ways(rng: np.random.Generator, parts: Sequence[Part]) -> list[Part]:
+    """Shuffle the parts, their triangles, and which corner of one comes first."""
+    shuffled = []
+    for index in rng.permutation(len(parts)):
+        p = parts[index]
+        faces = p.faces[rng.permutation(len(p.faces))]
+        first = rng.integers(3, size=len(faces))
+        faces = np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
+        shuffled.append(Part(p.object_name, p.material, p.vertices, faces))
+    return shuffled
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    seed=st.integers(0, 2**32 - 1), make=st.sampled_from([s.values[0] for s in SCENES])
+)
+def test_the_order_of_parts_and_triangles_does_not_matter(
+    seed: int, make: Make
+) -> None:
+    rng = np.random.Generator(np.random.PCG64(seed))
+    parts = make(rng)
+    origins, directions = some_rays(rng, parts, 300)
+    rays = Rays.alike(origins, directions, reach=80.0, power=1.0)
+    one, other = (Tracer(p).trace(rays) for p in (parts, in_many_ways(rng, parts)))
+    np.testing.assert_allclose(other.ranges, one.ranges, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(other.power, one.power, rtol=0, atol=EXACT)
+    assert other.outcomes.tolist() == one.outcomes.tolist()

@@ -1,0 +1,143 @@
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.errors import EngineError
+from radarsim.raycast.rays import Rays, Traces
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+from radarsim.scene.shapes import box
+
+WALL = box(1, 9, 9)
+TRACER = Tracer([Part("wall", Material("wall"), WALL[0] + [3.5, 0, 0], WALL[1])])
+
+
+def rays(**changed: Any) -> Rays:
+    """Give three rays ahead, some columns changed."""
+    ahead = np.tile([1.0, 0, 0], (3, 1))
+    return replace(Rays.alike(np.zeros((3, 3)), ahead, reach=9.0, power=1.0), **changed)
+
+
+def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray:
+    array = np.zeros(shape)
+    if shape == (3, 3):
+        array[:, 0] = 1.0
+    array[place] = number
+    return array
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        pytest.param(
+            {"origins": np.zeros((3, 2))},
+            "origins of shape (3, 2), expected (3, 3)",
+            id="flat origins",
+        ),
+        pytest.param(
+            {"directions": np.zeros((2, 3))},
+            "directions of shape (2, 3), expected (3, 3)",
+            id="too few directions",
+        ),
+        pytest.param(
+            {"reach": np.zeros(4)},
+            "reach of shape (4,), expected (3,)",
+            id="long reach",
+        ),
+        pytest.param(
+            {"power": np.zeros((3, 1))},
+            "power of shape (3, 1), expected (3,)",
+            id="power upright",
+        ),
+        pytest.param(
+            {"medium": np.zeros(2, np.uint8)},
+            "medium of shape (2,), expected (3,)",
+            id="too few media",
+        ),
+        pytest.param(
+            {"own": np.zeros(0, np.int64)},
+            "own of shape (0,), expected (3,)",
+            id="no own",
+        ),
+        pytest.param(
+            {"origins": np.zeros((3, 3), np.float32)},
+            "origins of float32, expected float64",
+            id="single precision",
+        ),
+        pytest.param(
+            {"medium": np.zeros(3, np.int64)},
+            "medium of int64, expected uint8",
+            id="wide medium",
+        ),
+        pytest.param(
+            {"own": np.zeros(3)}, "own of float64, expected int64", id="own is real"
+        ),
+        pytest.param(
+            {"origins": with_number((3, 3), (1, 2), math.nan)},
+            "origins[1] is [1.0, 0.0, nan], expected finite numbers",
+            id="nan origin",
+        ),
+        pytest.param(
+            {"directions": with_number((3, 3), (2, 0), math.inf)},
+            "directions[2] is [inf, 0.0, 0.0], expected finite numbers",
+            id="infinite direction",
+        ),
+        pytest.param(
+            {"directions": with_number((3, 3), (0, 1), 1.0)},
+            "directions[0] has length 1.41421356, expected 1",
+            id="long direction",
+        ),
+        pytest.param(
+            {"directions": with_number((3, 3), (1, 0), 0.0)},
+            "directions[1] has length 0, expected 1",
+            id="no direction",
+        ),
+        pytest.param(
+            {"reach": with_number((3,), 1, -1.0)},
+            "reach[1] is -1.0, expected at least 0",
+            id="negative reach",
+        ),
+        pytest.param(
+            {"reach": with_number((3,), 0, math.nan)},
+            "reach[0] is nan, expected at least 0",
+            id="nan reach",
+        ),
+        pytest.param(
+            {"power": with_number((3,), 2, math.nan)},
+            "power[2] is nan, expected at least 0",
+            id="nan power",
+        ),
+        pytest.param(
+            {"medium": np.array([0, 1, 2], np.uint8)},
+            "medium[2] is 2, expected 0 or 1",
+            id="third medium",
+        ),
+    ],
+)
+def test_wrong_columns_are_refused(changed: dict[str, Any], text: str) -> None:
+    with pytest.raises(EngineError) as caught:
+        TRACER.trace(rays(**changed))
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    "origins",
+    [
+        pytest.param(np.zeros((3, 6))[:, ::2], id="every other column"),
+        pytest.param(np.zeros((3, 3), order="F"), id="columns first"),
+        pytest.param(np.broadcast_to(np.zeros(3), (3, 3)), id="one row thrice"),
+    ],
+)
+def test_columns_may_lie_in_memory_as_they_like(origins: np.ndarray) -> None:
+    assert TRACER.trace(rays(origins=origins)).ranges.tolist() == [3.0, 3.0, 3.0]
+
+
+def test_batches_that_are_joined_come_apart_again() -> None:
+    one, other = rays(), rays(reach=np.array([9.0, 2.0, 9.0]))
+    apart = TRACER.trace(Rays.joined([one, other])).split([3, 3])
+    assert [type(piece) for piece in apart] == [Traces, Traces]
+    assert [piece.ranges.tolist() for piece in apart] == [[3, 3, 3], [3, math.inf, 3]]

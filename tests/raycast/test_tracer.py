@@ -1,0 +1,372 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from radarsim.errors import EngineError
+from radarsim.geometry import Floats, rotation_matrix
+from radarsim.raycast.boxes import Boxes
+from radarsim.raycast.penetration import EventKind, Outcome
+from radarsim.raycast.rays import LASER, RADAR, Rays
+from radarsim.raycast.tracer import FIRST_ROOM, Tracer
+from radarsim.scene import shapes
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+
+Solid = tuple[Floats, NDArray[np.int32]]
+AHEAD = (1.0, 0.0, 0.0)
+CONCRETE = Material("concrete")
+SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
+
+
+def foliage(density: float) -> Material:
+    return Material("foliage", density=density)
+
+
+def solid(material: Material, shape: Solid, at: tuple[float, float, float]) -> Part:
+    return Part(material.name, material, shape[0] + np.array(at), shape[1])
+
+
+def brick(
+    material: Material, size: tuple[float, float, float], at: tuple[float, float, float]
+) -> Part:
+    return solid(material, shapes.box(*size), at)
+
+
+def rays(
+    origins: list[tuple[float, float, float]] | Floats,
+    way: tuple[float, float, float] | Floats = AHEAD,
+    *,
+    power: float = 1.0,
+    reach: float = 80.0,
+    medium: int = RADAR,
+) -> Rays:
+    ways = np.broadcast_to(np.asarray(way, float), (len(origins), 3))
+    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    return Rays.alike(
+        np.asarray(origins, float), ways, reach=reach, power=power, medium=medium
+    )
+
+
+def one(
+    parts: list[Part],
+    origin: tuple[float, float, float] = (0, 0, 0),
+    way: tuple[float, float, float] = AHEAD,
+    *,
+    power: float = 1.0,
+    reach: float = 80.0,
+    medium: int = RADAR,
+) -> tuple[float, Outcome, int, float]:
+    traces = Tracer(parts).trace(
+        rays([origin], way, power=power, reach=reach, medium=medium)
+    )
+    t, left = float(traces.ranges[0]), float(traces.power[0])
+    return t, Outcome(traces.outcomes[0]), int(traces.parts[0]), left
+
+
+def test_nothing_is_in_an_empty_scene() -> None:
+    assert one([]) == (math.inf, Outcome.NOTHING, -1, 1.0)
+
+
+@pytest.mark.parametrize("angle", [0, 10, 45, 80, 89])
+def test_a_slab_is_as_thick_as_its_angle_makes_it(angle: float) -> None:
+    turn = rotation_matrix(0, 0, math.radians(angle))
+    vertices, faces = shapes.box(0.01, 40, 40)
+    slab = Part("slab", foliage(0.5), vertices @ turn.T + [10, 0, 0], faces)
+    _, outcome, _, power = one([slab, brick(CONCRETE, (1, 9, 9), (30, 0, 0))])
+    assert outcome == Outcome.HIT
+    assert power == pytest.approx(
+        1 - 0.5 * 0.01 / math.cos(math.radians(angle)), abs=1e-9
+    )
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    y=st.floats(-1.5, 1.5),
+    z=st.floats(-1.5, 1.5),
+    yaw=st.floats(-0.2, 0.2),
+    at=st.sampled_from([0.0, 100.0, 480.0]),
+)
+def test_the_chord_of_a_sphere_is_that_of_its_faces(
+    y: float, z: float, yaw: float, at: float
+) -> None:
+    radius, far = 1.2, 1000.0
+    ball = solid(foliage(0.1), shapes.sphere(radius), (at, at, 3.0))
+    origin = np.array([at - 5, at + y - 5 * math.sin(yaw), 3 + z])
+    way = np.array([math.cos(yaw), math.sin(yaw), 0])
+    traces = Tracer([ball]).trace(rays(origin[None], way, reach=far))
+    gap = np.array([at, at, 3.0]) - origin
+    off = float(gap @ gap - (gap @ way) ** 2)
+    chord = (1 - traces.power[0]) / 0.1
+    longest = 2 * math.sqrt(max(radius**2 - off, 0.0))
+    shortest = 2 * math.sqrt(max((radius * (1 - 0.0047)) ** 2 - off, 0.0))
+    assert shortest - 1e-9 <= chord <= longest + 1e-9
+
+
+def test_what_takes_the_last_power_is_named() -> None:
+    bush, tree = (brick(foliage(0.5), (9, 2, 2), (x, 0, 0)) for x in (5.5, 6.0))
+    assert one([bush, tree]) == (2.25, Outcome.SPENT, 1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("reach", "outcome"), [(4.5, Outcome.HIT), (4.4999, Outcome.NOTHING)]
+)
+@pytest.mark.parametrize("shift", [0.0, 0.1, 1 / 3, 401.7])
+def test_reach_is_inclusive(reach: float, outcome: Outcome, shift: float) -> None:
+    wall = brick(CONCRETE, (1, 4, 4), (5 + shift, 0, 0))
+    t, found, _, _ = one([wall], (shift, 0, 0), reach=reach)
+    assert found == outcome
+    assert t == (pytest.approx(4.5) if outcome == Outcome.HIT else math.inf)
+
+
+@pytest.mark.parametrize("medium", [RADAR, LASER])
+def test_from_inside_a_closed_wall_its_inner_face_is_hit(medium: int) -> None:
+    wall = brick(CONCRETE, (4, 4, 4), (0, 0, 0))
+    assert one([wall], (0.5, 0, 0), medium=medium) == (1.5, Outcome.HIT, 0, 1.0)
+
+
+def test_a_laser_in_foliage_hits_its_inner_face_and_a_radar_is_spent_there() -> None:
+    bush = brick(foliage(0.7), (6, 6, 6), (0, 0, 0))
+    assert one([bush], medium=LASER) == (3.0, Outcome.HIT, 0, 1.0)
+    assert one([bush]) == (1 / 0.7, Outcome.SPENT, 0, 0.0)
+
+
+def test_smoke_blinds_a_laser_and_costs_a_radar_nothing() -> None:
+    parts = [
+        brick(SMOKE, (30, 9, 9), (0, 0, 0)),
+        brick(CONCRETE, (1, 9, 9), (9.5, 0, 0)),
+    ]
+    assert one(parts, medium=LASER) == (2.0, Outcome.SPENT, 0, 0.0)
+    assert one(parts) == (9.0, Outcome.HIT, 1, 1.0)
+
+
+def test_a_wall_that_hides_the_exit_does_not_hide_that_one_is_inside() -> None:
+    parts = [
+        brick(foliage(0.1), (20, 4, 4), (5, 0, 0)),
+        brick(foliage(0.2), (20, 4, 4), (5, 0, 0)),
+        brick(CONCRETE, (1, 9, 9), (2.5, 0, 0)),
+    ]
+    t, outcome, part, power = one(parts)
+    assert (t, outcome, part) == (2.0, Outcome.HIT, 2)
+    assert power == pytest.approx(1 - 2 * 0.1 - 2 * 0.2)
+
+
+@pytest.mark.parametrize("x", [-1.0, np.nextafter(-1, -2), np.nextafter(-1, 0)])
+@pytest.mark.parametrize(
+    ("way", "cost"),
+    [(AHEAD, 0.2), ((-1.0, 0, 0), 0.0), ((1.0, 1, 0), 0.1 * math.sqrt(2))],
+)
+def test_a_start_on_a_face_costs_what_is_ahead(
+    x: float, way: tuple[float, float, float], cost: float
+) -> None:
+    bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
+    assert one([bush], (x, 0, 0), way)[3] == pytest.approx(1 - cost, abs=1e-9)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.1, 1 / 3, 401.7])
+@pytest.mark.parametrize(
+    "off",
+    [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.3, -1.0), (1.0, 1.0), (-1.0, 1.0)],
+)
+def test_along_a_face_or_an_edge_one_is_in_or_out_all_the_way(
+    off: tuple[float, float], shift: float
+) -> None:
+    bush = brick(foliage(0.1), (2, 2, 2), (5, shift, shift))
+    origin = (0.0, shift + off[0], shift + off[1])
+    cost = 1 - one([bush], origin)[3]
+    assert min(abs(cost), abs(cost - 0.2)) < 1e-9
+
+
+def test_side_by_side_volumes_leave_no_gap_between_them() -> None:
+    bushes = [brick(foliage(0.1), (2, 2, 2), (5, y, 0)) for y in (-1, 1)]
+    assert one(bushes)[3] == pytest.approx(1 - 0.2)
+
+
+def test_of_walls_that_coincide_the_first_is_hit() -> None:
+    walls = [brick(CONCRETE, (1, 2, 2), (5, 0, 0)) for _ in range(3)]
+    assert one(walls) == (4.5, Outcome.HIT, 0, 1.0)
+
+
+def test_far_from_a_scene_it_is_seen_as_from_near() -> None:
+    bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
+    wall = brick(CONCRETE, (1, 2, 2), (5, 0, 0))
+    t, outcome, part, power = one([bush, wall], (-1e6, 0.3, 0.2), reach=1e7)
+    assert (outcome, part) == (Outcome.HIT, 1)
+    assert t == pytest.approx(1e6 + 4.5)
+    assert power == pytest.approx(0.8)
+
+
+def test_robots_stop_rays_but_their_own() -> None:
+    tracer = Tracer([brick(CONCRETE, (1, 9, 9), (9.5, 0, 0))])
+    cast = Rays.alike(np.zeros((2, 3)), np.tile(AHEAD, (2, 1)), reach=80.0)
+    cast.own[:] = 7, -1
+    boxes = Boxes(np.array([[3, 0, 0, -1, 1, 1, 1, 7.0], [30, 0, 0, -1, 1, 1, 1, 8]]))
+    traces = tracer.trace(cast, boxes)
+    assert traces.ranges.tolist() == [9.0, 2.0]
+    assert traces.parts.tolist() == [0, 1 + 7]
+    assert traces.outcomes.tolist() == [Outcome.HIT, Outcome.HIT]
+
+
+def test_a_robot_in_foliage_is_seen_at_the_cost_of_what_is_before_it() -> None:
+    tracer = Tracer([brick(foliage(0.1), (8, 9, 9), (5, 0, 0))])
+    boxes = Boxes(np.array([[5, 0, 0, -1, 1, 1, 1, 0.0]]))
+    traces = tracer.trace(rays([(0, 0, 0)]), boxes)
+    assert traces.ranges.tolist() == [4.0]
+    assert traces.power.tolist() == [pytest.approx(0.7)]
+
+
+def sheets(count: int) -> Part:
+    """Make so many leaves, one behind the other."""
+    leaf = np.array([[0.0, -1, -1], [0, 1, -1], [0, 0, 1]])
+    vertices = np.vstack([leaf + np.array([1 + i / 100, 0, 0]) for i in range(count)])
+    faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    return Part(
+        "leaves", Material("leaf", density=0.0, sheet_loss=1e-4), vertices, faces
+    )
+
+
+def test_more_surfaces_than_there_is_room_for_are_all_met() -> None:
+    count = 3 * FIRST_ROOM
+    tracer = Tracer([sheets(count)])
+    for _ in range(2):  # the second call has the room from the start
+        assert tracer.trace(rays([(0, 0, 0)])).power[0] == pytest.approx(
+            1 - count * 1e-4
+        )
+
+
+def test_more_surfaces_behind_a_start_than_there_is_room_for_are_all_met() -> None:
+    shells = [
+        brick(foliage(1e-4), (10, 10, 1 + i / 100), (0, 0, 0)) for i in range(600)
+    ]
+    power = Tracer(shells).trace(rays([(0, 0, 0)], reach=2.0)).power[0]
+    assert power == pytest.approx(1 - 600 * 2 * 1e-4)
+
+
+def test_more_events_than_there_is_room_for_are_all_told() -> None:
+    events = Tracer([sheets(100)]).explain(rays([(0, 0, 0)] * 20))
+    assert [len(found) for found in events] == [101] * 20
+
+
+def test_explain_tells_what_happened_in_order() -> None:
+    parts = [
+        brick(foliage(0.1), (2, 2, 2), (0, 0, 0)),
+        brick(foliage(0.2), (1, 2, 2), (3, 0, 0)),
+        brick(CONCRETE, (1, 2, 2), (6, 0, 0)),
+    ]
+    cast = rays([(0, 0, 0), (0, 0, 0)], np.array([AHEAD, (-1.0, 0, 0)]))
+    told = [
+        [(event.t, event.kind, event.part, round(event.power, 9)) for event in events]
+        for events in Tracer(parts).explain(cast)
+    ]
+    assert told == [
+        [
+            (0.0, EventKind.START_INSIDE, 0, 1.0),
+            (1.0, EventKind.LEAVE, 0, 0.9),
+            (2.5, EventKind.ENTER, 1, 0.9),
+            (3.5, EventKind.LEAVE, 1, 0.7),
+            (5.5, EventKind.HIT, 2, 0.7),
+        ],
+        [
+            (0.0, EventKind.START_INSIDE, 0, 1.0),
+            (1.0, EventKind.LEAVE, 0, 0.9),
+            (80.0, EventKind.OUT_OF_RANGE, -1, 0.9),
+        ],
+    ]
+
+
+ENDS = {
+    EventKind.HIT: Outcome.HIT,
+    EventKind.SPENT: Outcome.SPENT,
+    EventKind.OUT_OF_RANGE: Outcome.NOTHING,
+}
+
+
+def forest(rng: np.random.Generator, trees: int) -> list[Part]:
+    """Make overlapping balls and bricks in a room that none of them touches."""
+    parts = []
+    for i in range(trees):
+        at = tuple(rng.uniform([-40, -40, -3], [40, 40, 3]))
+        shape = shapes.sphere(rng.uniform(0.5, 3)) if i % 3 else shapes.box(3, 2, 1)
+        parts.append(solid(foliage(rng.uniform(0.01, 0.1)), shape, at))
+    vertices, faces = shapes.box(100, 100, 20)
+    return [*parts, Part("room", CONCRETE, vertices, faces[:, ::-1].copy())]
+
+
+def scattered(rng: np.random.Generator, parts: list[Part], count: int) -> Rays:
+    """Cast rays from anywhere, half of them exactly at a corner of some triangle."""
+    origins = rng.uniform([-45, -45, -8], [45, 45, 8], (count, 3))
+    corners = np.vstack([part.vertices for part in parts])
+    ends = rng.uniform([-45, -45, -8], [45, 45, 8], (count, 3))
+    ends[::2] = corners[rng.integers(len(corners), size=len(ends[::2]))]
+    return rays(origins, ends - origins, reach=200.0)
+
+
+def test_explain_ends_where_trace_ends() -> None:
+    rng = np.random.Generator(np.random.PCG64(5))
+    parts = forest(rng, 60)
+    tracer, cast = Tracer(parts), scattered(rng, parts, 500)
+    traces = tracer.trace(cast)
+    for i, events in enumerate(tracer.explain(cast)):
+        assert [a.t <= b.t for a, b in pairwise(events)] == [True] * (len(events) - 1)
+        assert [a.power >= b.power for a, b in pairwise(events)].count(False) == 0
+        last = events[-1]
+        assert ENDS[last.kind] == traces.outcomes[i]
+        assert (last.t, last.part, last.power) == (
+            traces.ranges[i],
+            traces.parts[i],
+            traces.power[i],
+        )
+
+
+@pytest.mark.parametrize(
+    ("trees", "count"),
+    [
+        pytest.param(60, 5_000, id="a wood"),
+        pytest.param(
+            400,
+            1_000_000,
+            id="a million rays",
+            marks=[pytest.mark.slow, pytest.mark.timeout(600)],
+        ),
+    ],
+)
+def test_every_volume_is_entered_as_often_as_left(trees: int, count: int) -> None:
+    rng = np.random.Generator(np.random.PCG64(17))
+    parts = forest(rng, trees)
+    tracer = Tracer(parts)
+    for _ in range(max(count // 50_000, 1)):
+        n = min(count, 50_000)
+        cast = scattered(rng, parts, n)
+        cast.power[:] = np.inf
+        traces, events = tracer._run(cast, None, 64 * n)
+        assert (traces.parts == len(parts) - 1).all(), "every ray ends at the room"
+        balance = np.zeros(n * len(parts), np.int64)
+        place = events["ray"] * len(parts) + events["part"]
+        entered = np.isin(events["kind"], [EventKind.START_INSIDE, EventKind.ENTER])
+        np.add.at(balance, place[entered], 1)
+        np.add.at(balance, place[events["kind"] == EventKind.LEAVE], -1)
+        assert entered.any()
+        assert not balance.any()
+
+
+def test_open_meshes_must_be_opaque_or_sheets() -> None:
+    vertices, faces = shapes.box(1, 1, 1)
+    wall = Part("wall", CONCRETE, vertices + np.array([3, 0, 0]), faces[:-1])
+    assert one([wall])[0] == 2.5
+    with pytest.raises(EngineError) as caught:
+        Tracer([Part("bush", foliage(0.5), vertices, faces[:-1])])
+    assert str(caught.value) == (
+        "'bush' of 'foliage' has open edges,"
+        " expected a closed volume or a material with sheet_loss"
+    )
+
+
+@pytest.mark.parametrize("material", [CONCRETE, foliage(1.0)], ids=["opaque", "volume"])
+def test_a_part_may_have_no_faces(material: Material) -> None:
+    nothing = Part("nothing", material, np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    wall = brick(CONCRETE, (1, 1, 1), (3, 0, 0))
+    assert one([nothing, wall]) == (2.5, Outcome.HIT, 1, 1.0)

@@ -1,0 +1,118 @@
+"""How a server ends: by a signal, by a bug, and before it begins."""
+
+import asyncio
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from radarsim.errors import ServerError
+from radarsim.host import Host, Notice
+from radarsim.scene.scene import Scene
+from radarsim.server import Server, serve
+
+INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
+EXITS = [
+    pytest.param(signal.SIGINT, 130, id="interrupt"),
+    pytest.param(signal.SIGTERM, 0, id="terminate"),
+]
+
+
+@pytest.mark.parametrize(("number", "code"), EXITS)
+async def test_a_signal_ends_it_with_its_code(
+    empty_room: Scene, number: int, code: int
+) -> None:
+    heard: list[tuple[str, int]] = []
+
+    def announce(address: tuple[str, int]) -> None:
+        heard.append(address)
+        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), number)  # some people press Ctrl-C twice
+
+    assert await serve(Server(Host(empty_room)), "127.0.0.1", 0, announce) == code
+    ((host, port),) = heard
+    assert host == "127.0.0.1"
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection((host, port), 1)
+
+
+class Broken(Host):
+    """Fails in its first tick."""
+
+    def step(self) -> list[tuple[int, Notice]]:
+        raise RuntimeError("broken")
+
+
+async def test_a_bug_ends_it(empty_room: Scene) -> None:
+    with pytest.raises(RuntimeError, match="broken"):
+        await serve(Server(Broken(empty_room)), "127.0.0.1", 0, lambda _: None)
+
+
+async def test_a_taken_port_ends_it_before_anybody_is_told(empty_room: Scene) -> None:
+    heard: list[tuple[str, int]] = []
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}"):
+            await serve(Server(Host(empty_room)), "127.0.0.1", port, heard.append)
+    assert heard == []
+    assert asyncio.get_running_loop().remove_signal_handler(signal.SIGINT) is False
+
+
+def started(cwd: Path, *options: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-m", "radarsim", "serve", *options],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def listening_port(process: "subprocess.Popen[str]") -> int:
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert line.startswith("radarsim: listening on 127.0.0.1:")
+    return int(line.rpartition(":")[2])
+
+
+@pytest.mark.usefixtures("empty_room")  # compiled by then
+@pytest.mark.parametrize(("number", "code"), EXITS)
+def test_the_program_ends_within_a_second_with_robots_on_the_floor(
+    tmp_path: Path, number: int, code: int
+) -> None:
+    process = started(tmp_path, "empty_room", "--port", "0")
+    try:
+        with socket.create_connection(
+            ("127.0.0.1", listening_port(process)), 10
+        ) as client:
+            client.sendall(INIT)
+            while b"RangeScanner" not in client.recv(65536):
+                pass
+            sent = time.monotonic()
+            process.send_signal(number)
+            out, errors = process.communicate(timeout=10)
+            assert time.monotonic() - sent < 1
+        assert process.returncode == code
+        assert out == ""
+        assert "Traceback" not in errors
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_the_program_says_in_one_sentence_that_the_port_is_taken(
+    tmp_path: Path,
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        process = started(tmp_path, "empty_room", "--port", str(port))
+        out, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert out == ""
+    assert errors.count("\n") == 1
+    assert f"cannot listen on 127.0.0.1:{port}: " in errors

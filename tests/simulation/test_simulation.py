@@ -1,0 +1,315 @@
+"""Robots in a scene: where they get, what they see of it and of each other."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.protocol.dialect import UDK
+from radarsim.protocol.reports import (
+    Encoder,
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    Report,
+    Tachometer,
+    Touch,
+)
+from radarsim.scene.scene import Scene
+from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.simulation import Simulation, Told
+from radarsim.simulation.vehicle import Vehicle
+
+STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
+EXACT = Conditions(item_settings={"lms200": {"side_offset_uu": 0}, "InsTest": STILL})
+HALF_LENGTH, HALF_WIDTH = 0.276, 0.2485
+
+
+def spawned(simulation: Simulation, pose: Pose2, name: str = "R1") -> Vehicle:
+    vehicle = simulation.spawn(name, load_robot("P3AT"), pose)
+    assert vehicle is not None
+    return vehicle
+
+
+def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, Told]]]:
+    """Let time pass; give what each robot told, with the ticks."""
+    told: dict[int, list[tuple[int, Told]]] = {}
+    for _ in range(ticks):
+        simulation.step()
+        for number, what in simulation.tell().items():
+            told.setdefault(number, []).append((simulation.ticks, what))
+    return told
+
+
+def scan_after(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> RangeScan:
+    last = run(simulation, ticks)[vehicle.number][-1][1]
+    (scan,) = last.scans
+    return scan
+
+
+def types(reports: tuple[Report, ...]) -> list[type]:
+    return [type(report) for report in reports]
+
+
+def test_poses_are_read_before_everything_else(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    *before, (_, last) = run(simulation, 10)[vehicle.number]
+    assert all(told == Told(None, (), ()) for _, told in before)
+    assert last.status is not None
+    assert types(last.readings) == [
+        *(GroundTruth, Ins, Odometry, Tachometer, Encoder, Encoder, Touch)
+    ]
+    assert types(last.scans) == [RangeScan]
+
+
+def test_phases_count_from_the_spawn(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    early = spawned(simulation, Pose2(-8, 0))
+    run(simulation, 7)
+    late = spawned(simulation, Pose2(-8, 3), "R2")
+    told = run(simulation, 33)
+    assert [t for t, what in told[early.number] if what.scans] == [10, 20, 30, 40]
+    assert [t for t, what in told[late.number] if what.scans] == [17, 27, 37]
+    assert [t for t, what in told[late.number] if what.status] == [17, 27, 37]
+    times = [what.scans[0].time for _, what in told[late.number] if what.scans]
+    assert times == [0.17, 0.27, 0.37]
+
+
+def test_a_scan_is_of_the_room_from_the_sensors_place(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room, conditions=EXACT)
+    vehicle = spawned(simulation, Pose2(-8, 1, math.pi / 2))
+    scan = scan_after(simulation, vehicle)
+    assert scan.name == "lms200"
+    assert (scan.resolution, scan.fov) == pytest.approx((math.radians(1), math.pi))
+    # it looks north from 0.2085 m ahead: east is right and first, west is left and last
+    assert scan.ranges[0] == pytest.approx(18.4)
+    assert scan.ranges[90] == pytest.approx(6.4 - 1.2085)
+    assert scan.ranges[-1] == pytest.approx(2.4)
+
+
+def test_what_does_not_come_back_reads_the_longest_range(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room, conditions=EXACT)
+    vehicle = spawned(simulation, Pose2(500, 0))
+    assert scan_after(simulation, vehicle).ranges == pytest.approx(np.full(181, 80.0))
+
+
+def test_robots_see_each_other_and_not_themselves(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room, conditions=EXACT)
+    one = spawned(simulation, Pose2(-8, 0))
+    other = spawned(simulation, Pose2(-5, 0, math.pi), "R2")
+    told = run(simulation, 10)
+    for vehicle in (one, other):
+        (scan,) = told[vehicle.number][-1][1].scans
+        assert scan.ranges[90] == pytest.approx(3 - 0.2085 - HALF_LENGTH)
+        seen = np.flatnonzero(scan.ranges < 3)
+        # as wide as the hull, at the distance of its front
+        width = 2 * math.degrees(math.atan(HALF_WIDTH / (3 - 0.2085 - HALF_LENGTH)))
+        assert len(seen) == pytest.approx(width, abs=1)
+    simulation.remove(other)
+    assert scan_after(simulation, one).ranges[90] == pytest.approx(18.4 - 0.2085)
+
+
+def test_a_laser_in_smoke_is_blinded_and_the_radar_is_not(smoke_room: Scene) -> None:
+    simulation = Simulation(smoke_room, conditions=EXACT)
+    vehicle = simulation.spawn("R1", load_robot("P3AT_Compare"), Pose2(-8, 0))
+    assert vehicle is not None
+    radar, laser = run(simulation, 10)[vehicle.number][-1][1].scans
+    assert (radar.name, laser.name) == ("lms200", "Hokuyo")
+    assert radar.ranges[-1] == pytest.approx(6.4)
+    assert laser.ranges.tolist() == [0.0] * 228
+
+
+def test_a_place_that_is_taken_gives_the_nearest_that_is_free(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room)
+    spawned(simulation, Pose2(0, 0))
+    pose = spawned(simulation, Pose2(0, 0), "R2").robot.pose
+    assert 2 * HALF_WIDTH <= math.hypot(pose.x, pose.y) < 0.7
+    assert pose.yaw == 0
+
+
+def test_where_nothing_is_free_no_robot_appears(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    model = load_robot("P3AT")
+    made = [simulation.spawn("R", model, Pose2(0, 0)) for _ in range(15)]
+    assert made[0] is not None
+    assert made[-1] is None
+    assert len(simulation.vehicles) == sum(vehicle is not None for vehicle in made)
+
+
+def test_names_stay_different(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    made = [spawned(simulation, Pose2(-8 + 2 * k, 0), "R") for k in range(3)]
+    assert [v.robot.name for v in made] == ["R", "R (2)", "R (3)"]
+    simulation.remove(made[1])
+    assert spawned(simulation, Pose2(0, 3), "R").robot.name == "R (2)"
+
+
+def test_a_robot_stops_at_a_wall_and_its_bumper_says_so(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room, conditions=EXACT)
+    vehicle = spawned(simulation, Pose2(9, 0))
+    vehicle.robot.drive(8, 8)
+    told = run(simulation, 200)[vehicle.number]
+    touches = [
+        r.touched for _, what in told for r in what.readings if isinstance(r, Touch)
+    ]
+    assert touches[0] is False
+    assert touches[-1] is True
+    assert vehicle.robot.pose.x == pytest.approx(10.4 - HALF_LENGTH, abs=0.01)
+    ways = [
+        r.pose.x for _, what in told for r in what.readings if isinstance(r, Odometry)
+    ]
+    assert ways[-1] == pytest.approx(8 * 0.098 * 2)  # the wheels turn on
+
+
+def test_readings_tell_of_one_and_the_same_moment(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room, conditions=EXACT)
+    vehicle = spawned(simulation, Pose2(-8, 0, 0.3))
+    vehicle.robot.drive(3, 4)
+    for tick, told in run(simulation, 100)[vehicle.number]:
+        if not told.readings:
+            continue
+        truth, ins, odometry, tachometer = told.readings[:4]
+        assert isinstance(truth, GroundTruth)
+        assert isinstance(ins, Ins)
+        assert isinstance(odometry, Odometry)
+        assert isinstance(tachometer, Tachometer)
+        assert truth.time == ins.time == tick / 100
+        assert ins.pose.numbers() == pytest.approx(
+            np.add(truth.pose.numbers(), (0, 0, 0.2, 0, 0, 0))
+        )
+        start = Pose3(-8, 0, 0.146, yaw=0.3)
+        way = Pose3(odometry.pose.x, odometry.pose.y, 0, yaw=odometry.pose.yaw)
+        assert start.compose(way).numbers() == pytest.approx(truth.pose.numbers())
+        assert tachometer.velocities == pytest.approx((4, 3, 4, 3))
+
+
+def test_an_extra_scan_comes_with_the_next_tick_and_leaves_the_phase(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    (scanner,) = vehicle.model.items_of("rangescanner")
+    run(simulation, 3)
+    vehicle.order(scanner, "SCAN")
+    vehicle.order(scanner, "SCAN")
+    told = run(simulation, 17)[vehicle.number]
+    assert [(t, len(what.scans)) for t, what in told if what.scans] == [
+        (4, 1),
+        (10, 1),
+        (20, 1),
+    ]
+    run(simulation, 9)
+    vehicle.order(scanner, "SCAN")
+    ((_, told_now),) = run(simulation, 1)[vehicle.number]
+    first, second = told_now.scans
+    assert first.ranges.tolist() != second.ranges.tolist()  # each draws its own rays
+
+
+def test_orders_that_mean_nothing_to_an_item_do_nothing(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    for item in vehicle.model.items:
+        vehicle.order(item, "ZOOM")
+        if item.type not in ("RangeScanner", "INS"):
+            vehicle.order(item, "SCAN")
+            vehicle.set_ins(item, Pose3(0, 0, 0))
+    assert all(not what.scans for _, what in run(simulation, 9)[vehicle.number])
+
+
+def test_reset_counts_from_here(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    vehicle.robot.drive(5, 5)
+    run(simulation, 95)
+    for item in vehicle.model.items:
+        vehicle.order(item, "RESET")
+    vehicle.robot.halt()
+    readings = run(simulation, 5)[vehicle.number][-1][1].readings
+    odometry, tachometer = readings[2:4]
+    assert isinstance(odometry, Odometry)
+    assert isinstance(tachometer, Tachometer)
+    assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == (0, 0, 0)
+    assert tachometer.positions == (0, 0, 0, 0)
+    assert [r.ticks for r in readings if isinstance(r, Encoder)] == [
+        (("W1", 0),),
+        (("W2", 0),),
+    ]
+
+
+def test_the_ins_believes_what_it_is_told(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    (ins,) = vehicle.model.items_of("INS")
+    vehicle.set_ins(ins, Pose3(1, 2, 3, 0.1, 0.2, 0.3))
+    reading = run(simulation, 10)[vehicle.number][-1][1].readings[1]
+    assert isinstance(reading, Ins)
+    assert reading.pose.numbers() == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
+
+
+def test_the_drift_is_drawn_by_simulated_time_whatever_the_rate(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room, seed=3)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    vehicle.robot.drive(5, 5)
+    errors = []
+    for _, told in run(simulation, 100)[vehicle.number]:
+        if told.readings:
+            truth, ins = told.readings[:2]
+            assert isinstance(truth, GroundTruth)
+            assert isinstance(ins, Ins)
+            errors.append(ins.pose.x - truth.pose.x)
+    changes = np.flatnonzero(np.abs(np.diff([0.0, *errors])) > 1e-9)
+    assert changes.tolist() == [1, 3, 5, 7, 9]  # every 0.2 s, at every second reading
+
+
+def test_simulated_time_has_no_end_of_digits(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    simulation.ticks = 123_456_789
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    told = run(simulation, 10)[vehicle.number][-1][1]
+    assert told.status is not None
+    assert told.status.time == 1_234_567.99
+    assert told.status.battery == 3599
+
+
+def test_with_an_empty_battery_a_robot_stands_and_tells_its_status_only(
+    empty_room: Scene,
+) -> None:
+    weak = Conditions(replace(UDK, battery_start=1.5))  # in whole seconds, down to 0
+    simulation = Simulation(empty_room, conditions=weak)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    vehicle.robot.drive(0.5, 0.5)
+    told = run(simulation, 50)[vehicle.number]
+    assert [what.status.battery for _, what in told if what.status] == [1] * 5
+    assert vehicle.alive
+    x = vehicle.robot.pose.x
+    assert x == pytest.approx(-8 + 0.5 * math.pi * 0.098 * 1.0)
+    told = run(simulation, 50)[vehicle.number]
+    assert not vehicle.alive
+    assert vehicle.robot.pose.x == x
+    assert [what.status.battery for _, what in told if what.status] == [0] * 5
+    assert not [what for _, what in told if what.readings or what.scans]
+
+
+def test_nobody_is_put_into_a_bush_though_there_is_room(foliage_room: Scene) -> None:
+    simulation = Simulation(foliage_room)
+    middle = Pose2(0.5, -1.64)  # of a bush of 1.2 m
+    assert simulation.spawn("R1", load_robot("P3AT"), middle) is None
+    edge = simulation.spawn("R2", load_robot("P3AT"), Pose2(-0.3, -1.64))
+    assert edge is not None
+    assert edge.robot.pose.x < 0.5 - 1.15
+
+
+def test_smoke_is_a_place_to_stand_in(smoke_room: Scene) -> None:
+    place = Pose2(-3.0, 0.0)
+    vehicle = Simulation(smoke_room).spawn("R1", load_robot("P3AT"), place)
+    assert vehicle is not None
+    assert vehicle.robot.pose == place
