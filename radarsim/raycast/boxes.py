@@ -40,6 +40,13 @@ class Boxes:
             )
         object.__setattr__(self, "rows", rows)
 
+    def is_any_near(self, point: Floats, radius: float, own: int) -> bool:
+        """Say whether a box but one's own may be within ``radius`` m of a point."""
+        x, y, _, _, _, length, width, number = self.rows.T
+        apart = np.hypot(x - point[0], y - point[1])
+        near = (apart <= radius + np.hypot(length, width)) & (number != own)
+        return bool(near.any())
+
     def laid_out(self, middle: Floats) -> Floats:
         """Give the columns that ``meet_boxes`` reads.
 

@@ -6,6 +6,7 @@ one, remove the ``__pycache__`` of those that call it.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import numba
@@ -13,11 +14,12 @@ from numba import types
 
 F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit
+_cfunc: Any = numba.cfunc
 
 
 def compiled(function: F) -> F:
     """Compile a function when it is first called; division by zero gives inf or nan."""
-    return cast(F, _njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast(F, _kept(_njit, function, nogil=True))
 
 
 def leaf(function: F) -> F:
@@ -26,11 +28,24 @@ def leaf(function: F) -> F:
     It makes no arrays, so that nobody need count who holds those it is given: counting
     would cost as much as all the rest.
     """
-    options = {"cache": True, "nogil": True, "error_model": "numpy"}
-    return cast(F, _njit(**options, forceinline=True, _nrt=False)(function))
+    options = {"nogil": True, "forceinline": True, "_nrt": False}
+    return cast(F, _kept(_njit, function, **options))
 
 
 def callback(function: Callable[[Any], None]) -> Any:
     """Compile a function that takes a pointer, for C to call by its ``address``."""
-    make: Any = numba.cfunc
-    return make(types.void(types.voidptr), cache=True, error_model="numpy")(function)
+    return _kept(partial(_cfunc, types.void(types.voidptr)), function)
+
+
+def predicate(function: Callable[[Any], Any]) -> Any:
+    """Compile a function that takes a pointer and says yes or no, for C to call."""
+    return _kept(partial(_cfunc, types.boolean(types.voidptr)), function)
+
+
+def _kept(make: Any, function: Any, **options: Any) -> Any:
+    """Compile, and keep the result on disk if there is a place that can be written."""
+    options["error_model"] = "numpy"
+    try:
+        return make(cache=True, **options)(function)
+    except RuntimeError:  # numba found no such place
+        return make(**options)(function)

@@ -12,6 +12,7 @@ PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
 
 _POINTER, _NUMBER, _COUNT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
+_TRUTH = ctypes.c_bool
 SIGNATURES: Final[dict[str, tuple[Any, list[Any]]]] = {
     "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
     "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _NUMBER]),
@@ -28,6 +29,7 @@ SIGNATURES: Final[dict[str, tuple[Any, list[Any]]]] = {
     "rtcCommitGeometry": (None, [_POINTER]),
     "rtcAttachGeometry": (_COUNT, [_POINTER, _POINTER]),
     "rtcReleaseGeometry": (None, [_POINTER]),
+    "rtcPointQuery": (_TRUTH, [_POINTER] * 5),
     "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
 }
 

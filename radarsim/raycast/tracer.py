@@ -21,9 +21,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.geometry import Floats
 from radarsim.raycast.boxes import NO_BOXES, Boxes, meet_boxes
 from radarsim.raycast.compiled import compiled, leaf
 from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.nearby import is_anything_opaque
 from radarsim.raycast.penetration import (
     CROSSING,
     EVENT,
@@ -70,6 +72,29 @@ class Tracer:
             EngineError: If a column of the rays is not what it has to be.
         """
         return self._run(rays, boxes, 0)[0]
+
+    def is_open(
+        self, point: Floats, radius: float, medium: int, boxes: Boxes | None, own: int
+    ) -> bool:
+        """Say whether nothing opaque is near a point, for certain.
+
+        Args:
+            point: (3,) m, map frame.
+            radius: m.
+            medium: ``RADAR`` or ``LASER``.
+            boxes: Robots, of which ``own`` does not count.
+            own: Number of a box; -1 for none.
+
+        Returns:
+            False also if something is only a little farther away.
+        """
+        if boxes is not None and boxes.is_any_near(point, radius, own):
+            return False
+        handle, roles = self._scene.handle, self._tolls.ahead[medium]
+        reach = radius + handle.margin
+        return not is_anything_opaque(
+            handle.numbers, roles, point - self._middle, reach
+        )
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
         """Follow rays and tell everything that each of them met, in order.

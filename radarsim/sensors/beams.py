@@ -43,6 +43,7 @@ class BeamPattern:
 
     Attributes:
         angles: (N,) rad, counter-clockwise from the right.
+        width: How far from the sensor a ray can start, m.
     """
 
     def __init__(self, settings: SensorSettings) -> None:
@@ -59,14 +60,10 @@ class BeamPattern:
             self._to_left[:] = offset * _level(self.angles + math.pi / 2)
         elif settings.side_mode == "lateral":
             self._to_left[:, 1] = offset
+        self.width = float(np.linalg.norm(self._to_left, axis=1).max())
         weights = np.array(settings.ray_weights) / sum(settings.ray_weights)
         self._edges = np.cumsum(weights)[:2]
         self._rows = np.arange(len(self.angles))
-
-    @property
-    def width(self) -> float:
-        """How far from the sensor a ray can start, m."""
-        return float(np.linalg.norm(self._to_left, axis=1).max())
 
     def draw(self, rng: np.random.Generator) -> Draw:
         """Draw a ray for each beam: (N,) of ``RIGHT``, ``CENTRE``, ``LEFT``."""

@@ -145,7 +145,9 @@ class RangeScanner:
                     f"no rng, expected a Generator for sensor {self.name!r}"
                 )
             sides = self._pattern.draw(rng)
-            sides[self._hidden(tracer, pose, sides, boxes, own)] = CENTRE
+            place, width = pose.position(), self._pattern.width
+            if width and not tracer.is_open(place, width, self._medium, boxes, own):
+                sides[self._hidden(tracer, pose, sides, boxes, own)] = CENTRE
         return Plan(pose, sides, self._rays(pose, sides, own))
 
     def replan(self, plan: Plan, sides: Draw, own: int = -1) -> Plan:

@@ -1,0 +1,70 @@
+"""Scenes to measure in, made from numbers alone."""
+
+import math
+
+import numpy as np
+
+from radarsim.geometry import Floats
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+from radarsim.scene.shapes import Faces, box, sphere
+
+WALL = Material("wall")
+FOLIAGE = Material("foliage", density=1.0)
+SENSOR = (-6.0, 0.0, 0.0)  # x, y, yaw in all of these scenes
+
+
+def foliage_wall(spheres: int = 60) -> Scene:
+    """Make a room with a wall of foliage spheres across it, 1280 triangles each.
+
+    Radii and places vary; a beam of power 1 from ``SENSOR`` crosses 1.7 surfaces.
+    """
+    rng = np.random.Generator(np.random.PCG64(7))
+    rows = 2
+    per_row = math.ceil(spheres / rows)
+    parts = [_placed("room", WALL, box(40.0, 2.0 * per_row, 6.0), (0.0, 0.0, 2.0))]
+    for i in range(spheres):
+        row, place = divmod(i, per_row)
+        radius = float(rng.uniform(0.4, 0.7))
+        x = 2.0 + 2.5 * row + float(rng.uniform(-0.3, 0.3))
+        y = (place - (per_row - 1) / 2) * 1.21
+        parts.append(_placed(f"bush_{i}", FOLIAGE, sphere(radius), (x, y, 0.4)))
+    return Scene("foliage_wall", "FoliageWall", tuple(parts))
+
+
+def bumpy_room(triangles: int) -> Scene:
+    """Make an opaque room whose far wall has so many triangles, more or less."""
+    n = max(2, round(math.sqrt(triangles / 2)))
+    steps = np.linspace(-8.0, 8.0, n + 1)
+    y, z = np.meshgrid(steps, steps * 0.25 + 1.0, indexing="ij")
+    x = 6.0 + 0.2 * np.sin(3.0 * y) * np.cos(5.0 * z)
+    vertices = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    faces = np.concatenate(
+        [
+            np.column_stack([a, a + 1, a + n + 2]),
+            np.column_stack([a, a + n + 2, a + n + 1]),
+        ]
+    )
+    room = _placed("room", WALL, box(20.0, 20.0, 8.0), (0.0, 0.0, 2.0))
+    return Scene("bumpy", "Bumpy", (room, Part("far", WALL, vertices, faces)))
+
+
+def curtains(count: int) -> Scene:
+    """Make a room with so many thin volumes, one behind the other: 2 crossings each."""
+    thin = Material("thin", density=0.001)
+    parts = [_placed("room", WALL, box(40.0, 40.0, 6.0), (0.0, 0.0, 2.0))]
+    for i in range(count):
+        place = (-4.0 + 0.5 * i, 0.0, 1.0)
+        parts.append(_placed(f"curtain_{i}", thin, box(0.2, 30.0, 3.0), place))
+    return Scene("curtains", "Curtains", tuple(parts))
+
+
+def _placed(
+    name: str,
+    material: Material,
+    shape: tuple[Floats, Faces],
+    place: tuple[float, float, float],
+) -> Part:
+    vertices, faces = shape
+    return Part(name, material, vertices + np.array(place), faces)
