@@ -266,21 +266,47 @@ def _cross(walk: Any, toll: Any, crossing: Any, power: Any) -> Any:
 
 
 @leaf
-def _follow(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
-    """Go from crossing to crossing, as far as the power carries.
+def begin(ray: Any, power: Any, walk: Any) -> Any:
+    """Start to walk a ray whose winding numbers at the start are set.
+
+    Args:
+        ray: The ray's number, for the events.
+        power: What it starts with.
+        walk: To be used for nothing else until ``end``.
 
     Returns:
-        How far that is, the power there, and the part that took the last of it or -1.
+        How far it is, what power it has, at what power it is spent, and the part that
+        took the last of it, -1 for none: the state that ``follow`` takes and gives.
     """
+    for i in range(walk.sizes[1]):
+        _write(walk, ray, 0.0, walk.around[i], _START_INSIDE, power)
     least = power * ROUNDING if np.isfinite(power) else 0.0
-    at, density = 0.0, _density(walk, toll)
+    return 0.0, power, least, np.int64(-1)
+
+
+@leaf
+def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
+    """Go on from crossing to crossing, as far as the power carries.
+
+    Args:
+        ray: The ray's number.
+        state: From ``begin``, or from the call before.
+        stop: Where the crossings that are known end.
+        toll: Of this kind of ray.
+        walk: Holds the sorted crossings before the stop.
+
+    Returns:
+        The state there.
+    """
+    at, power, least, _ = state
+    density = _density(walk, toll)
     for i in range(stop.before + 1):
         t = walk.crossings[i].t if i < stop.before else stop.t
         if density > 0.0:
             left = power - density * (t - at)
             if left <= least:
                 at = min(at + power / density, t)
-                return at, 0.0, np.int64(walk.around[walk.sizes[1] - 1])
+                return at, 0.0, least, np.int64(walk.around[walk.sizes[1] - 1])
             power = left
         at = t
         if i == stop.before:
@@ -290,9 +316,25 @@ def _follow(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
         if kind >= 0:
             _write(walk, ray, at, crossing.part, kind, power)
             if kind == _SHEET and power <= least:
-                return at, 0.0, np.int64(crossing.part)
+                return at, 0.0, least, np.int64(crossing.part)
             density = _density(walk, toll)
-    return at, power, np.int64(-1)
+    return at, power, least, np.int64(-1)
+
+
+@leaf
+def end(ray: Any, state: Any, stop: Any, walk: Any) -> Any:
+    """Say how a ray ended; its winding numbers are forgotten."""
+    at, left, _, spent = state
+    forget(walk)
+    if spent >= 0:
+        _write(walk, ray, at, spent, _SPENT, 0.0)
+        return Ending(at, _ENDED_SPENT, spent, 0.0)
+    part: Any = np.int64(stop.part)
+    if part < 0:
+        _write(walk, ray, at, part, _OUT_OF_RANGE, left)
+        return Ending(at, _ENDED, part, left)
+    _write(walk, ray, at, part, _HIT, left)
+    return Ending(at, _ENDED_BY_HIT, part, left)
 
 
 @leaf
@@ -310,16 +352,5 @@ def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
     Returns:
         An ``Ending``.
     """
-    for i in range(walk.sizes[1]):
-        _write(walk, ray, 0.0, walk.around[i], _START_INSIDE, power)
-    at, left, spent = _follow(ray, power, stop, toll, walk)
-    forget(walk)
-    if spent >= 0:
-        _write(walk, ray, at, spent, _SPENT, 0.0)
-        return Ending(at, _ENDED_SPENT, spent, 0.0)
-    part: Any = np.int64(stop.part)
-    if part < 0:
-        _write(walk, ray, at, part, _OUT_OF_RANGE, left)
-        return Ending(at, _ENDED, part, left)
-    _write(walk, ray, at, part, _HIT, left)
-    return Ending(at, _ENDED_BY_HIT, part, left)
+    state = follow(ray, begin(ray, power, walk), stop, toll, walk)
+    return end(ray, state, stop, walk)

@@ -42,9 +42,11 @@ AXES: Final = 7
 LINE: Final = AXES + AXES_SIZE
 NEAR: Final = LINE + LINE_SIZE
 FAR: Final = NEAR + 1
-SKIPPED: Final = NEAR + 2
-MARGIN: Final = NEAR + 3
-OURS_SIZE: Final = NEAR + 4
+WINDOW: Final = NEAR + 2
+STOPPED_AT: Final = NEAR + 3
+SKIPPED: Final = NEAR + 4
+MARGIN: Final = NEAR + 5
+OURS_SIZE: Final = NEAR + 6
 BLOCK_SIZE: Final = OURS_WORD // 2 + OURS_SIZE
 
 
@@ -92,14 +94,15 @@ def meet(call: Any) -> None:
     place = ours[OWNERS] + triangle * np.uint64(4)
     part = carray(pointer(place), 1, np.uint32)[0]
     role = carray(pointer(ours[ROLES] + np.uint64(part)), 1, np.uint8)[0]
+    far = reals[FAR]
     if role == OPAQUE:
         # Where two opaque surfaces coincide, the part with the lower number is hit.
-        if t < reals[FAR] or part < ours[STOPPED_BY]:
+        if t < reals[STOPPED_AT] or part < ours[STOPPED_BY]:
             ours[STOPPED_BY] = part
-        reals[FAR] = t
-        ray = carray(pointer(fields[4]), 9, np.float32)
-        ray[REACH_WORD] = t - reals[SKIPPED] + reals[MARGIN]
+        reals[STOPPED_AT] = t
+        far = t
     elif role == LISTED:
+        far = min(far, t + reals[WINDOW])
         count = ours[COUNT]
         if count < ours[ROOM]:
             place = ours[LIST] + count * np.uint64(16)
@@ -108,6 +111,25 @@ def meet(call: Any) -> None:
             names[2] = part
             names[3] = turn
         ours[COUNT] = count + np.uint64(1)
+    if far < reals[FAR]:
+        reals[FAR] = far
+        ray = carray(pointer(fields[4]), 9, np.float32)
+        ray[REACH_WORD] = far - reals[SKIPPED] + reals[MARGIN]
+
+
+class Span(NamedTuple):
+    """How much of a line is looked at.
+
+    Attributes:
+        near: Where that begins, m.
+        far: Where it ends, m.
+        window: How far behind the first listed surface it ends at the latest, m. What
+            a ray cannot reach need not be listed.
+    """
+
+    near: float
+    far: float
+    window: float
 
 
 class Block(NamedTuple):
@@ -151,10 +173,11 @@ def new_block(handle: Any, crossings: Any) -> Any:
 
 @leaf
 def _cast(
-    handle: Any, block: Any, origin: Any, way: Any, direction: Any, reach: Any
+    handle: Any, block: Any, origin: Any, way: Any, direction: Any, span: Any
 ) -> None:
     """Let Embree look along a line, forward or back, from the scene's sphere on."""
     words, floats = block.words, block.floats
+    near, reach = span
     ahead = 0.0
     for axis in range(3):
         ahead -= origin[axis] * direction[axis] * way
@@ -164,7 +187,7 @@ def _cast(
     for axis in range(3):
         floats[axis] = origin[axis] + skipped * way * direction[axis]
         floats[axis + 4] = way * direction[axis]
-    floats[3] = 0.0  # from here
+    floats[3] = max(near - skipped - handle.margin, 0.0)
     floats[7] = 0.0  # no time
     floats[REACH_WORD] = reach - skipped + handle.margin
     words[9] = 0xFFFFFFFF  # all geometries
@@ -179,13 +202,14 @@ def _cast(
 
 
 @leaf
-def _look(block: Any, roles: Any, near: Any, far: Any) -> None:
+def _look(block: Any, roles: Any, near: Any, far: Any, window: Any) -> None:
     """Begin a list of what is from ``near`` to ``far`` on the line."""
     ours, reals = block.ours, block.reals
     ours[ROLES] = roles.ctypes.data
     ours[COUNT] = 0
     ours[STOPPED_BY] = roles.size
-    reals[NEAR], reals[FAR] = near, far
+    reals[NEAR], reals[FAR], reals[WINDOW] = near, far, window
+    reals[STOPPED_AT] = np.inf
 
 
 @leaf
@@ -204,17 +228,17 @@ def look_back(handle: Any, block: Any, roles: Any, origin: Any, direction: Any) 
         How many surfaces there are on the list, in no order, with distances below 0;
         if more than fit, only the first are there.
     """
-    _look(block, roles, -np.inf, BEHIND)
+    _look(block, roles, -np.inf, BEHIND, np.inf)
     aim(origin, direction, block.reals[LINE:], block.ours[AXES:])
-    _cast(handle, block, origin, -1.0, direction, np.inf)
+    _cast(handle, block, origin, -1.0, direction, (0.0, np.inf))
     return np.int64(block.ours[COUNT])
 
 
 @leaf
 def look_ahead(
-    handle: Any, block: Any, roles: Any, origin: Any, direction: Any, reach: Any
+    handle: Any, block: Any, roles: Any, origin: Any, direction: Any, span: Any
 ) -> Any:
-    """List what a ray meets up to its first opaque surface.
+    """List what a ray meets in a span, up to its first opaque surface.
 
     What is at its very start is ahead: no surface is on this list and on that of
     ``look_back``, or on none.
@@ -225,16 +249,18 @@ def look_ahead(
         roles: (P,) uint8, how each part is taken; kept alive by the caller.
         origin: (3,) m.
         direction: (3,) unit vector.
-        reach: How far the ray goes at most, m.
+        span: A ``Span``.
 
     Returns:
-        How many surfaces there are on the list, in no order, some of them behind the
-        opaque one; if more than fit, only the first are there. Then how far the
-        opaque surface is, and its part: ``reach`` and -1 if there is none.
+        How many surfaces there are on the list, in no order, some of them farther away
+        than all is known to; if more than fit, only the first are there. Then how far
+        all is known, and the part of the opaque surface there, -1 if there is none.
     """
-    _look(block, roles, 0.0, reach)
+    near, far, window = span
+    _look(block, roles, near, far, window)
     aim(origin, direction, block.reals[LINE:], block.ours[AXES:])
-    _cast(handle, block, origin, 1.0, direction, reach)
-    part = np.int64(block.ours[STOPPED_BY])
-    count = np.int64(block.ours[COUNT])
-    return count, block.reals[FAR], part if part < roles.size else np.int64(-1)
+    _cast(handle, block, origin, 1.0, direction, (near, far))
+    reals = block.reals
+    stopped = reals[STOPPED_AT] <= reals[FAR]
+    part = np.int64(block.ours[STOPPED_BY]) if stopped else np.int64(-1)
+    return np.int64(block.ours[COUNT]), reals[FAR], part

@@ -20,6 +20,7 @@ class Tolls(NamedTuple):
     Attributes:
         density: (2, P) power per metre inside.
         sheet_loss: (2, P) power per crossed surface; nan for a volume.
+        densest: (2,) the greatest density of all volumes; 0 if there is none.
         ahead: (2, P) uint8, how a ray takes the parts ahead of it.
         behind: (2, P) uint8, how it takes them to learn what it starts in.
         volume: (K,) int32, the penetrable volumes.
@@ -29,6 +30,7 @@ class Tolls(NamedTuple):
 
     density: Floats
     sheet_loss: Floats
+    densest: Floats
     ahead: NDArray[np.uint8]
     behind: NDArray[np.uint8]
     volume: NDArray[np.int32]
@@ -69,6 +71,7 @@ def tabulate(parts: Sequence[Part], middle: Floats) -> Tolls:
     return Tolls(
         density,
         loss,
+        np.where(through & ~sheet, density, 0.0).max(axis=1, initial=0.0),
         np.where(through, LISTED, OPAQUE).astype(np.uint8),
         np.where(through & ~sheet, LISTED, PASSED_BY).astype(np.uint8),
         np.array(volumes, np.int32),

@@ -34,17 +34,25 @@ from radarsim.raycast.penetration import (
     Stop,
     Toll,
     new_walk,
-    settle,
+    begin,
+    end,
+    follow,
     sort_crossings,
     wind,
 )
 from radarsim.raycast.query import look_ahead, look_back, new_block
+from radarsim.raycast.query import Span
 from radarsim.raycast.rays import Event, Rays, Traces, columns_of, is_fit, refuse
 from radarsim.raycast.tolls import middle_of, tabulate
 from radarsim.scene.scene import Part
 
 FIRST_ROOM: Final = 512  # surfaces on one ray; a call that meets more is made again
 NOTHING: Final = int(Outcome.NOTHING)
+UNKNOWN: Final = -2  # instead of a part: nothing stops the ray where the window ends
+# The first window is as long as the way on which the densest volume takes all power,
+# times WINDOWED; each one after it is WIDENED times as long.
+WINDOWED: Final = 1.1
+WIDENED: Final = 4.0
 INCLUSIVE: Final = 1e-9  # m; a surface this far out of reach is within
 
 
@@ -177,29 +185,61 @@ def _wind_start(work: Any, roles: Any, origin: Any, direction: Any, walk: Any) -
 
 
 @leaf
-def _find_stop(work: Any, roles: Any, origin: Any, direction: Any, limit: Any) -> Any:
+def _find_stop(work: Any, roles: Any, line: Any, span: Any, limit: Any) -> Any:
     """Find what stops a ray, after the surfaces that it crosses before.
 
     Args:
         work: The scene's handle, a block, and the list of crossings.
-        roles: (P,) How the ray takes the parts.
-        origin: (3,) m.
-        direction: (3,)
+        roles: (P,) how the ray takes the parts.
+        line: Origin and direction, (3,) each.
+        span: What is to be looked at.
         limit: A ``Stop`` at the latest.
 
     Returns:
-        A ``Stop``; its count is greater than the list if that has too little room.
+        A ``Stop``; its count is greater than the list if that has too little room, and
+        its part is ``UNKNOWN`` if the ray may go on from there.
     """
     handle, block, crossings = work
-    reach = limit.t + INCLUSIVE
-    count, t, part = look_ahead(handle, block, roles, origin, direction, reach)
+    origin, direction = line
+    count, t, part = look_ahead(handle, block, roles, origin, direction, span)
     if count > crossings.size:
         return Stop(count, t, part)
-    end = min(t, limit.t)
+    if part < 0:
+        part = UNKNOWN if t < span.far else limit.part
+    last = min(t, limit.t)
     sort_crossings(crossings, count)
-    while count > 0 and crossings[count - 1].t > end:
+    while count > 0 and crossings[count - 1].t > last:
         count -= 1
-    return Stop(count, end, part if part >= 0 else limit.part)
+    return Stop(count, last, part)
+
+
+@leaf
+def _walk_on(ray: Any, power: Any, work: Any, way: Any, limit: Any, walk: Any) -> Any:
+    """Walk a ray, window by window, from its start to where it ends.
+
+    Args:
+        ray: Its number.
+        power: What it starts with.
+        work: The scene's handle, a block, and the list of crossings.
+        way: How it takes the parts, what they cost, its line, and the first window.
+        limit: A ``Stop`` at the latest.
+        walk: With the winding numbers at the start.
+
+    Returns:
+        An ``Ending``; and how many surfaces were met if these were too many, else 0.
+    """
+    roles, toll, line, window = way
+    state = begin(ray, power, walk)
+    span = Span(0.0, limit.t + INCLUSIVE, window)
+    while True:
+        stop = _find_stop(work, roles, line, span, limit)
+        if stop.before > walk.crossings.size:
+            return end(ray, state, limit, walk), stop.before
+        state = follow(ray, state, stop, toll, walk)
+        if state[3] >= 0 or stop.part != UNKNOWN:
+            return end(ray, state, stop, walk), 0
+        # The same line goes on behind the last float that was looked at.
+        span = Span(np.nextafter(stop.t, np.inf), span.far, span.window * WIDENED)
 
 
 @compiled
@@ -236,14 +276,15 @@ def _trace_all(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
             needed = _wind_start((handle, block), behind, origin, direction, walk)
             if needed > crossings.size:
                 return needed
-        end, box = meet_boxes(laid, own[i], origin, direction, reach[i])
-        limit = Stop(0, end, n_parts + box if box >= 0 else -1)
-        work = (handle, block, crossings)
-        stop = _find_stop(work, tolls.ahead[kind], origin, direction, limit)
-        if stop.before > crossings.size:
-            return stop.before
+        last, box = meet_boxes(laid, own[i], origin, direction, reach[i])
+        limit = Stop(0, last, n_parts + box if box >= 0 else -1)
         toll = Toll(tolls.density[kind], tolls.sheet_loss[kind])
-        ending = settle(i, power[i], stop, toll, walk)
+        window = WINDOWED * power[i] / tolls.densest[kind]
+        way = (tolls.ahead[kind], toll, (origin, direction), window)
+        work = (handle, block, crossings)
+        ending, needed = _walk_on(i, power[i], work, way, limit, walk)
+        if needed:
+            return needed
         ranges[i] = np.inf if ending.outcome == NOTHING else ending.t
         outcomes[i] = ending.outcome
         parts[i] = ending.part
