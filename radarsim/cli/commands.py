@@ -211,6 +211,17 @@ def sensors(
     list_sensors(as_json=as_json)
 
 
+@app.command()
+def bench(
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Measure the engine and the server on this machine, in under two minutes."""
+    from radarsim.cli.benching import run_benchmarks
+
+    run_benchmarks(as_json=as_json)
+
+
 def main() -> None:
     """Run a command and exit with its code."""
     try:

@@ -38,6 +38,7 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.compiled import callback
 from radarsim.raycast.library import open_library
+from radarsim.raycast.nearby import meet_nearby
 from radarsim.raycast.query import meet, pointer
 
 # How much wider than its triangle a box is, for each metre of the scene's radius.
@@ -94,7 +95,8 @@ class EmbreeScene:
     """A sealed set of triangle meshes.
 
     Attributes:
-        handle: For ``intersect``.
+        handle: For ``look_ahead`` and ``look_back``.
+        asked: For ``is_anything_opaque``.
     """
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
@@ -114,6 +116,8 @@ class EmbreeScene:
         device, scene = _build(library, self._triangles, margin)
         self._close = weakref.finalize(self, _release, library, scene, device)
         function = ctypes.cast(library.rtcIntersect1, ctypes.c_void_p).value
+        query = ctypes.cast(library.rtcPointQuery, ctypes.c_void_p).value
+        self.asked = np.array([query, meet_nearby.address], np.uint64)
         triangles, owners = self._triangles.ctypes.data, self._owners.ctypes.data
         numbers = np.array([function, scene, triangles, owners], np.uint64)
         self.handle = Handle(numbers, radius + margin, margin)
@@ -139,6 +143,11 @@ class FirstHits:
     def run(self) -> NDArray[np.int32]:
         """Cast all rays; give the triangle that each hits in its mesh, -1 for none."""
         found: NDArray[np.int32] = self._scene.run(*self._rays)
+        return found
+
+    def everything(self) -> dict[str, NDArray[Any]]:
+        """Cast all rays; give all that embreex tells, such as geomID and tfar."""
+        found: dict[str, NDArray[Any]] = self._scene.run(*self._rays, output=1)
         return found
 
 

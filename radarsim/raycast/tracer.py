@@ -33,15 +33,14 @@ from radarsim.raycast.penetration import (
     Outcome,
     Stop,
     Toll,
-    new_walk,
     begin,
     end,
     follow,
+    new_walk,
     sort_crossings,
     wind,
 )
-from radarsim.raycast.query import look_ahead, look_back, new_block
-from radarsim.raycast.query import Span
+from radarsim.raycast.query import Span, look_ahead, look_back, new_block
 from radarsim.raycast.rays import Event, Rays, Traces, columns_of, is_fit, refuse
 from radarsim.raycast.tolls import middle_of, tabulate
 from radarsim.scene.scene import Part
@@ -51,7 +50,7 @@ NOTHING: Final = int(Outcome.NOTHING)
 UNKNOWN: Final = -2  # instead of a part: nothing stops the ray where the window ends
 # The first window is as long as the way on which the densest volume takes all power,
 # times WINDOWED; each one after it is WIDENED times as long.
-WINDOWED: Final = 1.1
+WINDOWED: Final = 1.4
 WIDENED: Final = 4.0
 INCLUSIVE: Final = 1e-9  # m; a surface this far out of reach is within
 
@@ -98,10 +97,11 @@ class Tracer:
         """
         if boxes is not None and boxes.is_any_near(point, radius, own):
             return False
-        handle, roles = self._scene.handle, self._tolls.ahead[medium]
-        reach = radius + handle.margin
+        scene, roles = self._scene, self._tolls.ahead[medium]
+        reach = radius + scene.handle.margin
+        point = point - self._middle
         return not is_anything_opaque(
-            handle.numbers, roles, point - self._middle, reach
+            scene.handle.numbers, scene.asked, roles, point, reach
         )
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:

@@ -11,13 +11,14 @@ Source: the noise model of a thesis on navigation with a radar in USARSim, secti
 
 import math
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensors import SensorSettings
+from radarsim.raycast.compiled import compiled
 
 Draw: TypeAlias = NDArray[np.int8]
 
@@ -49,9 +50,9 @@ class BeamPattern:
     def __init__(self, settings: SensorSettings) -> None:
         self.angles = beam_angles(settings)
         offset = settings.side_offset_uu * METRES_PER_UNIT
-        self._divergent = settings.side_mode == "divergent"
         turn = math.atan(offset / settings.divergence_distance)
-        turns = (-turn, 0.0, turn) if self._divergent else (0.0, 0.0, 0.0)
+        divergent = settings.side_mode == "divergent"
+        turns = (-turn, 0.0, turn) if divergent else (0.0, 0.0, 0.0)
         # (3, N, 3): the directions of all right, all centre and all left rays.
         self._directions = np.array([_level(self.angles + side) for side in turns])
         # (N, 3) m: from the sensor to the start of each left ray.
@@ -63,7 +64,6 @@ class BeamPattern:
         self.width = float(np.linalg.norm(self._to_left, axis=1).max())
         weights = np.array(settings.ray_weights) / sum(settings.ray_weights)
         self._edges = np.cumsum(weights)[:2]
-        self._rows = np.arange(len(self.angles))
 
     def draw(self, rng: np.random.Generator) -> Draw:
         """Draw a ray for each beam: (N,) of ``RIGHT``, ``CENTRE``, ``LEFT``."""
@@ -80,12 +80,38 @@ class BeamPattern:
             pose: Of the sensor, map frame.
             sides: (N,), which ray of each beam.
         """
-        turn = pose.rotation().T
-        starts = self._to_left * sides[:, None]
-        directions = self._directions[1]
-        if self._divergent:
-            directions = self._directions[sides + 1, self._rows]
-        return Fan(pose.position() + starts @ turn, directions @ turn)
+        origins, directions = np.zeros((2, *self._to_left.shape))
+        place, turn = pose.position(), pose.rotation()
+        tables = (self._directions, self._to_left)
+        _aim(tables, sides, place, turn, origins, directions)
+        return Fan(origins, directions)
+
+
+@compiled
+def _aim(
+    tables: Any, sides: Any, place: Any, turn: Any, origins: Any, directions: Any
+) -> None:
+    """Turn what the sensor sees into the map frame.
+
+    Args:
+        tables: (3, N, 3) directions of right, centre and left rays, and (N, 3) m the
+            way to each left ray's start.
+        sides: (N,), which ray of each beam.
+        place: (3,) m, of the sensor.
+        turn: (3, 3) from the sensor's frame to the map's.
+        origins: (N, 3) to be filled.
+        directions: (N, 3) to be filled.
+    """
+    ways, to_left = tables
+    for i in range(len(sides)):
+        side = sides[i]
+        for row in range(3):
+            start, way = 0.0, 0.0
+            for column in range(3):
+                start += turn[row, column] * to_left[i, column]
+                way += turn[row, column] * ways[side + 1, i, column]
+            origins[i, row] = place[row] + side * start
+            directions[i, row] = way
 
 
 def beam_angles(settings: SensorSettings) -> Floats:

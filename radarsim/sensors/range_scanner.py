@@ -90,6 +90,14 @@ class RangeScanner:
         self._pattern = BeamPattern(settings)
         self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
+        nowhere = np.zeros((len(self.angles), 3))
+        self._alike = Rays.alike(
+            nowhere,
+            nowhere,
+            reach=settings.max_range,
+            power=settings.penetration_power,
+            medium=self._medium,
+        )
 
     @property
     def has_side_rays(self) -> bool:
@@ -172,13 +180,9 @@ class RangeScanner:
 
     def _rays(self, pose: Pose3, sides: Draw, own: int) -> Rays:
         fan = self._pattern.aim(pose, sides)
-        return Rays.alike(
-            fan.origins,
-            fan.directions,
-            reach=self.settings.max_range,
-            power=self.settings.penetration_power,
-            medium=self._medium,
-            own=own,
+        carried_by = np.full(len(sides), own)
+        return replace(
+            self._alike, origins=fan.origins, directions=fan.directions, own=carried_by
         )
 
     def _hidden(

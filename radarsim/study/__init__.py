@@ -1,1 +1,1 @@
-"""What judges runs of the program: benchmarks. Sits above everything that it measures."""
+"""What judges runs of the program: benchmarks. Sits above what it measures."""

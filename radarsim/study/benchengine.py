@@ -1,8 +1,11 @@
 """Benchmarks of the ray engine: rows a to d."""
 
+import importlib
 import importlib.util
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +52,7 @@ def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]
     for beams in (361, 1801):
         radar = radar_with(beams)
         rays = radar.plan(tracer, pose, rng).rays
-        yield f"{beams} beams", lambda r=radar: r.scan(scene, pose, rng), rays
+        yield f"{beams} beams", partial(radar.scan, scene, pose, rng), rays
     radar = radar_with(361)
     plans = [radar.plan(tracer, pose, rng) for _ in range(BATCH)]
     yield (
@@ -77,7 +80,7 @@ def against_open3d(seconds: float) -> Iterator[Row]:
     """Measure scans by Open3D's list of all hits, where Open3D is installed."""
     if importlib.util.find_spec("open3d") is None:
         return
-    import open3d  # noqa: PLC0415 - large, and rarely there
+    open3d: Any = importlib.import_module("open3d")
 
     scene = foliage_wall()
     o3d = open3d.t.geometry.RaycastingScene(nthreads=1)
@@ -88,9 +91,8 @@ def against_open3d(seconds: float) -> Iterator[Row]:
     for name, scan, rays in _workloads(scene):
         both = np.hstack([rays.origins, rays.directions]).astype(np.float32)
         tensor = open3d.core.Tensor(both)
-        result = compare(
-            scan, lambda t=tensor: o3d.list_intersections(t), seconds=seconds
-        )
+        hits = partial(o3d.list_intersections, tensor)
+        result = compare(scan, hits, seconds=seconds)
         note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
         yield Row("b", f"{scene.name}, {name}", result.ratio, "x", 1.0, note)
 

@@ -4,13 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene as PlainScene
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
-from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh
 from radarsim.raycast.library import open_library
 from radarsim.raycast.penetration import CROSSING
 from radarsim.raycast.query import (
@@ -18,6 +16,7 @@ from radarsim.raycast.query import (
     LISTED,
     OPAQUE,
     PASSED_BY,
+    Span,
     look_ahead,
     look_back,
     new_block,
@@ -120,7 +119,8 @@ def ahead(
     crossings, takes = np.zeros(32, CROSSING), np.array(roles, np.uint8)
     block = new_block(scene.handle, crossings)
     start, direction = np.array(origin, float), np.array(way, float)
-    count, t, part = look_ahead(scene.handle, block, takes, start, direction, reach)
+    span = Span(0.0, reach, math.inf)
+    count, t, part = look_ahead(scene.handle, block, takes, start, direction, span)
     return sorted(crossings[:count].tolist()), t, part
 
 
@@ -161,7 +161,8 @@ def test_a_list_without_room_counts_what_it_drops() -> None:
     takes = np.full(3, LISTED, np.uint8)
     block = new_block(scene.handle, crossings)
     way = np.array([1.0, 0, 0])
-    count, _, _ = look_ahead(scene.handle, block, takes, np.zeros(3), way, 100.0)
+    span = Span(0.0, 100.0, math.inf)
+    count, _, _ = look_ahead(scene.handle, block, takes, np.zeros(3), way, span)
     assert count == 6
 
 
@@ -185,14 +186,11 @@ def test_the_first_hits_are_those_that_embreex_finds() -> None:
     meshes = [
         Mesh(vertices + rng.uniform(-3, 3, 3), faces) for vertices, faces in solids
     ]
-    scene, plain = EmbreeScene(meshes), PlainScene()
-    for mesh in meshes:
-        vertices, faces = (np.asarray(array) for array in mesh)
-        TriangleMesh(plain, vertices.astype(np.float32), faces.astype(np.int32))
+    scene = EmbreeScene(meshes)
     origins = rng.uniform(-8, 8, (3000, 3))
     ways: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    other = plain.run(np.float32(origins), np.float32(ways), output=1)
+    other = FirstHits(meshes, origins, ways).everything()
     roles = [OPAQUE] * len(meshes)
     found = [
         ahead(scene, roles, tuple(origin), tuple(way), 1e3)

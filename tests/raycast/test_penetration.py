@@ -252,7 +252,17 @@ def test_python_and_machine_code_agree(
 
     wanted = run(walk_of(crossings, 3, events=20))
     walk = walk_of(crossings, 3, events=20)
-    for name in ("wind", "forget", "_density", "_write", "_cross", "_follow", "settle"):
+    for name in (
+        "wind",
+        "forget",
+        "_density",
+        "_write",
+        "_cross",
+        "begin",
+        "follow",
+        "end",
+        "settle",
+    ):
         monkeypatch.setattr(penetration, name, plain(getattr(penetration, name)))
     records = {
         name: getattr(walk, name).view(np.recarray) for name in ("crossings", "events")
