@@ -99,12 +99,16 @@ def _frame(axes: Axes, scene: Scene, scans: Sequence[Scan]) -> None:
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
     pose = f"x {x:.2f} m, y {y:.2f} m, yaw {math.degrees(scan.pose.yaw):.0f}°"
-    beyond = int(np.count_nonzero(~np.isfinite(scan.ranges)))
+    beyond = sum(int(np.count_nonzero(~np.isfinite(s.ranges))) for s in scans)
+    blind = sum(int(np.count_nonzero(s.ranges == 0)) for s in scans)
+    counted = f"{len(scans)} scans of " if len(scans) > 1 else ""
+    counted += f"{len(scan.ranges)} beams, {beyond} without return"
+    counted += f", {blind} blinded" if blind else ""
     axes.set_title(
-        f"{scan.sensor} in {scene.name} at {pose}: {len(scan.ranges)} beams,"
-        f" {beyond} without return; circles every {step} m"
+        f"{scan.sensor} in {scene.name} at {pose}: {counted}; circles every {step} m",
+        fontsize="medium",
     )
     if scan.rays is not None:
         for colour, name in RAY_COLOURS.values():
             axes.plot([], [], ".", color=colour, label=f"{name} ray")
-        axes.legend(loc="lower right")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))  # covers no reading

@@ -1,10 +1,22 @@
 """Scenes that many tests look at; they are read once, and nothing changes them."""
 
+import os
+
 import pytest
+from hypothesis import HealthCheck, settings
 
 from radarsim.scene.mapfile import load_map
 from radarsim.scene.scene import Scene
 from radarsim.simulation.simulation import Simulation
+
+# Machines are shared and noisy: a slow example is not a wrong one.
+settings.register_profile(
+    "radarsim",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize=os.environ.get("CI") == "true",
+)
+settings.load_profile("radarsim")
 
 
 def _ready(name: str) -> Scene:

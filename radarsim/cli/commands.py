@@ -3,6 +3,7 @@
 Nothing heavy is imported before a command runs: ``radarsim --help`` answers at once.
 """
 
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -165,7 +166,10 @@ def scan(
     settings: SetOption = None,
     seed: SeedOption = 0,
     count: Annotated[int, typer.Option(min=1, help="More than 1 gives a list.")] = 1,
-    format_: Annotated[ScanFormat, typer.Option("--format")] = ScanFormat.JSON,
+    format_: Annotated[
+        ScanFormat | None,
+        typer.Option("--format", help="What -o ends in, or json, by default."),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Instead of stdout.")
     ] = None,
@@ -174,7 +178,13 @@ def scan(
     from radarsim.cli.scanning import Request, write_scans
 
     request = Request(map_, sensor, start, pose, settings or [], seed)
-    write_scans(request, count=count, form=format_.value, output=output)
+    form = format_ or _format_of(output)
+    write_scans(request, count=count, form=form.value, output=output)
+
+
+def _format_of(output: Path | None) -> ScanFormat:
+    suffix = "" if output is None else output.suffix.lower().lstrip(".")
+    return ScanFormat(suffix) if suffix in list(ScanFormat) else ScanFormat.JSON
 
 
 @app.command()
@@ -231,3 +241,8 @@ def main() -> None:
         sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)
+    except OSError as error:
+        sys.stderr.write(f"radarsim: cannot write: {error.strerror or error}\n")
+        # Python would try to flush stdout again, and complain again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

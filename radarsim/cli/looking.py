@@ -8,20 +8,40 @@ from rich.console import Console
 from rich.table import Table
 
 from radarsim.errors import MapError
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import sensor_presets
 from radarsim.scene.mapfile import load_map
+from radarsim.scene.scene import Scene
 from radarsim.scene.summary import summarise
+from radarsim.simulation.simulation import Simulation
 
 
 def check_map(map_: str) -> int:
     """Print what is in a map, or its errors; give the exit code."""
     try:
-        lines, code = summarise(load_map(map_)), 0
+        scene = load_map(map_)
+        lines, code = [*summarise(scene), *taken_starts(scene)], 0
     except MapError as error:
         lines, code = error.problems, 1
     for line in lines:
         typer.echo(line)
     return code
+
+
+def taken_starts(scene: Scene) -> list[str]:
+    """Tell which starts are no place for a P3AT."""
+    lines = []
+    for start in scene.starts:
+        wanted = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
+        vehicle = Simulation(scene).spawn("check", load_robot("P3AT"), wanted)
+        if vehicle is None:
+            lines.append(f"  {start.name}: no place for a P3AT within 1 m")
+        elif vehicle.robot.pose != wanted:
+            pose = vehicle.robot.pose
+            there = f"x {pose.x:.2f} m, y {pose.y:.2f} m"
+            lines.append(f"  {start.name}: taken; a P3AT would stand at {there}")
+    return ["starts that are not free", *lines] if lines else []
 
 
 def list_sensors(*, as_json: bool) -> None:

@@ -29,6 +29,7 @@ RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
 
 LONGEST_NAME = 64  # characters of a robot's name; more are cut
 SPAWN_TICKS = 10  # between two robots of one client: finding a free place is work
+SPAWNS_A_TICK = 4  # of all clients
 OPCODES = ("SCAN", "RESET", "POSE")
 
 
@@ -42,6 +43,7 @@ class Orders:
     def __init__(self, simulation: Simulation, conditions: Conditions) -> None:
         self.simulation = simulation
         self._conditions = conditions
+        self._spawns = (-1, 0)  # the last tick with any, and how many
         self._classes = {name.casefold(): name for name in robot_names()}
 
     def obey(self, client: Client, line: str) -> tuple[bool, Notice | None]:
@@ -55,9 +57,16 @@ class Orders:
             command = parse_command(line, self._conditions.dialect)
         except MalformedMessage as error:
             return True, malformed(line, error)
-        if isinstance(command, Init) and self.simulation.ticks < client.next_spawn:
+        if isinstance(command, Init) and self._is_too_early(client):
             return False, None
         return True, self._carry_out(client, command) or unknown_fields(line)
+
+    def _is_too_early(self, client: Client) -> bool:
+        # Sensors count from the spawn, so robots that come together would be read
+        # together ever after, all in one tick of ten.
+        now = self.simulation.ticks
+        crowded = self._spawns == (now, SPAWNS_A_TICK)
+        return crowded or now < client.next_spawn
 
     def dismiss(self, client: Client) -> None:
         """Take a client's robot off the floor, if it has one."""
@@ -105,7 +114,9 @@ class Orders:
             model = self._model(command.class_name)
         except PresetError as error:
             return Notice("class", str(error))
-        client.next_spawn = self.simulation.ticks + SPAWN_TICKS
+        now, (last, count) = self.simulation.ticks, self._spawns
+        self._spawns = (now, count + 1 if now == last else 1)
+        client.next_spawn = now + SPAWN_TICKS
         wanted, doubt = self._wanted_pose(command)
         self.dismiss(client)
         name = (command.name or model.name)[:LONGEST_NAME]
@@ -113,11 +124,12 @@ class Orders:
         place = f"({wanted.x:.2f}, {wanted.y:.2f})"
         if client.vehicle is None:
             text = f"INIT at {place}, expected a free place within 1 m"
-            return Notice("no place", text)
+            return _joined(doubt, Notice("no place", text))
         pose = client.vehicle.robot.pose
         if (pose.x, pose.y) != (wanted.x, wanted.y):
             moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
-            return Notice("moved", f"INIT moved {moved}, the nearest free place")
+            text = f"INIT moved {moved}, the nearest free place"
+            return _joined(doubt, Notice("moved", text))
         return doubt
 
     def _model(self, class_name: str) -> RobotModel:
@@ -131,11 +143,19 @@ class Orders:
             if start is None:
                 names = [start.name for start in self.simulation.scene.starts]
                 text = f"start {command.start[:80]!r}, expected one of {names}"
+                text += "; taken as the origin"
                 return Pose2(0.0, 0.0), Notice("start", text)
             return Pose2(start.pose.x, start.pose.y, start.pose.yaw), None
         x, y, _ = command.position or (0.0, 0.0, 0.0)
         _, _, yaw = command.rotation or (0.0, 0.0, 0.0)
         return Pose2(x, y, yaw), None
+
+
+def _joined(first: Notice | None, second: Notice) -> Notice:
+    """Say two things at once, the cause before what came of it."""
+    if first is None:
+        return second
+    return Notice(f"{first.kind}, {second.kind}", f"{first.text}; {second.text}")
 
 
 def _drive(vehicle: Vehicle, command: Drive) -> Notice | None:

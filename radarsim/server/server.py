@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import signal
 from collections.abc import Callable
 from contextlib import suppress
@@ -59,9 +60,12 @@ class Server:
                 reuse_address=True,
             )
         except OSError as error:
-            raise ServerError(
-                f"cannot listen on {address}:{port}: {error.strerror or error}"
-            ) from error
+            number = error.errno or 0  # asyncio says the address again in strerror
+            reason = os.strerror(number) if number > 0 else error.strerror or error
+            text = f"cannot listen on {address}:{port}: {reason}"
+            raise ServerError(text) from error
+        if not self._listener.sockets:
+            raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
         name = self._listener.sockets[0].getsockname()
         self.address = (name[0], name[1])
         self._ticking = asyncio.create_task(self._tick_for_ever())

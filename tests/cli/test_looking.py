@@ -63,3 +63,26 @@ def test_version_and_help(radarsim: Command) -> None:
     assert radarsim("--version").text.startswith("radarsim 0.")
     assert "serve" in radarsim("--help").text
     assert radarsim("sarve").code == 2
+
+
+TAKEN = """\
+version: 1
+materials:
+  wall: {density: opaque}
+objects:
+  - {name: wall, box: [0.2, 4, 2], position: [0, 0, 1], material: wall}
+  - {name: fence, box: [30, 30, 2], position: [0, 0, 1], material: wall,
+     repeat: {count: 1, step: [0, 0, 0]}}
+starts:
+  - {name: RobotStart1, position: [5, 5, 0]}
+  - {name: RobotStart2, position: [0, 0, 0]}
+"""
+
+
+def test_check_tells_which_starts_are_taken(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "taken.yaml"
+    path.write_text(TAKEN)
+    lines = radarsim("check", str(path)).text.splitlines()
+    at = lines.index("starts that are not free")
+    assert len(lines) == at + 2
+    assert lines[at + 1].startswith("  RobotStart2: taken; a P3AT would stand at x ")

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +26,17 @@ def test_a_reader_that_has_enough_is_no_crash() -> None:
     process.stderr.close()
     process.wait(timeout=50)
     assert errors == b""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_one_sentence() -> None:
+    command = (*PROGRAM, "check", "empty_room")
+    with Path("/dev/full").open("wb") as full:
+        run = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, check=False, timeout=50
+        )
+    assert run.returncode == 1
+    assert run.stderr == b"radarsim: cannot write: No space left on device\n"
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def test_a_picture_shows_red_and_blue_rays_and_the_plan(
     path = tmp_path / "scan.png"
     run = radarsim(
         *("scan", "foliage_room", "--sensor", "radar", *START),
-        *("--format", "png", "-o", str(path)),
+        *("-o", str(path)),  # its ending says what it is to be
     )
     assert (run.code, run.out) == (0, b"")
     with Image.open(path) as image:

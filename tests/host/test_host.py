@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -9,7 +10,7 @@ from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.host.host import COMMANDS_A_TICK
-from radarsim.host.orders import SPAWN_TICKS
+from radarsim.host.orders import SPAWN_TICKS, SPAWNS_A_TICK
 from radarsim.presets.robots import robot_names
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.conditions import Conditions
@@ -357,6 +358,7 @@ def test_an_unknown_start_is_the_origin_and_noticed(host: Host) -> None:
     assert notice.kind == "start"
     assert notice.text == (
         "start 'Nowhere', expected one of ['RobotStart1', 'RobotStart2', 'RobotStart3']"
+        "; taken as the origin"
     )
     assert host.simulation.vehicles[0].robot.pose.x == 0
 
@@ -374,12 +376,38 @@ def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
     assert abs(pose.x - 10.4) + abs(pose.y + 1) < 1
 
 
+def test_robots_that_come_together_are_spread_over_ticks(host: Host) -> None:
+    numbers = [greeted(host) for _ in range(3 * SPAWNS_A_TICK)]
+    for i, number in enumerate(numbers):
+        place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{i // 6 * 1.2:.1f},0}}"
+        host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
+    counts = [len(host.simulation.vehicles)]
+    for _ in range(3):
+        host.step()
+        counts.append(len(host.simulation.vehicles))
+    assert counts[0] == SPAWNS_A_TICK
+    assert counts[-1] == 3 * SPAWNS_A_TICK
+    assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_A_TICK
+
+
+def test_an_unknown_start_in_a_bush_is_told_with_what_came_of_it(
+    foliage_room: Scene,
+) -> None:
+    host = Host(foliage_room)
+    number = greeted(host)
+    (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert notice.kind == "start, moved"
+    assert "'Nowhere'" in notice.text
+    assert "INIT moved from (0.00, 0.00)" in notice.text
+
+
 def test_where_there_is_no_place_there_is_no_robot(host: Host) -> None:
     first = greeted(host)
     host.receive(first, INIT)
     notices = []
     clients = [greeted(host) for _ in range(10)]
     for number in clients:
+        host.step()
         notices += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
     kinds = [notice.kind for notice in notices]
     assert kinds[:3] == ["moved"] * 3

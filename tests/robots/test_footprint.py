@@ -34,14 +34,16 @@ def test_the_gap_is_a_lower_bound_of_the_distance_and_its_sign_is_exact(
     assert (gap > 0) == (distance > 0) or abs(gap) < 1e-9
 
 
-@given(pose=poses, pairs=segments)
+@given(pose=poses, others=segments, end=ends)
 def test_moving_away_by_the_depth_leaves_what_was_deepest(
-    pose: Pose2, pairs: Ends
+    pose: Pose2, others: Ends, end: tuple[float, float]
 ) -> None:
+    assume(end != (pose.x, pose.y))
+    pairs = [*others, ((pose.x, pose.y), end)]  # so that at least one reaches in
     gaps = [ROBOT.contact(pose, np.array([pair])).gap for pair in pairs]
     deepest = np.array([pairs[int(np.argmin(gaps))]])
     contact = ROBOT.contact(pose, np.array(pairs))
-    assume(contact.gap < 0)
+    assert contact.gap < 0
     push = 0.001 - contact.gap
     freed = Pose2(
         pose.x + push * contact.away_x, pose.y + push * contact.away_y, pose.yaw
