@@ -242,6 +242,41 @@ def _walk_on(ray: Any, power: Any, work: Any, way: Any, limit: Any, walk: Any) -
         span = Span(np.nextafter(stop.t, np.inf), span.far, span.window * WIDENED)
 
 
+@leaf
+def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
+    """Follow one ray; arguments and what is given back as in ``_trace_all``.
+
+    Here, and not in the loop, rows are taken of tables: see ``compiled.leaf``.
+    """
+    handle, middle, tolls = scene
+    origins, directions, reach, power, medium, own = rays
+    ranges, outcomes, parts, left = found
+    block, walk, origin = room
+    kind, direction = medium[i], directions[i]
+    if not is_fit(origins[i], direction, reach[i], power[i], kind):
+        return -1 - i
+    for axis in range(3):
+        origin[axis] = origins[i, axis] - middle[axis]
+    behind = tolls.behind[kind]
+    if _is_near_volume(tolls, behind, origin, handle.margin):
+        needed = _wind_start((handle, block), behind, origin, direction, walk)
+        if needed > walk.crossings.size:
+            return needed
+    last, box = meet_boxes(laid, own[i], origin, direction, reach[i])
+    limit = Stop(0, last, tolls.density.shape[1] + box if box >= 0 else -1)
+    toll = Toll(tolls.density[kind], tolls.sheet_loss[kind])
+    window = WINDOWED * power[i] / tolls.densest[kind]
+    way = (tolls.ahead[kind], toll, (origin, direction), window)
+    work = (handle, block, walk.crossings)
+    ending, needed = _walk_on(i, power[i], work, way, limit, walk)
+    if needed == 0:
+        ranges[i] = np.inf if ending.outcome == NOTHING else ending.t
+        outcomes[i] = ending.outcome
+        parts[i] = ending.part
+        left[i] = ending.power
+    return needed
+
+
 @compiled
 def _trace_all(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
     """Follow rays one after the other.
@@ -257,36 +292,11 @@ def _trace_all(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
         0; or how many surfaces a ray meets that meets too many; or of an unfit ray
         -1 minus its number.
     """
-    handle, middle, tolls = scene
-    origins, directions, reach, power, medium, own = rays
-    ranges, outcomes, parts, left = found
     crossings, events = room
-    n_parts = tolls.density.shape[1]
-    walk = new_walk(n_parts, crossings, events)
-    block = new_block(handle, crossings)
-    origin = np.zeros(3)
-    for i in range(len(origins)):
-        kind, direction = medium[i], directions[i]
-        if not is_fit(origins[i], direction, reach[i], power[i], kind):
-            return -1 - i
-        for axis in range(3):
-            origin[axis] = origins[i, axis] - middle[axis]
-        behind = tolls.behind[kind]
-        if _is_near_volume(tolls, behind, origin, handle.margin):
-            needed = _wind_start((handle, block), behind, origin, direction, walk)
-            if needed > crossings.size:
-                return needed
-        last, box = meet_boxes(laid, own[i], origin, direction, reach[i])
-        limit = Stop(0, last, n_parts + box if box >= 0 else -1)
-        toll = Toll(tolls.density[kind], tolls.sheet_loss[kind])
-        window = WINDOWED * power[i] / tolls.densest[kind]
-        way = (tolls.ahead[kind], toll, (origin, direction), window)
-        work = (handle, block, crossings)
-        ending, needed = _walk_on(i, power[i], work, way, limit, walk)
-        if needed:
-            return needed
-        ranges[i] = np.inf if ending.outcome == NOTHING else ending.t
-        outcomes[i] = ending.outcome
-        parts[i] = ending.part
-        left[i] = ending.power
+    walk = new_walk(scene[2].density.shape[1], crossings, events)
+    block, origin = new_block(scene[0], crossings), np.zeros(3)
+    for i in range(len(rays[0])):
+        code = _trace_one(i, scene, rays, laid, (block, walk, origin), found)
+        if code:
+            return code
     return 0
