@@ -4,6 +4,7 @@ Nothing heavy is imported before a command runs: ``radarsim --help`` answers at 
 """
 
 import os
+import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -234,6 +235,7 @@ def bench(
 
 def main() -> None:
     """Run a command and exit with its code."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     try:
         app()
     except RadarsimError as error:

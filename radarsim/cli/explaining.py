@@ -69,9 +69,13 @@ def explanation(
     """Pair entries with exits, and say how the ray ended."""
     crossings: list[dict[str, Any]] = []
     open_: dict[int, dict[str, Any]] = {}
+    at, power = 0.0, scanner.settings.penetration_power
     for event in events[:-1]:
+        density = sum(_density(parts[part], scanner) for part in open_)
+        before = power - density * (event.t - at) if density else power
+        at, power = event.t, event.power
         if event.kind in (EventKind.START_INSIDE, EventKind.ENTER, EventKind.SHEET):
-            row = _row(event, parts)
+            row = _row(event, parts, before)
             crossings.append(row)
             if event.kind is not EventKind.SHEET:
                 open_[event.part] = row
@@ -94,18 +98,22 @@ def explanation(
     }
 
 
-def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+def _density(part: Part, scanner: RangeScanner) -> float:
+    radar = scanner.settings.medium == "radar"
+    return part.material.density if radar else part.material.laser_density
+
+
+def _row(event: Event, parts: Sequence[Part], before: float) -> dict[str, Any]:
     """Begin the row of a volume, or make that of a sheet."""
     part = parts[event.part]
     sheet = event.kind is EventKind.SHEET
-    loss = part.material.sheet_loss or 0.0
     return {
         "object": part.object_name,
         "material": part.material.name,
         "starts_inside": event.kind is EventKind.START_INSIDE,
         "entry": event.t,
         "exit": event.t if sheet else None,
-        "power_before": _number(event.power + loss if sheet else event.power),
+        "power_before": _number(before if sheet else event.power),
         "power_after": _power(event),
     }
 

@@ -113,6 +113,17 @@ class Host:
                 self._write_tick(client, told[client.vehicle.number])
         return notices
 
+    def part(self, number: int) -> bytes:
+        """Give what a client that will send no more is owed: all its answers."""
+        client = self._clients[number]
+        waiting = len(client.pending) + 1
+        while len(client.pending) < waiting:  # an INIT that is too early ends it
+            waiting = len(client.pending)
+            client.turns = COMMANDS_A_TICK
+            self._take_turns(client)
+        self._answer(client)
+        return client.outbox.take()
+
     def take(self, number: int) -> bytes:
         """Give what a client is to be sent: whole lines, in order."""
         return self._clients[number].outbox.take()

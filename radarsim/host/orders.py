@@ -29,6 +29,7 @@ RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
 
 LONGEST_NAME = 64  # characters of a robot's name; more are cut
 SPAWN_TICKS = 10  # between two robots of one client: finding a free place is work
+VAIN_SPAWN_TICKS = 100  # after one for which there was no place
 SPAWNS_A_TICK = 4  # of all clients
 OPCODES = ("SCAN", "RESET", "POSE")
 
@@ -123,10 +124,13 @@ class Orders:
         client.vehicle = self.simulation.spawn(name, model, wanted)
         place = f"({wanted.x:.2f}, {wanted.y:.2f})"
         if client.vehicle is None:
+            self._spawns = (now, SPAWNS_A_TICK)
+            client.next_spawn = now + VAIN_SPAWN_TICKS
             text = f"INIT at {place}, expected a free place within 1 m"
             return _joined(doubt, Notice("no place", text))
         pose = client.vehicle.robot.pose
         if (pose.x, pose.y) != (wanted.x, wanted.y):
+            self._spawns = (now, SPAWNS_A_TICK)  # a search is most of a tick's work
             moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
             text = f"INIT moved {moved}, the nearest free place"
             return _joined(doubt, Notice("moved", text))

@@ -12,8 +12,9 @@ from ruamel.yaml.error import YAMLError
 from radarsim.errors import PresetError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+# The largest scene is 1 km wide; numbers far beyond it overflow somewhere.
+Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 
 SETTINGS_OF_RADARS = frozenset(
     {"side_offset_uu", "side_mode", "divergence_distance", "ray_weights"}
@@ -46,8 +47,8 @@ class SensorSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     medium: Literal["radar", "laser"]
-    fov_deg: Annotated[float, Field(gt=0, le=360)]
-    resolution_deg: Annotated[float, Field(gt=0, le=360)]
+    fov_deg: Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
+    resolution_deg: Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
     max_range: Positive
     min_range: NotNegative = 0.0
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]

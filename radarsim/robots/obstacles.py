@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
@@ -19,6 +21,10 @@ BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
 _SHORTEST = 1e-9  # m; a shorter line has no direction
 _SEARCH_STEP = 0.05  # m between the places that are tried
 _ELBOW_ROOM = 0.01  # m that such a place leaves around the footprint
+
+
+def _all_open(places: Floats) -> NDArray[np.bool_]:
+    return np.ones(len(places), np.bool_)
 
 
 class Standing(Protocol):
@@ -89,7 +95,7 @@ class Obstacles:
         others: Sequence[Standing] = (),
         *,
         within: float = 1.0,
-        is_open: Callable[[Pose2], bool] = lambda _: True,
+        are_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
     ) -> Pose2 | None:
         """Find the nearest pose of the same yaw at which a footprint fits.
 
@@ -98,21 +104,26 @@ class Obstacles:
             pose: The pose asked for; it is the answer if it is clear.
             others: What stands there already.
             within: How far to look, m.
-            is_open: Asked last whether a place that fits is one to stand in.
+            are_open: Asked which of (N, 2) places, m, are such as to stand in.
 
         Returns:
             The pose, to 0.05 m, touching nothing; None if there is none. Of places
             equally far away it is the first counter-clockwise from the map's x axis.
         """
-        if self.clear(footprint, pose, others) and is_open(pose):
+        here = np.array([[pose.x, pose.y]])
+        if self.clear(footprint, pose, others) and are_open(here)[0]:
             return pose
         roomy = Footprint(
             footprint.length + 2 * _ELBOW_ROOM, footprint.width + 2 * _ELBOW_ROOM
         )
         walls = self.near(pose.x, pose.y, roomy.radius + within)
-        for dx, dy in _outward(within):
-            place = Pose2(pose.x + dx, pose.y + dy, pose.yaw)
-            if _fits(roomy, place, walls, others) and is_open(place):
+        places = here + _outward(within)
+        outlines = [other.footprint.outline(other.pose) for other in others]
+        lines = np.concatenate([walls, *outlines])
+        places = places[~_meet_any(roomy.outline(pose)[:, 0] - here, places, lines)]
+        for x, y in places[are_open(places)].tolist():
+            place = Pose2(x, y, pose.yaw)
+            if _fits(roomy, place, walls, others):
                 return place
         return None
 
@@ -136,8 +147,28 @@ def _overlap(footprint: Footprint, pose: Pose2, other: Standing) -> bool:
     )
 
 
-def _outward(within: float) -> Iterator[tuple[float, float]]:
-    """Give places in rings around (0, 0), the innermost first, m."""
+def _meet_any(corners: Floats, places: Floats, walls: Floats) -> NDArray[np.bool_]:
+    """Tell at which of many places a shape meets a wall; quicker than one by one.
+
+    Args:
+        corners: (C, 2) m, of the shape around its place.
+        places: (N, 2) m.
+        walls: (S, 2, 2) m.
+    """
+    shapes = shapely.polygons(places[:, None] + corners)
+    lines = shapely.STRtree(shapely.linestrings(walls))
+    meeting = np.zeros(len(places), np.bool_)
+    meeting[lines.query(shapes, predicate="intersects")[0]] = True
+    return meeting
+
+
+@cache
+def _outward(within: float) -> Floats:
+    """Give places in rings around (0, 0), the innermost first, (N, 2) m."""
+    return np.array(list(_rings(within))).reshape(-1, 2)
+
+
+def _rings(within: float) -> Iterator[tuple[float, float]]:
     for ring in range(1, int(within / _SEARCH_STEP + 1e-9) + 1):
         radius = ring * _SEARCH_STEP
         places = math.ceil(2 * math.pi * ring)

@@ -17,6 +17,7 @@ from radarsim.geometry import Floats, Pose2, Pose3
 
 INS_DRAW_INTERVAL = 0.2  # s of simulated time between two draws of the drift
 ENCODER_RESOLUTION = 0.01745  # rad per tick
+MOST_NOISE = 10.0  # times the way itself; more than that overflows in time
 ENCODER_NOISE = 0.005  # largest error, as a part of the whole angle
 
 
@@ -46,9 +47,10 @@ class InsNoise:
             if name not in known:
                 raise PresetError(f"INS setting {name[:80]!r}, expected one of {known}")
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not 0 <= value < math.inf:
+            if not number or not 0 <= value <= MOST_NOISE:
                 text = repr(value)[:80]
-                raise PresetError(f"INS setting {name}: {text}, expected at least 0")
+                limits = f"expected 0 to {MOST_NOISE:g}"
+                raise PresetError(f"INS setting {name}: {text}, {limits}")
         return cls(**settings)
 
 

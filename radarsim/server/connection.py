@@ -62,7 +62,7 @@ class Connection(asyncio.BufferedProtocol):
         """Send what the client has asked for, and take its robot off the floor."""
         transport = self._transport
         if transport is not None:
-            transport.write(self._host.take(self._number))
+            transport.write(self._host.part(self._number))
             self._part("it closed its side")
             asyncio.get_running_loop().call_later(LAST_WORDS, transport.abort)
         return False  # the transport closes when all is sent

@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Callable
 from contextlib import suppress
+from types import FrameType
 from typing import Any
 
 from radarsim.errors import ServerError
@@ -143,9 +144,12 @@ async def serve(
         if not ended.done():
             ended.set_result(code)
 
-    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 0)):
-        with suppress(NotImplementedError):  # on Windows, which raises instead
-            loop.add_signal_handler(number, end, code)
+    # Not the loop's own handlers: these leave none behind, and a second signal would
+    # kill the process while it ends.
+    before = {
+        number: signal.signal(number, _calls(loop, end, code))
+        for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 0))
+    }
     try:
         await server.start(address, port)
         announce(server.address)
@@ -158,6 +162,17 @@ async def serve(
         return ended.result()
     finally:
         await server.stop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            with suppress(NotImplementedError):
-                loop.remove_signal_handler(number)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _calls(
+    loop: asyncio.AbstractEventLoop, end: Callable[[int], None], code: int
+) -> Callable[[int, FrameType | None], None]:
+    """Make what a signal calls; it is silent once the loop is closed."""
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        with suppress(RuntimeError):
+            loop.call_soon_threadsafe(end, code)
+
+    return handle

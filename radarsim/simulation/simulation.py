@@ -8,8 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radarsim.geometry import Pose2
+from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.boxes import Boxes
@@ -96,7 +97,7 @@ class Simulation:
             pose,
             self._robots,
             within=SEARCH_RADIUS,
-            is_open=lambda place: not self._is_filled(place, height),
+            are_open=lambda places: ~self._are_filled(places, height),
         )
         if free is None:
             return None
@@ -197,15 +198,20 @@ class Simulation:
             self._floors[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._floors[floor]
 
-    def _is_filled(self, place: Pose2, height: float) -> bool:
-        """Tell whether a place is within a bush or the like: solid, yet no surface."""
-        point = np.array([[place.x, place.y, height]])
-        ray = Rays.alike(point, np.array([[1.0, 0.0, 0.0]]), reach=0.0)
-        return any(
-            event.kind is EventKind.START_INSIDE
-            and self.scene.parts[event.part].material.solid
-            for event in self._tracer.explain(ray)[0]
-        )
+    def _are_filled(self, places: Floats, height: float) -> NDArray[np.bool_]:
+        """Tell which of (N, 2) places are within bushes: solid, yet no surfaces."""
+        points = np.column_stack([places, np.full(len(places), height)])
+        ahead = np.tile([1.0, 0.0, 0.0], (len(places), 1))
+        rays = Rays.alike(points, ahead, reach=0.0)
+        inside = [
+            any(
+                event.kind is EventKind.START_INSIDE
+                and self.scene.parts[event.part].material.solid
+                for event in events
+            )
+            for events in self._tracer.explain(rays)
+        ]
+        return np.array(inside, np.bool_)
 
     def _free_name(self, name: str) -> str:
         taken = {robot.name for robot in self._robots}

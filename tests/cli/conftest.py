@@ -1,3 +1,4 @@
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,10 +33,13 @@ def radarsim(
     def run(*arguments: str) -> Run:
         monkeypatch.setattr(sys, "argv", ["radarsim", *arguments])
         code = 0
+        before = signal.getsignal(signal.SIGTERM)
         try:
             main()
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 1
+        finally:
+            signal.signal(signal.SIGTERM, before)
         sys.stdout.flush()
         caught = capfdbinary.readouterr()
         return Run(code, caught.out, caught.err.decode())

@@ -81,6 +81,8 @@ def test_a_sheet_that_takes_the_rest_ends_the_beam(
     weak = ("--set", "penetration_power=0.9")
     told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
     assert (told["outcome"], told["object"]) == ("spent", "paper")
+    assert told["crossings"][-1]["power_before"] == pytest.approx(0.2)
+    assert told["crossings"][-1]["power_after"] == 0
     assert told["range"] == pytest.approx(6)
 
 

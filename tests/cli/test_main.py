@@ -1,5 +1,7 @@
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -56,8 +58,23 @@ def test_how_a_command_ends(
         raise error
 
     monkeypatch.setattr(radarsim.cli.commands, "app", run)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == code
     text = capsys.readouterr().err
     assert text == ("radarsim: the port is taken\n" if code == 1 else "")
+
+
+def test_a_command_that_is_told_to_end_ends_with_0() -> None:
+    command = (*PROGRAM, "scan", "empty_room", "--sensor", "radar", "--count", "200000")
+    with subprocess.Popen(
+        (*command, "--start", "RobotStart1", "--format", "csv"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    ) as process:
+        time.sleep(1.5)  # it scans by then, and for many seconds more
+        process.terminate()
+        assert process.wait(timeout=10) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == b""

@@ -10,7 +10,7 @@ from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.host.host import COMMANDS_A_TICK
-from radarsim.host.orders import SPAWN_TICKS, SPAWNS_A_TICK
+from radarsim.host.orders import SPAWN_TICKS, SPAWNS_A_TICK, VAIN_SPAWN_TICKS
 from radarsim.presets.robots import robot_names
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.conditions import Conditions
@@ -390,6 +390,24 @@ def test_robots_that_come_together_are_spread_over_ticks(host: Host) -> None:
     assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_A_TICK
 
 
+def test_who_sends_no_more_is_given_all_its_answers(host: Host) -> None:
+    number = greeted(host)
+    questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_A_TICK + 5)
+    host.receive(number, INIT + questions)
+    assert host.part(number).count(b"GEO ") == COMMANDS_A_TICK + 5
+    assert host.part(number) == b""
+
+
+def test_a_search_for_a_place_is_the_only_one_in_its_tick(foliage_room: Scene) -> None:
+    host = Host(foliage_room)
+    bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
+    numbers = [greeted(host) for _ in range(3)]
+    notices = [host.receive(number, bush) for number in numbers]
+    assert [len(found) for found in notices] == [1, 0, 0]
+    told = [host.step() for _ in range(4)]
+    assert [len(found) for found in told] == [0, 1, 1, 0]
+
+
 def test_an_unknown_start_in_a_bush_is_told_with_what_came_of_it(
     foliage_room: Scene,
 ) -> None:
@@ -417,7 +435,7 @@ def test_where_there_is_no_place_there_is_no_robot(host: Host) -> None:
         "INIT at (-8.00, 0.00), expected a free place within 1 m"
     )
     host.disconnect(first)
-    let_pass(host, SPAWN_TICKS)
+    let_pass(host, VAIN_SPAWN_TICKS)
     assert host.receive(clients[-1], INIT) == []
     assert host.has_robot(clients[-1])
 

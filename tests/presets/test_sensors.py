@@ -63,7 +63,8 @@ def test_a_scan_has_one_beam_more_than_steps(
     [
         pytest.param(
             {"fov_deg": -3},
-            "sensor radar: fov_deg: -3: input should be greater than 0",
+            "sensor radar: fov_deg: -3: input should be greater than or equal to"
+            " 0.0001",
             id="negative",
         ),
         pytest.param(
@@ -88,8 +89,20 @@ def test_a_scan_has_one_beam_more_than_steps(
             id="a step wider than the view",
         ),
         pytest.param(
-            {"resolution_deg": 1e-5},
-            "sensor radar: 18000001 beams, expected at most 1000000",
+            {"resolution_deg": 1e-320},
+            "sensor radar: resolution_deg: 1e-320: input should be greater than or"
+            " equal to 0.0001",
+            id="next to nothing",
+        ),
+        pytest.param(
+            {"side_offset_uu": 1e308},
+            "sensor radar: side_offset_uu: 1e+308: input should be less than or equal"
+            " to 100000",
+            id="overflowing",
+        ),
+        pytest.param(
+            {"resolution_deg": 1.1e-4},
+            "sensor radar: 1636365 beams, expected at most 1000000",
             id="too many beams",
         ),
         pytest.param(

@@ -163,24 +163,24 @@ def test_noise_comes_from_settings() -> None:
             id="unknown",
         ),
         pytest.param(
-            {"sigma": -1}, "INS setting sigma: -1, expected at least 0", id="negative"
+            {"sigma": -1}, "INS setting sigma: -1, expected 0 to 10", id="negative"
         ),
         pytest.param(
             {"sigma": "much"},
-            "INS setting sigma: 'much', expected at least 0",
+            "INS setting sigma: 'much', expected 0 to 10",
             id="text",
         ),
         pytest.param(
             {"angle_bias": True},
-            "INS setting angle_bias: True, expected at least 0",
+            "INS setting angle_bias: True, expected 0 to 10",
             id="boolean",
         ),
         pytest.param(
-            {"sigma": math.nan}, "INS setting sigma: nan, expected at least 0", id="nan"
+            {"sigma": math.nan}, "INS setting sigma: nan, expected 0 to 10", id="nan"
         ),
         pytest.param(
             {"sigma": math.inf},
-            "INS setting sigma: inf, expected at least 0",
+            "INS setting sigma: inf, expected 0 to 10",
             id="infinite",
         ),
     ],

@@ -126,7 +126,7 @@ def test_settings_that_fit_pass(dialect: Dialect, settings: dict[str, Any]) -> N
         ),
         pytest.param(
             {"InsTest": {"sigma": -1}},
-            "INS setting sigma: -1, expected at least 0",
+            "INS setting sigma: -1, expected 0 to 10",
             id="negative drift",
         ),
     ],
