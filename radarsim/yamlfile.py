@@ -28,6 +28,9 @@ _MESSAGES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "list_type": lambda _: "expected a list",
     "literal_error": lambda context: f"expected {context['expected']}",
     "model_type": lambda _: "expected keys with values",
+    "string_too_long": lambda limits: (
+        f"expected at most {limits['max_length']} characters"
+    ),
     "string_type": lambda _: "expected text",
     "too_long": lambda limits: f"expected {limits['max_length']} entries",
     "too_short": lambda limits: f"expected {limits['min_length']} entries",

@@ -30,7 +30,7 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 Place: TypeAlias = tuple[int, int]
 
 MAX_VALUES = 500_000  # with aliases written out
-MAX_DEPTH = 32
+MAX_DEPTH = 32  # of lists and dicts, also of those that stand as keys
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -176,7 +176,7 @@ class _Reader:
     def _key(self, event: Any, path: KeyPath) -> str:
         if isinstance(event, ScalarEvent) and event.tag is None:
             return str(event.value)
-        self._node(event, path)
+        self._node(event, (*path, "?"))
         self._report(event, path, "a key that is no plain text, expected a name")
         return ""
 

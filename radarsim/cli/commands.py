@@ -3,6 +3,7 @@
 Nothing heavy is imported before a command runs: ``radarsim --help`` answers at once.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -233,9 +234,17 @@ def bench(
     run_benchmarks(as_json=as_json)
 
 
+def _turn_deaf() -> None:
+    # Python gives up its handlers before it is gone: a second signal would kill it, and
+    # the exit code would say so.
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+
+
 def main() -> None:
     """Run a command and exit with its code."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    atexit.register(_turn_deaf)
     try:
         app()
     except RadarsimError as error:

@@ -7,6 +7,7 @@ one that is wrong only leaves out what would be built from it.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -58,14 +59,16 @@ def find_map(path_or_name: str | Path) -> Path:
     Raises:
         MapError: If there is neither.
     """
-    path = Path(path_or_name)
-    if path.is_file():
-        return path
+    path, name = Path(path_or_name), str(path_or_name)
+    with suppress(OSError, ValueError):  # endless names, NUL
+        if path.is_file():
+            return path
     shipped = shipped_maps()
-    if str(path_or_name) in shipped:
-        return shipped[str(path_or_name)]
+    if name in shipped:
+        return shipped[name]
+    plain = name.isprintable() and len(name) <= 80
     expected = f"expected a map file or one of {sorted(shipped)}"
-    raise MapError([f"{path}: no such file, {expected}"])
+    raise MapError([f"{name if plain else shown(name)}: no such file, {expected}"])
 
 
 def shipped_maps() -> dict[str, Path]:

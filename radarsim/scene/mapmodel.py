@@ -8,7 +8,7 @@ import math
 import re
 from typing import Annotated, Any, Literal, TypeAlias
 
-from annotated_types import Ge, Gt, Le, Len
+from annotated_types import Ge, Gt, Le, Len, MaxLen
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -25,6 +25,8 @@ from radarsim.yamlfile import shown
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
 MAX_COPIES = 10_000
+MAX_NAME = 200  # of an object or a level
+MAX_START_NAME = 40  # so that many fit into the one line that lists them
 
 START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
 
@@ -104,14 +106,20 @@ class Header(Entry):
     """What the top of a map file may say; the entries are looked at one by one."""
 
     version: Literal[1]
-    level: Annotated[Text, AfterValidator(_level)]
+    level: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_level)]
     materials: dict[Text, Any] | None = None
     objects: list[Any] | None = None
     starts: list[Any] | None = None
 
 
 class MaterialEntry(Entry):
-    """A material; without a density it is a sheet, or wrong."""
+    """A material; without a density it is a sheet, or wrong.
+
+    Attributes:
+        density: Power lost per metre inside; does not count beside a ``sheet_loss``.
+        laser_density: The same for a laser beam.
+        sheet_loss: Power that a radar beam loses at each surface, and nowhere else.
+    """
 
     density: Density | None = None
     laser_density: Density = OPAQUE
@@ -166,7 +174,7 @@ class ObjectEntry(Entry):
         position: The centre of a primitive, a mesh's own origin, m.
     """
 
-    name: Annotated[Text, AfterValidator(_name)]
+    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
     box: Annotated[list[Size], Len(3, 3)] | None = None
     sphere: Size | None = None
     cylinder: Annotated[list[Size], Len(2, 2)] | None = None
@@ -197,6 +205,6 @@ class ObjectEntry(Entry):
 class StartEntry(Entry):
     """A place where robots start, on the floor."""
 
-    name: Annotated[Text, AfterValidator(_start_name)]
+    name: Annotated[Text, MaxLen(MAX_START_NAME), AfterValidator(_start_name)]
     position: Vector
     yaw_deg: Real = 0.0

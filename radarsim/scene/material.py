@@ -16,9 +16,11 @@ class Material:
             ``math.inf`` is opaque: the beam ends at the surface.
         laser_density: The same for a laser beam.
         solid: Whether a robot is stopped by it.
-        sheet_loss: Power lost at each surface crossed, for things that have no
-            inside, such as single leaves; None for volumes and opaque surfaces.
-            Between the surfaces of a part that is not closed no density counts.
+        sheet_loss: Power that a radar beam loses at each surface crossed, for things
+            that have no inside, such as single leaves; None for volumes and opaque
+            surfaces. With it surfaces alone cost something, even where they are
+            closed: a finite density does not count, and a laser beam that a finite
+            ``laser_density`` lets in passes for nothing.
     """
 
     name: str

@@ -140,13 +140,13 @@ def _turn_stray_shells(vertices: Floats, faces: Faces) -> Faces:
     volumes = _shell_volumes(vertices, faces, shells)
     if volumes.sum() < 0:
         faces, volumes = _turned(faces, np.ones(len(faces), dtype=bool)), -volumes
-    lows, highs = _shell_boxes(vertices, faces, shells, len(volumes))
+    lows, highs = shell_boxes(vertices, faces, shells, len(volumes))
     stray = np.zeros(len(volumes), dtype=bool)
     for shell in np.flatnonzero(volumes < 0):
         around = (lows <= lows[shell]).all(axis=1) & (highs >= highs[shell]).all(axis=1)
         hull = faces[(around & (volumes > 0))[shells]]
         inner = vertices[faces[shells == shell][0]].mean(axis=0)
-        stray[shell] = not _contains(vertices, hull, inner)
+        stray[shell] = not contains(vertices, hull, inner)
     return _turned(faces, stray[shells])
 
 
@@ -164,21 +164,33 @@ def _shell_volumes(vertices: Floats, faces: Faces, shells: Labels) -> Floats:
     return np.bincount(shells, weights=sixths).astype(np.float64)
 
 
-def _shell_boxes(
+def shell_boxes(
     vertices: Floats, faces: Faces, shells: Labels, count: int
 ) -> tuple[Floats, Floats]:
-    """Give the smallest and the largest x, y, z of each shell, (S, 3) m each."""
+    """Give the smallest and the largest x, y, z of each shell, (S, 3) m each.
+
+    Args:
+        vertices: (V, 3) m.
+        faces: (F, 3) rows of vertex numbers.
+        shells: (F,) the shell of each face, from 0.
+        count: S, the number of shells.
+    """
     lows, highs = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(lows, shells, vertices[faces].min(axis=1))
     np.maximum.at(highs, shells, vertices[faces].max(axis=1))
     return lows, highs
 
 
-def _contains(vertices: Floats, faces: Faces, point: Floats) -> bool:
+def contains(vertices: Floats, faces: Faces, point: Floats) -> bool:
     """Tell whether closed faces, wound outward, enclose a point.
 
     Uses the solid angle of the faces as seen from there, by Van Oosterom and
     Strackee: 4 pi from inside, 0 from outside.
+
+    Args:
+        vertices: (V, 3) m.
+        faces: (F, 3) rows of vertex numbers.
+        point: (3,) m, on none of the faces.
     """
     corners = vertices[faces] - point
     a, b, c = (corners[:, i] for i in range(3))

@@ -12,15 +12,19 @@ def summarise(scene: Scene) -> list[str]:
     objects = len({part.object_name for part in scene.parts})
     return [
         f"map {scene.name}, level {scene.level}",
-        f"{objects} objects, {scene.triangles} triangles",
+        f"{_count(objects, 'object')}, {_count(scene.triangles, 'triangle')}",
         *_extents(scene),
-        f"{len(scene.materials)} materials",
+        _count(len(scene.materials), "material"),
         *_materials(scene),
         "objects, with their materials and triangles",
         *_objects(scene),
-        f"{len(scene.starts)} starts, x y z in m, yaw in degrees",
+        f"{_count(len(scene.starts), 'start')}, x y z in m, yaw in degrees",
         *(f"  {_start(start)}" for start in scene.starts),
     ]
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def _extents(scene: Scene) -> list[str]:
@@ -34,7 +38,8 @@ def _materials(scene: Scene) -> list[str]:
     for part in scene.parts:
         triangles[part.material.name] += len(part.faces)
     return [
-        f"  {material.name}: {_properties(material)}; {triangles[name]} triangles"
+        f"  {material.name}: {_properties(material)};"
+        f" {_count(triangles[name], 'triangle')}"
         for name, material in scene.materials.items()
     ]
 
