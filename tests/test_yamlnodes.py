@@ -94,6 +94,20 @@ def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
             "a key that is no plain text, expected a name",
             id="list as key",
         ),
+        pytest.param(
+            "a: {[x]: 3}",
+            (1, 5),
+            ("a",),
+            "a key that is no plain text, expected a name",
+            id="list as an inner key",
+        ),
+        pytest.param(
+            "? !x y\n: 3",
+            (1, 3),
+            ("?",),
+            "tag '!x', expected none",
+            id="tag on a key",
+        ),
     ],
 )
 def test_what_is_refused_has_its_place(
@@ -124,6 +138,18 @@ def test_all_problems_are_found_and_reading_goes_on() -> None:
         pytest.param("a: 1\n---\n", (2, 1), "a second document, expected one"),
         pytest.param(
             "[" * 50, (1, MAX_DEPTH + 2), "more than 32 levels", id="deep nesting"
+        ),
+        pytest.param(
+            "? " * 3000 + "a",
+            (1, 2 * MAX_DEPTH + 3),
+            "more than 32 levels",
+            id="keys of keys",
+        ),
+        pytest.param(
+            "{" * 3000 + "a: 1" + "}: 1" * 2999 + "}",
+            (1, MAX_DEPTH + 2),
+            "more than 32 levels",
+            id="maps as keys of maps",
         ),
     ],
 )

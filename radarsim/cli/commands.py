@@ -235,10 +235,10 @@ def bench(
 
 
 def _turn_deaf() -> None:
-    # Python gives up its handlers before it is gone: a second signal would kill it, and
-    # the exit code would say so.
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    # Python gives up its handlers before it is gone, and a second signal would kill it;
+    # what is ignored stays ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def main() -> None:

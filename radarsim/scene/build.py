@@ -124,8 +124,9 @@ def _join(material: Material, surfaces: list[Surface]) -> tuple[Floats, Faces]:
     try:
         vertices, faces = (join_surfaces if may_be_open else join_volume)(surfaces)
     except MeshError as error:
-        expected = f"expected a closed volume, since {material.name!r} has a density"
-        raise MeshError(f"{error}, {expected}") from error
+        expected = "expected a closed volume with one outside"
+        known = f"since {material.name!r} has a density and no sheet_loss"
+        raise MeshError(f"{error}, {expected}, {known}") from error
     if not len(faces):
         raise MeshError(f"no triangle of {material.name!r} has an area")
     return vertices, faces

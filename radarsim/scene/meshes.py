@@ -18,6 +18,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from radarsim.geometry import Floats
+from radarsim.scene.emptiness import count_empty
 from radarsim.scene.shapes import Faces
 from radarsim.scene.shells import count_open_edges, merge_vertices, orient
 
@@ -28,6 +29,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     ".ply": {"skip_materials": True},
 }
 _LIBRARY = "names.mtl"
+_OTHER_HEADER = "model.gltf"  # asked for in place of a glTF file that is broken
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".webp")
 
 
@@ -96,8 +98,9 @@ def read_surfaces(path: Path, folder: Path) -> list[Surface]:
     except MemoryError as error:
         raise MeshError(f"{path.name!r}: too large") from error
     except Exception as error:  # broken files make loaders stumble in every way
-        reason = f"{type(error).__name__}: {error}"[:120]
-        raise MeshError(f"{path.name!r}: {reason}") from error
+        kind = suffix[1:].upper()
+        text = f"{path.name!r}: cannot be read as {kind}: {_reason(error)}"
+        raise MeshError(text) from error
     whole = [surface for surface in surfaces if surface is not None]
     if not whole:
         raise MeshError(f"{path.name!r}: no triangles")
@@ -111,8 +114,19 @@ def join_volume(surfaces: list[Surface]) -> tuple[Floats, Faces]:
     touch; the others are sewn together where their vertices coincide.
 
     Raises:
-        MeshError: If they stay open.
+        MeshError: If they stay open, or have nothing inside, see emptiness.py.
     """
+    vertices, faces = _sewn(surfaces)
+    twice, flat = count_empty(vertices, faces)
+    if twice:
+        text = "faces stand there twice, once each way round, with nothing inside"
+        raise MeshError(f"{twice} {text}")
+    if flat:
+        raise MeshError(f"{flat} faces belong to what is flat, with nothing inside")
+    return vertices, faces
+
+
+def _sewn(surfaces: list[Surface]) -> tuple[Floats, Faces]:
     closed: list[tuple[Floats, Faces]] = []
     rest: list[tuple[Floats, Faces]] = []
     for surface in surfaces:
@@ -135,7 +149,7 @@ def join_volume(surfaces: list[Surface]) -> tuple[Floats, Faces]:
 def join_surfaces(surfaces: list[Surface]) -> tuple[Floats, Faces]:
     """Join surfaces into one mesh as they are; closed ones are wound outward."""
     try:
-        return join_volume(surfaces)
+        return _sewn(surfaces)
     except MeshError:
         return _stack([merge_vertices(each.vertices, each.faces) for each in surfaces])
 
@@ -158,7 +172,7 @@ class _References:
         """Give the bytes of a file."""
         if name in self._made:
             return self._made[name]
-        if name.lower().endswith(_PICTURES):
+        if name == _OTHER_HEADER or name.lower().endswith(_PICTURES):
             raise FileNotFoundError(name)
         return find_inside(self._folder, self._start, unquote(name)).read_bytes()
 
@@ -189,6 +203,19 @@ def _load(content: bytes, suffix: str, references: Any) -> Any:
             process=False,
             **_OPTIONS.get(suffix, {}),
         )
+
+
+def _reason(error: BaseException) -> str:
+    """Say in one line why a file cannot be read.
+
+    Where that fails, trimesh tries another format, another file, or a module that
+    guesses the encoding, and it is that which fails last: the first error counts.
+    """
+    second = (ImportError, OSError, UnicodeError)
+    while isinstance(error, second) and error.__context__ is not None:
+        error = error.__context__
+    text = f"no {error}" if isinstance(error, KeyError) else str(error)
+    return (text.splitlines() or [type(error).__name__])[0][:120]
 
 
 def _surface(scene: Any, node: str) -> Surface | None:

@@ -26,12 +26,18 @@ KEYS = (
     " 'rotation_deg', 'scale', 'scatter', 'sphere', 'up_axis', 'yaw_deg']"
 )
 SHAPES = "expected one of ['box', 'cylinder', 'mesh', 'sphere']"
+CLOSED = (
+    "expected a closed volume with one outside,"
+    " since 'leaf' has a density and no sheet_loss"
+)
 START = "expected Robot, Player or ComSt, then letters, then digits"
 CUBE = """\
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 2\nv 1 0 2\nv 1 1 2\nv 0 1 2
 usemtl Leaves
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
 """
+BACK = "f 1 2 3 4\nf 8 7 6 5\nf 5 6 2 1\nf 6 7 3 2\nf 7 8 4 3\nf 8 5 1 4\n"
+FLAT = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 3 4 1\nf 4 3 2\nf 2 1 4\n"
 TREE = (
     CUBE + "v 0 0 -1\nv 1 0 -1\nv 0 1 -1\nusemtl Bark\nf 9 10 11\n"
 )  # the bark is open
@@ -47,6 +53,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (meshes / "tree.obj").write_text(TREE)
     (meshes / "plain.obj").write_text(CUBE.replace("usemtl Leaves", ""))
     (meshes / "lid.obj").write_text(CUBE.replace("f 5 6 7 8\n", ""))
+    (meshes / "double.obj").write_text(CUBE + BACK)
+    (meshes / "flat.obj").write_text(FLAT)
     (meshes / "line.obj").write_text("v 0 0 0\nv 1 0 0\nf 1 2 1\n")
     (meshes / "broken.ply").write_text("ply\n")
     return tmp_path
@@ -157,12 +165,30 @@ def test_a_mesh_can_be_of_one_material_in_other_axes_and_units() -> None:
     assert part.vertices.max(axis=0).tolist() == [5.5, 0, 0.5]
 
 
-def test_a_mesh_of_opaque_or_sheet_material_may_be_open() -> None:
+@pytest.mark.parametrize(
+    ("mesh", "closed"),
+    [
+        pytest.param("lid", False, id="open"),
+        pytest.param("double", True, id="each face both ways round"),
+        pytest.param("flat", True, id="flat"),
+    ],
+)
+def test_a_mesh_of_opaque_or_sheet_material_needs_no_inside(
+    mesh: str, closed: bool
+) -> None:
     lines = (
-        f"name: {name}, mesh: meshes/lid.obj, material: {name}"
+        f"name: {name}, mesh: meshes/{mesh}.obj, material: {name}"
         for name in ("stone", "sheet")
     )
-    assert [part.closed for part in load(objects(*lines)).parts] == [False, False]
+    assert [part.closed for part in load(objects(*lines)).parts] == [closed, closed]
+
+
+def test_the_longest_names_are_taken() -> None:
+    text = objects(f"name: {'a' * 200}, sphere: 1, material: stone")
+    text += f"starts: [{{name: Robot{'1' * 35}, position: [0, 0, 0]}}]\n"
+    text += f"level: {'x' * 200}\n"
+    scene = load(text)
+    assert (len(scene.level), len(scene.starts[0].name)) == (200, 40)
 
 
 @pytest.mark.parametrize(
@@ -194,6 +220,14 @@ def test_a_mesh_of_opaque_or_sheet_material_may_be_open() -> None:
             "version: 1\nlevel: 'a{b'",
             "m.yaml:2:8: level: 'a{b', expected ASCII without blanks and braces",
             id="brace in the level",
+        ),
+        pytest.param(
+            f"version: 1\nlevel: {'x' * 201}",
+            f"m.yaml:2:8: level: '{'x' * 79}, expected at most 200 characters",
+            id="endless level",
+        ),
+        pytest.param(
+            "? " * 3000 + "a", "m.yaml:1:67: more than 32 levels", id="keys of keys"
         ),
         pytest.param(
             "version: 1\nmaterials: []",
@@ -451,7 +485,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
         pytest.param(
             "name: a, mesh: meshes/broken.ply, material: stone",
             21,
-            ".mesh: 'broken.ply': IndexError: list index out of range",
+            ".mesh: 'broken.ply': cannot be read as PLY: list index out of range",
             id="broken file",
         ),
         pytest.param(
@@ -463,9 +497,30 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
         pytest.param(
             "name: a, mesh: meshes/lid.obj, material: leaf",
             21,
-            ".mesh: 'meshes/lid.obj': not closed: 4 edges have no partner,"
-            " expected a closed volume, since 'leaf' has a density",
+            f".mesh: 'meshes/lid.obj': not closed: 4 edges have no partner, {CLOSED}",
             id="open volume",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/double.obj, material: leaf",
+            21,
+            ".mesh: 'meshes/double.obj':"
+            " 12 faces stand there twice, once each way round, with nothing inside,"
+            f" {CLOSED}",
+            id="each face both ways round",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/flat.obj, material: leaf",
+            21,
+            ".mesh: 'meshes/flat.obj':"
+            " 4 faces belong to what is flat, with nothing inside,"
+            f" {CLOSED}",
+            id="flat",
+        ),
+        pytest.param(
+            f"name: {'a' * 201}, sphere: 1, material: stone",
+            12,
+            f".name: '{'a' * 79}, expected at most 200 characters",
+            id="endless name",
         ),
         pytest.param(
             "name: a, mesh: meshes/cube.obj, materials: {Leaves: lea}",
@@ -517,6 +572,12 @@ def test_what_is_wrong_with_an_object(line: str, column: int, expected: str) -> 
             12,
             f".name: 'Robot1b', {START}",
             id="letter behind digits",
+        ),
+        pytest.param(
+            f"name: Robot{'1' * 36}, position: [0, 0, 0]",
+            12,
+            f".name: 'Robot{'1' * 36}', expected at most 40 characters",
+            id="endless name",
         ),
         pytest.param("name: Robot1", 5, ".position: missing", id="nowhere"),
         pytest.param(
@@ -619,6 +680,23 @@ def test_a_map_that_is_not_there_is_an_error(name: str) -> None:
     shipped = "['empty_room', 'foliage_room', 'smoke_room']"
     expected = f"{name}: no such file, expected a map file or one of {shipped}"
     assert caught.value.problems == [expected]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        pytest.param("x" * 5000, "'" + "x" * 79, id="endless"),
+        pytest.param("a/" * 100, "'" + "a/" * 39 + "a", id="long"),
+        pytest.param("a\0b", "'a\\x00b'", id="NUL"),
+        pytest.param("a\nb", "'a\\nb'", id="two lines"),
+        pytest.param("\ud800", "'\\ud800'", id="no text"),
+    ],
+)
+def test_any_name_of_no_map_is_told_in_one_short_line(name: str, told: str) -> None:
+    with pytest.raises(MapError) as caught:
+        load_map(name)
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"{told}: no such file, expected a map file or one of [")
 
 
 def test_a_map_that_cannot_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

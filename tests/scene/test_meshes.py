@@ -263,19 +263,39 @@ def test_a_buffer_may_lie_elsewhere_in_the_folder(tmp_path: Path) -> None:
         pytest.param(
             "a.obj",
             "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n",
-            "'a.obj': ValueError: a vertex is not finite",
+            "'a.obj': cannot be read as OBJ: a vertex is not finite",
             id="NaN",
         ),
         pytest.param(
             "a.ply",
             ply_box().replace("3 0 2 3", "3 0 2 9"),
-            "'a.ply': ValueError: a face names a vertex that is not there",
+            "'a.ply': cannot be read as PLY: a face names a vertex that is not there",
             id="index out of range",
+        ),
+        pytest.param(
+            "a.stl",
+            bytes(80) + struct.pack("<I", 12) + b"\x80" * 300,
+            "'a.stl': cannot be read as STL:"
+            " Binary STL has incorrect length in header: 300 vs 600",
+            id="cut binary STL",
+        ),
+        pytest.param(
+            "a.gltf",
+            "{",
+            "'a.gltf': cannot be read as GLTF: Expecting property name enclosed in"
+            " double quotes: line 1 column 2 (char 1)",
+            id="cut glTF",
+        ),
+        pytest.param(
+            "a.gltf",
+            '{"buffers": [{}]}',
+            "'a.gltf': cannot be read as GLTF: no 'uri'",
+            id="missing key",
         ),
     ],
 )
 def test_a_broken_file_is_refused(
-    tmp_path: Path, name: str, content: str, message: str
+    tmp_path: Path, name: str, content: str | bytes, message: str
 ) -> None:
     path = write(tmp_path / name, content)
     with pytest.raises(MeshError) as caught:
@@ -283,13 +303,22 @@ def test_a_broken_file_is_refused(
     assert str(caught.value) == message
 
 
+def test_a_broken_file_is_not_replaced_by_another(tmp_path: Path) -> None:
+    write(tmp_path / "box.bin", box_buffer())
+    write(tmp_path / "model.gltf", json.dumps(gltf_box("box.bin", NODES)))
+    with pytest.raises(MeshError, match="cannot be read as GLTF"):
+        read_surfaces(write(tmp_path / "a.gltf", "{"), tmp_path)
+
+
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl"])
 def test_any_garbage_is_refused(tmp_path: Path, suffix: str) -> None:
     noise = np.random.Generator(np.random.PCG64(1)).bytes(300)
     for content in (noise, b"ply\n" + noise, b"{" + noise, b"glTF" + noise):
         path = write(tmp_path / f"a.{suffix}", content)
-        with pytest.raises(MeshError):
+        with pytest.raises(MeshError) as caught:
             read_surfaces(path, tmp_path)
+        assert "odule" not in str(caught.value)
+        assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_memory_cannot_hold_is_refused(tmp_path: Path) -> None:
@@ -320,6 +349,36 @@ def test_what_stays_open_is_no_volume() -> None:
     with pytest.raises(MeshError) as caught:
         join_volume([surface(TRIANGLES), surface(TRIANGLES[2:])])
     assert str(caught.value) == "not closed: 4 edges have no partner"
+
+
+def test_two_sides_of_a_sheet_are_no_volume() -> None:
+    both = np.vstack([TRIANGLES, TRIANGLES[:, ::-1]])
+    with pytest.raises(MeshError) as caught:
+        join_volume([surface(TRIANGLES, at=5.0), surface(both)])
+    text = "faces stand there twice, once each way round, with nothing inside"
+    assert str(caught.value) == f"12 {text}"
+    assert len(join_surfaces([surface(both)])[1]) == 24
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_a_scene_graph_that_flattens_leaves_no_volume(
+    tmp_path: Path, angle: float
+) -> None:
+    turn = np.array(
+        [
+            [np.cos(angle), -np.sin(angle), 0, 0],
+            [np.sin(angle), np.cos(angle), 0, 0],
+            [0, 0, 1, 0],
+            [0, 0, 0, 1],
+        ]
+    )
+    matrix = turn @ np.diag([1, 0, 1, 1]) @ np.roll(turn, (1, 1), (0, 1))
+    nodes = [{"mesh": 0, "matrix": matrix.T.ravel().tolist()}]
+    write(tmp_path / "box.bin", box_buffer())
+    tree = gltf_box("box.bin", nodes) | {"meshes": gltf_box(None, [])["meshes"][:1]}
+    path = write(tmp_path / "t.gltf", json.dumps(tree))
+    with pytest.raises(MeshError, match="with nothing inside"):
+        join_volume(read_surfaces(path, tmp_path))
 
 
 def test_any_surfaces_can_be_joined_as_sheets() -> None:

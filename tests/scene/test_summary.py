@@ -34,8 +34,19 @@ def test_a_summary_says_what_is_in_the_map() -> None:
         "  crate: wood, 12",
         "  tree: wood, 12",
         "  tree: leaf, 1280",
-        "1 starts, x y z in m, yaw in degrees",
+        "1 start, x y z in m, yaw in degrees",
         "  RobotStart1: -8.000 0.250 0.000, 90.0",
+    ]
+
+
+def test_one_of_a_kind_is_told_in_the_singular() -> None:
+    vertices, faces = box(1, 1, 1)
+    parts = (Part("leaf", LEAF, vertices, faces[:1]),)
+    lines = summarise(Scene("room", "DM-Room", parts, (), {"leaf": LEAF}))
+    assert lines[1] == "1 object, 1 triangle"
+    assert lines[5:7] == [
+        "1 material",
+        "  leaf: density 0.7 per m, laser opaque, solid; 1 triangle",
     ]
 
 
