@@ -101,19 +101,19 @@ def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
             "a key that is no plain text, expected a name",
             id="list as an inner key",
         ),
-        pytest.param(
-            "? !x y\n: 3",
-            (1, 3),
-            ("?",),
-            "tag '!x', expected none",
-            id="tag on a key",
-        ),
     ],
 )
 def test_what_is_refused_has_its_place(
     text: str, place: tuple[int, int], path: tuple[str | int, ...], message: str
 ) -> None:
     assert problems(text) == [(place, path, message)]
+
+
+def test_what_is_wrong_inside_of_a_key_has_its_place() -> None:
+    assert problems("a: {? [!x y] : 3}") == [
+        ((1, 8), ("a", "?", 0), "tag '!x', expected none"),
+        ((1, 7), ("a",), "a key that is no plain text, expected a name"),
+    ]
 
 
 def test_all_problems_are_found_and_reading_goes_on() -> None:

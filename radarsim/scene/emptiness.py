@@ -7,6 +7,8 @@ folded flat.
 
 Faces that cancel are right in one place: inside of a volume, as the common wall of two
 that touch. Everything else that cancels, and every shell without a volume, is empty.
+Faces cancel if they have the same three corners; where two sides are cut into triangles
+differently, it is the volume of the whole shell that tells.
 """
 
 import numpy as np

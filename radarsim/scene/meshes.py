@@ -122,7 +122,7 @@ def join_volume(surfaces: list[Surface]) -> tuple[Floats, Faces]:
         text = "faces stand there twice, once each way round, with nothing inside"
         raise MeshError(f"{twice} {text}")
     if flat:
-        raise MeshError(f"{flat} faces belong to what is flat, with nothing inside")
+        raise MeshError(f"{flat} faces enclose no volume, as sheets with two sides")
     return vertices, faces
 
 

@@ -180,9 +180,15 @@ class RangeScanner:
 
     def _rays(self, pose: Pose3, sides: Draw, own: int) -> Rays:
         fan = self._pattern.aim(pose, sides)
-        carried_by = np.full(len(sides), own)
-        return replace(
-            self._alike, origins=fan.origins, directions=fan.directions, own=carried_by
+        same = self._alike
+        carried_by = same.own if own < 0 else np.full(len(sides), own)
+        return Rays(
+            fan.origins,
+            fan.directions,
+            same.reach,
+            same.power,
+            same.medium,
+            carried_by,
         )
 
     def _hidden(

@@ -36,7 +36,7 @@ v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 2\nv 1 0 2\nv 1 1 2\nv 0 1 2
 usemtl Leaves
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
 """
-BACK = "f 1 2 3 4\nf 8 7 6 5\nf 5 6 2 1\nf 6 7 3 2\nf 7 8 4 3\nf 8 5 1 4\n"
+BACK = "f 2 3 4 1\nf 7 6 5 8\nf 6 2 1 5\nf 7 3 2 6\nf 8 4 3 7\nf 5 1 4 8\n"
 FLAT = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 3 4 1\nf 4 3 2\nf 2 1 4\n"
 TREE = (
     CUBE + "v 0 0 -1\nv 1 0 -1\nv 0 1 -1\nusemtl Bark\nf 9 10 11\n"
@@ -512,7 +512,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
             "name: a, mesh: meshes/flat.obj, material: leaf",
             21,
             ".mesh: 'meshes/flat.obj':"
-            " 4 faces belong to what is flat, with nothing inside,"
+            " 4 faces enclose no volume, as sheets with two sides,"
             f" {CLOSED}",
             id="flat",
         ),

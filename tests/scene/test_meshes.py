@@ -377,7 +377,7 @@ def test_a_scene_graph_that_flattens_leaves_no_volume(
     write(tmp_path / "box.bin", box_buffer())
     tree = gltf_box("box.bin", nodes) | {"meshes": gltf_box(None, [])["meshes"][:1]}
     path = write(tmp_path / "t.gltf", json.dumps(tree))
-    with pytest.raises(MeshError, match="with nothing inside"):
+    with pytest.raises(MeshError, match=r"nothing inside|no volume"):
         join_volume(read_surfaces(path, tmp_path))
 
 
