@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.compiled import callback
-from radarsim.raycast.library import open_library
+from radarsim.raycast.embree_library import open_library
 from radarsim.raycast.nearby import meet_nearby
 from radarsim.raycast.query import meet, pointer
 

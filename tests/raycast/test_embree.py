@@ -9,7 +9,7 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh
-from radarsim.raycast.library import open_library
+from radarsim.raycast.embree_library import open_library
 from radarsim.raycast.penetration import CROSSING
 from radarsim.raycast.query import (
     BEHIND,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from radarsim.errors import EngineError
-from radarsim.raycast.library import expect_version, load_library, open_library
+from radarsim.raycast.embree_library import expect_version, load_library, open_library
 
 
 def test_the_wheel_brings_embree_4() -> None:
