@@ -38,6 +38,7 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.compiled import callback
 from radarsim.raycast.embree_library import open_library
+from radarsim.raycast.line import TINY
 from radarsim.raycast.nearby import meet_nearby
 from radarsim.raycast.query import meet, pointer
 
@@ -173,6 +174,7 @@ def _checked(index: int, mesh: Mesh) -> Floats:
             f"face indices {faces.min()} to {faces.max()}, expected 0 to"
             f" {len(vertices) - 1}, in mesh {index}"
         )
+    vertices = np.where(np.abs(vertices) < TINY, 0.0, vertices)
     corners: Floats = vertices[faces].reshape(-1, 9)
     return corners
 

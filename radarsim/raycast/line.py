@@ -27,7 +27,16 @@ from radarsim.raycast.compiled import leaf
 
 LINE_SIZE: Final = 6  # numbers that say where a line is
 AXES_SIZE: Final = 3  # which axis of space is the line's first, second, third
-BARELY: Final = 1e-200  # how far a line passes beside an edge that it goes through
+# How far a line passes beside an edge that it goes through. That has to be less than
+# any distance there is, so distances that are next to nothing are taken for nothing:
+# of numbers above ``TINY``, no difference of products is below 1e-210.
+BARELY: Final = 1e-290
+TINY: Final = 1e-30
+
+
+@leaf
+def _tidy(number: Any) -> Any:
+    return 0.0 if abs(number) < TINY else number
 
 
 @leaf
@@ -47,9 +56,11 @@ def aim(origin: Any, direction: Any, line: Any, axes: Any) -> None:
         third = 2
     first, second = (third + 1) % 3, (third + 2) % 3
     axes[0], axes[1], axes[2] = first, second, third
-    line[0], line[1], line[2] = origin[first], origin[second], origin[third]
+    line[0], line[1] = _tidy(origin[first]), _tidy(origin[second])
+    line[2] = _tidy(origin[third])
     stretch = 1.0 / direction[third]
-    line[3], line[4] = direction[first] * stretch, direction[second] * stretch
+    line[3] = _tidy(direction[first] * stretch)
+    line[4] = _tidy(direction[second] * stretch)
     line[5] = stretch
 
 
@@ -59,7 +70,10 @@ def _side(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
     area = ax * by - ay * bx
     if area != 0.0:
         return area
-    return BARELY * (ay - by if ay != by else bx - ax)
+    ahead, behind = (ay, by) if ay != by else (bx, ax)
+    if ahead == behind:
+        return 0.0
+    return BARELY if ahead > behind else -BARELY
 
 
 @leaf
@@ -69,7 +83,8 @@ def cross(line: Any, axes: Any, corners: Any) -> Any:
     Args:
         line: From ``aim``.
         axes: From ``aim``.
-        corners: (9,) m, x, y, z of one corner after the other.
+        corners: (9,) m, x, y, z of one corner after the other; none of them below
+            ``TINY`` but 0.
 
     Returns:
         1 if the line goes in by the front, -1 if it comes out by the back, 0 if it

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -91,6 +91,7 @@ def test_a_slab_is_as_thick_as_its_angle_makes_it(angle: float) -> None:
     yaw=st.floats(-0.2, 0.2),
     at=st.sampled_from([0.0, 100.0, 480.0]),
 )
+@example(y=0.0, z=0.0, yaw=-5e-324, at=100.0)  # next to nothing, along an edge
 def test_the_chord_of_a_sphere_is_that_of_its_faces(
     y: float, z: float, yaw: float, at: float
 ) -> None:
