@@ -32,13 +32,16 @@ def check_map(map_: str) -> int:
 def taken_starts(scene: Scene) -> list[str]:
     """Tell which starts are no place for a P3AT."""
     lines = []
+    simulation = Simulation(scene)
     for start in scene.starts:
         wanted = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
-        vehicle = Simulation(scene).spawn("check", load_robot("P3AT"), wanted)
+        vehicle = simulation.spawn("check", load_robot("P3AT"), wanted)
         if vehicle is None:
             lines.append(f"  {start.name}: no place for a P3AT within 1 m")
-        elif vehicle.robot.pose != wanted:
-            pose = vehicle.robot.pose
+            continue
+        simulation.remove(vehicle)  # each start by itself
+        pose = vehicle.robot.pose
+        if pose != wanted:
             there = f"x {pose.x:.2f} m, y {pose.y:.2f} m"
             lines.append(f"  {start.name}: taken; a P3AT would stand at {there}")
     return ["starts that are not free", *lines] if lines else []

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.reports import RangeScan, Report, Status
+from radarsim.randomness import generator_for
 from radarsim.raycast.boxes import Boxes
 from radarsim.raycast.penetration import EventKind
 from radarsim.raycast.rays import Rays
@@ -21,7 +22,7 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import Plan, RangeScanner
+from radarsim.sensors.range_scanner import Plan, RangeScanner, load_sensor
 from radarsim.simulation.clock import TICK, seconds
 from radarsim.simulation.conditions import Conditions
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
@@ -166,9 +167,11 @@ class Simulation:
         ]
 
     def _warm_up(self) -> None:
-        """Have the rays' code compiled now, and not while clients wait for a scan."""
-        start, ahead = np.zeros((1, 3)), np.eye(3)[:1]
-        self._tracer.trace(Rays.alike(start, ahead, reach=1.0), self._boxes())
+        """Have all that a scan runs compiled now, and not while clients wait for it."""
+        radar, place = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
+        rng, boxes = generator_for(0, "warm-up"), self._boxes()
+        plan = radar.plan(self._tracer, place, rng, boxes, own=0)
+        self._tracer.trace(plan.rays, boxes)
 
     def _report(self, mounted: MountedScanner, ranges: np.ndarray) -> RangeScan:
         settings = mounted.scanner.settings

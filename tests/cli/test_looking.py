@@ -76,6 +76,7 @@ objects:
 starts:
   - {name: RobotStart1, position: [5, 5, 0]}
   - {name: RobotStart2, position: [0, 0, 0]}
+  - {name: RobotStart3, position: [5, 5, 0]}
 """
 
 
