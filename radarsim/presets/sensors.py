@@ -1,85 +1,15 @@
 """Sensor presets: YAML files whose every number says where it is from."""
 
 import functools
-import math
 from importlib.resources import files
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from radarsim.errors import PresetError
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-# The largest scene is 1 km wide; numbers far beyond it overflow somewhere.
-Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
-
-SETTINGS_OF_RADARS = frozenset(
-    {"side_offset_uu", "side_mode", "divergence_distance", "ray_weights"}
-)
-
-
-class SensorSettings(BaseModel):
-    """What makes a scanner the one that it is.
-
-    Attributes:
-        medium: Whether its beams are ``radar`` waves or ``laser`` light: which
-            densities of the materials count.
-        fov_deg: Angle between the first beam and the last.
-        resolution_deg: Angle between neighbouring beams.
-        max_range: m, inclusive.
-        min_range: m; told to clients, and applied to nothing, as in USARSim.
-        penetration_power: What a beam can lose to densities; infinite for one that
-            nothing but an opaque surface stops.
-        spent_reads: What a beam reads whose power runs out: the ``range`` of that
-            point, or ``zero``, as USARSim's Hokuyo in smoke.
-        side_offset_uu: N, how far the side rays are beside their beam, in Unreal units
-            of 4 mm; 0 for none.
-        side_mode: Where they are: ``perpendicular`` to each beam, ``lateral`` on the
-            sensor's left-right axis, or ``divergent`` from one point.
-        divergence_distance: m; how far away divergent rays are N units off.
-        ray_weights: Chances of the right, centre and left ray to give the range; in
-            any unit.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    medium: Literal["radar", "laser"]
-    fov_deg: Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
-    resolution_deg: Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
-    max_range: Positive
-    min_range: NotNegative = 0.0
-    penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
-    spent_reads: Literal["range", "zero"] = "range"
-    side_offset_uu: NotNegative = 0.0
-    side_mode: Literal["perpendicular", "lateral", "divergent"] = "perpendicular"
-    divergence_distance: Positive = 10.0
-    ray_weights: tuple[NotNegative, NotNegative, NotNegative] = (1.0, 1.0, 1.0)
-
-    @property
-    def beams(self) -> int:
-        """How many beams a scan has."""
-        return round(self.fov_deg / self.resolution_deg) + 1
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> Self:
-        if math.isnan(self.penetration_power):
-            raise ValueError("penetration_power nan, expected at least 0")
-        if sum(self.ray_weights) <= 0:
-            raise ValueError(f"ray_weights {self.ray_weights}, expected one above 0")
-        if self.resolution_deg > self.fov_deg:
-            raise ValueError(
-                f"resolution_deg {self.resolution_deg:g}, expected at most"
-                f" fov_deg {self.fov_deg:g}"
-            )
-        if self.beams > MOST_BEAMS:
-            raise ValueError(f"{self.beams} beams, expected at most {MOST_BEAMS}")
-        return self
-
-
-MOST_BEAMS = 1_000_000
+from radarsim.presets.settings import SensorSettings
 
 
 class Number(BaseModel):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.sensors import SensorSettings
+from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.compiled import compiled
 
 Draw: TypeAlias = NDArray[np.int8]

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.sensors import SensorSettings, load_settings
+from radarsim.presets.sensors import load_settings
+from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.boxes import Boxes
 from radarsim.raycast.penetration import Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces

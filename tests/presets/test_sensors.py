@@ -4,12 +4,8 @@ from typing import Any
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.presets.sensors import (
-    SensorSettings,
-    load_settings,
-    parse_setting,
-    sensor_presets,
-)
+from radarsim.presets.sensors import load_settings, parse_setting, sensor_presets
+from radarsim.presets.settings import SensorSettings
 
 
 def test_the_four_presets_are_there_and_fit() -> None:
@@ -75,7 +71,7 @@ def test_a_scan_has_one_beam_more_than_steps(
         pytest.param(
             {"side_mode": "both"},
             "sensor radar: side_mode: 'both': input should be 'perpendicular',"
-            " 'lateral' or 'divergent'",
+            " 'lateral', 'divergent' or 'cone'",
             id="unknown word",
         ),
         pytest.param(

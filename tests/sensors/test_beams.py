@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose3
-from radarsim.presets.sensors import SensorSettings, load_settings
+from radarsim.presets.sensors import load_settings
+from radarsim.presets.settings import SensorSettings
 from radarsim.randomness import generator_for
 from radarsim.sensors.beams import BeamPattern, Draw, Fan, beam_angles
 

@@ -1,0 +1,154 @@
+"""What makes a scanner the one that it is: its settings, and what fits together."""
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+# The largest scene is 1 km wide; numbers far beyond it overflow somewhere.
+Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
+Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
+MOST_RAYS = 1_000_000  # of one scan
+
+
+def _step(value: float) -> float:
+    """Take zero, or enough that ranges can be divided by it."""
+    if 0 < value < 1e-6:
+        raise ValueError("expected 0 or at least 1e-06")
+    return value
+
+
+class SensorSettings(BaseModel):
+    """All numbers and choices of a scanner.
+
+    Attributes:
+        medium: Whether its beams are ``radar`` waves or ``laser`` light: which
+            densities of the materials count.
+        fov_deg: Angle between the first beam and the last.
+        resolution_deg: Angle between neighbouring beams.
+        max_range: m, inclusive.
+        min_range: m; told to clients, and applied to nothing, as in USARSim.
+        scan_rate_hz: Scans in a second, on a robot whose class says nothing else;
+            None leaves it to the dialect.
+        penetration_power: What a beam can lose to densities; infinite for one that
+            nothing but an opaque surface stops.
+        spent_reads: What a beam reads whose power runs out: the ``range`` of that
+            point, or ``zero``, as USARSim's Hokuyo in smoke.
+        return_mode: Which of its echoes a beam keeps: the ``last``, at which its ray
+            ended, the ``first``, the ``strongest``, or ``all``; its range is then
+            that of the last.
+        side_mode: Where the rays of a beam are: three of them, the outer two
+            ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
+            axis, or ``divergent`` from one point; or a ``cone`` of many.
+        side_offset_uu: N, how far the side rays are beside their beam, in Unreal units
+            of 4 mm; 0 for none.
+        divergence_distance: m; how far away divergent rays are N units off.
+        ray_weights: Chances of the right, centre and left ray to give the range, or
+            their shares of the beam; in any unit.
+        ray_choice: Whether one ray is ``drawn`` to answer for its beam, or all answer
+            ``together``.
+        incidence_weights: Whether what a ray meets head-on counts more than what it
+            grazes.
+        beamwidth_az_deg: Of a cone, between its half-power points on one way, across.
+        beamwidth_el_deg: The same, up and down.
+        cone_rays: How many rays a cone has.
+        cone_sampling: Whether these are the nodes of a ``quadrature``, or ``random``,
+            drawn anew for each scan.
+        range_noise: Standard deviation of ranges, m; 0 for none.
+        range_noise_share: The same as a share of the range; the greater one counts.
+        range_resolution: m; echoes of a beam that are nearer together merge; 0 for
+            never.
+        range_quantum: m; ranges are multiples of it; 0 for any number.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    medium: Literal["radar", "laser"]
+    fov_deg: Angle
+    resolution_deg: Angle
+    max_range: Positive
+    min_range: NotNegative = 0.0
+    scan_rate_hz: Annotated[float, Field(ge=0.01, le=100)] | None = None
+    penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
+    spent_reads: Literal["range", "zero"] = "range"
+    return_mode: Literal["last", "first", "strongest", "all"] = "last"
+    side_mode: Literal["perpendicular", "lateral", "divergent", "cone"] = (
+        "perpendicular"
+    )
+    side_offset_uu: NotNegative = 0.0
+    divergence_distance: Positive = 10.0
+    ray_weights: tuple[NotNegative, NotNegative, NotNegative] = (1.0, 1.0, 1.0)
+    ray_choice: Literal["drawn", "together"] = "drawn"
+    incidence_weights: bool = False
+    beamwidth_az_deg: Width = 0.0
+    beamwidth_el_deg: Width = 0.0
+    cone_rays: Annotated[int, Field(ge=1, le=10_000)] = 9
+    cone_sampling: Literal["quadrature", "random"] = "quadrature"
+    range_noise: NotNegative = 0.0
+    range_noise_share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    range_resolution: NotNegative = 0.0
+    range_quantum: Annotated[NotNegative, AfterValidator(_step)] = 0.0
+
+    @property
+    def beams(self) -> int:
+        """How many beams a scan has."""
+        return round(self.fov_deg / self.resolution_deg) + 1
+
+    @property
+    def has_side_rays(self) -> bool:
+        """Whether its beams have more rays than one; lasers are ideal in that."""
+        return self.medium == "radar"
+
+    @property
+    def rays_of_a_beam(self) -> int:
+        """How many rays a beam has, of which one may be drawn."""
+        if not self.has_side_rays:
+            return 1
+        return self.cone_rays if self.side_mode == "cone" else 3
+
+    @property
+    def cone_grid(self) -> tuple[int, int]:
+        """How many nodes a quadrature has across, and how many up and down."""
+        if not self.beamwidth_el_deg:
+            return self.cone_rays, 1
+        if not self.beamwidth_az_deg:
+            return 1, self.cone_rays
+        rows = math.isqrt(self.cone_rays)
+        while self.cone_rays % rows:
+            rows -= 1
+        return self.cone_rays // rows, rows
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if math.isnan(self.penetration_power):
+            raise ValueError("penetration_power nan, expected at least 0")
+        if sum(self.ray_weights) <= 0:
+            raise ValueError(f"ray_weights {self.ray_weights}, expected one above 0")
+        if self.resolution_deg > self.fov_deg:
+            raise ValueError(
+                f"resolution_deg {self.resolution_deg:g}, expected at most"
+                f" fov_deg {self.fov_deg:g}"
+            )
+        self._check_number_of_rays()
+        self._check_cone()
+        return self
+
+    def _check_number_of_rays(self) -> None:
+        if self.beams > MOST_RAYS:
+            raise ValueError(f"{self.beams} beams, expected at most {MOST_RAYS}")
+        rays = self.beams * self.rays_of_a_beam
+        if rays > MOST_RAYS and self.side_mode == "cone":
+            raise ValueError(f"{rays} rays, expected at most {MOST_RAYS}")
+
+    def _check_cone(self) -> None:
+        """Refuse a quadrature over two widths with all its nodes in one row."""
+        if self.side_mode != "cone" or self.cone_sampling != "quadrature":
+            return
+        wide_in_both = self.beamwidth_az_deg > 0 and self.beamwidth_el_deg > 0
+        if wide_in_both and self.cone_rays > 1 and self.cone_grid[1] == 1:
+            raise ValueError(
+                f"cone_rays {self.cone_rays} over two widths, expected a product of"
+                " two numbers above 1, such as 9 or 16"
+            )
