@@ -214,13 +214,17 @@ def explain(
 
 @app.command()
 def sensors(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="Only these; all by default."),
+    ] = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
     """List the sensor presets: their numbers, sources and confidence."""
     from radarsim.cli.looking import list_sensors
 
-    list_sensors(as_json=as_json)
+    list_sensors(names or (), as_json=as_json)
 
 
 @app.command()

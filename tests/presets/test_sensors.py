@@ -4,14 +4,7 @@ from typing import Any
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.presets.sensors import load_settings, parse_setting, sensor_presets
-from radarsim.presets.settings import SensorSettings
-
-
-def test_the_four_presets_are_there_and_fit() -> None:
-    assert {"radar", "hokuyo", "sick", "laser"} <= set(sensor_presets())
-    for name in sensor_presets():
-        assert isinstance(load_settings(name), SensorSettings)
+from radarsim.presets.sensors import load_settings, parse_setting
 
 
 @pytest.mark.parametrize(
@@ -29,12 +22,6 @@ def test_what_the_presets_promise(
     settings = load_settings(name)
     assert (settings.beams, settings.max_range) == (beams, reach)
     assert settings.penetration_power == power
-
-
-def test_every_setting_of_every_preset_names_its_source() -> None:
-    for preset in sensor_presets().values():
-        for number in preset.settings.values():
-            assert len(number.source) > 3
 
 
 @pytest.mark.parametrize(
@@ -107,6 +94,28 @@ def test_a_scan_has_one_beam_more_than_steps(
             " equal to 0",
             id="power nan",
         ),
+        pytest.param(
+            {"range_quantum": 1e-9},
+            "sensor radar: range_quantum: 1e-09: value error, expected 0 or at least"
+            " 1e-06",
+            id="a step that nothing can be divided by",
+        ),
+        pytest.param(
+            {"side_mode": "cone", "cone_rays": 10_000},
+            "sensor radar: 1810000 rays, expected at most 1000000",
+            id="too many rays",
+        ),
+        pytest.param(
+            {
+                "side_mode": "cone",
+                "cone_rays": 7,
+                "beamwidth_az_deg": 2,
+                "beamwidth_el_deg": 2,
+            },
+            "sensor radar: cone_rays 7 over two widths, expected a product of two"
+            " numbers above 1, such as 9 or 16",
+            id="all nodes in one row",
+        ),
     ],
 )
 def test_a_setting_that_does_not_fit_is_refused(
@@ -115,6 +124,35 @@ def test_a_setting_that_does_not_fit_is_refused(
     with pytest.raises(PresetError) as caught:
         load_settings("radar", **settings)
     assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("widths", "rays", "grid"),
+    [
+        pytest.param((2, 2), 9, (3, 3), id="square"),
+        pytest.param((4, 20), 15, (5, 3), id="more across than up"),
+        pytest.param((2, 0), 5, (5, 1), id="across alone"),
+        pytest.param((0, 2), 5, (1, 5), id="up alone"),
+        pytest.param((2, 2), 1, (1, 1), id="one ray"),
+    ],
+)
+def test_a_quadrature_has_rows_and_columns(
+    widths: tuple[float, float], rays: int, grid: tuple[int, int]
+) -> None:
+    settings = load_settings(
+        "radar",
+        side_mode="cone",
+        beamwidth_az_deg=widths[0],
+        beamwidth_el_deg=widths[1],
+        cone_rays=rays,
+    )
+    assert settings.cone_grid == grid
+    assert settings.rays_of_a_beam == rays
+
+
+def test_lasers_have_one_ray_a_beam() -> None:
+    assert load_settings("laser", side_mode="cone").rays_of_a_beam == 1
+    assert load_settings("radar").rays_of_a_beam == 3
 
 
 def test_all_wrong_settings_are_named_at_once() -> None:

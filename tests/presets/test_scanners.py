@@ -1,0 +1,193 @@
+"""The shipped scanners: what they promise, and where their numbers are from."""
+
+import math
+
+import pytest
+
+from radarsim.presets.sensors import SensorPreset, load_settings, sensor_presets
+from radarsim.presets.settings import SensorSettings
+
+THESIS = {"radar", "thesis"}
+NAVTECH = {
+    "navtech_cir204h",
+    "navtech_cir304h",
+    "navtech_cts350x",
+    "navtech_cts350x_radiate",
+}
+ANTENNAS = NAVTECH | {"hss94_marulan", "k2pi"}
+REAL_LASERS = {"hokuyo_urg04lx", "hokuyo_utm30lx", "sick_lms200", "sick_lms291"}
+USARSIM = {"usarsim_hokuyo", "usarsim_rangescanner", "usarsim_sick"}
+ALL = THESIS | ANTENNAS | REAL_LASERS | USARSIM | {"hokuyo", "laser", "sick"}
+
+presets = pytest.mark.parametrize("name", sorted(ALL))
+
+
+def told(name: str) -> SensorPreset:
+    return sensor_presets()[name]
+
+
+def test_there_are_these_scanners() -> None:
+    assert set(sensor_presets()) == ALL
+
+
+@presets
+def test_a_scanner_loads_and_uses_settings_that_exist(name: str) -> None:
+    load_settings(name)
+    assert set(told(name).settings) <= set(SensorSettings.model_fields)
+
+
+@presets
+def test_every_number_has_a_source_in_words(name: str) -> None:
+    for setting, number in told(name).settings.items():
+        assert len(number.source) > 4, setting
+        assert number.source == number.source.strip(), setting
+
+
+@presets
+def test_a_recalled_number_says_so(name: str) -> None:
+    for setting, number in told(name).settings.items():
+        recalled = "recalled" in number.source and number.confidence != "choice"
+        assert not recalled or number.confidence == "nominal", setting
+
+
+@pytest.mark.parametrize("name", sorted(ALL - {"radar"}))
+def test_about_tells_of_numbers_that_are_not_verified(name: str) -> None:
+    confidences = {number.confidence for number in told(name).settings.values()}
+    for word in ("nominal", "estimate"):
+        assert word not in confidences or word in told(name).about
+
+
+@pytest.mark.parametrize(
+    ("name", "band"),
+    [
+        pytest.param("k2pi", "24.125 GHz", id="k2pi"),
+        pytest.param("hss94_marulan", "94 GHz", id="hss94_marulan"),
+        *(pytest.param(name, "76-77 GHz", id=name) for name in sorted(NAVTECH)),
+        pytest.param("hokuyo_urg04lx", "785 nm", id="hokuyo_urg04lx"),
+        pytest.param("hokuyo_utm30lx", "905 nm", id="hokuyo_utm30lx"),
+        pytest.param("sick_lms200", "905 nm", id="sick_lms200"),
+        pytest.param("sick_lms291", "905 nm", id="sick_lms291"),
+    ],
+)
+def test_about_names_band_or_wavelength(name: str, band: str) -> None:
+    assert band in told(name).about
+
+
+@pytest.mark.parametrize(
+    ("name", "beams", "step"),
+    [
+        pytest.param("thesis", 360, 1.0, id="thesis"),
+        pytest.param("k2pi", 360, 1.0, id="k2pi"),
+        pytest.param("hss94_marulan", 180, 2.0, id="hss94_marulan"),
+        *(pytest.param(name, 400, 0.9, id=name) for name in sorted(NAVTECH)),
+    ],
+)
+def test_a_full_circle_meets_no_direction_twice(
+    name: str, beams: int, step: float
+) -> None:
+    settings = load_settings(name)
+    assert (settings.beams, settings.resolution_deg) == (beams, step)
+    assert settings.fov_deg + step == pytest.approx(360)
+
+
+@pytest.mark.parametrize(
+    ("name", "beams", "fov", "reach"),
+    [
+        pytest.param("hokuyo_urg04lx", 682, 239.4140625, 5.6, id="steps 44 to 725"),
+        pytest.param("hokuyo_utm30lx", 1081, 270.0, 30, id="steps 0 to 1080"),
+        pytest.param("sick_lms200", 181, 180, 81.92, id="8192 centimetres"),
+        pytest.param("sick_lms291", 181, 180, 80, id="sick_lms291"),
+        pytest.param("usarsim_sick", 181, 180, 20, id="usarsim_sick"),
+        pytest.param("usarsim_hokuyo", 228, 239.4140625, 4, id="usarsim_hokuyo"),
+        pytest.param("usarsim_rangescanner", 21, 179.846, 4, id="usarsim_rangescanner"),
+    ],
+)
+def test_beams_of_the_lasers(name: str, beams: int, fov: float, reach: float) -> None:
+    settings = load_settings(name)
+    assert (settings.beams, settings.max_range) == (beams, reach)
+    assert settings.fov_deg == pytest.approx(fov, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "bins", "bin_size", "reach"),
+    [
+        pytest.param("navtech_cts350x", 3768, 0.0438, 165.0, id="Oxford"),
+        pytest.param("navtech_cir204h", 3360, 0.0595238, 200.0, id="MulRan"),
+        pytest.param("navtech_cts350x_radiate", 576, 0.173611, 100.0, id="RADIATE"),
+        pytest.param("navtech_cir304h", 3360, 0.0596, 200.256, id="Boreas"),
+    ],
+)
+def test_the_bins_of_a_data_set_fill_its_range(
+    name: str, bins: int, bin_size: float, reach: float
+) -> None:
+    settings = load_settings(name)
+    assert settings.range_quantum == bin_size
+    assert settings.max_range == pytest.approx(bins * bin_size, rel=1e-12)
+    assert settings.max_range == pytest.approx(reach, abs=0.05)
+
+
+@pytest.mark.parametrize("name", sorted(THESIS))
+def test_what_the_thesis_does_not_have_is_off(name: str) -> None:
+    settings = load_settings(name)
+    assert settings.range_noise == settings.range_noise_share == 0
+    assert settings.range_resolution == settings.range_quantum == 0
+    assert not settings.incidence_weights
+    assert (settings.return_mode, settings.ray_choice) == ("last", "drawn")
+    assert len(set(settings.ray_weights)) == 1
+
+
+def test_the_thesis_radar_has_the_most_noise_that_is_recommended() -> None:
+    assert load_settings("thesis").side_offset_uu == 50
+
+
+@pytest.mark.parametrize("name", sorted(ANTENNAS))
+def test_a_radar_with_an_antenna_has_a_cone_of_rays(name: str) -> None:
+    settings = load_settings(name)
+    assert (settings.side_mode, settings.ray_choice) == ("cone", "together")
+    assert settings.beamwidth_az_deg > 0
+    across, up = settings.cone_grid
+    assert across * up == settings.rays_of_a_beam
+    assert (up > 1) == (settings.beamwidth_el_deg > 0)
+
+
+@pytest.mark.parametrize("name", sorted(ANTENNAS | THESIS))
+def test_radars_have_a_power_to_which_densities_are_relative(name: str) -> None:
+    assert load_settings(name).penetration_power == 1.0
+
+
+@pytest.mark.parametrize("name", sorted(REAL_LASERS))
+def test_real_lasers_are_noisy_and_go_through_all_that_is_clear(name: str) -> None:
+    settings = load_settings(name)
+    assert settings.medium == "laser"
+    assert settings.penetration_power == math.inf
+    assert settings.range_noise > 0
+
+
+@pytest.mark.parametrize(
+    ("distance", "deviation"),
+    [
+        pytest.param(1, 0.01, id="near"),
+        pytest.param(10, 0.01, id="10 m"),
+        pytest.param(30, 0.03, id="far"),
+    ],
+)
+def test_noise_of_the_utm30lx_grows_beyond_10_m(
+    distance: float, deviation: float
+) -> None:
+    settings = load_settings("hokuyo_utm30lx")
+    of_range = settings.range_noise_share * distance
+    assert max(settings.range_noise, of_range) == pytest.approx(deviation)
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "changed"),
+    [
+        pytest.param("usarsim_sick", "sick", {"max_range", "scan_rate_hz"}, id="SICK"),
+        pytest.param("usarsim_hokuyo", "hokuyo", {"scan_rate_hz"}, id="Hokuyo"),
+    ],
+)
+def test_usarsims_own_differ_from_the_shipped_ones_in(
+    name: str, of: str, changed: set[str]
+) -> None:
+    own, shipped = load_settings(name).model_dump(), load_settings(of).model_dump()
+    assert {key for key in own if own[key] != shipped[key]} == changed
