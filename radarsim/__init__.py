@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from radarsim.scene.mapfile import load_map, shipped_maps
     from radarsim.scene.material import Material
     from radarsim.scene.scene import Part, Scene, StartPose
-    from radarsim.sensors.range_scanner import RangeScanner, Scan, load_sensor
+    from radarsim.sensors.echoes import Echoes, Target
+    from radarsim.sensors.range_scanner import RangeScanner, load_sensor
+    from radarsim.sensors.scan import Scan
     from radarsim.simulation.conditions import Conditions
 
 __version__ = "0.1.0"
@@ -26,6 +28,7 @@ __version__ = "0.1.0"
 # Imported when asked for, so that the command line answers at once.
 _HOMES = {
     "Conditions": "radarsim.simulation.conditions",
+    "Echoes": "radarsim.sensors.echoes",
     "Host": "radarsim.host",
     "MapError": "radarsim.errors",
     "Material": "radarsim.scene.material",
@@ -35,9 +38,10 @@ _HOMES = {
     "PresetError": "radarsim.errors",
     "RadarsimError": "radarsim.errors",
     "RangeScanner": "radarsim.sensors.range_scanner",
-    "Scan": "radarsim.sensors.range_scanner",
+    "Scan": "radarsim.sensors.scan",
     "Scene": "radarsim.scene.scene",
     "StartPose": "radarsim.scene.scene",
+    "Target": "radarsim.sensors.echoes",
     "generator_for": "radarsim.randomness",
     "load_map": "radarsim.scene.mapfile",
     "load_sensor": "radarsim.sensors.range_scanner",
@@ -46,6 +50,7 @@ _HOMES = {
 
 __all__ = [
     "Conditions",
+    "Echoes",
     "Host",
     "MapError",
     "Material",
@@ -58,6 +63,7 @@ __all__ = [
     "Scan",
     "Scene",
     "StartPose",
+    "Target",
     "__version__",
     "generator_for",
     "load_map",

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from radarsim.geometry import Floats
 from radarsim.robots.sections import section
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import Scan
+from radarsim.sensors.scan import Scan
 
 # Figures of beams show the left ray red and the right one blue.
 RAY_COLOURS = {-1: ("tab:blue", "right"), 0: ("0.35", "centre"), 1: ("tab:red", "left")}

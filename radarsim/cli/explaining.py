@@ -13,8 +13,9 @@ from radarsim.raycast.penetration import EventKind
 from radarsim.raycast.rays import Event, Rays
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Part
-from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
+from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, Sides
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan import Scan
 
 RAYS = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
 ENDS = {
@@ -36,23 +37,14 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         raise typer.BadParameter(
             f"{beam}, expected 0 to {scanner.settings.beams - 1}", param_hint="--beam"
         )
-    tracer = tracer_of(scene)
-    plan = scanner.plan(tracer, pose, rng)
-    if ray != "drawn":
-        sides = np.full_like(plan.sides, RAYS[ray])
-        plan = scanner.replan(plan, sides)
-    one = Rays(
-        *(
-            getattr(plan.rays, name)[beam : beam + 1]
-            for name in Rays.__dataclass_fields__
-        )
-    )
-    events = tracer.explain(one)[0]
+    sides, cast = _rays(scanner, scanner.scan(scene, pose, rng), ray)
+    one = cast.take(np.array([beam]))
+    events = tracer_of(scene).explain(one)[0]
     told = {
         "sensor": scanner.name,
         "beam": beam,
         "angle": float(scanner.angles[beam]),
-        "ray": int(plan.sides[beam]) if scanner.has_side_rays else None,
+        "ray": None if sides is None else int(sides[beam]),
         "origin": one.origins[0].tolist(),
         "direction": one.directions[0].tolist(),
         **explanation(events, scene.parts, scanner),
@@ -63,24 +55,32 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         typer.echo("\n".join(as_text(told)))
 
 
+def _rays(scanner: RangeScanner, scan: Scan, ray: str) -> tuple[Sides | None, Rays]:
+    """Give a ray of each beam: those that gave the ranges, or all on one side."""
+    if ray == "drawn":
+        return scan.rays, scan.cast
+    if not scanner.has_side_rays:
+        return None, scan.cast
+    try:
+        return scanner.one_ray(scan.pose, RAYS[ray])
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--ray") from None
+
+
 def explanation(
     events: Sequence[Event], parts: Sequence[Part], scanner: RangeScanner
 ) -> dict[str, Any]:
     """Pair entries with exits, and say how the ray ended."""
     crossings: list[dict[str, Any]] = []
     open_: dict[int, dict[str, Any]] = {}
-    at, power = 0.0, scanner.settings.penetration_power
     for event in events[:-1]:
-        density = sum(_density(parts[part], scanner) for part in open_)
-        before = power - density * (event.t - at) if density else power
-        at, power = event.t, event.power
-        if event.kind in (EventKind.START_INSIDE, EventKind.ENTER, EventKind.SHEET):
-            row = _row(event, parts, before)
-            crossings.append(row)
-            if event.kind is not EventKind.SHEET:
-                open_[event.part] = row
-        else:
+        if event.kind is EventKind.SHEET:
+            crossings.append(_sheet_row(event, parts, scanner))
+        elif event.kind is EventKind.LEAVE:
             open_.pop(event.part).update(exit=event.t, power_after=_power(event))
+        else:
+            open_[event.part] = _row(event, parts)
+            crossings.append(open_[event.part])
     end = events[-1]
     for row in open_.values():
         row["power_after"] = _power(end)
@@ -98,24 +98,28 @@ def explanation(
     }
 
 
-def _density(part: Part, scanner: RangeScanner) -> float:
-    radar = scanner.settings.medium == "radar"
-    return part.material.density if radar else part.material.laser_density
-
-
-def _row(event: Event, parts: Sequence[Part], before: float) -> dict[str, Any]:
-    """Begin the row of a volume, or make that of a sheet."""
+def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    """Begin the row of a volume."""
     part = parts[event.part]
-    sheet = event.kind is EventKind.SHEET
     return {
         "object": part.object_name,
         "material": part.material.name,
         "starts_inside": event.kind is EventKind.START_INSIDE,
         "entry": event.t,
-        "exit": event.t if sheet else None,
-        "power_before": _number(before if sheet else event.power),
+        "exit": None,
+        "power_before": _power(event),
         "power_after": _power(event),
     }
+
+
+def _sheet_row(
+    event: Event, parts: Sequence[Part], scanner: RangeScanner
+) -> dict[str, Any]:
+    loss = parts[event.part].material.sheet_loss or 0.0
+    if scanner.settings.medium == "laser":
+        loss = 0.0  # a sheet that lets light through takes none
+    after = _number(max(event.power - loss, 0.0))
+    return {**_row(event, parts), "exit": event.t, "power_after": after}
 
 
 def _power(event: Event) -> float | None:

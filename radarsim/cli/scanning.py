@@ -20,12 +20,8 @@ from radarsim.presets.sensors import parse_setting
 from radarsim.randomness import generator_for
 from radarsim.scene.mapfile import load_map
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import (
-    RangeScanner,
-    Scan,
-    load_sensor,
-    sensor_pose,
-)
+from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
+from radarsim.sensors.scan import Scan
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from radarsim.simulation.vehicle import Vehicle
 
 TOUCH_DIAMETER = 0.01  # m; the original's number, of no meaning for a bumper
 ROBOT = "robot"
+ECHOES = "echoes"  # no items, but what scanners tell, under a type of their own
 NO_ITEMS = "mispkg"  # mission packages: asked for by clients, carried by no robot
 
 
@@ -32,7 +33,7 @@ def geometry(vehicle: Vehicle, kind: str, name: str | None) -> reports.Report | 
             wheel_separation=model.wheel_separation,
             wheel_base=model.wheel_base,
         )
-    items = matching(vehicle, kind, name)
+    items = _telling(vehicle, kind, name)
     if not items:
         return None
     mounts = tuple((item.name, item.mount) for item in items)
@@ -51,7 +52,7 @@ def configuration(
         )
     if kind.casefold() == NO_ITEMS:
         return reports.NameConf(kind, ())
-    items = matching(vehicle, kind, name)
+    items = _telling(vehicle, kind, name)
     if not items:
         return None
     return _CONFIGURATIONS.get(items[0].type, _names)(kind, items, conditions)
@@ -63,6 +64,12 @@ def matching(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
     if name is None:
         return items
     return tuple(item for item in items if item.name.casefold() == name.casefold())
+
+
+def _telling(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
+    """Find the items whose readings are of a type; drivers ask for each that comes."""
+    source = "RangeScanner" if kind.casefold() == ECHOES else kind
+    return matching(vehicle, source, name)
 
 
 def _scanners(

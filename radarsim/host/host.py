@@ -9,7 +9,8 @@ tells. A client without a robot has no ticks: its answers can be sent at once.
 
 Rule 1: nothing that a client sends raises. What cannot be carried out is ignored, as
 the original server ignores it, and told to the shell as a ``Notice`` for its log.
-Rule 2: the order in a write is status, answers, readings, scans. Clients rely on it.
+Rule 2: the order in a write is status, answers, readings, echoes, scans. Clients rely
+on it. Echoes are told to none but those that ask.
 Rule 3: a client that does not read loses readings, not answers; one that goes on
 asking without reading is to be disconnected (``must_close``).
 Rule 4: a client gets so many commands a tick, and a robot so often; what it sends
@@ -159,7 +160,7 @@ class Host:
         if told.status is not None:
             self._put(client, [told.status], keep=False)
         self._answer(client)
-        self._put(client, [*told.readings, *told.scans], keep=False)
+        self._put(client, [*told.readings, *told.echoes, *told.scans], keep=False)
 
     def _put(self, client: Client, reports: list[Report], *, keep: bool) -> None:
         for report in reports:

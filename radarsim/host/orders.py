@@ -1,5 +1,6 @@
 """Carry out what a client asks for, one line at a time."""
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError
@@ -7,7 +8,7 @@ from radarsim.geometry import Pose2
 from radarsim.host.answers import configuration, geometry, matching
 from radarsim.host.client import Client
 from radarsim.host.notices import Notice, malformed, unknown_fields
-from radarsim.presets.robots import RobotModel, load_robot, robot_names
+from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
 from radarsim.protocol.commands import (
     Command,
     Drive,
@@ -19,6 +20,7 @@ from radarsim.protocol.commands import (
     Unsupported,
     parse_command,
     read_pose,
+    read_switch,
 )
 from radarsim.protocol.reports import Report, StartPoses
 from radarsim.simulation.conditions import Conditions
@@ -31,7 +33,7 @@ LONGEST_NAME = 64  # characters of a robot's name; more are cut
 SPAWN_TICKS = 10  # between two robots of one client: finding a free place is work
 VAIN_SPAWN_TICKS = 100  # after one for which there was no place
 SPAWNS_A_TICK = 4  # of all clients
-OPCODES = ("SCAN", "RESET", "POSE")
+OPCODES = ("SCAN", "RESET", "POSE", "ECHOES")
 
 
 class Orders:
@@ -190,14 +192,33 @@ def _set(vehicle: Vehicle, command: SetItem) -> Notice | None:
     if opcode not in OPCODES:
         text = f"opcode {command.opcode[:80]!r}, expected one of {list(OPCODES)}"
         return Notice("opcode", text)
-    if opcode != "POSE":
-        for item in items:
-            vehicle.order(item, opcode)
-        return None
     try:
-        pose = read_pose(command.params)
+        return _order_items(vehicle, items, opcode, command.params)
     except MalformedMessage as error:
-        return Notice("malformed POSE", f"SET POSE: {error}")
-    for item in items:
-        vehicle.set_ins(item, pose)
+        return Notice(f"malformed {opcode}", f"SET {opcode}: {error}")
+
+
+def _order_items(
+    vehicle: Vehicle, items: Sequence[Item], opcode: str, params: str
+) -> Notice | None:
+    """Order items of one type.
+
+    Raises:
+        MalformedMessage: If the parameters are not those of the opcode.
+    """
+    match opcode:
+        case "POSE":
+            pose = read_pose(params)
+            for item in items:
+                vehicle.set_ins(item, pose)
+        case "ECHOES":
+            if items[0].type != "RangeScanner":
+                text = f"SET ECHOES of {items[0].type}, expected of RangeScanner"
+                return Notice("opcode", text)
+            on = read_switch(params)
+            for item in items:
+                vehicle.listen(item, on)
+        case _:
+            for item in items:
+                vehicle.order(item, opcode)
     return None

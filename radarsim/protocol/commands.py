@@ -91,7 +91,8 @@ class SetItem:
     Attributes:
         type: As the client spelt it.
         name: None for all items of that type.
-        opcode: ``SCAN``, ``RESET``, ``POSE`` and the like, as the client spelt it.
+        opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES`` and the like, as the client
+            spelt it.
         params: Text, empty if there is none.
     """
 
@@ -138,6 +139,18 @@ def read_pose(params: str) -> Pose3:
         MalformedMessage: If these are not six numbers.
     """
     return pose_from_wire(read_numbers(params, 6))
+
+
+def read_switch(params: str) -> bool:
+    """Read the ``true`` or ``false``, in any case, of an order that switches.
+
+    Raises:
+        MalformedMessage: If it is neither.
+    """
+    word = params.strip().lower()
+    if word not in ("true", "false"):
+        raise MalformedMessage(f"{params[:80]!r}, expected 'true' or 'false'")
+    return word == "true"
 
 
 def _init(message: Message) -> Init:

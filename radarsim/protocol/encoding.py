@@ -12,8 +12,10 @@ from itertools import accumulate
 from radarsim.geometry import Pose3, wrap_angle
 from radarsim.protocol.axes import Triple, angles_on_wire, position_on_wire, turn_over
 from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.echofields import echo_fields
 from radarsim.protocol.numbers import format_ranges
 from radarsim.protocol.reports import (
+    EchoLine,
     Encoder,
     EncoderConf,
     Greeting,
@@ -122,6 +124,11 @@ def _(report: RangeScan, dialect: Dialect) -> str:
         ("FOV", dialect.angle.text(report.fov)),
         ("Range", format_ranges(report.ranges, dialect.ranges)),
     )
+
+
+@_line.register
+def _(report: EchoLine, dialect: Dialect) -> str:
+    return _sensor(report.time, dialect, "Echoes", *echo_fields(report, dialect))
 
 
 @_line.register

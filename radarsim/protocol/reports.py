@@ -8,6 +8,9 @@ A ``type`` that a client asked for is echoed as it spelt it.
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from radarsim.geometry import Floats, Pose2, Pose3
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -54,6 +57,56 @@ class RangeScan:
     resolution: float
     fov: float
     ranges: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Echoes of one object and material, and what a scanner can tell of it.
+
+    Attributes:
+        object: Its name in the map; of a robot, its name. Any text.
+        material: Any text.
+        density: Power that a beam loses in a metre of it; ``math.inf`` is opaque.
+        transparency: Share of a beam that a metre of it, or a sheet, lets through.
+        laser_passes: Whether light gets into it.
+        robot_passes: Whether robots can drive through it.
+        beams: (E,) the beam of each echo, counted from 0 at the right.
+        ranges: (E,) m.
+        kinds: E words: enter, leave, sheet, hit or spent.
+        power: (E,) share of the beam's power that is left on arrival, 0 to 1.
+        strength: (E,) share of the beam that comes back, 0 to 1.
+    """
+
+    object: str
+    material: str
+    density: float
+    transparency: float
+    laser_passes: bool
+    robot_passes: bool
+    beams: NDArray[np.int64]
+    ranges: Floats
+    kinds: tuple[str, ...]
+    power: Floats
+    strength: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class EchoLine:
+    """Echoes of one scan, as many as fit into a line.
+
+    Attributes:
+        time: s, that of the scan.
+        name: Of the item.
+        line: Its number, from 1 to ``lines``; 0 for a scan without echoes.
+        lines: How many there are of that scan; 0 for a scan without echoes.
+        seen: None for a scan without echoes.
+    """
+
+    time: float
+    name: str
+    line: int
+    lines: int
+    seen: Seen | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +258,7 @@ Report: TypeAlias = (
     | StartPoses
     | Status
     | RangeScan
+    | EchoLine
     | GroundTruth
     | Ins
     | Odometry

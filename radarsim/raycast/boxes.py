@@ -95,3 +95,34 @@ def meet_boxes(laid: Any, own: Any, origin: Any, direction: Any, reach: Any) -> 
         if near <= far and 0.0 <= t <= nearest:
             nearest, name = t, np.int64(laid[i, NUMBER])
     return nearest, name
+
+
+@leaf
+def box_incidence(laid: Any, name: Any, origin: Any, direction: Any, t: Any) -> Any:
+    """Give the cosine between a ray and the normal of the box face that it hit.
+
+    Args:
+        laid: Boxes.
+        name: The number of the box.
+        origin: (3,) m.
+        direction: (3,) unit vector.
+        t: How far away it was hit, m.
+    """
+    cosine = 0.0
+    for i in range(len(laid)):
+        if laid[i, NUMBER] != name:
+            continue
+        c, s = laid[i, COS], laid[i, SIN]
+        x = origin[0] + t * direction[0] - laid[i, X]
+        y = origin[1] + t * direction[1] - laid[i, Y]
+        z = origin[2] + t * direction[2] - laid[i, Z]
+        ahead = abs(abs(c * x + s * y) - laid[i, LENGTH])
+        beside = abs(abs(c * y - s * x) - laid[i, WIDTH])
+        above = abs(abs(z) - laid[i, HEIGHT])
+        if ahead <= beside and ahead <= above:
+            cosine = abs(c * direction[0] + s * direction[1])
+        elif beside <= above:
+            cosine = abs(c * direction[1] - s * direction[0])
+        else:
+            cosine = abs(direction[2])
+    return cosine

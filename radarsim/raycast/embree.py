@@ -97,6 +97,7 @@ class EmbreeScene:
 
     Attributes:
         handle: For ``look_ahead`` and ``look_back``.
+        triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
         asked: For ``is_anything_opaque``.
     """
 
@@ -108,18 +109,18 @@ class EmbreeScene:
         """
         library = open_library()
         corners = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
-        self._triangles = np.concatenate([np.zeros((0, 9)), *corners])
+        self.triangles = np.concatenate([np.zeros((0, 9)), *corners])
         counts = [len(rows) for rows in corners]
         self._owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
-        points = self._triangles.reshape(-1, 3)
+        points = self.triangles.reshape(-1, 3)
         radius = float(np.sqrt((points**2).sum(axis=1).max(initial=0.0)))
         margin = WIDER * radius
-        device, scene = _build(library, self._triangles, margin)
+        device, scene = _build(library, self.triangles, margin)
         self._close = weakref.finalize(self, _release, library, scene, device)
         function = ctypes.cast(library.rtcIntersect1, ctypes.c_void_p).value
         query = ctypes.cast(library.rtcPointQuery, ctypes.c_void_p).value
         self.asked = np.array([query, meet_nearby.address], np.uint64)
-        triangles, owners = self._triangles.ctypes.data, self._owners.ctypes.data
+        triangles, owners = self.triangles.ctypes.data, self._owners.ctypes.data
         numbers = np.array([function, scene, triangles, owners], np.uint64)
         self.handle = Handle(numbers, radius + margin, margin)
 

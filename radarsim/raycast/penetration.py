@@ -312,9 +312,10 @@ def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
         if i == stop.before:
             break
         crossing = walk.crossings[i]
+        arriving = power
         kind, power = _cross(walk, toll, crossing, power)
         if kind >= 0:
-            _write(walk, ray, at, crossing.part, kind, power)
+            _write(walk, ray, at, crossing.part, kind, arriving)
             if kind == _SHEET and power <= least:
                 return at, 0.0, least, np.int64(crossing.part)
             density = _density(walk, toll)

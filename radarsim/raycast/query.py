@@ -46,7 +46,8 @@ WINDOW: Final = NEAR + 2
 STOPPED_AT: Final = NEAR + 3
 SKIPPED: Final = NEAR + 4
 MARGIN: Final = NEAR + 5
-OURS_SIZE: Final = NEAR + 6
+STOPPED_BY_FACE: Final = NEAR + 6  # an integer again
+OURS_SIZE: Final = NEAR + 7
 BLOCK_SIZE: Final = OURS_WORD // 2 + OURS_SIZE
 
 
@@ -96,9 +97,12 @@ def meet(call: Any) -> None:
     role = carray(pointer(ours[ROLES] + np.uint64(part)), 1, np.uint8)[0]
     far = reals[FAR]
     if role == OPAQUE:
-        # Where two opaque surfaces coincide, the part with the lower number is hit.
-        if t < reals[STOPPED_AT] or part < ours[STOPPED_BY]:
+        # Where two opaque surfaces coincide, the part with the lower number is hit, and
+        # of two triangles of a part that with the lower number.
+        nearer = t < reals[STOPPED_AT] or part < ours[STOPPED_BY]
+        if nearer or (part == ours[STOPPED_BY] and triangle < ours[STOPPED_BY_FACE]):
             ours[STOPPED_BY] = part
+            ours[STOPPED_BY_FACE] = triangle
         reals[STOPPED_AT] = t
         far = t
     elif role == LISTED:

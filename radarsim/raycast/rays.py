@@ -68,6 +68,10 @@ class Rays:
             *(np.concatenate([getattr(b, name) for b in batches]) for name in columns)
         )
 
+    def take(self, rows: NDArray[np.int64]) -> "Rays":
+        """Give some of the rays."""
+        return Rays(*(getattr(self, field.name)[rows] for field in fields(self)))
+
 
 @dataclass(frozen=True, slots=True)
 class Traces:
@@ -79,21 +83,38 @@ class Traces:
         parts: (N,) int64, the index of the part that was hit, or in which the power ran
             out; of a box, the number of parts + its number; -1 for nothing.
         power: (N,) what is left.
+        incidence: (N,) cosine of the angle between the ray and the normal of the opaque
+            surface that it hit, 0 to 1; nan where it hit none; empty if not asked for.
+        events: A row of EVENT for each thing that happened, ray by ray, in the order
+            of the way; empty if not asked for.
     """
 
     ranges: Floats
     outcomes: NDArray[np.uint8]
     parts: NDArray[np.int64]
     power: Floats
+    incidence: Floats
+    events: NDArray[np.void]
 
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
         """Give the traces of batches that were joined, by their sizes."""
         edges = np.cumsum([0, *sizes]).tolist()
-        columns = [getattr(self, field.name) for field in fields(self)]
+        columns: list[Any] = [getattr(self, field.name) for field in fields(self)[:-1]]
         return [
-            Traces(*(column[start:end] for column in columns))
-            for start, end in pairwise(edges)
+            Traces(*[*(column[start:end] for column in columns), events])
+            for (start, end), events in zip(
+                pairwise(edges), self._split_events(edges), strict=True
+            )
         ]
+
+    def _split_events(self, edges: list[int]) -> list[NDArray[np.void]]:
+        if not len(self.events):
+            return [self.events] * (len(edges) - 1)
+        cuts = np.searchsorted(self.events["ray"], edges).tolist()
+        pieces = [self.events[start:end].copy() for start, end in pairwise(cuts)]
+        for first, piece in zip(edges[:-1], pieces, strict=True):
+            piece["ray"] -= first
+        return pieces
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +125,7 @@ class Event:
         t: m from its start.
         kind: What.
         part: With which part or box, as in ``Traces``.
-        power: What the ray has left there; behind the surface, for a sheet.
+        power: What the ray has left on arrival there.
     """
 
     t: float

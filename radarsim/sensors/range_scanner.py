@@ -7,13 +7,14 @@ them. ``scan`` does all three for one sensor.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Pose3
 from radarsim.presets.sensors import load_settings
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.boxes import Boxes
@@ -22,58 +23,12 @@ from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import CENTRE, BeamPattern, Draw
+from radarsim.sensors.beams import BeamPattern, Drawn, Sides
+from radarsim.sensors.reading import Plan, Reader
+from radarsim.sensors.scan import Scan
 
+NONE: Final = np.zeros(0)
 SENSOR_HEIGHT = 0.346  # m above the floor, of the scanner on a P3AT
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scan:
-    """One scan.
-
-    Attributes:
-        sensor: Name of the preset.
-        pose: Of the sensor, map frame.
-        angles: (N,) rad from the sensor's forward axis, counter-clockwise.
-        ranges: (N,) m; inf where nothing came back, 0 where a laser is blinded.
-        rays: (N,) which ray gave the range: -1 right, 0 centre, 1 left; None for a
-            sensor without side rays.
-        range_min: m; shorter ranges are given all the same.
-        range_max: m.
-        resolution: Angle between neighbouring beams, rad.
-    """
-
-    sensor: str
-    pose: Pose3
-    angles: Floats
-    ranges: Floats
-    rays: Draw | None
-    range_min: float
-    range_max: float
-    resolution: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give numbers and lists that JSON can hold; None where nothing came back."""
-        ranges = [r if math.isfinite(r) else None for r in self.ranges.tolist()]
-        return {
-            "sensor": self.sensor,
-            "pose": list(self.pose.numbers()),
-            "angle_min": float(self.angles[0]),
-            "angle_increment": self.resolution,
-            "range_min": self.range_min,
-            "range_max": self.range_max,
-            "ranges": ranges,
-            "rays": None if self.rays is None else self.rays.tolist(),
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """A scan that waits to be cast: where the sensor is, and which rays it drew."""
-
-    pose: Pose3
-    sides: Draw
-    rays: Rays
 
 
 class RangeScanner:
@@ -83,6 +38,8 @@ class RangeScanner:
         name: Of its preset.
         settings: All its numbers.
         angles: Of its beams, (N,) rad, counter-clockwise from the right.
+        needs_incidence: Whether ``read`` has to know at which angle rays hit.
+        needs_events: Whether ``read`` has to know all that happens to rays.
     """
 
     def __init__(self, name: str, settings: SensorSettings) -> None:
@@ -91,7 +48,10 @@ class RangeScanner:
         self._pattern = BeamPattern(settings)
         self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
-        nowhere = np.zeros((len(self.angles), 3))
+        self._reader = Reader(name, settings, self._pattern)
+        self.needs_incidence = self._reader.needs_incidence
+        self.needs_events = self._reader.needs_events
+        nowhere = np.zeros((len(self.angles) * self._pattern.rays, 3))
         self._alike = Rays.alike(
             nowhere,
             nowhere,
@@ -102,8 +62,20 @@ class RangeScanner:
 
     @property
     def has_side_rays(self) -> bool:
-        """Whether the sensor draws among three rays."""
-        return self.settings.medium == "radar"
+        """Whether the sensor has more rays than one to a beam."""
+        return self.settings.has_side_rays
+
+    @cached_property
+    def listing(self) -> "RangeScanner":
+        """The same scanner, with all echoes where it keeps the last ones alone.
+
+        It draws and reads the same. A radar that keeps the first or the strongest
+        echoes knows no others.
+        """
+        if self.settings.return_mode != "last":
+            return self
+        settings = self.settings.model_copy(update={"return_mode": "all"})
+        return RangeScanner(self.name, settings)
 
     def scan(
         self,
@@ -117,14 +89,17 @@ class RangeScanner:
             scene: From ``load_map``.
             pose: Of the sensor in the map frame, m and rad: x, y, z, roll, pitch, yaw,
                 or x, y, yaw, which puts it 0.346 m above the floor.
-            rng: What draws the rays; a sensor without side rays needs none.
+            rng: What draws rays and noise; a sensor without either needs none.
 
         Raises:
             ValueError: If the pose is neither, or there is no rng to draw from.
         """
         tracer = tracer_of(scene)
         plan = self.plan(tracer, sensor_pose(scene, pose), rng)
-        return self.read(plan, tracer.trace(plan.rays))
+        traces = tracer.trace(
+            plan.rays, events=self.needs_events, incidence=self.needs_incidence
+        )
+        return self.read(plan, traces)
 
     def plan(
         self,
@@ -135,6 +110,9 @@ class RangeScanner:
         own: int = -1,
     ) -> Plan:
         """Draw the rays of one scan and point them.
+
+        What is drawn depends on nothing in the scene, so that nothing that drives
+        around in it changes what is drawn next.
 
         Args:
             tracer: Of the scene; tells which side rays start behind something opaque,
@@ -147,42 +125,51 @@ class RangeScanner:
         Raises:
             ValueError: If there is no rng to draw from.
         """
-        sides = np.zeros(len(self.angles), np.int8)
-        if self.has_side_rays:
-            if rng is None:
-                raise ValueError(
-                    f"no rng, expected a Generator for sensor {self.name!r}"
-                )
-            sides = self._pattern.draw(rng)
-            place, width = pose.position(), self._pattern.width
-            if width and not tracer.is_open(place, width, self._medium, boxes, own):
-                sides[self._hidden(tracer, pose, sides, boxes, own)] = CENTRE
-        return Plan(pose, sides, self._rays(pose, sides, own))
+        reader = self._reader
+        if rng is None and (self._pattern.draws or reader.chooses or reader.noisy):
+            raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
+        drawn = self._pattern.draw(rng)
+        chance = error = NONE
+        if rng is not None and reader.chooses:
+            chance = rng.random(len(self.angles))
+        if rng is not None and reader.noisy:
+            error = rng.standard_normal(len(self.angles))
+        place, width = pose.position(), self._pattern.width
+        if width and not tracer.is_open(place, width, self._medium, boxes, own):
+            hidden = self._hidden(tracer, pose, drawn, boxes, own)
+            drawn = self._pattern.centred(drawn, hidden)
+        rays = self._rays(pose, drawn, own)
+        return Plan(tracer, pose, drawn.sides, rays, chance, error)
 
-    def replan(self, plan: Plan, sides: Draw, own: int = -1) -> Plan:
-        """Take other rays of the same beams, whatever they start behind."""
-        return Plan(plan.pose, sides, self._rays(plan.pose, sides, own))
+    def one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
+        """Point one ray of each beam, whatever it starts behind.
+
+        Args:
+            pose: Of the sensor, map frame.
+            side: -1 for the right one of three, 0 for the centre, 1 for the left one.
+
+        Raises:
+            ValueError: If the beams have not three rays.
+        """
+        drawn = self._pattern.only(side)
+        return drawn.sides, self._rays(pose, drawn, -1)
 
     def read(self, plan: Plan, traces: Traces) -> Scan:
-        """Make a scan of what came of its rays."""
-        ranges = traces.ranges.copy()
-        if self.settings.spent_reads == "zero":
-            ranges[traces.outcomes == Outcome.SPENT] = 0.0
-        return Scan(
-            sensor=self.name,
-            pose=plan.pose,
-            angles=self.angles,
-            ranges=ranges,
-            rays=plan.sides if self.has_side_rays else None,
-            range_min=self.settings.min_range,
-            range_max=self.settings.max_range,
-            resolution=math.radians(self.settings.resolution_deg),
-        )
+        """Make a scan of what came of its rays.
 
-    def _rays(self, pose: Pose3, sides: Draw, own: int) -> Rays:
-        fan = self._pattern.aim(pose, sides)
-        same = self._alike
-        carried_by = same.own if own < 0 else np.full(len(sides), own)
+        Args:
+            plan: Of this scanner.
+            traces: Of its rays, with events and incidence where this scanner needs
+                them.
+        """
+        return self._reader.read(plan, traces)
+
+    def _rays(self, pose: Pose3, drawn: Drawn, own: int) -> Rays:
+        fan = self._pattern.aim(pose, drawn)
+        same, n = self._alike, len(drawn.nodes)
+        if n < len(same.reach):
+            same = same.take(np.arange(n))
+        carried_by = same.own if own < 0 else np.full(n, own)
         return Rays(
             fan.origins,
             fan.directions,
@@ -193,10 +180,15 @@ class RangeScanner:
         )
 
     def _hidden(
-        self, tracer: Tracer, pose: Pose3, sides: Draw, boxes: Boxes | None, own: int
+        self,
+        tracer: Tracer,
+        pose: Pose3,
+        drawn: Drawn,
+        boxes: Boxes | None,
+        own: int,
     ) -> NDArray[np.int64]:
-        """Find the beams whose side ray starts behind something opaque."""
-        starts = self._pattern.aim(pose, sides).origins
+        """Find the side rays that start behind something opaque."""
+        starts = self._pattern.aim(pose, drawn).origins
         way = starts - pose.position()
         length = np.linalg.norm(way, axis=1)
         moved = np.flatnonzero(length > 0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.protocol.reports import RangeScan, Report, Status
+from radarsim.protocol.reports import EchoLine, RangeScan, Report, Status
 from radarsim.randomness import generator_for
 from radarsim.raycast.boxes import Boxes
 from radarsim.raycast.penetration import EventKind
@@ -22,9 +22,12 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import Plan, RangeScanner, load_sensor
+from radarsim.sensors.casting import take_together
+from radarsim.sensors.range_scanner import load_sensor
+from radarsim.sensors.scan import Scan
 from radarsim.simulation.clock import TICK, seconds
 from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.echoing import echo_lines
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around a place that is taken
@@ -37,11 +40,13 @@ class Told:
     Attributes:
         status: If it is due.
         readings: Poses first.
+        echoes: Of the scans, where a client has asked for them.
         scans: Last of all.
     """
 
     status: Status | None
     readings: tuple[Report, ...]
+    echoes: tuple[EchoLine, ...]
     scans: tuple[RangeScan, ...]
 
 
@@ -136,52 +141,61 @@ class Simulation:
             for mounted in vehicle.due_scanners()
         ]
         scans: dict[int, list[RangeScan]] = {n: [] for n in self._vehicles}
+        echoes: dict[int, list[EchoLine]] = {n: [] for n in self._vehicles}
         for (vehicle, mounted), scan in zip(due, self._scan(due), strict=True):
             scans[vehicle.number].append(self._report(mounted, scan))
+            if vehicle.is_listening(mounted.item.name):
+                echoes[vehicle.number] += self._echo_lines(mounted, scan)
         return {
             number: Told(
-                vehicle.status(), tuple(vehicle.readings()), tuple(scans[number])
+                vehicle.status(),
+                tuple(vehicle.readings()),
+                tuple(echoes[number]),
+                tuple(scans[number]),
             )
             for number, vehicle in self._vehicles.items()
         }
 
-    def _scan(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[np.ndarray]:
-        """Cast the rays of all scans together; give the ranges of each."""
+    def _scan(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[Scan]:
+        """Take all scans together."""
         if not due:
             return []
         boxes = self._boxes()
-        plans: list[tuple[RangeScanner, Plan]] = []
+        planned = []
         for vehicle, mounted in due:
+            scanner = mounted.scanner
+            if vehicle.is_listening(mounted.item.name):
+                scanner = scanner.listing
             pose = vehicle.sensor_pose(mounted.item)
-            plan = mounted.scanner.plan(
-                self._tracer, pose, mounted.rng, boxes, vehicle.number
-            )
-            plans.append((mounted.scanner, plan))
-        traces = self._tracer.trace(
-            Rays.joined([plan.rays for _, plan in plans]), boxes
-        )
-        pieces = traces.split([len(plan.rays.reach) for _, plan in plans])
-        return [
-            scanner.read(plan, piece).ranges
-            for (scanner, plan), piece in zip(plans, pieces, strict=True)
-        ]
+            plan = scanner.plan(self._tracer, pose, mounted.rng, boxes, vehicle.number)
+            planned.append((scanner, plan))
+        return take_together(self._tracer, planned, boxes)
 
     def _warm_up(self) -> None:
         """Have all that a scan runs compiled now, and not while clients wait for it."""
         radar, place = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
+        settings = {"incidence_weights": True, "ray_choice": "together"}
+        together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
         rng, boxes = generator_for(0, "warm-up"), self._boxes()
-        plan = radar.plan(self._tracer, place, rng, boxes, own=0)
-        self._tracer.trace(plan.rays, boxes)
+        planned = [
+            (scanner, scanner.plan(self._tracer, place, rng, boxes, own=0))
+            for scanner in (radar, radar.listing, together)
+        ]
+        take_together(self._tracer, planned, boxes)
 
-    def _report(self, mounted: MountedScanner, ranges: np.ndarray) -> RangeScan:
+    def _report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
         settings = mounted.scanner.settings
         return RangeScan(
             self.time,
             mounted.item.name,
             math.radians(settings.resolution_deg),
             math.radians(settings.fov_deg),
-            np.minimum(ranges, settings.max_range),
+            np.minimum(scan.ranges, settings.max_range),
         )
+
+    def _echo_lines(self, mounted: MountedScanner, scan: Scan) -> tuple[EchoLine, ...]:
+        robots = {number: v.robot.name for number, v in self._vehicles.items()}
+        return echo_lines(self.time, mounted.item.name, scan.echoes, robots)
 
     def _boxes(self) -> Boxes:
         rows = []

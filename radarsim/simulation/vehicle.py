@@ -55,6 +55,7 @@ class Vehicle:
         self._born = tick
         self._tick = tick
         self._extra_scans: set[str] = set()
+        self._listening: set[str] = set()
         self._every: dict[str, int] = {}
         self._instruments: dict[str, Instrument] = {}
         scanners = []
@@ -128,6 +129,17 @@ class Vehicle:
             self._extra_scans.add(item.name)
         elif opcode == "RESET" and item.name in self._instruments:
             self._instruments[item.name].reset()
+
+    def listen(self, item: Item, on: bool) -> None:
+        """Switch on or off that a scanner's echoes are told."""
+        if on:
+            self._listening.add(item.name)
+        else:
+            self._listening.discard(item.name)
+
+    def is_listening(self, item_name: str) -> bool:
+        """Tell whether a scanner's echoes are to be told."""
+        return item_name in self._listening
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Overwrite the estimate of an INS; nothing for any other item."""

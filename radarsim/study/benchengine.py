@@ -16,7 +16,9 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.mapfile import load_map
 from radarsim.scene.scene import Scene
+from radarsim.sensors.casting import take_together
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
+from radarsim.sensors.scan import Scan
 from radarsim.simulation.simulation import Simulation
 from radarsim.study.benchrows import Row
 from radarsim.study.benchscenes import SENSOR, bumpy_room, curtains, foliage_wall
@@ -63,16 +65,13 @@ def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]
 
 def scan_batch(
     scene: Scene, wanted: list[tuple[RangeScanner, Pose3, np.random.Generator]]
-) -> list[np.ndarray]:
+) -> list[Scan]:
     """Take many scans in one cast, as the simulation does."""
     tracer = tracer_of(scene)
-    plans = [scanner.plan(tracer, pose, rng) for scanner, pose, rng in wanted]
-    traces = tracer.trace(Rays.joined([plan.rays for plan in plans]))
-    pieces = traces.split([len(plan.rays.reach) for plan in plans])
-    return [
-        scanner.read(plan, piece).ranges
-        for (scanner, _, _), plan, piece in zip(wanted, plans, pieces, strict=True)
+    planned = [
+        (scanner, scanner.plan(tracer, pose, rng)) for scanner, pose, rng in wanted
     ]
+    return take_together(tracer, planned)
 
 
 def against_open3d(seconds: float) -> Iterator[Row]:

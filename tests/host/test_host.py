@@ -266,7 +266,7 @@ def test_what_cannot_be_done_is_noticed_and_does_nothing(
         pytest.param(
             b"SET {Type INS} {Opcode ZOOM}",
             "opcode",
-            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE']",
+            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES']",
             id="unknown opcode",
         ),
         pytest.param(

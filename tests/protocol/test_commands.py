@@ -17,6 +17,7 @@ from radarsim.protocol.commands import (
     Unsupported,
     parse_command,
     read_pose,
+    read_switch,
 )
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.framing import LineBuffer
@@ -153,6 +154,27 @@ def test_the_pose_of_an_order_comes_from_the_wire() -> None:
     assert read_pose("1,5 2 3 0 0 0") == Pose3(1.5, -2, -3)
     with pytest.raises(MalformedMessage, match="expected 6 numbers"):
         read_pose("1,2,3")
+
+
+@pytest.mark.parametrize(
+    ("params", "on"),
+    [
+        ("true", True),
+        ("TRUE", True),
+        (" True ", True),
+        ("false", False),
+        ("fALSE", False),
+    ],
+)
+def test_a_switch_is_on_or_off_in_any_case(params: str, on: bool) -> None:
+    assert read_switch(params) is on
+
+
+@pytest.mark.parametrize("params", ["", "1", "0", "yes", "truefalse", "true,true"])
+def test_a_switch_is_nothing_else(params: str) -> None:
+    with pytest.raises(MalformedMessage) as caught:
+        read_switch(params)
+    assert str(caught.value) == f"{params!r}, expected 'true' or 'false'"
 
 
 PIECES = ["INIT", "drive", "SET ", "GETGEO", "{", "}", " ", "ClassName ", "Location "]

@@ -8,6 +8,7 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT
 from radarsim.protocol.encoding import encode_report
 from radarsim.protocol.reports import (
+    EchoLine,
     Encoder,
     EncoderConf,
     Greeting,
@@ -22,6 +23,7 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Seen,
     StartPoses,
     Status,
     Tachometer,
@@ -74,6 +76,37 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         ),
         "SEN {Time 10.20} {Type RangeScanner} {Name lms200} {Resolution 0.017453} "
         "{FOV 3.141593} {Range 2.19,2.20,0.00,0.00,80.00}",
+    ),
+    (
+        "echoes of a bush",
+        EchoLine(
+            10.2,
+            "lms200",
+            1,
+            15,
+            Seen(
+                object="bush_4",
+                material="foliage",
+                density=0.7,
+                transparency=0.3,
+                laser_passes=False,
+                robot_passes=False,
+                beams=np.array([92, 92]),
+                ranges=np.array([7.5416, 8.9702]),
+                kinds=("enter", "spent"),
+                power=np.array([1.0, 0.0]),
+                strength=np.array([0.99995, 0.0]),
+            ),
+        ),
+        "SEN {Time 10.20} {Type Echoes} {Name lms200} {Line 1} {Lines 15} "
+        "{Object bush_4} {Material foliage} {Density 0.7000} {Transparency 0.3000} "
+        "{LaserPasses False} {RobotPasses False} "
+        "{Echoes 92,7.54,Enter,1.0000,1.0000 92,8.97,Spent,0.0000,0.0000}",
+    ),
+    (
+        "no echoes",
+        EchoLine(10.2, "lms200", 0, 0, None),
+        "SEN {Time 10.20} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
     ),
     (
         "ground truth",

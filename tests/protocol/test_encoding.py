@@ -10,6 +10,7 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.encoding import encode_report, to_bytes
 from radarsim.protocol.reports import (
+    EchoLine,
     Encoder,
     EncoderConf,
     Greeting,
@@ -24,6 +25,7 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Seen,
     StartPoses,
     Status,
     Tachometer,
@@ -120,11 +122,30 @@ NAMED = st.lists(st.tuples(NAMES, NUMBERS), max_size=3).map(tuple)
 TRIPLES = st.tuples(*[NUMBERS] * 3)
 TIMES = st.floats(0.01, 1e6)
 VECTORS = st.lists(NUMBERS, min_size=1, max_size=4).map(tuple)
+SHARES = st.floats(0, 1)
+SEEN = st.integers(1, 4).flatmap(
+    lambda count: st.builds(
+        Seen,
+        NAMES,
+        NAMES,
+        st.floats(0, allow_nan=False),
+        SHARES,
+        st.booleans(),
+        st.booleans(),
+        st.lists(st.integers(0, 999_999), min_size=count, max_size=count).map(np.array),
+        *[st.lists(st.floats(0, 1e5), min_size=count, max_size=count).map(np.array)],
+        st.tuples(
+            *[st.sampled_from(["enter", "leave", "sheet", "hit", "spent"])] * count
+        ),
+        *[st.lists(SHARES, min_size=count, max_size=count).map(np.array)] * 2,
+    )
+)
 REPORTS = st.one_of(
     st.builds(Greeting, NAMES),
     st.builds(StartPoses, st.lists(st.tuples(NAMES, POSES), max_size=3).map(tuple)),
     st.builds(Status, TIMES, st.integers(-5, 99999), st.booleans()),
     st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
+    st.builds(EchoLine, TIMES, NAMES, *[st.integers(0, 999_999)] * 2, st.none() | SEEN),
     st.builds(GroundTruth, TIMES, NAMES, POSES),
     st.builds(Ins, TIMES, NAMES, POSES),
     st.builds(Odometry, TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
@@ -151,6 +172,7 @@ REPORTS = st.one_of(
     st.builds(NameConf, NAMES, st.lists(NAMES, max_size=3).map(tuple)),
 )
 VALUE = r"[A-Za-z0-9_]+|-?[0-9]+(\.[0-9]+)?(,-?[0-9]+\.[0-9]+)*"
+VALUE += r"|[0-9]+,[0-9]+\.[0-9]+,[A-Z][a-z]+(,[01]\.[0-9]+){2}"
 LINE = re.compile(rf"(NFO|STA|SEN|GEO|CONF)( \{{[A-Za-z0-9_]+( ({VALUE}))+\}})+")
 
 

@@ -1,3 +1,4 @@
+import math
 import re
 import struct
 from fractions import Fraction
@@ -12,6 +13,7 @@ from radarsim.protocol.numbers import (
     NumberFormat,
     Rule,
     format_ranges,
+    format_shares,
     read_flag,
     read_number,
     read_numbers,
@@ -211,3 +213,25 @@ def test_a_scan_is_written_range_by_range(values: list[float], rule: Rule) -> No
     form = NumberFormat(2, rule)
     text = format_ranges(np.array(values, dtype=np.float64), form)
     assert text == ",".join(form.text(value) for value in values)
+
+
+@given(
+    shares=st.lists(st.floats(0, 1) | st.floats(-0.1, 1.1), max_size=8),
+    rule=st.sampled_from(list(Rule)),
+)
+def test_shares_are_written_as_all_numbers_are(shares: list[float], rule: Rule) -> None:
+    form = NumberFormat(4, rule)
+    texts = format_shares(np.array(shares, dtype=np.float64), form)
+    assert texts == [form.text(share + 0.0) for share in shares]
+
+
+@pytest.mark.parametrize("rule", list(Rule))
+def test_a_share_of_nothing_has_no_sign(rule: Rule) -> None:
+    assert format_shares(np.array([-0.0, 0.0]), NumberFormat(4, rule)) == ["0.0000"] * 2
+
+
+@pytest.mark.parametrize("rule", list(Rule))
+@pytest.mark.parametrize("share", [math.nan, math.inf])
+def test_a_share_that_is_not_finite_is_refused(rule: Rule, share: float) -> None:
+    with pytest.raises(ValueError, match="expected less"):
+        format_shares(np.array([0.5, share]), NumberFormat(4, rule))

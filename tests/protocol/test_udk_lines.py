@@ -7,6 +7,7 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.encoding import encode_report
 from radarsim.protocol.reports import (
+    EchoLine,
     Encoder,
     EncoderConf,
     Greeting,
@@ -20,6 +21,7 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Seen,
     StartPoses,
     Status,
     Tachometer,
@@ -82,6 +84,37 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         RangeScan(31.2, "lms200", 0.0184086914, 4.189, np.array([4.0])),
         "SEN {Time 31.2000} {Type RangeScanner} {Name lms200} {Resolution 0.0184} "
         "{FOV 4.1889} {Range 4.00}",
+    ),
+    (
+        "echoes, ranges cut off and shares rounded",
+        EchoLine(
+            31.2,
+            "lms200",
+            2,
+            3,
+            Seen(
+                object="cloud",
+                material="smoke",
+                density=0.0,
+                transparency=1.0,
+                laser_passes=True,
+                robot_passes=True,
+                beams=np.array([0, 180]),
+                ranges=np.array([2.3, 19.999]),
+                kinds=("leave", "sheet"),
+                power=np.array([0.99996, 0.5]),
+                strength=np.array([0.0, 0.12345]),
+            ),
+        ),
+        "SEN {Time 31.2000} {Type Echoes} {Name lms200} {Line 2} {Lines 3} "
+        "{Object cloud} {Material smoke} {Density 0.0000} {Transparency 1.0000} "
+        "{LaserPasses True} {RobotPasses True} "
+        "{Echoes 0,2.29,Leave,1.0000,0.0000 180,19.99,Sheet,0.5000,0.1235}",
+    ),
+    (
+        "no echoes",
+        EchoLine(31.2, "lms200", 0, 0, None),
+        "SEN {Time 31.2000} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
     ),
     (
         "ground truth",

@@ -343,7 +343,8 @@ def test_every_volume_is_entered_as_often_as_left(trees: int, count: int) -> Non
         n = min(count, 50_000)
         cast = scattered(rng, parts, n)
         cast.power[:] = np.inf
-        traces, events = tracer._run(cast, None, 64 * n)
+        traces = tracer.trace(cast, events=True)
+        events = traces.events
         assert (traces.parts == len(parts) - 1).all(), "every ray ends at the room"
         balance = np.zeros(n * len(parts), np.int64)
         place = events["ray"] * len(parts) + events["part"]

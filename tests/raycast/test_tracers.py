@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from radarsim.errors import EngineError
+from radarsim.raycast.penetration import EVENT
 from radarsim.raycast.rays import Traces
 from radarsim.raycast.tracers import expect_known_end, tracer_of
 from radarsim.scene.scene import Scene
@@ -27,7 +28,12 @@ def test_a_tracer_goes_with_its_scene() -> None:
 @pytest.mark.parametrize(("t", "power"), [(np.inf, 1.0), (3.0, 1.0), (2.9, 0.5)])
 def test_an_embree_of_another_layout_is_refused(t: float, power: float) -> None:
     wrong = Traces(
-        np.array([t]), np.zeros(1, np.uint8), np.zeros(1, np.int64), np.array([power])
+        np.array([t]),
+        np.zeros(1, np.uint8),
+        np.zeros(1, np.int64),
+        np.array([power]),
+        np.zeros(0),
+        np.zeros(0, EVENT),
     )
     with pytest.raises(EngineError) as caught:
         expect_known_end(wrong)

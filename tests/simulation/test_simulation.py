@@ -59,7 +59,7 @@ def test_poses_are_read_before_everything_else(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     *before, (_, last) = run(simulation, 10)[vehicle.number]
-    assert all(told == Told(None, (), ()) for _, told in before)
+    assert all(told == Told(None, (), (), ()) for _, told in before)
     assert last.status is not None
     assert types(last.readings) == [
         *(GroundTruth, Ins, Odometry, Tachometer, Encoder, Encoder, Touch)

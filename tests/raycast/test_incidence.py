@@ -1,0 +1,108 @@
+"""At which angle surfaces are hit, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats, rotation_matrix
+from radarsim.raycast.boxes import Boxes
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene import shapes
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+
+WALL = Material("wall")
+LEAF = Material("leaf", density=0.5)
+
+
+def cosines(parts: list[Part], ways: Floats, boxes: Boxes | None = None) -> Floats:
+    cast = Rays.alike(np.zeros((len(ways), 3)), ways, reach=80.0, power=1.0)
+    return Tracer(parts).trace(cast, boxes, incidence=True).incidence
+
+
+def part(
+    name: str,
+    material: Material,
+    shape: tuple[Floats, NDArray[np.int32]],
+    at: tuple[float, float, float],
+) -> Part:
+    return Part(name, material, shape[0] + np.array(at), shape[1])
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 30, 60, 85])
+@pytest.mark.parametrize("pitch_deg", [0, 45])
+def test_a_turned_board_is_hit_at_its_angle(yaw_deg: float, pitch_deg: float) -> None:
+    yaw, pitch = math.radians(yaw_deg), math.radians(pitch_deg)
+    vertices, faces = shapes.box(0.001, 40, 40)
+    turned = vertices @ rotation_matrix(0, pitch, yaw).T + [10, 0, 0]
+    found = cosines([Part("board", WALL, turned, faces)], np.eye(3)[:1])
+    assert found == pytest.approx([math.cos(yaw) * math.cos(pitch)], abs=1e-12)
+
+
+def test_all_walls_of_a_room_from_its_middle() -> None:
+    angles = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
+    ways = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(96)])
+    found = cosines([part("room", WALL, shapes.box(10, 10, 4), (0, 0, 0))], ways)
+    assert found == pytest.approx(np.abs(ways).max(axis=1), abs=1e-12)
+
+
+def test_foliage_before_the_wall_changes_nothing() -> None:
+    bush = part("bush", LEAF, shapes.box(1, 4, 4), (3, 0, 0))
+    wall = part("wall", WALL, shapes.box(1, 40, 40), (9, 0, 0))
+    way = np.array([[math.cos(0.3), math.sin(0.3), 0]])
+    assert cosines([bush, wall], way) == pytest.approx([math.cos(0.3)])
+
+
+def test_what_ends_in_foliage_or_nowhere_has_no_angle() -> None:
+    bush = part("bush", LEAF, shapes.box(6, 4, 4), (6, 0, 0))
+    ways = np.array([[1.0, 0, 0], [-1, 0, 0]])
+    assert np.isnan(cosines([bush], ways)).all()
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 20, 44, 70])
+def test_a_robot_is_hit_at_the_angle_of_its_nearer_face(yaw_deg: float) -> None:
+    yaw = math.radians(yaw_deg)
+    row = [5.0, 0.0, yaw, -1.0, 1.0, 0.5, 0.5, 3.0]
+    found = cosines([], np.eye(3)[:1], Boxes(np.array([row])))
+    assert found == pytest.approx([max(math.cos(yaw), math.sin(yaw))])
+
+
+def test_a_robot_is_hit_from_above_and_from_the_side() -> None:
+    below = [0.0, 0.0, 0.3, -2.0, -1.0, 0.5, 0.5, 3.0]
+    beside = [0.0, 5.0, 0.0, -1.0, 1.0, 0.5, 0.5, 4.0]
+    ways = np.array([[0.2, 0.0, -1.0], [0.05, 1.0, 0.0]])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    found = cosines([], ways, Boxes(np.array([below, beside])))
+    assert found == pytest.approx([-ways[0, 2], ways[1, 1]])
+
+
+def test_nobody_who_does_not_ask_is_told() -> None:
+    cast = Rays.alike(np.zeros((1, 3)), np.eye(3)[:1], reach=80.0)
+    assert Tracer([]).trace(cast).incidence.size == 0
+
+
+def test_asking_changes_no_other_answer() -> None:
+    room = part("room", WALL, shapes.box(10, 10, 4), (0, 0, 0))
+    ball = part("ball", LEAF, shapes.sphere(1.0), (3, 0, 0))
+    angles = np.linspace(0, 6, 50)
+    ways = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(50)])
+    cast = Rays.alike(np.zeros((50, 3)), ways, reach=80.0, power=0.6)
+    tracer = Tracer([room, ball])
+    plain, asked = tracer.trace(cast), tracer.trace(cast, incidence=True)
+    recorded = tracer.trace(cast, events=True, incidence=True)
+    for name in ("ranges", "outcomes", "parts", "power"):
+        assert getattr(plain, name).tolist() == getattr(asked, name).tolist()
+        assert getattr(plain, name).tolist() == getattr(recorded, name).tolist()
+    assert asked.incidence == pytest.approx(recorded.incidence, nan_ok=True)
+    assert set(recorded.events["ray"].tolist()) == set(range(50))
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_of_coinciding_surfaces_the_first_part_counts(order: tuple[int, int]) -> None:
+    shape = shapes.box(1, 4, 4)
+    parts = [part(name, WALL, shape, (5, 0, 0)) for name in ("a", "b")]
+    found = cosines([parts[i] for i in order], np.eye(3)[:1])
+    assert found == pytest.approx([1.0])
