@@ -48,7 +48,8 @@ class SensorSettings(BaseModel):
         ray_weights: Chances of the right, centre and left ray to give the range, or
             their shares of the beam; in any unit.
         ray_choice: Whether one ray is ``drawn`` to answer for its beam, or all answer
-            ``together``.
+            ``together``; None for drawn where the last echo is kept, and together
+            where another one of the whole beam is.
         incidence_weights: Whether what a ray meets head-on counts more than what it
             grazes.
         beamwidth_az_deg: Of a cone, between its half-power points on one way, across.
@@ -80,7 +81,7 @@ class SensorSettings(BaseModel):
     side_offset_uu: NotNegative = 0.0
     divergence_distance: Positive = 10.0
     ray_weights: tuple[NotNegative, NotNegative, NotNegative] = (1.0, 1.0, 1.0)
-    ray_choice: Literal["drawn", "together"] = "drawn"
+    ray_choice: Literal["drawn", "together"] | None = None
     incidence_weights: bool = False
     beamwidth_az_deg: Width = 0.0
     beamwidth_el_deg: Width = 0.0
@@ -100,6 +101,13 @@ class SensorSettings(BaseModel):
     def has_side_rays(self) -> bool:
         """Whether its beams have more rays than one; lasers are ideal in that."""
         return self.medium == "radar"
+
+    @property
+    def answers_together(self) -> bool:
+        """Whether all rays of a beam answer for it."""
+        if self.ray_choice is None:
+            return self.return_mode != "last"
+        return self.ray_choice == "together"
 
     @property
     def rays_of_a_beam(self) -> int:

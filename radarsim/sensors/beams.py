@@ -94,7 +94,7 @@ class BeamPattern:
             self._node_sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self.width = float(np.linalg.norm(self._starts, axis=2).max())
         self._edges = np.cumsum(self.weights)[:-1]
-        all_of_them = settings.ray_choice == "together" or settings.incidence_weights
+        all_of_them = settings.answers_together or settings.incidence_weights
         self.rays = len(self.weights) if all_of_them else 1
         self.draws = self._spread is not None or self.rays < len(self.weights)
         beams = len(self.angles)

@@ -111,8 +111,7 @@ def gather(
         np.zeros(n, np.uint8),
     )
     how = (weights, of_a_beam, full, incidence)
-    columns = columns.take(slice(_gather(events, how, columns)))
-    return columns if of_a_beam == 1 else columns.take(_order(columns))
+    return columns.take(slice(_gather(events, how, columns)))
 
 
 @leaf
@@ -145,58 +144,68 @@ def _sent_back(event: Any, incidence: Any) -> Any:
     return incidence[event.ray] ** 2 if event.kind == HIT else LEAVES
 
 
-@compiled
-def _gather(events: Any, how: Any, columns: Any) -> Any:
-    """Fill columns, ray by ray; give how many rows there are."""
-    weights, of_a_beam, full, incidence = how
-    count = 0
-    for i in range(len(events)):
-        event = events[i]
-        kind, ray = event.kind, event.ray
-        if kind in (START_INSIDE, OUT_OF_RANGE) or weights[ray] <= 0.0:
-            continue
-        columns.beam[count] = ray // of_a_beam
-        columns.row[count] = ray
-        columns.t[count] = event.t
-        columns.kind[count] = kind
-        columns.part[count] = event.part
-        columns.power[count] = event.power
-        strength = _strength(events, i, full) * _sent_back(event, incidence)
-        columns.strength[count] = weights[ray] * strength
-        columns.ends[count] = kind in (HIT, SPENT)
-        count += 1
-    return count
+@leaf
+def _sort(keys: Any, picked: Any, count: Any) -> None:
+    """Sort events by range, of equal ones the first first: Shell's sort.
+
+    Args:
+        keys: Ranges, m.
+        picked: The events that they are of.
+        count: How many of both.
+    """
+    gap = 1
+    while gap < count // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for start in range(gap, count):
+            i, key, event = start, keys[start], picked[start]
+            while i >= gap and (
+                keys[i - gap] > key
+                or (keys[i - gap] == key and picked[i - gap] > event)
+            ):
+                keys[i], picked[i] = keys[i - gap], picked[i - gap]
+                i -= gap
+            keys[i], picked[i] = key, event
+        gap //= 3
 
 
 @leaf
-def _comes_after(columns: Any, one: Any, other: Any) -> Any:
-    if columns.t[one] != columns.t[other]:
-        return columns.t[one] > columns.t[other]
-    return one > other
+def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
+    weights, of_a_beam, full, incidence = how
+    event = events[i]
+    kind, ray = event.kind, event.ray
+    columns.beam[place] = ray // of_a_beam
+    columns.row[place] = ray
+    columns.t[place] = event.t
+    columns.kind[place] = kind
+    columns.part[place] = event.part
+    columns.power[place] = event.power
+    strength = _strength(events, i, full) * _sent_back(event, incidence)
+    columns.strength[place] = weights[ray] * strength
+    columns.ends[place] = kind in (HIT, SPENT)
 
 
 @compiled
-def _order(columns: Any) -> Any:
-    """Give the order by range within each beam: Shell's sort, in gaps of 3k + 1."""
-    order = np.arange(len(columns.t))
-    low = 0
-    while low < len(order):
-        high = low
-        while high < len(order) and columns.beam[high] == columns.beam[low]:
-            high += 1
-        gap = 1
-        while gap < (high - low) // 3:
-            gap = 3 * gap + 1
-        while gap > 0:
-            for start in range(low + gap, high):
-                i, moved = start, order[start]
-                while i >= low + gap and _comes_after(columns, order[i - gap], moved):
-                    order[i] = order[i - gap]
-                    i -= gap
-                order[i] = moved
-            gap //= 3
-        low = high
-    return order
+def _gather(events: Any, how: Any, columns: Any) -> Any:
+    """Fill columns, beam by beam; give how many rows there are."""
+    weights, of_a_beam, _, _ = how
+    keys, picked = np.zeros(len(events)), np.zeros(len(events), np.int64)
+    total = i = 0
+    while i < len(events):
+        beam, count = events[i].ray // of_a_beam, 0
+        while i < len(events) and events[i].ray // of_a_beam == beam:
+            answers = events[i].kind not in (START_INSIDE, OUT_OF_RANGE)
+            if answers and weights[events[i].ray] > 0.0:
+                picked[count] = i
+                keys[count] = events[i].t
+                count += 1
+            i += 1
+        if of_a_beam > 1:
+            _sort(keys, picked, count)
+        for k in range(count):
+            _fill(columns, total + k, events, picked[k], how)
+        total += count
+    return total
 
 
 def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:

@@ -74,8 +74,12 @@ class RangeScanner:
         """
         if self.settings.return_mode != "last":
             return self
-        settings = self.settings.model_copy(update={"return_mode": "all"})
-        return RangeScanner(self.name, settings)
+        together = self.settings.answers_together
+        update = {
+            "return_mode": "all",
+            "ray_choice": "together" if together else "drawn",
+        }
+        return RangeScanner(self.name, self.settings.model_copy(update=update))
 
     def scan(
         self,

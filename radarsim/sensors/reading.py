@@ -82,7 +82,7 @@ class Reader:
         self._settings = settings
         self._pattern = pattern
         several = pattern.rays > 1
-        self.chooses = several and settings.ray_choice == "drawn"
+        self.chooses = several and not settings.answers_together
         self.needs_incidence = settings.incidence_weights
         self.needs_events = (
             settings.return_mode != "last"
@@ -163,15 +163,17 @@ class Reader:
     def _measure(self, ranges: Floats, error: Floats | None) -> None:
         """Make ranges as uncertain and as coarse as the sensor is, in place."""
         settings = self._settings
+        if not (self.noisy or settings.range_quantum):
+            return
+        there = np.isfinite(ranges)
         if error is not None and error.size:
+            found = ranges[there]
             deviation = np.maximum(
-                settings.range_noise, settings.range_noise_share * ranges
+                settings.range_noise, settings.range_noise_share * found
             )
-            there = np.isfinite(ranges)
-            moved = ranges[there] + (error * deviation)[there]
+            moved = found + error[there] * deviation
             ranges[there] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
-            there = np.isfinite(ranges)
             whole = np.rint(ranges[there] / settings.range_quantum)
             coarse = whole * settings.range_quantum
             ranges[there] = np.minimum(coarse, settings.max_range)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from radarsim.study.benchbeams import beams_against_rays
 from radarsim.study.benchengine import (
     against_open3d,
     growth,
@@ -18,6 +19,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[Row]], int]]] = {
     "Open3D": (lambda: against_open3d(1.0), 1),
     "throughput": (lambda: throughput(2.0), 2),
     "growth": (lambda: growth(0.4), 18),
+    "beams": (lambda: beams_against_rays(1.0), 5),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),
     "start-up": (start_up, 2),
 }

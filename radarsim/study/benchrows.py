@@ -41,4 +41,5 @@ GROUPS = {
     "d": "what a scan costs as scenes, beams and robots grow",
     "e": "the server over loopback TCP",
     "f": "start-up, best of five",
+    "g": "beams of many rays, against as many scans that draw one of these rays",
 }

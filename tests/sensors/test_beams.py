@@ -1,13 +1,17 @@
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
+from radarsim.presets.divergence import offset_units, side_ray_at, two_way_deviation
 from radarsim.presets.sensors import load_settings
 from radarsim.presets.settings import SensorSettings
 from radarsim.randomness import generator_for
-from radarsim.sensors.beams import BeamPattern, Fan, Sides, beam_angles
+from radarsim.sensors.beams import BeamPattern, Drawn, Fan, Sides, beam_angles
 
 HERE = Pose3(1.0, -2.0, 0.5)
 
@@ -92,3 +96,178 @@ def test_a_tilted_sensor_scans_its_own_plane() -> None:
     fan = aim(load_settings("radar"), Pose3(0, 0, 0, 0, 0.3, 0), 0)
     assert fan.directions[90] == pytest.approx([math.cos(0.3), 0, -math.sin(0.3)])
     assert fan.directions[0] == pytest.approx([0, -1, 0])
+
+
+CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
+
+
+def cone_offsets(pattern: BeamPattern, drawn: Drawn, beam: int) -> Floats:
+    """Give how far each ray of one beam is off it, (K, 2) rad to the left and up."""
+    ways = drawn.ways[:, beam]
+    across = np.arctan2(ways[:, 1], ways[:, 0]) - pattern.angles[beam]
+    return np.column_stack([across, np.arcsin(ways[:, 2])])
+
+
+@pytest.mark.parametrize(
+    ("count", "nodes", "weights"),
+    [
+        pytest.param(1, [0], [1], id="one"),
+        pytest.param(3, [-0.5201, 0, 0.5201], [0.1667, 0.6667, 0.1667], id="three"),
+        pytest.param(
+            5,
+            [-0.8579, -0.4071, 0, 0.4071, 0.8579],
+            [0.0113, 0.2221, 0.5333, 0.2221, 0.0113],
+            id="five",
+        ),
+        pytest.param(
+            7,
+            [-1.1262, -0.7107, -0.3466, 0, 0.3466, 0.7107, 1.1262],
+            [0.0005, 0.0308, 0.2401, 0.4571, 0.2401, 0.0308, 0.0005],
+            id="seven",
+        ),
+    ],
+)
+def test_nodes_across_are_those_of_gauss_and_hermite(
+    count: int, nodes: list[float], weights: list[float]
+) -> None:
+    cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": count}
+    pattern = BeamPattern(load_settings("radar", **cone, ray_choice="together"))
+    offsets = cone_offsets(pattern, pattern.draw(None), 40) / math.radians(4)
+    assert offsets[:, 0] == pytest.approx(nodes, abs=6e-5)
+    assert offsets[:, 1] == pytest.approx(np.zeros(count))
+    assert pattern.weights == pytest.approx(weights, abs=6e-5)
+
+
+def test_a_cone_that_is_wide_both_ways_has_a_grid_of_nodes() -> None:
+    settings = load_settings("radar", **CONE, cone_rays=12, ray_choice="together")
+    pattern = BeamPattern(settings)
+    assert settings.cone_grid == (4, 3)
+    offsets = cone_offsets(pattern, pattern.draw(None), 100)
+    assert len(np.unique(offsets[:, 0].round(9))) == 4
+    assert len(np.unique(offsets[:, 1].round(9))) == 3
+    variance = pattern.weights @ offsets**2
+    assert np.sqrt(variance) == pytest.approx(
+        [two_way_deviation(math.radians(4)), two_way_deviation(math.radians(2))]
+    )
+    assert pattern.weights.sum() == pytest.approx(1.0)
+
+
+def test_a_narrow_direction_has_no_nodes() -> None:
+    flat = load_settings("radar", **{**CONE, "beamwidth_el_deg": 0}, cone_rays=5)
+    tall = load_settings("radar", **{**CONE, "beamwidth_az_deg": 0}, cone_rays=5)
+    assert (flat.cone_grid, tall.cone_grid) == ((5, 1), (1, 5))
+
+
+def test_random_rays_are_spread_like_the_beam_out_and_back() -> None:
+    settings = load_settings(
+        "radar", **CONE, cone_rays=500, cone_sampling="random", ray_choice="together"
+    )
+    pattern = BeamPattern(settings)
+    drawn = pattern.draw(generator_for(3, "cone"))
+    offsets = np.concatenate(
+        [cone_offsets(pattern, drawn, i) for i in range(0, 181, 9)]
+    )
+    n = len(offsets)
+    for i, width in enumerate((4, 2)):
+        sigma = two_way_deviation(math.radians(width))
+        assert offsets[:, i].mean() == pytest.approx(0, abs=4 * sigma / math.sqrt(n))
+        error = sigma / math.sqrt(2 * n)
+        assert offsets[:, i].std() == pytest.approx(sigma, abs=4 * error)
+    assert np.corrcoef(offsets.T)[0, 1] == pytest.approx(0, abs=4 / math.sqrt(n))
+
+
+def test_a_random_ray_that_is_drawn_is_one_of_them() -> None:
+    settings = load_settings("radar", **CONE, cone_rays=500, cone_sampling="random")
+    pattern = BeamPattern(settings)
+    drawn = pattern.draw(generator_for(3, "cone"))
+    assert pattern.rays == 1
+    assert drawn.ways.shape == (1, 181, 3)
+    assert set(drawn.sides.tolist()) == {-1, 1}
+
+
+def test_the_side_of_a_ray_of_a_cone_is_where_it_is() -> None:
+    settings = load_settings("radar", **CONE, cone_rays=9, ray_choice="together")
+    pattern = BeamPattern(settings)
+    drawn = pattern.draw(None)
+    offsets = cone_offsets(pattern, drawn, 0)[:, 0]
+    assert drawn.sides[:9].tolist() == np.sign(offsets.round(9)).tolist()
+    assert sorted(drawn.sides[:9].tolist()) == [-1] * 3 + [0] * 3 + [1] * 3
+
+
+def test_nodes_of_a_cone_are_drawn_by_their_weights() -> None:
+    settings = load_settings("radar", fov_deg=359, resolution_deg=0.01, **CONE)
+    pattern = BeamPattern(settings)
+    nodes = pattern.draw(generator_for(1, "nodes")).nodes
+    for node, wanted in enumerate(pattern.weights.tolist()):
+        error = math.sqrt(wanted * (1 - wanted) / len(nodes))
+        assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
+
+
+def test_three_divergent_rays_can_be_the_quadrature_of_three() -> None:
+    distance, width = 20.0, math.radians(4)
+    cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": 3}
+    three = {
+        "side_mode": "divergent",
+        "side_offset_uu": offset_units(side_ray_at(width), distance),
+        "divergence_distance": distance,
+        "ray_weights": (1, 4, 1),
+    }
+    one, other = (
+        BeamPattern(load_settings("radar", **settings, ray_choice="together"))
+        for settings in (cone, three)
+    )
+    assert one.weights == pytest.approx(other.weights)
+    ways = [
+        pattern.aim(HERE, pattern.draw(None)).directions for pattern in (one, other)
+    ]
+    assert ways[0] == pytest.approx(ways[1])
+
+
+def test_rays_of_a_beam_stand_together() -> None:
+    pattern = BeamPattern(load_settings("radar", ray_choice="together"))
+    drawn = pattern.draw(None)
+    assert drawn.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
+    fan = pattern.aim(HERE, drawn)
+    for node, side in enumerate((-1, 0, 1)):
+        alone = pattern.aim(HERE, pattern.only(side))
+        assert fan.origins[node::3].tolist() == alone.origins.tolist()
+        assert fan.directions[node::3].tolist() == alone.directions.tolist()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param({**CONE, "cone_rays": 9}, id="a grid"),
+        pytest.param({**CONE, "cone_sampling": "random"}, id="random rays"),
+    ],
+)
+def test_a_cone_has_no_ray_that_is_the_right_one(settings: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="ray -1, expected a beam of three rays"):
+        BeamPattern(load_settings("radar", **settings)).only(-1)
+
+
+def test_a_laser_has_one_ray_whatever_its_settings_say() -> None:
+    settings = load_settings("laser", **CONE, side_offset_uu=50, ray_choice="together")
+    pattern = BeamPattern(settings)
+    assert (pattern.rays, pattern.width, pattern.draws) == (1, 0.0, False)
+
+
+@given(st.floats(-0.5, 0.5), st.floats(0, 30), st.floats(0, 30), st.integers(0, 2**32))
+def test_every_ray_has_length_one(
+    pitch: float, az: float, el: float, seed: int
+) -> None:
+    settings = load_settings(
+        "radar",
+        fov_deg=90,
+        resolution_deg=30,
+        side_mode="cone",
+        beamwidth_az_deg=az,
+        beamwidth_el_deg=el,
+        cone_rays=4,
+        cone_sampling="random",
+        ray_choice="together",
+    )
+    pattern = BeamPattern(settings)
+    drawn = pattern.draw(generator_for(seed, "any"))
+    ways = pattern.aim(Pose3(0, 0, 0, 0.1, pitch, 1.0), drawn).directions
+    assert np.linalg.norm(ways, axis=1) == pytest.approx(np.ones(16), abs=1e-12)

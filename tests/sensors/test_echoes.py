@@ -1,0 +1,214 @@
+"""What the sensors know of what they see."""
+
+import math
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim import Echoes, Material, Part, Pose3, Scan, Scene
+from radarsim.presets.sensors import load_settings
+from radarsim.randomness import generator_for
+from radarsim.raycast.boxes import Boxes
+from radarsim.raycast.penetration import EventKind
+from radarsim.raycast.tracers import tracer_of
+from radarsim.scene.shapes import box, cylinder
+from radarsim.sensors.echoes import Target
+
+WALL = Material("wall")
+LEAF = Material("leaf", density=0.4)
+SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
+STEEL = Material("steel")
+
+
+def block(
+    name: str,
+    material: Material,
+    size: tuple[float, float, float],
+    place: tuple[float, float, float],
+) -> Part:
+    vertices, faces = box(*size)
+    return Part(name, material, vertices + np.array(place), faces)
+
+
+def pole(name: str, x: float, y: float, radius: float = 0.1) -> Part:
+    vertices, faces = cylinder(radius, 2.0)
+    return Part(name, STEEL, vertices + np.array([x, y, 0.5]), faces)
+
+
+def scene(*parts: Part) -> Scene:
+    return Scene("yard", "Yard", parts)
+
+
+def take(world: Scene, **settings: object) -> Scan:
+    radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2, **settings)
+    return radar.scan(world, (0, 0, 0), generator_for(1))
+
+
+def objects(echoes: Echoes, beam: int) -> list[str]:
+    targets = echoes.targets
+    parts = echoes.parts[echoes.beams == beam].tolist()
+    return [targets[part].object for part in parts]
+
+
+# The left ray hits the near one, the centre ray the far one, the right ray neither.
+POLES = scene(pole("near", 5, 0.15), pole("far", 8, 0.0, 0.05))
+
+
+def test_two_poles_half_hidden_give_two_echoes_in_one_direction() -> None:
+    scan = take(POLES, return_mode="all", side_offset_uu=25)
+    assert objects(scan.echoes, 1) == ["near", "far"]
+    assert scan.echoes.ranges[scan.echoes.beams == 1] == pytest.approx(
+        [5 - math.sqrt(0.01 - 0.05**2), 7.95], abs=2e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("weights", "kept"),
+    [
+        pytest.param((1, 1, 3), "near", id="more of the left"),
+        pytest.param((1, 3, 1), "far", id="more of the centre"),
+        pytest.param((1, 1, 1), "near", id="the nearer of equal ones"),
+    ],
+)
+def test_strongest_keeps_one_of_them(
+    weights: tuple[float, float, float], kept: str
+) -> None:
+    scan = take(POLES, return_mode="strongest", ray_weights=weights)
+    assert objects(scan.echoes, 1) == [kept]
+    assert scan.ranges[1] == scan.echoes.ranges[scan.echoes.beams == 1][0]
+
+
+def test_each_mode_keeps_its_own() -> None:
+    bush, wall = block("bush", LEAF, (1, 4, 4), (3, 0, 0)), pole("pole", 7, 0.0, 0.5)
+    kept = {
+        mode: objects(take(scene(bush, wall), return_mode=mode).echoes, 1)
+        for mode in ("last", "first", "strongest")
+    }
+    assert kept == {"last": ["pole"], "first": ["bush"], "strongest": ["pole"]}
+    every = take(
+        scene(bush, wall), return_mode="all", side_offset_uu=0, ray_choice="drawn"
+    )
+    assert objects(every.echoes, 1) == ["bush", "bush", "pole"]
+    assert every.ranges[1] == pytest.approx(6.5, abs=1e-3)
+
+
+def test_first_and_strongest_are_not_misled_by_smoke() -> None:
+    world = scene(block("cloud", SMOKE, (2, 4, 4), (3, 0, 0)), pole("pole", 7, 0, 0.5))
+    for mode in ("first", "strongest"):
+        assert objects(take(world, return_mode=mode).echoes, 1) == ["pole"]
+    every = take(world, return_mode="all", ray_choice="drawn")
+    assert objects(every.echoes, 1) == ["cloud", "cloud", "pole"]
+
+
+def test_a_shrub_and_smoke_are_told_apart() -> None:
+    world = scene(
+        block("cloud", SMOKE, (1, 4, 4), (3, 0, 0)),
+        block("shrub", LEAF, (1, 4, 4), (5, 0, 0)),
+        block("back", WALL, (1, 4, 4), (7, 0, 0)),
+    )
+    targets = take(world, return_mode="all").echoes.targets
+    told = {target.object: target for target in targets.values()}
+    assert told["cloud"] == Target("cloud", "smoke", 0.0, 1.0, True, True)
+    assert told["shrub"] == Target("shrub", "leaf", 0.4, 0.6, False, False)
+    assert told["back"] == Target("back", "wall", math.inf, 0.0, False, False)
+
+
+@pytest.mark.parametrize(
+    ("material", "sensor", "density", "transparency"),
+    [
+        pytest.param(LEAF, "radar", 0.4, 0.6, id="radar in leaves"),
+        pytest.param(LEAF, "laser", math.inf, 0.0, id="laser before leaves"),
+        pytest.param(SMOKE, "laser", 0.5, 1.0, id="a laser that smoke costs nothing"),
+        pytest.param(SMOKE, "hokuyo", 0.5, 0.0, id="a laser that smoke blinds"),
+        pytest.param(
+            Material("thick", density=7.0), "radar", 7.0, 0.0, id="within a metre"
+        ),
+        pytest.param(
+            Material("sheet", density=0.0, laser_density=0.0, sheet_loss=0.25),
+            "radar",
+            0.0,
+            0.75,
+            id="a sheet",
+        ),
+        pytest.param(
+            Material("sheet", density=0.0, laser_density=0.0, sheet_loss=0.25),
+            "laser",
+            0.0,
+            1.0,
+            id="a sheet that light passes",
+        ),
+    ],
+)
+def test_transparency_is_the_share_that_a_metre_lets_through(
+    material: Material, sensor: str, density: float, transparency: float
+) -> None:
+    target = Target.of("it", material, load_settings(sensor))
+    assert target.density == density
+    assert target.transparency == pytest.approx(transparency)
+
+
+def test_a_sensor_without_power_is_let_through_by_what_costs_nothing() -> None:
+    settings = load_settings("radar", penetration_power=0)
+    assert Target.of("it", SMOKE, settings).transparency == 1.0
+    assert Target.of("it", LEAF, settings).transparency == 0.0
+
+
+def test_a_spent_beam_is_told_from_a_hit() -> None:
+    bush = block("bush", LEAF, (4, 0.2, 4), (4, 0.0, 0))
+    wall = block("wall", WALL, (1, 9, 4), (7, 0, 0))
+    scan = take(scene(bush, wall), side_offset_uu=0)
+    assert [EventKind(kind) for kind in scan.echoes.kinds.tolist()] == [
+        *(EventKind.HIT, EventKind.SPENT, EventKind.HIT)
+    ]
+    assert scan.echoes.power[1] == 0.0
+
+
+def test_a_robot_is_a_target_too() -> None:
+    world = scene(block("wall", WALL, (1, 9, 4), (7, 0, 0)))
+    radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2)
+    tracer = tracer_of(world)
+    boxes = Boxes(np.array([[3.0, 0, 0, 0, 1, 0.5, 0.5, 4.0]]))
+    plan = radar.plan(tracer, Pose3(0, 0, 0.3), generator_for(0), boxes)
+    scan = radar.read(plan, tracer.trace(plan.rays, boxes))
+    assert set(scan.echoes.targets.values()) == {
+        Target("robot 4", "robot", math.inf, 0.0, False, False)
+    }
+
+
+def test_echoes_as_lists_are_what_json_can_hold() -> None:
+    world = scene(block("bush", LEAF, (1, 4, 4), (3, 0, 0)))
+    told = take(world, return_mode="all", side_offset_uu=0, ray_choice="drawn")
+    first, second = told.to_dict()["echoes"][1]
+    assert first == {
+        "range": pytest.approx(2.5),
+        "kind": "enter",
+        "ray": first["ray"],
+        "power": 1.0,
+        "strength": pytest.approx(0.4),
+        "object": "bush",
+        "material": "leaf",
+        "density": 0.4,
+        "transparency": pytest.approx(0.6),
+        "laser_passes": False,
+        "robot_passes": False,
+    }
+    assert (second["kind"], second["power"]) == ("leave", pytest.approx(0.6))
+    assert first["ray"] in (-1, 0, 1)
+
+
+def test_what_is_infinite_is_null() -> None:
+    world = scene(block("wall", WALL, (1, 9, 4), (7, 0, 0)))
+    told = radarsim.load_sensor("laser").scan(world, (0, 0, 0)).to_dict()["echoes"]
+    assert told[0] == []
+    (echo,) = told[90]
+    assert (echo["power"], echo["density"], echo["ray"]) == (None, None, None)
+
+
+def test_the_last_echo_is_the_reading(foliage_room: Scene) -> None:
+    for mode in ("last", "all"):
+        radar = radarsim.load_sensor("radar", return_mode=mode)
+        scan = radar.scan(foliage_room, (-7, 0.4, 0), generator_for(3))
+        lists = scan.to_dict()["echoes"]
+        assert [beam[-1]["range"] for beam in lists] == scan.ranges.tolist()
+        assert len(scan.echoes) == sum(len(beam) for beam in lists)
