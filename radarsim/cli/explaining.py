@@ -37,7 +37,8 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         raise typer.BadParameter(
             f"{beam}, expected 0 to {scanner.settings.beams - 1}", param_hint="--beam"
         )
-    sides, cast = _rays(scanner, scanner.scan(scene, pose, rng), ray)
+    scan = scanner.scan(scene, pose, rng)
+    sides, cast = _rays(scanner, scan, ray)
     one = cast.take(np.array([beam]))
     events = tracer_of(scene).explain(one)[0]
     told = {
@@ -49,6 +50,8 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         "direction": one.directions[0].tolist(),
         **explanation(events, scene.parts, scanner),
     }
+    if ray == "drawn":  # a beam need not read where one of its rays ends
+        told["range"] = _number(float(scan.ranges[beam]))
     if form == "json":
         typer.echo(json.dumps(told, allow_nan=False))
     else:
@@ -63,8 +66,12 @@ def _rays(scanner: RangeScanner, scan: Scan, ray: str) -> tuple[Sides | None, Ra
         return None, scan.cast
     try:
         return scanner.one_ray(scan.pose, RAYS[ray])
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--ray") from None
+    except ValueError:
+        count = scanner.settings.rays_of_a_beam
+        raise typer.BadParameter(
+            f"{ray!r}, expected drawn: {scanner.name}'s beams have {count} rays",
+            param_hint="--ray",
+        ) from None
 
 
 def explanation(

@@ -151,3 +151,39 @@ def test_a_beam_that_is_not_there_is_usage(radarsim: Command) -> None:
     )
     assert run.code == 2
     assert "expected 0 to 180" in run.err
+
+
+@pytest.mark.parametrize(
+    ("settings", "wanted"),
+    [
+        pytest.param(["return_mode=first"], 3.5, id="the first echo"),
+        pytest.param(["return_mode=strongest"], 3.5, id="the strongest one"),
+        pytest.param(["return_mode=all", "range_quantum=3"], 9.0, id="whole steps"),
+    ],
+)
+def test_what_a_beam_reads_is_what_the_scan_reads(
+    radarsim: Command, room: str, settings: list[str], wanted: float
+) -> None:
+    changes = [part for text in settings for part in ("--set", text)]
+    ahead = (*AHEAD[:-2], "--set", "side_offset_uu=0")
+    run = radarsim("explain", room, *ahead, *changes, "--format", "json")
+    told = json.loads(run.text)
+    assert told["range"] == pytest.approx(wanted)
+    assert (told["outcome"], told["distance"]) == ("hit", pytest.approx(10))
+
+
+def test_the_beams_of_a_cone_have_no_left_ray(radarsim: Command, room: str) -> None:
+    run = radarsim("explain", room, *AHEAD[:-1], "left", "--set", "side_mode=cone")
+    assert run.code == 2
+    assert "expected drawn: radar's beams have 9 rays" in " ".join(
+        run.err.replace("│", " ").split()
+    )
+
+
+def test_a_laser_has_one_ray_whichever_is_asked_for(
+    radarsim: Command, room: str
+) -> None:
+    asked = ("--sensor", "laser", *AHEAD[2:])
+    told = json.loads(radarsim("explain", room, *asked, "--format", "json").text)
+    assert told["ray"] is None
+    assert told["range"] == pytest.approx(3.5)
