@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 OPAQUE = math.inf
+BANDS_GHZ = (24, 77, 94)  # of radars
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,16 @@ class Material:
             surfaces. With it surfaces alone cost something, even where they are
             closed: a finite density does not count, and a laser beam that a finite
             ``laser_density`` lets in passes for nothing.
+        radar_db: (3,) dB that radar waves lose per metre inside, one way, in each of
+            ``BANDS_GHZ``; on top of the density, at so much power per dB as a sensor's
+            margin makes it.
+        laser_db: The same for light.
+        absorption_db: dB that an opaque surface keeps of a radar wave; what a beam has
+            not to spare does not come back. ``math.inf`` keeps everything.
+        laser_absorption_db: The same of light.
+        radar_mirror: Whether an opaque surface reflects radar waves like a mirror.
+        laser_mirror: Whether it reflects light so.
+        rain: mm/h of rain in it, whose drops a radar sees.
     """
 
     name: str
@@ -28,6 +39,13 @@ class Material:
     laser_density: float = OPAQUE
     solid: bool = True
     sheet_loss: float | None = None
+    radar_db: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    laser_db: float = 0.0
+    absorption_db: float = 0.0
+    laser_absorption_db: float = 0.0
+    radar_mirror: bool = False
+    laser_mirror: bool = False
+    rain: float = 0.0
 
     @property
     def penetrable(self) -> bool:

@@ -83,6 +83,8 @@ class Scene:
         parts: In the order of the map file.
         starts: In the order of the map file.
         materials: By name.
+        air: What fills the whole scene, besides its parts: fog, rain; None for nothing
+            that costs anything.
     """
 
     name: str
@@ -90,6 +92,7 @@ class Scene:
     parts: tuple[Part, ...] = ()
     starts: tuple[StartPose, ...] = ()
     materials: Mapping[str, Material] = field(default_factory=dict)
+    air: Material | None = None
 
     @cached_property
     def bounds(self) -> Floats:
