@@ -1,0 +1,164 @@
+"""Pictures of scans: rays, echoes and readings over a plan of the map."""
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from radarsim.picture.legend import Legend
+from radarsim.picture.marks import draw_echoes
+from radarsim.picture.places import material_colours, scan_points
+from radarsim.picture.strokes import draw_rays, kinds_of_rays
+from radarsim.presets.settings import SensorSettings
+from radarsim.robots.sections import section
+from radarsim.scene.scene import Scene
+from radarsim.sensors.scan import Scan
+
+MARGIN: Final = 0.5  # m around the map
+MOST_NAMES: Final = 20  # of materials that fit beside the picture
+OPAQUE_WIDTH: Final = 1.4  # points
+
+
+def draw_scans(scene: Scene, scans: Sequence[Scan]) -> bytes:
+    """Draw scans over the section of the map at the sensor's height.
+
+    Args:
+        scene: The map.
+        scans: Of one sensor; at least one.
+
+    Returns:
+        A PNG file.
+    """
+    canvas = FigureCanvasAgg(figure_of(scene, scans))
+    data = io.BytesIO()
+    canvas.print_figure(data, format="png", metadata={"Software": "radarsim"})
+    return data.getvalue()
+
+
+def figure_of(scene: Scene, scans: Sequence[Scan]) -> Figure:
+    """Draw scans; of one alone also its rays and its echoes.
+
+    Rays are cast anew, into the map without any robots.
+
+    Args:
+        scene: The map.
+        scans: Of one sensor; at least one.
+    """
+    layout = ConstrainedLayoutEngine(compress=True, w_pad=0.15, h_pad=0.1)
+    figure = Figure(figsize=(13, 7.6), dpi=120, layout=layout)
+    axes = figure.add_subplot()
+    legend = Legend()
+    colours = material_colours(scene)
+    materials = {part.material.name for part in scene.parts}
+    _draw_plan(axes, scene, colours, scans[0].pose.z)
+    _frame(axes, scene, scans)
+    _draw_readings(axes, scans, legend)
+    if len(scans) == 1:
+        draw_rays(axes, scene, scans[0], legend)
+        materials |= draw_echoes(axes, scans[0], colours, legend)
+    _tell_materials(legend, [name for name in colours if name in materials], colours)
+    legend.draw(figure)
+    return figure
+
+
+def _tell_materials(
+    legend: Legend, names: Sequence[str], colours: Mapping[str, str]
+) -> None:
+    legend.head("Materials")
+    for name in names[:MOST_NAMES]:
+        legend.mark(name, "s", color=colours[name], markersize=7)
+    if names[MOST_NAMES:]:
+        legend.mark(f"and {len(names) - MOST_NAMES} more", "")
+    legend.line("opaque, in the plan", color="black", linewidth=OPAQUE_WIDTH)
+
+
+def _draw_plan(
+    axes: Axes, scene: Scene, colours: Mapping[str, str], height: float
+) -> None:
+    """Draw what the plane of the scan cuts: opaque things black, others in colour."""
+    for part in scene.parts:
+        lines = section(part.vertices, part.faces, height)
+        opaque = math.isinf(part.material.density)
+        plan = LineCollection(
+            list(lines),
+            colors="black" if opaque else colours[part.material.name],
+            linewidths=OPAQUE_WIDTH if opaque else 1.0,
+            alpha=1.0 if opaque else 0.7,
+            zorder=1.5,
+        )
+        axes.add_collection(plan)
+
+
+def _draw_readings(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
+    """Draw a dot for each range, along its beam, in the colour of its ray."""
+    alone = len(scans) == 1
+    size = 3 if alone else 2
+    for scan in scans:
+        ends, came_back = scan_points(scan), np.isfinite(scan.ranges)
+        for chosen, colour, _ in kinds_of_rays(scan):
+            dots = ends[chosen & came_back]
+            axes.plot(*dots.T, ".", color=colour, markersize=size, zorder=4)
+    place = scans[0].pose.position()
+    axes.plot(*place[:2], "o", color="black", markersize=6, zorder=2.5)
+    legend.head("Rays that gave the ranges" if alone else "Ranges")
+    for _, colour, name in kinds_of_rays(scans[0]):
+        if alone:
+            legend.line(name, color=colour, linewidth=1.2)
+        else:
+            legend.mark(name, ".", color=colour)
+    if alone:
+        legend.mark("range, along its beam", ".", color="0.35")
+
+
+def _frame(axes: Axes, scene: Scene, scans: Sequence[Scan]) -> None:
+    """Show the map, and circles of equal range around the sensor."""
+    scan = scans[0]
+    (x0, y0, _), (x1, y1, _) = scene.bounds
+    x, y = scan.pose.x, scan.pose.y
+    axes.set_xlim(min(x0, x) - MARGIN, max(x1, x) + MARGIN)
+    axes.set_ylim(min(y0, y) - MARGIN, max(y1, y) + MARGIN)
+    farthest = math.hypot(x1 - x0, y1 - y0)
+    step = max(1, round(farthest / 8))
+    around = np.linspace(0, 2 * math.pi, 181)
+    for radius in np.arange(step, farthest, step):
+        circle = (x + radius * np.cos(around), y + radius * np.sin(around))
+        axes.plot(*circle, color="0.85", linewidth=0.5, zorder=0)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.set_title(_title(scene, scans, step), fontsize="medium", parse_math=False)
+
+
+def _title(scene: Scene, scans: Sequence[Scan], step: int) -> str:
+    scan = scans[0]
+    beyond = sum(int(np.count_nonzero(~np.isfinite(s.ranges))) for s in scans)
+    blind = sum(int(np.count_nonzero(s.ranges == 0)) for s in scans)
+    turned = f"{math.degrees(scan.pose.yaw):.0f}°"
+    counted = f"{len(scans)} scans of " if len(scans) > 1 else ""
+    counted += f"{len(scan.ranges)} beams, {beyond} without return"
+    counted += f", {blind} blinded" if blind else ""
+    return (
+        f"{scan.sensor} in {scene.name}"
+        f" at x {scan.pose.x:.2f} m, y {scan.pose.y:.2f} m, yaw {turned}: {counted}\n"
+        f"{_beams(scan.echoes.settings)}; plan at the sensor's height, "
+        f"z {scan.pose.z:.2f} m; circles every {step} m"
+    )
+
+
+def _beams(settings: SensorSettings) -> str:
+    """Say which rays a beam has, and which of its echoes it keeps."""
+    mode = settings.return_mode
+    kept = "all echoes" if mode == "all" else f"{mode} echo"
+    if not settings.has_side_rays:
+        return kept
+    answer = "together" if settings.answers_together else "one drawn"
+    if settings.side_mode == "cone":
+        return f"cone of {settings.cone_rays} rays, {answer}, {kept}"
+    return f"N = {settings.side_offset_uu:g} {settings.side_mode}, {answer}, {kept}"
