@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from radarsim.geometry import Pose2, Pose3
     from radarsim.host import Host
     from radarsim.randomness import generator_for
-    from radarsim.scene.mapfile import load_map, shipped_maps
+    from radarsim.scene.mapfile import load_map
+    from radarsim.scene.mapnames import shipped_maps
     from radarsim.scene.material import Material
     from radarsim.scene.scene import Part, Scene, StartPose
     from radarsim.sensors.echoes import Echoes, Target
@@ -45,7 +46,7 @@ _HOMES = {
     "generator_for": "radarsim.randomness",
     "load_map": "radarsim.scene.mapfile",
     "load_sensor": "radarsim.sensors.range_scanner",
-    "shipped_maps": "radarsim.scene.mapfile",
+    "shipped_maps": "radarsim.scene.mapnames",
 }
 
 __all__ = [

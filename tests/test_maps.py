@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.scene.mapfile import load_map, shipped_maps
+from radarsim.scene.mapfile import load_map
+from radarsim.scene.mapnames import shipped_maps
 from radarsim.scene.scene import Part, Scene
 
 SENSOR = np.array([-8 + 0.2085, 0.0, 0.346])  # on a P3AT at RobotStart1
@@ -101,7 +102,8 @@ def test_a_shipped_map_is_a_room_with_three_starts(name: str) -> None:
 
 
 def test_every_map_in_the_folder_is_tested_here() -> None:
-    assert set(shipped_maps()) == {"empty_room", "foliage_room", "smoke_room"}
+    rooms = {"empty_room", "foliage_room", "smoke_room"}
+    assert set(shipped_maps()) == {*rooms, "forest_edge"}
 
 
 def test_a_shipped_map_loads_quickly() -> None:

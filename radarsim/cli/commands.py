@@ -65,7 +65,10 @@ class Ray(StrEnum):
 
 MapArgument = Annotated[
     str,
-    typer.Argument(metavar="MAP", help="A map file, or the name of a shipped map."),
+    typer.Argument(
+        metavar="MAP",
+        help="A map file, or the name of a shipped map; @VARIANT after it.",
+    ),
 ]
 SensorOption = Annotated[
     str, typer.Option("--sensor", help="A preset: see 'radarsim sensors'.")
@@ -222,9 +225,24 @@ def sensors(
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
     """List the sensor presets: their numbers, sources and confidence."""
-    from radarsim.cli.looking import list_sensors
+    from radarsim.cli.listing import list_sensors
 
     list_sensors(names or (), as_json=as_json)
+
+
+@app.command()
+def materials(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="Only these; all by default."),
+    ] = None,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """List the library of materials: their numbers, sources and confidence."""
+    from radarsim.cli.listing import list_materials
+
+    list_materials(names or (), as_json=as_json)
 
 
 @app.command()

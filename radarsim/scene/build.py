@@ -47,7 +47,7 @@ def build_parts(
 
     Args:
         entry: The object, with one shape.
-        materials: All materials of the map.
+        materials: Those that it names.
         folder: The map's own folder, links resolved.
         most_triangles: How many there may be.
 
@@ -125,7 +125,7 @@ def _join(material: Material, surfaces: list[Surface]) -> tuple[Floats, Faces]:
         vertices, faces = (join_surfaces if may_be_open else join_volume)(surfaces)
     except MeshError as error:
         expected = "expected a closed volume with one outside"
-        known = f"since {material.name!r} has a density and no sheet_loss"
+        known = f"since beams enter {material.name!r}, which has no sheet_loss"
         raise MeshError(f"{error}, {expected}, {known}") from error
     if not len(faces):
         raise MeshError(f"no triangle of {material.name!r} has an area")

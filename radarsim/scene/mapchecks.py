@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 from radarsim.geometry import Floats
+from radarsim.presets.materials import AMOUNTS, library, library_entry, library_names
 from radarsim.scene.mapmodel import MAX_EXTENT
 from radarsim.yamlfile import shown
 from radarsim.yamlnodes import KeyPath
@@ -16,6 +17,11 @@ Problem: TypeAlias = tuple[KeyPath, str]
 
 _SHAPES = {"box", "cylinder", "mesh", "sphere"}
 _FOR_MESHES = {"materials", "scale", "up_axis"}
+_NOT_OPAQUE = (
+    ("density", "sheet_loss"),
+    ("density", "db_per_m"),
+    ("laser_density", "laser_db_per_m"),
+)
 _EITHER = (
     ("material", "materials"),
     ("yaw_deg", "rotation_deg"),
@@ -24,15 +30,24 @@ _EITHER = (
 
 
 def material_problems(item: Any) -> Iterator[Problem]:
-    """Check a material: a density, or a loss at each surface of what beams enter."""
+    """Check a material: it says what a radar loses, in ways that go together."""
     if not isinstance(item, dict):
         return
-    density, sheet_loss = item.get("density"), item.get("sheet_loss")
-    if density is None and sheet_loss is None:
+    given = {key for key, value in item.items() if value is not None}
+    if not given & {"density", "sheet_loss", "db_per_m", "based_on"}:
         yield ("density",), "missing, expected 'opaque' or a number"
-    if density == "opaque" and sheet_loss is not None:
-        message = "expected a density that is a number, or none"
-        yield ("sheet_loss",), f"{shown(sheet_loss)} with 'opaque', {message}"
+    message = "expected a density that is a number, or none"
+    for density, key in _NOT_OPAQUE:
+        if item.get(density) == "opaque" and key in given:
+            yield (key,), f"{shown(item[key])} with 'opaque', {message}"
+    if {"sheet_loss", "db_per_m"} <= given:
+        yield ("db_per_m",), "expected either 'sheet_loss' or 'db_per_m'"
+    for key in sorted(given & set(AMOUNTS)):
+        base = item.get("based_on")
+        known = isinstance(base, str) and base in library_names()
+        if not known or library_entry(base).amount != key:
+            takers = [name for name, entry in library().items() if entry.amount == key]
+            yield (key,), f"expected only with 'based_on' one of {takers}"
 
 
 def object_problems(item: Any) -> Iterator[Problem]:

@@ -2,29 +2,37 @@
 
 A map is a YAML file with its meshes beside it, see mapmodel.py for what it may say.
 All that is wrong with it is found in one run: every entry is looked at by itself, and
-one that is wrong only leaves out what would be built from it.
+one that is wrong only leaves out what would be built from it. A variant is a layer of
+further entries over those of the map.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import ValidationError
+from typing import Any, TypeAlias
 
 from radarsim.errors import MapError
 from radarsim.geometry import Pose3
+from radarsim.presets.materials import library_names
 from radarsim.scene.build import BuildError, build_parts
 from radarsim.scene.mapchecks import extent_problems, material_problems, object_problems
+from radarsim.scene.mapmaterials import (
+    air_problems,
+    from_library,
+    make_material,
+    surface_problems,
+)
 from radarsim.scene.mapmodel import (
-    Entry,
     Header,
-    MaterialEntry,
     ObjectEntry,
     StartEntry,
+    VariantEntry,
+    unknown_material,
 )
+from radarsim.scene.mapnames import find_map
+from radarsim.scene.mapproblems import MapProblems
 from radarsim.scene.material import Material
+from radarsim.scene.materialmodel import MaterialEntry
 from radarsim.scene.placing import copy_names
 from radarsim.scene.scene import Part, Scene, StartPose
 from radarsim.yamlfile import YamlFile, read_yaml, shown
@@ -32,60 +40,59 @@ from radarsim.yamlnodes import KeyPath
 
 MAX_TRIANGLES = 20_000_000
 
-_AnyEntry = TypeVar("_AnyEntry", bound=Entry)
+_Layer: TypeAlias = tuple[KeyPath, dict[str, Any]]  # entries, and where they stand
 
 
 def load_map(path_or_name: str | Path) -> Scene:
     """Load a map.
 
     Args:
-        path_or_name: The path of a map file, or the name of a shipped map.
+        path_or_name: The path of a map file, or the name of a shipped map; ``@`` and a
+            name after it choose a variant of the map.
 
     Raises:
-        MapError: With every problem that the map has.
+        MapError: With every problem that the map has, other variants left aside.
     """
-    path = find_map(path_or_name)
+    path, variant = find_map(path_or_name)
+    return _Reader(_read(path), variant).scene()
+
+
+def load_variants(path_or_name: str | Path) -> list[Scene]:
+    """Load a map and then all its variants, or only the one that is chosen.
+
+    Raises:
+        MapError: With every problem that any of them has.
+    """
+    path, chosen = find_map(path_or_name)
+    file = _read(path)
+    others = [] if chosen is not None else _pairs(file.data, "variants")
+    scenes: list[Scene] = []
+    problems: dict[str, None] = {}  # each of them once, in order
+    for variant in (chosen, *(name for name, _ in others)):
+        try:
+            scenes.append(_Reader(file, variant).scene())
+        except MapError as error:
+            problems |= dict.fromkeys(error.problems)
+    if problems:
+        raise MapError(list(problems))
+    return scenes
+
+
+def _read(path: Path) -> YamlFile:
     try:
-        file = read_yaml(path)
+        return read_yaml(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise MapError([f"{path}: {reason.lower()}, expected a map file"]) from error
-    return _Reader(file).scene()
-
-
-def find_map(path_or_name: str | Path) -> Path:
-    """Find the file of a map; a file at a path comes before a shipped map's name.
-
-    Raises:
-        MapError: If there is neither.
-    """
-    path, name = Path(path_or_name), str(path_or_name)
-    with suppress(OSError, ValueError):  # endless names, NUL
-        if path.is_file():
-            return path
-    shipped = shipped_maps()
-    if name in shipped:
-        return shipped[name]
-    plain = name.isprintable() and len(name) <= 80
-    expected = f"expected a map file or one of {sorted(shipped)}"
-    raise MapError([f"{name if plain else shown(name)}: no such file, {expected}"])
-
-
-def shipped_maps() -> dict[str, Path]:
-    """Give the maps that come with radarsim, by name."""
-    package = Path(__file__).resolve().parents[1]
-    folder = package / "maps"  # in an installed wheel
-    if not folder.is_dir():
-        folder = package.parent / "maps"  # in a checkout
-    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
 class _Reader:
-    """Reads one map file, collecting problems on the way."""
+    """Reads one map file, or one variant of it."""
 
-    def __init__(self, file: YamlFile) -> None:
+    def __init__(self, file: YamlFile, variant: str | None) -> None:
         self._file = file
-        self._problems = list(file.problems)
+        self._variant = variant
+        self._problems = MapProblems(file)
         self._folder = file.path.parent.resolve()
 
     def scene(self) -> Scene:
@@ -97,118 +104,112 @@ class _Reader:
         data = self._file.data
         if isinstance(data, dict):
             scene = self._scene(data)
-            if not self._problems:
+            if not self._problems.found:
                 return scene
-        elif not self._problems:
+        elif not self._problems.found:
             message = f"{shown(data)}, expected keys like 'version' and 'objects'"
-            self._report((), [((), message)])
-        raise MapError(self._problems)
+            self._problems.report((), [((), message)])
+        raise MapError(self._problems.found)
 
     def _scene(self, data: dict[str, Any]) -> Scene:
-        name = self._file.path.stem
-        header = self._entry(Header, {"level": name, **data}, ())
-        materials = dict(self._materials(data))
-        parts = tuple(self._objects(data, materials))
+        stem = self._file.path.stem
+        header = self._problems.entry(Header, {"level": stem, **data}, ())
+        layers = list(self._layers(data))
+        materials, wrong = self._materials(layers)
+        air = self._air(layers, materials, wrong)
+        parts = tuple(self._objects(layers, materials))
         starts = tuple(self._starts(data))
-        level = header.level if header else name
-        scene = Scene(name, level, parts, starts, materials)
-        self._report(("objects",), extent_problems(scene.bounds))
+        level = header.level if header else stem
+        name = stem if self._variant is None else f"{stem}@{self._variant}"
+        scene = Scene(name, level, parts, starts, materials, air)
+        self._problems.report(("objects",), extent_problems(scene.bounds))
         return scene
 
-    def _materials(self, data: dict[str, Any]) -> Iterator[tuple[str, Material]]:
-        """Read the materials; one that is wrong is opaque, to go on with."""
-        for name, item in _pairs(data, "materials"):
-            at = ("materials", name)
-            entry = self._entry(MaterialEntry, item, at)
-            self._report(at, material_problems(item))
-            yield name, _material(name, entry) if entry else Material(name)
+    def _layers(self, data: dict[str, Any]) -> Iterator[_Layer]:
+        """Give the map's own entries, and then those of the variant."""
+        yield (), data
+        if self._variant is None:
+            return
+        variants = dict(_pairs(data, "variants"))
+        if self._variant not in variants:
+            text = f"{shown(self._variant)}, expected one of {list(variants)}"
+            self._problems.report(("variants",), [((), text)])
+            return
+        at = ("variants", self._variant)
+        layer = {} if variants[self._variant] is None else variants[self._variant]
+        self._problems.entry(VariantEntry, layer, at)
+        yield at, layer if isinstance(layer, dict) else {}
+
+    def _materials(self, layers: list[_Layer]) -> tuple[dict[str, Material], set[str]]:
+        """Read the materials, and name those that are wrong: they are opaque."""
+        materials: dict[str, Material] = {}
+        wrong: set[str] = set()
+        for where, layer in layers:
+            for name, item in _pairs(layer, "materials"):
+                at = (*where, "materials", name)
+                entry = self._problems.entry(MaterialEntry, item, at)
+                sound = self._problems.report(at, material_problems(item))
+                materials[name] = Material(name)
+                if entry and sound:
+                    materials[name] = make_material(name, entry)
+                    found = surface_problems(entry, materials[name])
+                    sound = self._problems.report(at, found)
+                (wrong.discard if entry and sound else wrong.add)(name)
+        return materials, wrong
+
+    def _air(
+        self, layers: list[_Layer], materials: dict[str, Material], wrong: set[str]
+    ) -> Material | None:
+        """Find what fills the scene; the last layer that speaks of it counts."""
+        said = [(at, layer["air"]) for at, layer in layers if "air" in layer]
+        where, name = said[-1] if said else ((), None)
+        if not isinstance(name, str):  # None, or refused before
+            return None
+        at = (*where, "air")
+        if name not in materials and name not in library_names():
+            self._problems.report(at, [((), unknown_material(name, materials))])
+            return None
+        material = self._material(name, materials)
+        if name not in wrong:
+            self._problems.report(at, air_problems(material))
+        return material
+
+    def _material(self, name: str, materials: dict[str, Material]) -> Material:
+        """Give a material by its name; one of the library joins the map's own."""
+        if name not in materials:
+            materials[name] = from_library(name)
+        return materials[name]
 
     def _objects(
-        self, data: dict[str, Any], materials: Mapping[str, Material]
+        self, layers: list[_Layer], materials: dict[str, Material]
     ) -> Iterator[Part]:
         context = {"materials": list(materials), "folder": self._folder}
-        taken: dict[str, int] = {}
+        taken: dict[str, KeyPath] = {}
         room = MAX_TRIANGLES
-        for number, item in enumerate(_items(data, "objects")):
-            at = ("objects", number)
-            entry = self._entry(ObjectEntry, item, at, context)
-            sound = self._report(at, object_problems(item))
-            self._take((*at, "name"), _object_names(entry, item), taken)
+        for at, item in _entries(layers, "objects"):
+            entry = self._problems.entry(ObjectEntry, item, at, context)
+            sound = self._problems.report(at, object_problems(item))
+            self._problems.take(at, _object_names(entry, item), taken)
             if entry is None or not sound:
                 continue
+            made_of = {n: self._material(n, materials) for n in entry.material_names}
             try:
-                parts = build_parts(entry, materials, self._folder, room)
+                parts = build_parts(entry, made_of, self._folder, room)
             except BuildError as error:
-                self._report(at, error.problems)
+                self._problems.report(at, error.problems)
                 continue
             room -= sum(len(part.faces) for part in parts)
             yield from parts
 
     def _starts(self, data: dict[str, Any]) -> Iterator[StartPose]:
-        taken: dict[str, int] = {}
-        for number, item in enumerate(_items(data, "starts")):
-            at = ("starts", number)
-            entry = self._entry(StartEntry, item, at)
+        taken: dict[str, KeyPath] = {}
+        for at, item in _entries([((), data)], "starts"):
+            entry = self._problems.entry(StartEntry, item, at)
             if entry is not None:
-                self._take((*at, "name"), [entry.name], taken, fold=True)
+                self._problems.take(at, [entry.name], taken, fold=True)
                 x, y, z = entry.position
                 pose = Pose3(x, y, z, yaw=math.radians(entry.yaw_deg))
                 yield StartPose(entry.name, pose)
-
-    def _entry(
-        self,
-        model: type[_AnyEntry],
-        item: Any,
-        at: KeyPath,
-        context: dict[str, Any] | None = None,
-    ) -> _AnyEntry | None:
-        try:
-            return model.model_validate(item, context=context)
-        except ValidationError as error:
-            known = model.model_fields
-            self._problems += self._file.refusals(error, at, known=known)
-            return None
-
-    def _take(
-        self,
-        at: KeyPath,
-        names: Iterable[str],
-        taken: dict[str, int],
-        *,
-        fold: bool = False,
-    ) -> None:
-        """Note that an entry has these names, or say which other entry has one.
-
-        Args:
-            at: Where the entry's name stands.
-            names: Those of all its copies.
-            taken: The names so far, with the numbers of their entries.
-            fold: Whether names that differ in case alone are the same.
-        """
-        section, number = at[0], int(at[1])
-        for name in names:
-            other = taken.setdefault(name.casefold() if fold else name, number)
-            if other != number:
-                text = f"{shown(name)}, expected a name that {section}.{other} has not"
-                self._report(at, [((), text)])
-                return
-
-    def _report(self, at: KeyPath, problems: Iterable[tuple[KeyPath, str]]) -> bool:
-        """Collect problems of an entry; tells whether there are none."""
-        found = [self._file.problem((*at, *keys), text) for keys, text in problems]
-        self._problems += found
-        return not found
-
-
-def _material(name: str, entry: MaterialEntry) -> Material:
-    density = 0.0 if entry.density is None else entry.density  # a sheet
-    return Material(
-        name,
-        density=density,
-        laser_density=entry.laser_density,
-        solid=entry.solid,
-        sheet_loss=entry.sheet_loss,
-    )
 
 
 def _object_names(entry: ObjectEntry | None, item: Any) -> Iterable[str]:
@@ -218,11 +219,14 @@ def _object_names(entry: ObjectEntry | None, item: Any) -> Iterable[str]:
     return [name] if isinstance(name, str) else []
 
 
-def _pairs(data: dict[str, Any], key: str) -> list[tuple[str, Any]]:
-    section = data.get(key)
+def _pairs(data: Any, key: str) -> list[tuple[str, Any]]:
+    section = data.get(key) if isinstance(data, dict) else None
     return list(section.items()) if isinstance(section, dict) else []
 
 
-def _items(data: dict[str, Any], key: str) -> list[Any]:
-    section = data.get(key)
-    return section if isinstance(section, list) else []
+def _entries(layers: Iterable[_Layer], key: str) -> Iterator[tuple[KeyPath, Any]]:
+    """Give the entries of a list, and where each of them stands."""
+    for where, layer in layers:
+        section = layer.get(key)
+        for number, item in enumerate(section if isinstance(section, list) else []):
+            yield (*where, key, number), item

@@ -1,11 +1,13 @@
 """What a map file may say, one model for each kind of entry.
 
-The models look at one key at a time. What concerns several keys of an entry is in
-mapchecks.py, and names that must not stand twice where the whole file is read.
+The models look at one key at a time; that of a material is in materialmodel.py. What
+concerns several keys of an entry is in mapchecks.py, and names that must not stand
+twice where the whole file is read.
 """
 
 import math
 import re
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, TypeAlias
 
 from annotated_types import Ge, Gt, Le, Len, MaxLen
@@ -13,13 +15,12 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
-    PlainValidator,
     Strict,
     ValidationInfo,
     field_validator,
 )
 
-from radarsim.scene.material import OPAQUE
+from radarsim.presets.materials import library_names
 from radarsim.scene.meshes import MeshError, find_inside
 from radarsim.yamlfile import shown
 
@@ -29,14 +30,6 @@ MAX_NAME = 200  # of an object or a level
 MAX_START_NAME = 40  # so that many fit into the one line that lists them
 
 START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
-
-
-def _density(value: object) -> float:
-    if value == "opaque":
-        return OPAQUE
-    if isinstance(value, int | float) and not isinstance(value, bool) and value >= 0:
-        return float(value)
-    raise ValueError(f"{shown(value)}, expected 'opaque' or a number, at least 0")
 
 
 def _name(value: str) -> str:
@@ -68,9 +61,22 @@ def _ordered(value: list[Any]) -> list[Any]:
 
 def _known_material(value: str, info: ValidationInfo) -> str:
     context: Any = info.context
-    known = context["materials"]
-    if value not in known:
-        raise ValueError(f"{shown(value)}, expected one of {sorted(known)}")
+    own = context["materials"]
+    if value not in own and value not in library_names():
+        raise ValueError(unknown_material(value, own))
+    return value
+
+
+def unknown_material(value: str, own: Iterable[str]) -> str:
+    """Say that a material is neither one of the map's own nor in the library."""
+    library = f"or of the library, {list(library_names())}"
+    return f"{shown(value)}, expected one of {sorted(own)}, {library}"
+
+
+def _variant(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", value):
+        expected = "expected letters, digits, '_' and '-'"
+        raise ValueError(f"{shown(value)}, {expected}")
     return value
 
 
@@ -93,7 +99,7 @@ Text: TypeAlias = Annotated[str, Strict()]
 Whole: TypeAlias = Annotated[int, Strict()]
 MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
 MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
-Density: TypeAlias = Annotated[float, PlainValidator(_density)]
+VariantName: TypeAlias = Annotated[Text, AfterValidator(_variant)]
 
 
 class Entry(BaseModel):
@@ -110,21 +116,22 @@ class Header(Entry):
     materials: dict[Text, Any] | None = None
     objects: list[Any] | None = None
     starts: list[Any] | None = None
+    air: Text | None = None
+    variants: dict[VariantName, Any] | None = None
 
 
-class MaterialEntry(Entry):
-    """A material; without a density it is a sheet, or wrong.
+class VariantEntry(Entry):
+    """What is different in a variant of the map.
 
     Attributes:
-        density: Power lost per metre inside; does not count beside a ``sheet_loss``.
-        laser_density: The same for a laser beam.
-        sheet_loss: Power that a radar beam loses at each surface, and nowhere else.
+        materials: More of them, or others of the same names.
+        objects: More of them.
+        air: Another one; None for none.
     """
 
-    density: Density | None = None
-    laser_density: Density = OPAQUE
-    solid: Annotated[bool, Strict()] = True
-    sheet_loss: Annotated[Real, Ge(0)] | None = None
+    materials: dict[Text, Any] | None = None
+    objects: list[Any] | None = None
+    air: Text | None = None
 
 
 class RepeatEntry(Entry):
@@ -194,6 +201,12 @@ class ObjectEntry(Entry):
         degrees = self.rotation_deg or [0.0, 0.0, self.yaw_deg]
         roll, pitch, yaw = (math.radians(angle) for angle in degrees)
         return roll, pitch, yaw
+
+    @property
+    def material_names(self) -> list[str]:
+        """What it is made of, by the map's names."""
+        one = [] if self.material is None else [self.material]
+        return [*one, *(self.materials or {}).values()]
 
     @property
     def copies(self) -> int | None:

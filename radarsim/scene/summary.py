@@ -2,18 +2,20 @@
 
 import math
 from collections import Counter
+from collections.abc import Iterator, Sequence
 
-from radarsim.scene.material import Material
+from radarsim.scene.material import BANDS_GHZ, Material
 from radarsim.scene.scene import Scene, StartPose
 
 
 def summarise(scene: Scene) -> list[str]:
-    """Describe a scene in lines: objects, triangles, materials, extents, starts."""
+    """Describe a scene in lines: what is in it, what that is made of, its starts."""
     objects = len({part.object_name for part in scene.parts})
     return [
         f"map {scene.name}, level {scene.level}",
         f"{_count(objects, 'object')}, {_count(scene.triangles, 'triangle')}",
         *_extents(scene),
+        *([f"air: {scene.air.name}"] if scene.air else []),
         _count(len(scene.materials), "material"),
         *_materials(scene),
         "objects, with their materials and triangles",
@@ -46,17 +48,45 @@ def _materials(scene: Scene) -> list[str]:
 
 def _properties(material: Material) -> str:
     words = [
-        f"density {_density(material.density)}",
-        f"laser {_density(material.laser_density)}",
+        _losses("density ", material.density, material.radar_db),
+        "laser " + _losses("", material.laser_density, [material.laser_db]),
         "solid" if material.solid else "can be driven through",
     ]
     if material.sheet_loss is not None:
         words.append(f"loses {material.sheet_loss:g} at each surface")
-    return ", ".join(words)
+    return ", ".join([*words, *_surface(material)])
+
+
+def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
+    """Tell what is lost in a metre; dB are told where there are any."""
+    told = []
+    if density or not any(decibels):
+        told.append(title + _density(density))
+    if len(set(decibels)) > 1:
+        numbers = ", ".join(f"{db:.3g}" for db in decibels)
+        bands = ", ".join(str(band) for band in BANDS_GHZ)
+        told.append(f"{numbers} dB per m at {bands} GHz")
+    elif any(decibels):
+        told.append(f"{decibels[0]:.3g} dB per m")
+    return " and ".join(told)
 
 
 def _density(density: float) -> str:
     return f"{density:g} per m" if math.isfinite(density) else "opaque"
+
+
+def _surface(material: Material) -> Iterator[str]:
+    """Tell what it does beside taking power inside."""
+    for wave, mirrors, kept in (
+        ("radar", material.radar_mirror, material.absorption_db),
+        ("laser", material.laser_mirror, material.laser_absorption_db),
+    ):
+        if mirrors:
+            yield f"a mirror to {wave}"
+        if kept:
+            yield f"keeps {f'{kept:g} dB' if math.isfinite(kept) else 'all'} of {wave}"
+    if material.rain:
+        yield f"rain of {material.rain:g} mm/h"
 
 
 def _objects(scene: Scene) -> list[str]:

@@ -1,4 +1,3 @@
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -46,52 +45,6 @@ def test_a_map_that_is_not_there_is_one_line(radarsim: Command, command: str) ->
     assert "Traceback" not in run.err
 
 
-def test_sensors_are_listed_with_sources_and_confidence(radarsim: Command) -> None:
-    run = radarsim("sensors")
-    assert run.code == 0
-    for text in ("radar", "hokuyo", "sick", "laser", "verified", "source"):
-        assert text in run.text
-
-
-def test_sensors_begin_with_a_line_for_each(radarsim: Command) -> None:
-    lines = radarsim("sensors").text.splitlines()
-    names = list(json.loads(radarsim("sensors", "--json").text))
-    overview = lines[: lines.index("")]
-    assert [line.split()[0] for line in overview if line[:1].strip()][1:] == names
-    row = next(line for line in overview if line.startswith("thesis "))
-    assert row.split()[:6] == ["thesis", "radar", "360", "359", "1", "80"]
-    assert any(line.startswith("hokuyo: ") for line in lines[len(overview) :])
-
-
-def test_sensors_by_name_are_those_alone(radarsim: Command) -> None:
-    lines = radarsim("sensors", "sick", "k2pi").text.splitlines()
-    assert lines[0].startswith("sick: ")
-    assert sum(line.startswith(("sick: ", "k2pi: ")) for line in lines) == 2
-    assert not any(line.startswith(("radar: ", "name ")) for line in lines)
-
-
-def test_an_unknown_sensor_is_a_usage_error_that_names_those_there_are(
-    radarsim: Command,
-) -> None:
-    run = radarsim("sensors", "radar", "rader")
-    assert run.code == 2
-    assert run.out == b""
-    for text in ("'rader', expected one of", "'k2pi'", "'thesis'"):
-        assert text in run.err
-
-
-def test_sensors_for_programs(radarsim: Command) -> None:
-    told = json.loads(radarsim("sensors", "--json").text)
-    assert told["radar"]["settings"]["side_offset_uu"]["value"] == 25
-    assert told["sick"]["settings"]["penetration_power"]["value"] is None
-
-
-def test_sensors_by_name_for_programs(radarsim: Command) -> None:
-    every = json.loads(radarsim("sensors", "--json").text)
-    told = json.loads(radarsim("sensors", "laser", "thesis", "--json").text)
-    assert told == {name: every[name] for name in ("laser", "thesis")}
-
-
 def test_version_and_help(radarsim: Command) -> None:
     assert radarsim("--version").text.startswith("radarsim 0.")
     assert "serve" in radarsim("--help").text
@@ -120,3 +73,34 @@ def test_check_tells_which_starts_are_taken(radarsim: Command, tmp_path: Path) -
     at = lines.index("starts that are not free")
     assert len(lines) == at + 2
     assert lines[at + 1].startswith("  RobotStart2: taken; a P3AT would stand at x ")
+
+
+VARIED = """\
+version: 1
+starts: [{name: RobotStart1, position: [0, 0, 0]}]
+variants:
+  dust: {air: dust}
+  rain: {air: rain}
+"""
+
+
+def test_check_names_the_variants(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(VARIED)
+    lines = radarsim("check", str(path)).text.splitlines()
+    assert lines[-3:] == ["variants", "  yard@dust", "  yard@rain"]
+    chosen = radarsim("check", f"{path}@rain")
+    assert chosen.text.startswith("map yard@rain, level yard\n")
+    assert "air: rain" in chosen.text
+    assert "variants" not in chosen.text
+
+
+def test_check_looks_at_all_variants(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(VARIED.replace("air: rain", "air: ran"))
+    run = radarsim("check", str(path))
+    assert run.code == 1
+    assert run.text.startswith(f"{path}:5:15: variants.rain.air: 'ran', expected")
+    assert radarsim("check", f"{path}@dust").code == 0
+    unknown = radarsim("check", f"{path}@fog")
+    assert "variants: 'fog', expected one of ['dust', 'rain']" in unknown.text

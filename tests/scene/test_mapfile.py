@@ -9,7 +9,9 @@ import pytest
 import radarsim
 from radarsim.errors import MapError
 from radarsim.geometry import Pose3
-from radarsim.scene.mapfile import find_map, load_map, shipped_maps
+from radarsim.presets.materials import library_names
+from radarsim.scene.mapfile import load_map
+from radarsim.scene.mapnames import shipped_maps
 from radarsim.scene.material import OPAQUE, Material
 from radarsim.scene.scene import Scene
 
@@ -26,9 +28,10 @@ KEYS = (
     " 'rotation_deg', 'scale', 'scatter', 'sphere', 'up_axis', 'yaw_deg']"
 )
 SHAPES = "expected one of ['box', 'cylinder', 'mesh', 'sphere']"
+LIBRARY = f", or of the library, {list(library_names())}"
 CLOSED = (
     "expected a closed volume with one outside,"
-    " since 'leaf' has a density and no sheet_loss"
+    " since beams enter 'leaf', which has no sheet_loss"
 )
 START = "expected Robot, Player or ComSt, then letters, then digits"
 CUBE = """\
@@ -242,7 +245,8 @@ def test_the_longest_names_are_taken() -> None:
         pytest.param(
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
-            " expected one of ['level', 'materials', 'objects', 'starts', 'version']",
+            " expected one of ['air', 'level', 'materials', 'objects', 'starts',"
+            " 'variants', 'version']",
             id="unknown section",
         ),
         pytest.param(
@@ -296,8 +300,10 @@ def test_what_is_wrong_with_the_whole(text: str, expected: str) -> None:
         pytest.param("opaque", "4: m: 'opaque', expected keys with values"),
         pytest.param(
             "{density: 1, colour: red}",
-            "17: m.colour: unknown key,"
-            " expected one of ['density', 'laser_density', 'sheet_loss', 'solid']",
+            "17: m.colour: unknown key, expected one of ['absorption_db', 'based_on',"
+            " 'db_per_m', 'density', 'g_per_m3', 'laser_absorption_db',"
+            " 'laser_db_per_m', 'laser_density', 'mirror', 'mm_per_h', 'sheet_loss',"
+            " 'solid']",
         ),
     ],
 )
@@ -394,7 +400,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
         pytest.param(
             "name: a, sphere: 1, material: ston",
             36,
-            ".material: 'ston', expected one of ['leaf', 'sheet', 'stone']",
+            f".material: 'ston', expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
             id="unknown material",
         ),
         pytest.param(
@@ -525,7 +531,8 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
         pytest.param(
             "name: a, mesh: meshes/cube.obj, materials: {Leaves: lea}",
             58,
-            ".materials.Leaves: 'lea', expected one of ['leaf', 'sheet', 'stone']",
+            ".materials.Leaves: 'lea',"
+            f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
             id="unknown material of a mesh",
         ),
         pytest.param(
@@ -677,7 +684,7 @@ def test_a_file_name_that_is_no_level_is_an_error() -> None:
 def test_a_map_that_is_not_there_is_an_error(name: str) -> None:
     with pytest.raises(MapError) as caught:
         load_map(name)
-    shipped = "['empty_room', 'foliage_room', 'smoke_room']"
+    shipped = list(shipped_maps())
     expected = f"{name}: no such file, expected a map file or one of {shipped}"
     assert caught.value.problems == [expected]
 
@@ -708,26 +715,6 @@ def test_a_map_that_cannot_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(MapError) as caught:
         load_map("m.yaml")
     assert caught.value.problems == ["m.yaml: permission denied, expected a map file"]
-
-
-def test_a_file_comes_before_a_shipped_map_of_its_name() -> None:
-    shipped = shipped_maps()["empty_room"]
-    assert find_map("empty_room") == shipped
-    Path("empty_room").write_text("version: 1\n")
-    assert find_map("empty_room") == Path("empty_room")
-
-
-def test_maps_inside_of_the_package_are_found_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    module = tmp_path / "radarsim" / "scene" / "mapfile.py"
-    inside = tmp_path / "radarsim" / "maps" / "b.yaml"
-    beside = tmp_path / "maps" / "a.yaml"
-    monkeypatch.setattr("radarsim.scene.mapfile.__file__", str(module))
-    for path in (beside, inside):
-        path.parent.mkdir(parents=True)
-        path.touch()
-    assert shipped_maps() == {"b": inside}
 
 
 def test_a_map_of_primitives_needs_no_trimesh() -> None:

@@ -1,0 +1,91 @@
+import json
+from collections.abc import Callable
+from typing import Any
+
+from radarsim.presets.materials import library_names
+
+Command = Callable[..., Any]
+
+
+def test_sensors_are_listed_with_sources_and_confidence(radarsim: Command) -> None:
+    run = radarsim("sensors")
+    assert run.code == 0
+    for text in ("radar", "hokuyo", "sick", "laser", "verified", "source"):
+        assert text in run.text
+
+
+def test_sensors_begin_with_a_line_for_each(radarsim: Command) -> None:
+    lines = radarsim("sensors").text.splitlines()
+    names = list(json.loads(radarsim("sensors", "--json").text))
+    overview = lines[: lines.index("")]
+    assert [line.split()[0] for line in overview if line[:1].strip()][1:] == names
+    row = next(line for line in overview if line.startswith("thesis "))
+    assert row.split()[:6] == ["thesis", "radar", "360", "359", "1", "80"]
+    assert any(line.startswith("hokuyo: ") for line in lines[len(overview) :])
+
+
+def test_sensors_by_name_are_those_alone(radarsim: Command) -> None:
+    lines = radarsim("sensors", "sick", "k2pi").text.splitlines()
+    assert lines[0].startswith("sick: ")
+    assert sum(line.startswith(("sick: ", "k2pi: ")) for line in lines) == 2
+    assert not any(line.startswith(("radar: ", "name ")) for line in lines)
+
+
+def test_an_unknown_sensor_is_a_usage_error_that_names_those_there_are(
+    radarsim: Command,
+) -> None:
+    run = radarsim("sensors", "radar", "rader")
+    assert run.code == 2
+    assert run.out == b""
+    for text in ("'rader', expected one of", "'k2pi'", "'thesis'"):
+        assert text in run.err
+
+
+def test_sensors_for_programs(radarsim: Command) -> None:
+    told = json.loads(radarsim("sensors", "--json").text)
+    assert told["radar"]["settings"]["side_offset_uu"]["value"] == 25
+    assert told["sick"]["settings"]["penetration_power"]["value"] is None
+
+
+def test_sensors_by_name_for_programs(radarsim: Command) -> None:
+    every = json.loads(radarsim("sensors", "--json").text)
+    told = json.loads(radarsim("sensors", "laser", "thesis", "--json").text)
+    assert told == {name: every[name] for name in ("laser", "thesis")}
+
+
+def test_materials_begin_with_a_line_for_each(radarsim: Command) -> None:
+    lines = radarsim("materials").text.splitlines()
+    overview = lines[: lines.index("")]
+    rows = {line.split()[0]: line.split() for line in overview if line[:1].strip()}
+    assert list(rows)[1:] == list(library_names())
+    assert rows["foliage"][1:5] == ["2.37", "3.31", "3.5", "opaque"]
+    assert rows["glass"][1:5] == ["mirror", "mirror", "mirror", "76"]
+    assert rows["rain"][5:7] == ["25", "mm/h"]
+
+
+def test_materials_by_name_are_those_alone_with_their_sources(
+    radarsim: Command,
+) -> None:
+    text = radarsim("materials", "wood", "fog").text
+    assert text.startswith("wood: ")
+    for words in ("P.2040-3", "verified", "fog: ", "P.840", "estimate"):
+        assert words in text
+    assert "smoke" not in text
+
+
+def test_materials_for_programs(radarsim: Command) -> None:
+    told = json.loads(radarsim("materials", "twigs", "rain", "--json").text)
+    assert list(told) == ["twigs", "rain"]
+    assert told["twigs"]["numbers"]["db_per_m"]["value"]["77"] == 0.99
+    assert told["rain"]["numbers"]["mm_per_h"]["confidence"] == "choice"
+    every = json.loads(radarsim("materials", "--json").text)
+    assert list(every) == list(library_names())
+
+
+def test_an_unknown_material_is_a_usage_error_that_names_those_there_are(
+    radarsim: Command,
+) -> None:
+    run = radarsim("materials", "wod")
+    assert run.code == 2
+    for text in ("'wod', expected one of", "'wood'"):
+        assert text in run.err

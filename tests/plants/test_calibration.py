@@ -1,0 +1,132 @@
+"""How much gets through, against closed forms, and what calibration finds."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from radarsim.plants.calibration import (
+    bundle,
+    calibrate,
+    transmission,
+    transmission_of_ball,
+)
+from radarsim.plants.comparison import (
+    Comparison,
+    compare_shapes,
+    foliage_material,
+    wanted_transmission,
+)
+from radarsim.plants.forms import SHRUB
+from radarsim.plants.shrub import SHAPES
+from radarsim.randomness import generator_for
+from radarsim.raycast.rays import Rays
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+from radarsim.scene.shapes import box, cylinder, sphere
+
+CENTRE = np.array([3.0, -2.0, 1.0])
+FACETS = 0.012  # what faces lie inside of the true sphere lets so much more through
+
+
+def rays_at(radius: float, seed: int = 0) -> Rays:
+    rng = generator_for(seed, "rays")
+    return bundle(CENTRE, radius, rng, azimuths=24, rays=400)
+
+
+def ball_of(density: float) -> list[Part]:
+    vertices, faces = sphere(1.0)
+    return [
+        Part("ball", Material("foliage", density=density), vertices + CENTRE, faces)
+    ]
+
+
+def test_rays_are_level_and_cover_the_disc_of_the_ball_evenly_from_all_sides() -> None:
+    rays = rays_at(2.0)
+    assert np.abs(rays.directions[:, 2]).max() == 0
+    assert np.abs(rays.directions.mean(axis=0)).max() < 1e-12
+    gaps = CENTRE - rays.origins
+    along = np.einsum("ij,ij->i", gaps, rays.directions)
+    assert along == pytest.approx(3.0)
+    out = np.linalg.norm(gaps - along[:, None] * rays.directions, axis=1)
+    shares = [np.mean(out < 2.0 * share**0.5) for share in (0.25, 0.5, 0.75, 1.0)]
+    assert shares == pytest.approx([0.25, 0.5, 0.75, 1.0], abs=0.01)
+    assert abs(gaps[:, 2].mean()) < 0.01
+
+
+@pytest.mark.parametrize("density", [0.1, 0.3, 0.5, 0.7, 1.5])
+def test_a_bare_ball_lets_through_what_its_closed_form_says(density: float) -> None:
+    measured = transmission(ball_of(density), rays_at(1.0)).mean()
+    assert measured == pytest.approx(transmission_of_ball(2 * density), abs=FACETS)
+
+
+def test_the_closed_form_is_the_integral_over_the_disc() -> None:
+    out = np.sqrt((np.arange(100_000) + 0.5) / 100_000)
+    chords = np.sqrt(1 - out**2)
+    for opacity in (0.2, 0.999, 1.0, 1.4, 5.0):
+        wanted = np.maximum(1 - opacity * chords, 0).mean()
+        assert transmission_of_ball(opacity) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_nothing_gets_through_wood() -> None:
+    vertices, faces = cylinder(0.5, 4.0)
+    part = Part("trunk", Material("wood"), vertices + CENTRE, faces)
+    measured = transmission([part], rays_at(1.0))
+    assert set(measured.tolist()) == {0.0, 1.0}
+    # a bar of half the disc's width covers so much of it
+    covered = 2 / np.pi * (np.arcsin(0.5) + 0.5 * np.sqrt(0.75))
+    assert measured.mean() == pytest.approx(1 - covered, abs=0.01)
+
+
+def test_calibration_finds_the_density_that_it_has_been_shown() -> None:
+    rays = rays_at(1.0)
+    wanted = float(transmission(ball_of(0.42), rays).mean())
+    assert calibrate(ball_of, wanted, rays, 5.0) == pytest.approx(0.42, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("most", "opaque"),
+    [pytest.param(0.1, False, id="too thin"), pytest.param(5.0, True, id="too thick")],
+)
+def test_what_cannot_be_reached_is_refused(most: float, opaque: bool) -> None:
+    def parts(taken: float) -> list[Part]:
+        vertices, faces = box(9, 9, 9)
+        wall = [Part("wall", Material("wall"), vertices + CENTRE, faces)]
+        return wall if opaque else ball_of(taken)
+
+    with pytest.raises(ValueError, match=r"expected 0\.2000 between"):
+        calibrate(parts, 0.2, rays_at(1.0), most)
+
+
+@pytest.fixture(scope="module")
+def compared() -> list[Comparison]:
+    return list(compare_shapes(2, rays=400, azimuths=48))
+
+
+def test_the_shapes_of_any_shrub_let_the_same_share_through(
+    compared: list[Comparison],
+) -> None:
+    assert [each.shape for each in compared] == list(SHAPES)
+    for each in compared:
+        assert each.transmission == pytest.approx(wanted_transmission(), rel=0.03)
+    assert wanted_transmission(SHRUB) == pytest.approx(1 / (3 * 1.4**2))
+
+
+def test_the_finer_the_shape_the_wider_the_places_where_rays_are_spent(
+    compared: list[Comparison],
+) -> None:
+    spreads = [each.reading.spread() for each in compared]
+    for coarse, fine in pairwise(spreads):
+        assert fine.spent > 1.5 * coarse.spent
+
+
+def test_a_title_says_what_the_foliage_takes(compared: list[Comparison]) -> None:
+    ball, _, leaves = (each.title for each in compared)
+    assert ball == f"ball, takes {compared[0].foliage.density} per metre"
+    assert leaves == f"leaves, each takes {compared[2].foliage.sheet_loss}"
+
+
+def test_leaves_are_sheets_and_the_other_shapes_volumes() -> None:
+    materials = [foliage_material(shape, 0.3) for shape in SHAPES]
+    assert [each.sheet_loss for each in materials] == [None, None, 0.3]
+    assert [each.density for each in materials] == [0.3, 0.3, 0.0]

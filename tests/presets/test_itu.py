@@ -1,0 +1,72 @@
+"""The library's numbers against another implementation of ITU-R's recommendations."""
+
+import math
+import warnings
+from types import ModuleType
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.presets.hydrometeors import PowerLaw, fog_attenuation, polarised
+from radarsim.presets.materials import library_entry, library_material
+
+BANDS = (24, 77, 94)
+
+
+def _models() -> tuple[ModuleType, ModuleType]:
+    with warnings.catch_warnings():  # of what it imports
+        warnings.simplefilter("ignore")
+        from itur.models import itu838, itu840
+    return itu838, itu840
+
+
+RAIN, FOG = _models()
+
+
+def law(f_ghz: float, tilt_deg: float, elevation_deg: float = 0.0) -> PowerLaw:
+    k, alpha = RAIN.rain_specific_attenuation_coefficients(
+        f_ghz, elevation_deg, tilt_deg
+    )
+    return PowerLaw(float(k), float(alpha))
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_the_law_of_rain_is_that_of_p838(band: int) -> None:
+    numbers = library_entry("rain").numbers
+    told = [numbers[key].value[band] for key in ("rain_k", "rain_alpha")]
+    assert told == pytest.approx(law(band, 45), rel=2e-5)
+
+
+@pytest.mark.parametrize("rate", [0.25, 5, 25, 150])
+def test_rain_takes_what_p838_says(rate: float) -> None:
+    told = library_material("rain", mm_per_h=rate).radar_db
+    expected = [
+        float(RAIN.rain_specific_attenuation(rate, band, 0, 45).value) / 1000
+        for band in BANDS
+    ]
+    assert told == pytest.approx(expected, rel=1e-4)
+
+
+@given(st.sampled_from(BANDS), st.floats(0, 90), st.floats(0, 90))
+def test_waves_between_flat_and_upright_are_as_in_p838(
+    band: int, tilt: float, elevation: float
+) -> None:
+    mine = polarised(
+        law(band, 0), law(band, 90), math.radians(tilt), math.radians(elevation)
+    )
+    assert mine == pytest.approx(law(band, tilt, elevation), abs=1e-6)
+
+
+@given(st.floats(5, 200), st.floats(-8, 40))
+def test_fog_takes_what_p840_says(f_ghz: float, celsius: float) -> None:
+    expected = float(FOG.specific_attenuation_coefficients(f_ghz, celsius))
+    assert 1000 * fog_attenuation(f_ghz, celsius) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("band", "db"), [(77, 3.14726), (94, 4.23755)])
+def test_a_gramme_of_fog_of_the_library(band: int, db: float) -> None:
+    told = library_material("fog", g_per_m3=1).radar_db[BANDS.index(band)]
+    assert 1000 * told == pytest.approx(db, abs=1e-3)
+    told_by = float(FOG.specific_attenuation_coefficients(band, 10))
+    assert told_by == pytest.approx(db, abs=1e-4)

@@ -1,0 +1,132 @@
+import math
+
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.presets.materials import (
+    AMOUNTS,
+    BANDS,
+    Substance,
+    library,
+    library_entry,
+    library_material,
+    library_names,
+)
+from radarsim.scene.material import BANDS_GHZ
+
+PLANTS = (
+    *("sparse_foliage", "twigs", "woodland", "foliage", "dense_foliage"),
+    *("wet_foliage", "hedge", "tall_grass"),
+)
+BOARDS = ("wood", "plasterboard", "chipboard")
+WALLS = ("concrete", "brick", "metal")
+WEATHER = ("smoke", "dust", "fog", "rain")
+
+
+def test_the_library_is_known() -> None:
+    names = {*PLANTS, *BOARDS, *WALLS, *WEATHER, "glass"}
+    assert set(library_names()) == set(library()) == names
+    assert list(library_names()) == sorted(names)
+
+
+def test_the_bands_are_those_of_materials() -> None:
+    assert BANDS == BANDS_GHZ
+
+
+@pytest.mark.parametrize("name", library_names())
+def test_every_number_says_where_it_is_from(name: str) -> None:
+    entry = library_entry(name)
+    assert entry.about
+    for number in entry.numbers.values():
+        assert len(number.source) > 8
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_plants_stop_light_and_let_radars_through(name: str) -> None:
+    plant = library_material(name)
+    assert plant.density == 0
+    assert 0 < plant.radar_db[0] < plant.radar_db[1] < plant.radar_db[2]
+    assert math.isinf(plant.laser_density)
+    assert plant.solid is (name != "tall_grass")
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_boards_are_thin_to_a_radar_and_beams_of_them_are_not(name: str) -> None:
+    board = library_material(name)
+    assert 1 < 0.0125 * board.radar_db[0] < 0.0125 * board.radar_db[2] < 10
+    assert 0.2 * board.radar_db[0] > 30
+    assert math.isinf(board.laser_density)
+
+
+@pytest.mark.parametrize("name", WALLS)
+def test_walls_are_opaque(name: str) -> None:
+    wall = library_material(name)
+    assert math.isinf(wall.density)
+    assert math.isinf(wall.laser_density)
+    assert wall.solid
+
+
+@pytest.mark.parametrize("name", WEATHER)
+def test_weather_stops_nobody(name: str) -> None:
+    air = library_material(name)
+    assert (air.density, air.laser_density, air.solid) == (0, 0, False)
+    assert min(air.radar_db) > 0
+    assert air.rain == (25 if name == "rain" else 0)
+
+
+def test_mirrors() -> None:
+    glass, metal = library_material("glass"), library_material("metal")
+    assert (glass.radar_mirror, glass.laser_mirror) == (True, False)
+    assert (metal.radar_mirror, metal.laser_mirror) == (True, True)
+    assert math.isinf(glass.density)
+    assert glass.laser_density == 0
+    others = set(library_names()) - {"glass", "metal"}
+    told = [library_material(name) for name in others]
+    assert not any(each.radar_mirror or each.laser_mirror for each in told)
+
+
+def test_a_pane_of_6_mm_lets_nine_tenths_of_light_through() -> None:
+    through = 10 ** (-library_material("glass").laser_db * 0.006 / 10)
+    assert through == pytest.approx(0.9, abs=0.01)
+
+
+def test_amounts_are_taken_where_they_belong() -> None:
+    takers = {name: library_entry(name).amount for name in WEATHER}
+    assert takers == {
+        **dict.fromkeys(("smoke", "dust", "fog"), AMOUNTS[0]),
+        "rain": AMOUNTS[1],
+    }
+    assert library_entry("wood").amount is None
+
+
+def test_without_an_amount_it_is_that_of_the_file() -> None:
+    assert library_material("dust") == library_material("dust", g_per_m3=3)
+    assert library_material("rain") == library_material("rain", mm_per_h=25)
+
+
+def test_an_amount_of_something_else_is_refused() -> None:
+    with pytest.raises(PresetError) as caught:
+        library_material("rain", g_per_m3=1)
+    assert str(caught.value) == "material 'rain': g_per_m3 1, expected mm_per_h"
+    with pytest.raises(PresetError, match=r"mm_per_h 3, expected no amount$"):
+        library_material("wood", mm_per_h=3)
+
+
+def test_an_unknown_material_is_answered_with_those_there_are() -> None:
+    with pytest.raises(PresetError, match=r"^material 'wod', expected one of \['brick"):
+        library_material("wod")
+
+
+def test_a_material_has_all_that_a_scene_asks_for() -> None:
+    assert library_material("brick") == Substance(
+        density=math.inf,
+        laser_density=math.inf,
+        solid=True,
+        radar_db=(0, 0, 0),
+        laser_db=0,
+        absorption_db=0,
+        laser_absorption_db=0,
+        radar_mirror=False,
+        laser_mirror=False,
+        rain=0,
+    )

@@ -1,0 +1,136 @@
+"""Fresnel's equations, with reflectances and losses that others have computed."""
+
+import cmath
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.presets.materials import library_entry, library_material
+from radarsim.presets.permittivity import P2040, bulk_loss, permittivity, reflected
+
+BANDS = (24, 77, 94)
+INDEX = st.floats(1.1, 10)
+ANGLE = st.floats(0, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "shares", "losses"),
+    [
+        pytest.param("concrete", (0.1545, 0.1542, 0.1541), (396, 987, 1154)),
+        pytest.param("brick", (0.1078, 0.1078, 0.1078), (33, 39, 41)),
+        pytest.param("plasterboard", (0.0607, 0.0607, 0.0607), (167, 498, 601)),
+        pytest.param("wood", (0.0294, 0.0294, 0.0294), (164, 573, 710)),
+        pytest.param("glass", (0.1855, 0.1856, 0.1857), (166, 789, 1030)),
+        pytest.param("chipboard", (0.0548, 0.0545, 0.0545), (264, 654, 765)),
+    ],
+)
+def test_what_building_materials_reflect_and_take(
+    name: str, shares: tuple[float, ...], losses: tuple[float, ...]
+) -> None:
+    media = [permittivity(P2040[name], band) for band in BANDS]
+    assert [reflected(medium) for medium in media] == pytest.approx(shares, abs=1e-3)
+    taken = [bulk_loss(m, band) for m, band in zip(media, BANDS, strict=True)]
+    assert taken == pytest.approx(losses, abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "across", "within"),
+    [
+        pytest.param("concrete", 0.260, 0.068, id="concrete"),
+        pytest.param("brick", 0.199, 0.040, id="brick"),
+        pytest.param("plasterboard", 0.128, 0.016, id="plasterboard"),
+        pytest.param("wood", 0.072, 0.005, id="wood"),
+        pytest.param("glass", 0.299, 0.089, id="glass"),
+        pytest.param("chipboard", 0.118, 0.014, id="chipboard"),
+    ],
+)
+def test_what_is_reflected_at_45_degrees(
+    name: str, across: float, within: float
+) -> None:
+    medium = permittivity(P2040[name], 94)
+    assert reflected(medium, math.pi / 4, "te") == pytest.approx(across, abs=1e-3)
+    assert reflected(medium, math.pi / 4, "tm") == pytest.approx(within, abs=1e-3)
+
+
+@pytest.mark.parametrize(("band", "share"), [(24, 0.999), (77, 0.9982), (94, 0.998)])
+def test_metal_reflects_all_and_takes_what_enters(band: int, share: float) -> None:
+    metal = permittivity(P2040["metal"], band)
+    assert reflected(metal) == pytest.approx(share, abs=1e-4)
+    assert bulk_loss(metal, band) > 1e6
+
+
+@given(INDEX)
+def test_at_brewsters_angle_a_wave_in_the_plane_of_incidence_is_not_reflected(
+    index: float,
+) -> None:
+    assert reflected(index**2, math.atan(index), "tm") == pytest.approx(0, abs=1e-12)
+
+
+def test_glass_is_darkest_at_68_degrees() -> None:
+    medium = permittivity(P2040["glass"], 24)
+    angles = [math.radians(tenth / 10) for tenth in range(900)]
+    darkest = min(angles, key=lambda angle: reflected(medium, angle, "tm"))
+    assert math.degrees(darkest) == pytest.approx(68.3, abs=0.1)
+    assert reflected(medium, darkest, "tm") < 1e-3
+
+
+@given(INDEX)
+def test_at_45_degrees_the_one_share_is_the_square_of_the_other(index: float) -> None:
+    across = reflected(index**2, math.pi / 4, "te")
+    assert reflected(index**2, math.pi / 4, "tm") == pytest.approx(across**2)
+
+
+@given(INDEX, st.floats(0, 5), ANGLE)
+def test_no_more_is_reflected_than_came(
+    index: float, losses: float, angle: float
+) -> None:
+    medium = complex(index**2, -losses)
+    within, across = reflected(medium, angle, "tm"), reflected(medium, angle, "te")
+    assert within <= across * (1 + 1e-9) <= 1 + 1e-9
+
+
+@given(st.floats(1.5, 10), st.floats(1, 100))
+def test_small_losses_are_those_of_the_loss_tangent(real: float, f_ghz: float) -> None:
+    medium = complex(real, -1e-4 * real)
+    wavelength = 0.299792458 / f_ghz
+    expected = math.pi / wavelength * math.sqrt(real) * 1e-4 * 20 / math.log(10)
+    assert bulk_loss(medium, f_ghz) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "thickness", "passed"),
+    [
+        pytest.param("plasterboard", 0.0125, (-2.8, -6.9, -8.0), id="plasterboard"),
+        pytest.param("wood", 0.03, (-5.2, -17.5, -21.6), id="wood"),
+        pytest.param("chipboard", 0.018, (-5.3, -12.2, -14.2), id="chipboard"),
+    ],
+)
+def test_boards_pass_what_a_coherent_sum_over_all_reflections_does(
+    name: str, thickness: float, passed: tuple[float, ...]
+) -> None:
+    for band, db, inside in zip(
+        BANDS, passed, library_material(name).radar_db, strict=True
+    ):
+        index = cmath.sqrt(permittivity(P2040[name], band))
+        turn = index * 2 * math.pi * band * 1e9 / 299792458 * thickness
+        half = (1 - index) / (1 + index)
+        whole = (1 - half**2) * cmath.exp(-1j * turn)
+        whole /= 1 - half**2 * cmath.exp(-2j * turn)
+        assert 20 * math.log10(abs(whole)) == pytest.approx(db, abs=0.06)
+        assert -inside * thickness == pytest.approx(db, abs=1.3)  # without the faces
+
+
+@pytest.mark.parametrize("name", ["wood", "plasterboard", "chipboard"])
+def test_the_library_has_what_the_table_gives(name: str) -> None:
+    law = [bulk_loss(permittivity(P2040[name], band), band) for band in BANDS]
+    assert library_material(name).radar_db == pytest.approx(law, abs=0.6)
+
+
+def test_mirrors_of_the_library_keep_what_the_table_says() -> None:
+    for name in ("glass", "metal"):
+        kept = library_entry(name).numbers["absorption_db"].value
+        for band in BANDS:
+            share = reflected(permittivity(P2040[name], band))
+            assert -10 * math.log10(share) == pytest.approx(kept, abs=0.02)

@@ -1,0 +1,73 @@
+"""Measurements that others published, from 28.8 to 80 GHz, one way."""
+
+import pytest
+
+from radarsim.presets.materials import library_material
+from radarsim.presets.vegetation import in_band, weissberger
+
+
+@pytest.mark.parametrize(
+    ("f_ghz", "depth", "db"),
+    [
+        pytest.param(0.9, 100, 19.36, id="100 m at 0.9 GHz"),
+        pytest.param(2.4, 50, 17.02, id="50 m at 2.4 GHz"),
+        pytest.param(24, 1, 1.11, id="1 m at 24 GHz"),
+        pytest.param(77, 1, 1.55, id="1 m at 77 GHz"),
+        pytest.param(94, 10, 16.4, id="10 m at 94 GHz"),
+    ],
+)
+def test_weissbergers_law(f_ghz: float, depth: float, db: float) -> None:
+    assert weissberger(f_ghz, depth) == pytest.approx(db, abs=0.05)
+
+
+def test_the_two_branches_of_weissbergers_law_meet_within_a_percent() -> None:
+    assert weissberger(77, 14) == pytest.approx(weissberger(77, 13.999), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "at_ghz", "measured"),
+    [
+        pytest.param("sparse_foliage", 73, (0.4, 0.4), id="small trees"),
+        pytest.param("twigs", 28.8, (0.75, 0.75), id="bare pecan"),
+        pytest.param("foliage", 28.8, (2.5, 2.5), id="leafy pecan"),
+        pytest.param("woodland", 28.8, (1.3, 2.0), id="the first 30 m of a wood"),
+        pytest.param("woodland", 57.6, (1.3, 2.0), id="the same in a higher band"),
+        pytest.param("foliage", 38, (2.0, 4.0), id="dry leaves"),
+        pytest.param("wet_foliage", 38, (6.0, 8.0), id="wet leaves"),
+    ],
+)
+def test_the_library_is_within_half_of_what_was_measured(
+    name: str, at_ghz: float, measured: tuple[float, float]
+) -> None:
+    for band, db in zip((24, 77, 94), library_material(name).radar_db, strict=True):
+        there = in_band(db, band, at_ghz)
+        assert 0.5 * measured[0] <= there <= 1.5 * measured[1]
+
+
+def test_leaves_take_what_they_were_seen_to_at_80_ghz() -> None:
+    leafy, bare = (library_material(name) for name in ("foliage", "twigs"))
+    more = in_band(leafy.radar_db[1] - bare.radar_db[1], 77, 80)
+    assert more == pytest.approx(2.16, rel=0.1)
+
+
+def test_the_library_follows_weissberger_in_each_band() -> None:
+    law = [weissberger(band, 1) for band in (24, 77, 94)]
+    assert library_material("woodland").radar_db == pytest.approx(law, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "db", "at_ghz"),
+    [
+        pytest.param("sparse_foliage", 0.4, 73, id="sparse"),
+        pytest.param("twigs", 0.75, 28.8, id="twigs"),
+        pytest.param("foliage", 2.5, 28.8, id="in leaf"),
+        pytest.param("dense_foliage", 6, 38, id="dense"),
+        pytest.param("wet_foliage", 7, 38, id="wet"),
+        pytest.param("hedge", 8, 38, id="hedge"),
+    ],
+)
+def test_the_library_has_what_its_sources_say(
+    name: str, db: float, at_ghz: float
+) -> None:
+    law = [in_band(db, at_ghz, band) for band in (24, 77, 94)]
+    assert library_material(name).radar_db == pytest.approx(law, abs=0.006)

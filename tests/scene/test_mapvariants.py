@@ -1,0 +1,193 @@
+from pathlib import Path
+
+import pytest
+
+from radarsim.errors import MapError
+from radarsim.scene.mapfile import load_map, load_variants
+from radarsim.scene.mapmaterials import from_library
+from radarsim.scene.material import Material
+
+YARD = """\
+version: 1
+level: DM-Yard
+air: fog
+materials:
+  leaf: {density: 0.7}
+  bark: {density: opaque}
+objects:
+  - {name: bush, sphere: 1, material: leaf}
+starts:
+  - {name: RobotStart1, position: [-8, 0, 0]}
+variants:
+  clear: {air: }
+  dust:
+    air: dust
+    materials:
+      leaf: {density: 0.1}
+      cloud: {based_on: dust, g_per_m3: 9}
+    objects:
+      - {name: puff, sphere: 2, position: [5, 0, 0], material: cloud}
+  same:
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("yard.yaml").write_text(YARD)
+
+
+def problems(text: str, name: str = "m.yaml", *, every: bool = False) -> list[str]:
+    Path("m.yaml").write_text(f"version: 1\n{text}\n")
+    with pytest.raises(MapError) as caught:
+        (load_variants if every else load_map)(name)
+    return caught.value.problems
+
+
+def test_a_variant_overrides_air_and_materials_and_adds_objects() -> None:
+    scene = load_map("yard.yaml@dust")
+    assert (scene.name, scene.level) == ("yard@dust", "DM-Yard")
+    assert scene.air == from_library("dust")
+    assert [part.object_name for part in scene.parts] == ["bush", "puff"]
+    assert scene.parts[0].material == Material("leaf", 0.1)
+    assert scene.materials["bark"] == Material("bark")
+    assert [start.name for start in scene.starts] == ["RobotStart1"]
+
+
+def test_the_map_itself_is_without_its_variants() -> None:
+    scene = load_map(Path("yard.yaml"))
+    assert scene.name == "yard"
+    assert scene.air == from_library("fog")
+    assert scene.materials["leaf"] == Material("leaf", 0.7)
+    assert [part.object_name for part in scene.parts] == ["bush"]
+
+
+def test_a_variant_may_have_no_air_or_no_difference() -> None:
+    assert load_map("yard.yaml@clear").air is None
+    same = load_map("yard.yaml@same")
+    assert same.air == from_library("fog")
+    assert (same.name, len(same.parts)) == ("yard@same", 1)
+
+
+def test_all_variants_can_be_loaded_at_once() -> None:
+    names = [scene.name for scene in load_variants("yard.yaml")]
+    assert names == ["yard", "yard@clear", "yard@dust", "yard@same"]
+    assert [scene.name for scene in load_variants("yard.yaml@dust")] == ["yard@dust"]
+
+
+def test_meshes_of_a_variant_lie_beside_the_map() -> None:
+    Path("plate.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    Path("m.yaml").write_text(
+        "version: 1\nvariants: {a: {objects: ["
+        "{name: a, mesh: plate.obj, material: metal}]}}\n"
+    )
+    assert len(load_map("m.yaml@a").parts) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "expected"),
+    [
+        pytest.param(
+            "variants: {dust: {}, rain: {}}",
+            "m.yaml@fog",
+            "m.yaml:2:11: variants: 'fog', expected one of ['dust', 'rain']",
+            id="unknown",
+        ),
+        pytest.param(
+            "",
+            "m.yaml@fog",
+            "m.yaml:1:1: variants: 'fog', expected one of []",
+            id="no variants",
+        ),
+        pytest.param(
+            "variants: {dust: {}}",
+            "m.yaml@",
+            "m.yaml:2:11: variants: '', expected one of ['dust']",
+            id="no name",
+        ),
+        pytest.param(
+            "variants: {a@b: {}}",
+            "m.yaml",
+            "m.yaml:2:17: variants.a@b: 'a@b', expected letters, digits, '_' and '-'",
+            id="a name that cannot be said",
+        ),
+        pytest.param(
+            "variants: [dust]",
+            "m.yaml",
+            "m.yaml:2:11: variants: ['dust'], expected keys with values",
+            id="a list",
+        ),
+        pytest.param(
+            "variants: {a: {starts: []}}",
+            "m.yaml@a",
+            "m.yaml:2:16: variants.a.starts: unknown key,"
+            " expected one of ['air', 'materials', 'objects']",
+            id="other starts",
+        ),
+        pytest.param(
+            "variants: {a: dust}",
+            "m.yaml@a",
+            "m.yaml:2:15: variants.a: 'dust', expected keys with values",
+            id="a word",
+        ),
+        pytest.param(
+            "variants: {a: {air: metal}}",
+            "m.yaml@a",
+            "m.yaml:2:21: variants.a.air: 'metal' is opaque to a radar and opaque to a"
+            " laser and solid, expected what beams and robots can be in",
+            id="air",
+        ),
+        pytest.param(
+            "variants: {a: {materials: {m: {density: -1}}}}",
+            "m.yaml@a",
+            "m.yaml:2:41: variants.a.materials.m.density: -1,"
+            " expected 'opaque' or a number, at least 0",
+            id="a material",
+        ),
+        pytest.param(
+            "variants: {a: {objects: [{name: b, sphere: 0, material: fog}]}}",
+            "m.yaml@a",
+            "m.yaml:2:44: variants.a.objects.0.sphere: 0, expected more than 0",
+            id="an object",
+        ),
+        pytest.param(
+            "objects: [{name: b, sphere: 1, material: fog}]\n"
+            "variants: {a: {objects: [{name: b, sphere: 1, material: fog}]}}",
+            "m.yaml@a",
+            "m.yaml:3:33: variants.a.objects.0.name: 'b',"
+            " expected a name that objects.0 has not",
+            id="a name that the map has",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_variant(text: str, name: str, expected: str) -> None:
+    assert problems(text, name) == [expected]
+
+
+def test_a_map_loads_whatever_is_wrong_with_its_variants() -> None:
+    Path("m.yaml").write_text("version: 1\nvariants: {a: {air: metal}}\n")
+    assert load_map("m.yaml").air is None
+
+
+def test_problems_of_all_variants_are_told_once_each() -> None:
+    text = (
+        "materials: {m: {density: -1}}\n"
+        "variants:\n"
+        "  a: {air: metal}\n"
+        "  b: {objects: [{name: x, sphere: 0, material: fog}], walls: 1}\n"
+        "  c: {}\n"
+    )
+    places = [line.split(": ")[1] for line in problems(text, every=True)]
+    assert places == [
+        "materials.m.density",
+        "variants.a.air",
+        "variants.b.walls",
+        "variants.b.objects.0.sphere",
+    ]
+
+
+def test_a_file_that_is_no_map_has_no_variants_either() -> None:
+    Path("m.yaml").write_text("[1]")
+    with pytest.raises(MapError) as caught:
+        load_variants("m.yaml")
+    assert len(caught.value.problems) == 1
