@@ -22,7 +22,9 @@ ENDS = {
     EventKind.HIT: "hit",
     EventKind.SPENT: "spent",
     EventKind.OUT_OF_RANGE: "out_of_range",
+    EventKind.ABSORBED: "absorbed",
 }
+SILENT = (EventKind.OUT_OF_RANGE, EventKind.ABSORBED)
 
 
 def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> None:
@@ -80,9 +82,12 @@ def explanation(
     """Pair entries with exits, and say how the ray ended."""
     crossings: list[dict[str, Any]] = []
     open_: dict[int, dict[str, Any]] = {}
+    mirrors: list[dict[str, Any]] = []
     for event in events[:-1]:
         if event.kind is EventKind.SHEET:
-            crossings.append(_sheet_row(event, parts, scanner))
+            crossings.append(_sheet_row(event, parts))
+        elif event.kind is EventKind.MIRRORED:
+            mirrors.append(_mirror_row(event, parts))
         elif event.kind is EventKind.LEAVE:
             open_.pop(event.part).update(exit=event.t, power_after=_power(event))
         else:
@@ -92,16 +97,17 @@ def explanation(
     for row in open_.values():
         row["power_after"] = _power(end)
     blind = end.kind is EventKind.SPENT and scanner.settings.spent_reads == "zero"
-    found = None if end.kind is EventKind.OUT_OF_RANGE else end.t
+    found = None if end.kind in SILENT else end.t
     return {
         "power": _number(scanner.settings.penetration_power),
         "crossings": crossings,
+        "mirrors": mirrors,
         "outcome": ENDS[end.kind],
         "range": 0.0 if blind else found,
         "distance": end.t,
         "object": parts[end.part].object_name if end.part >= 0 else None,
         "material": parts[end.part].material.name if end.part >= 0 else None,
-        "power_left": _power(end),
+        "power_left": _number(end.power - end.kept) if end.kept else _power(end),
     }
 
 
@@ -119,14 +125,21 @@ def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
     }
 
 
-def _sheet_row(
-    event: Event, parts: Sequence[Part], scanner: RangeScanner
-) -> dict[str, Any]:
-    loss = parts[event.part].material.sheet_loss or 0.0
-    if scanner.settings.medium == "laser":
-        loss = 0.0  # a sheet that lets light through takes none
-    after = _number(max(event.power - loss, 0.0))
+def _sheet_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    after = _number(event.power - event.kept)
     return {**_row(event, parts), "exit": event.t, "power_after": after}
+
+
+def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    part = parts[event.part]
+    return {
+        "object": part.object_name,
+        "material": part.material.name,
+        "at": event.t,
+        "position": list(event.place),
+        "power_before": _power(event),
+        "power_after": _number(event.power - event.kept),
+    }
 
 
 def _power(event: Event) -> float | None:
@@ -146,26 +159,37 @@ def as_text(told: dict[str, Any]) -> list[str]:
         f"{told['sensor']}, beam {told['beam']} at {degrees:.2f} deg{ray}",
         f"leaves with power {_shown(told['power'])}",
     ]
-    for row in told["crossings"]:
-        way = (
-            "starts inside" if row["starts_inside"] else f"{row['entry']:.4f} m: enters"
-        )
-        out = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
-        before, after = _shown(row["power_before"]), _shown(row["power_after"])
-        lines.append(
-            f"{way} {row['object']} ({row['material']}), {out},"
-            f" power {before} to {after}"
-        )
+    met = [(row["entry"], _crossing_text(row)) for row in told["crossings"]]
+    met += [(row["at"], _mirror_text(row)) for row in told["mirrors"]]
+    lines += [text for _, text in sorted(met, key=lambda found: found[0])]
     where = f"{told['distance']:.4f} m"
     what = f"{told['object']} ({told['material']})"
     ends = {
         "hit": f"{where}: hits {what}",
         "spent": f"{where}: spent in {what}",
         "out_of_range": f"{where}: out of range",
+        "absorbed": f"{where}: absorbed by {what}",
     }
     lines.append(f"{ends[told['outcome']]}, power left {_shown(told['power_left'])}")
-    reads = "nothing" if told["range"] is None else f"{told['range']:.4f} m"
-    return [*lines, f"reads {reads}"]
+    if told["range"] is None:
+        return [*lines, "reads nothing"]
+    ghost = ", a ghost: it was mirrored on its way" if told["mirrors"] else ""
+    return [*lines, f"reads {told['range']:.4f} m{ghost}"]
+
+
+def _crossing_text(row: dict[str, Any]) -> str:
+    way = "starts inside" if row["starts_inside"] else f"{row['entry']:.4f} m: enters"
+    out = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
+    before, after = _shown(row["power_before"]), _shown(row["power_after"])
+    what = f"{row['object']} ({row['material']})"
+    return f"{way} {what}, {out}, power {before} to {after}"
+
+
+def _mirror_text(row: dict[str, Any]) -> str:
+    x, y, z = row["position"]
+    before, after = _shown(row["power_before"]), _shown(row["power_after"])
+    what = f"{row['object']} ({row['material']}) at ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{row['at']:.4f} m: mirrored by {what}, power {before} to {after}"
 
 
 def _shown(power: float | None) -> str:

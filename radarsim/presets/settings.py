@@ -32,6 +32,14 @@ class SensorSettings(BaseModel):
         min_range: m; told to clients, and applied to nothing, as in USARSim.
         scan_rate_hz: Scans in a second, on a robot whose class says nothing else;
             None leaves it to the dialect.
+        band_ghz: Of a radar: which column of the materials' dB counts.
+        margin_db: How much weaker than where nothing is in between an echo may be, out
+            and back; what makes the dB of materials penetration power.
+        max_bounces: How often mirrors reflect a ray; after that they are surfaces.
+        least_rcs_dbsm: The least radar cross section that shows 10 m away, in dB over
+            a square metre; of rain, what is above it shows.
+        echo_threshold: Share of a beam; what gives back less is neither its first nor
+            its strongest echo.
         penetration_power: What a beam can lose to densities; infinite for one that
             nothing but an opaque surface stops.
         spent_reads: What a beam reads whose power runs out: the ``range`` of that
@@ -72,6 +80,11 @@ class SensorSettings(BaseModel):
     max_range: Positive
     min_range: NotNegative = 0.0
     scan_rate_hz: Annotated[float, Field(ge=0.01, le=100)] | None = None
+    band_ghz: Literal[24, 77, 94] = 94
+    margin_db: Annotated[float, Field(ge=1, le=300)] = 50.0
+    max_bounces: Annotated[int, Field(ge=0, le=16)] = 2
+    least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
+    echo_threshold: Annotated[float, Field(ge=0, le=1)] = 0.0
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
     spent_reads: Literal["range", "zero"] = "range"
     return_mode: Literal["last", "first", "strongest", "all"] = "last"
@@ -96,6 +109,16 @@ class SensorSettings(BaseModel):
     def beams(self) -> int:
         """How many beams a scan has."""
         return round(self.fov_deg / self.resolution_deg) + 1
+
+    @property
+    def power_per_db(self) -> float:
+        """What a dB of a material, one way, is in penetration power.
+
+        Of unlimited power it is no share; 1 then.
+        """
+        if math.isinf(self.penetration_power):
+            return 1.0
+        return self.penetration_power / (self.margin_db / 2)
 
     @property
     def has_side_rays(self) -> bool:

@@ -34,12 +34,9 @@ from radarsim.raycast.rays import Traces
 
 LEAVES: Final = 1 / 3  # mean of cos^2 over all directions of leaves
 LAST, FIRST, STRONGEST = 0, 1, 2
-START_INSIDE, HIT, SPENT, OUT_OF_RANGE = (
-    int(EventKind.START_INSIDE),
-    int(EventKind.HIT),
-    int(EventKind.SPENT),
-    int(EventKind.OUT_OF_RANGE),
-)
+ENTER, LEAVE, SHEET = int(EventKind.ENTER), int(EventKind.LEAVE), int(EventKind.SHEET)
+HIT, SPENT = int(EventKind.HIT), int(EventKind.SPENT)
+ANSWERING = (ENTER, LEAVE, SHEET, HIT, SPENT)
 
 
 class Columns(NamedTuple):
@@ -51,7 +48,7 @@ class Columns(NamedTuple):
         t: (E,) m.
         kind: (E,) uint8, an ``EventKind``.
         part: (E,) int64, as in ``Traces``.
-        power: (E,) left on arrival.
+        power: (E,) left on arrival; of a hit, what comes back.
         strength: (E,) share of the beam.
         ends: (E,) uint8, whether a ray ends there.
     """
@@ -127,7 +124,7 @@ def _strength(events: Any, i: Any, full: Any) -> Any:
     """Give what a ray loses from an event on to the next."""
     event = events[i]
     if event.kind == HIT:
-        return _share(event.power, full)
+        return _share(event.power - event.kept, full)
     if event.kind == SPENT:
         return 0.0
     after = events[i + 1]
@@ -179,7 +176,8 @@ def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
     columns.t[place] = event.t
     columns.kind[place] = kind
     columns.part[place] = event.part
-    columns.power[place] = event.power
+    kept = event.kept if kind == HIT else 0.0
+    columns.power[place] = event.power - kept
     strength = _strength(events, i, full) * _sent_back(event, incidence)
     columns.strength[place] = weights[ray] * strength
     columns.ends[place] = kind in (HIT, SPENT)
@@ -194,7 +192,7 @@ def _gather(events: Any, how: Any, columns: Any) -> Any:
     while i < len(events):
         beam, count = events[i].ray // of_a_beam, 0
         while i < len(events) and events[i].ray // of_a_beam == beam:
-            answers = events[i].kind not in (START_INSIDE, OUT_OF_RANGE)
+            answers = events[i].kind in ANSWERING
             if answers and weights[events[i].ray] > 0.0:
                 picked[count] = i
                 keys[count] = events[i].t
@@ -216,7 +214,7 @@ def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:
         rows: (N,) the ray that answers for each beam.
         full: The power that a ray starts with.
     """
-    beams = np.flatnonzero(traces.outcomes[rows] != Outcome.NOTHING)
+    beams = np.flatnonzero(np.isfinite(traces.ranges[rows]))
     rows = rows[beams]
     hit = traces.outcomes[rows] == Outcome.HIT
     power = traces.power[rows]
@@ -271,7 +269,7 @@ def _merge(columns: Any, cell: Any) -> Any:
 
 
 @compiled
-def choose(columns: Any, mode: Any, beams: Any) -> Any:
+def choose(columns: Any, mode: Any, beams: Any, threshold: Any) -> Any:
     """Choose the echo that gives each beam's range.
 
     What gives nothing back is neither first nor strongest, unless there is nothing
@@ -281,6 +279,7 @@ def choose(columns: Any, mode: Any, beams: Any) -> Any:
         columns: Of all echoes.
         mode: ``LAST``, ``FIRST`` or ``STRONGEST``; of equally strong ones the nearest.
         beams: N.
+        threshold: What gives back no more than that is as good as nothing.
 
     Returns:
         (N,) int64, rows of the columns; -1 for a beam without.
@@ -292,7 +291,7 @@ def choose(columns: Any, mode: Any, beams: Any) -> Any:
         if mode == LAST:
             if columns.ends[i]:
                 chosen[beam] = i
-        elif strength > 0.0:
+        elif strength > threshold:
             if given[beam] == 0.0 or (mode == STRONGEST and strength > given[beam]):
                 chosen[beam] = i
                 given[beam] = strength

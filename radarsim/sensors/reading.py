@@ -38,6 +38,7 @@ from radarsim.sensors.gathering import (
     merge,
     send_back,
 )
+from radarsim.sensors.rain import speckle, with_rain
 from radarsim.sensors.scan import Scan
 
 MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGEST}
@@ -55,6 +56,10 @@ class Plan(NamedTuple):
         chance: (N,) 0 to 1, what chooses a ray once all are cast; empty if nothing
             is to be chosen.
         error: (N,) of the ranges, in standard deviations; empty for none.
+        rain: (2, N) what decides where rain shows, and how much of it; empty where
+            none falls.
+        events: Whether all that happens to the rays is to be written down.
+        incidence: Whether the angles at which they hit are.
     """
 
     tracer: Tracer
@@ -63,6 +68,9 @@ class Plan(NamedTuple):
     rays: Rays
     chance: Floats
     error: Floats
+    rain: Floats
+    events: bool
+    incidence: bool
 
 
 class Reader:
@@ -101,7 +109,7 @@ class Reader:
                 them.
         """
         rows = self._chosen_rows(plan, traces)
-        if self.needs_events:
+        if plan.events:
             return self._read_echoes(plan, traces, rows)
         outcomes, ranges = traces.outcomes, traces.ranges
         if rows is None:
@@ -144,21 +152,29 @@ class Reader:
             settings.penetration_power,
             traces.incidence,
         )
+        if plan.rain.size:
+            stand = self._middle_rows() if rows is None else rows
+            shown = speckle(plan.tracer, traces.events, stand, plan.rain, settings)
+            columns = with_rain(columns, shown, stand)
         columns = merge(columns, settings.range_resolution)
         self._measure(columns.t, plan.error[columns.beam] if self.noisy else None)
-        chosen = choose(columns, MODES[settings.return_mode], len(self._pattern.angles))
+        mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
+        chosen = choose(columns, mode, beams, settings.echo_threshold)
         found = np.flatnonzero(chosen >= 0)
         ranges = np.full(len(chosen), np.inf)
         ranges[found] = columns.t[chosen[found]]
-        middle = self._pattern.rays // 2
-        rays = np.arange(len(chosen)) * self._pattern.rays + middle
-        rays = rays if rows is None else rows.copy()
+        rays = self._middle_rows() if rows is None else rows.copy()
         rays[found] = columns.row[chosen[found]]
         if settings.spent_reads == "zero":
             ranges[traces.outcomes[rays] == Outcome.SPENT] = 0.0
         if settings.return_mode != "all":
             columns = columns.take(chosen[found])
         return self._scan(plan, ranges, rays, partial(self._echoes, plan, columns))
+
+    def _middle_rows(self) -> Rows:
+        """Give a ray of each beam that stands for it where no one was chosen."""
+        several = self._pattern.rays
+        return np.arange(len(self._pattern.angles)) * several + several // 2
 
     def _measure(self, ranges: Floats, error: Floats | None) -> None:
         """Make ranges as uncertain and as coarse as the sensor is, in place."""

@@ -232,7 +232,7 @@ def test_the_ends_alone_are_the_last_echoes() -> None:
         traces = traced(parts if last else parts[:1], power, incidence=last)
         found = gather(traces.events, np.ones(1), 1, power, traces.incidence)
         ends = ends_of(traces, np.zeros(1, np.int64), power)
-        rows = choose(found, LAST, 1)
+        rows = choose(found, LAST, 1, 0.0)
         for name in Columns._fields:
             wanted = getattr(found, name)[rows[rows >= 0]]
             assert getattr(ends, name).tolist() == wanted.tolist(), name
@@ -309,7 +309,8 @@ def test_merging_leaves_what_it_is_given_as_it_is() -> None:
 @given(sorted_rows())
 def test_one_echo_of_a_beam_is_chosen(rows: list[Row]) -> None:
     found = {
-        mode: choose(columns_of(rows), mode, 3) for mode in (LAST, FIRST, STRONGEST)
+        mode: choose(columns_of(rows), mode, 3, 0.0)
+        for mode in (LAST, FIRST, STRONGEST)
     }
     for beam in range(3):
         mine = [(i, row) for i, row in enumerate(rows) if row.beam == beam]
