@@ -43,7 +43,7 @@ class SensorSettings(BaseModel):
         penetration_power: What a beam can lose to densities; infinite for one that
             nothing but an opaque surface stops.
         spent_reads: What a beam reads whose power runs out: the ``range`` of that
-            point, or ``zero``, as USARSim's Hokuyo in smoke.
+            point, ``zero``, as USARSim's Hokuyo in smoke, or ``nothing``.
         return_mode: Which of its echoes a beam keeps: the ``last``, at which its ray
             ended, the ``first``, the ``strongest``, or ``all``; its range is then
             that of the last.
@@ -86,7 +86,7 @@ class SensorSettings(BaseModel):
     least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
     echo_threshold: Annotated[float, Field(ge=0, le=1)] = 0.0
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
-    spent_reads: Literal["range", "zero"] = "range"
+    spent_reads: Literal["range", "zero", "nothing"] = "range"
     return_mode: Literal["last", "first", "strongest", "all"] = "last"
     side_mode: Literal["perpendicular", "lateral", "divergent", "cone"] = (
         "perpendicular"

@@ -30,6 +30,7 @@ from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.gathering import (
     FIRST,
     LAST,
+    SPENT,
     STRONGEST,
     Columns,
     choose,
@@ -117,9 +118,12 @@ class Reader:
         else:
             outcomes, ranges = outcomes[rows], ranges[rows]
         self._measure(ranges, plan.error)
-        if self._settings.spent_reads == "zero":
-            ranges[outcomes == Outcome.SPENT] = 0.0
+        if self._settings.spent_reads != "range":
+            ranges[outcomes == Outcome.SPENT] = self._spent_range()
         return self._scan(plan, ranges, rows, partial(self._ends, plan, traces, rows))
+
+    def _spent_range(self) -> float:
+        return 0.0 if self._settings.spent_reads == "zero" else math.inf
 
     def _chosen_rows(self, plan: Plan, traces: Traces) -> Rows | None:
         """Choose among the rays of each beam; None where there is only one.
@@ -160,6 +164,9 @@ class Reader:
         self._measure(columns.t, plan.error[columns.beam] if self.noisy else None)
         mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
         chosen = choose(columns, mode, beams, settings.echo_threshold)
+        if settings.spent_reads == "nothing":
+            spent = np.flatnonzero(columns.kind == SPENT)
+            chosen[np.isin(chosen, spent)] = -1
         found = np.flatnonzero(chosen >= 0)
         ranges = np.full(len(chosen), np.inf)
         ranges[found] = columns.t[chosen[found]]
@@ -234,6 +241,8 @@ class Reader:
         """Give the last echoes alone, for which nothing else need be known."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
         columns = ends_of(traces, rows, self._settings.penetration_power)
+        if self._settings.spent_reads == "nothing":
+            columns = columns.take(columns.kind != SPENT)
         error = plan.error[columns.beam] if self.noisy else None
         self._measure(columns.t, error)
         return self._echoes(plan, columns)

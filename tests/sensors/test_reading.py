@@ -455,3 +455,58 @@ def test_every_preset_makes_a_working_sensor(name: str, foliage_room: Scene) -> 
     quantum = scanner.settings.range_quantum
     if quantum:
         assert seen / quantum == pytest.approx(np.rint(seen / quantum))
+
+
+# A laser that loses light.
+
+DUST = Material("dust", density=0.0, laser_density=0.0, solid=False, laser_db=1.0)
+
+
+def dusty(depth: float) -> Scene:
+    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=DUST)
+    return scene(cloud, board("back", (1, 90, 9), (40.5, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("depth", "wanted"),
+    [
+        pytest.param(0.3, 40.0, id="too thin to show"),
+        pytest.param(0.5, 5.0, id="thin"),
+        pytest.param(10.0, 5.0, id="half of the light comes through"),
+        pytest.param(30.0, 5.0, id="all light is lost"),
+    ],
+)
+def test_a_physical_laser_returns_the_edge_of_a_cloud(
+    depth: float, wanted: float
+) -> None:
+    laser = radarsim.load_sensor("physical", **AHEAD)
+    assert laser.scan(dusty(depth), Pose3(0, 0, 0)).ranges[1] == pytest.approx(wanted)
+    ideal = radarsim.load_sensor("sick", **AHEAD)
+    assert ideal.scan(dusty(depth), Pose3(0, 0, 0)).ranges[1] == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize("mode", ["first", "last", "all", "strongest"])
+def test_light_that_is_lost_within_a_cloud_does_not_come_back(mode: str) -> None:
+    laser = radarsim.load_sensor("physical", **AHEAD, return_mode=mode)
+    inside = laser.scan(dusty(30), Pose3(8, 0, 0))
+    assert np.isinf(inside.ranges).all()
+    assert laser.scan(dusty(30), Pose3(20, 0, 0)).ranges[1] == pytest.approx(20.0)
+    if mode != "all":
+        assert len(inside.echoes) == 0
+    assert np.isinf(laser.scan(scene(), Pose3(0, 0, 0)).ranges).all()
+
+
+def test_the_original_hokuyos_budget_is_spent_after_its_metres() -> None:
+    """A budget of 0.00575 in a density of 0.001 ends after 5.75 m."""
+    fog = Material("fog", density=0.0, laser_density=0.001, solid=False)
+    back = board("back", (1, 90, 9), (40.5, 0, 0))
+    for near, blind in ((0.001, True), (-0.001, False)):
+        depth = 5.75 + near
+        cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=fog)
+        settings = {**AHEAD, "max_range": 80}
+        hokuyo = radarsim.load_sensor("hokuyo", **settings)
+        scan = hokuyo.scan(scene(cloud, back), Pose3(0, 0, 0))
+        assert (scan.ranges[1] == 0.0) == blind
+        echo = radarsim.load_sensor("hokuyo", **settings, spent_reads="range")
+        end = echo.scan(scene(cloud, back), Pose3(0, 0, 0)).ranges[1]
+        assert end == pytest.approx(10.75 if blind else 40.0)
