@@ -42,7 +42,8 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
     scan = scanner.scan(scene, pose, rng)
     sides, cast = _rays(scanner, scan, ray)
     one = cast.take(np.array([beam]))
-    events = tracer_of(scene).explain(one)[0]
+    tracer = tracer_of(scene)
+    events = tracer.explain(one)[0]
     told = {
         "sensor": scanner.name,
         "beam": beam,
@@ -50,7 +51,7 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         "ray": None if sides is None else int(sides[beam]),
         "origin": one.origins[0].tolist(),
         "direction": one.directions[0].tolist(),
-        **explanation(events, scene.parts, scanner),
+        **explanation(events, tracer.parts, scanner),
     }
     if ray == "drawn":  # a beam need not read where one of its rays ends
         told["range"] = _number(float(scan.ranges[beam]))
