@@ -10,12 +10,11 @@ import typer
 
 from radarsim.cli.scanning import Request
 from radarsim.raycast.penetration import EventKind
-from radarsim.raycast.rays import Event, Rays
+from radarsim.raycast.rays import Event
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Part
-from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, Sides
+from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan import Scan
 
 RAYS = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
 ENDS = {
@@ -39,8 +38,12 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         raise typer.BadParameter(
             f"{beam}, expected 0 to {scanner.settings.beams - 1}", param_hint="--beam"
         )
+    together = scanner.settings.rays_of_a_beam if ray == "drawn" else 1
+    together *= scanner.settings.answers_together
+    if ray != "drawn":
+        scanner = _with_only(scanner, ray)
     scan = scanner.scan(scene, pose, rng)
-    sides, cast = _rays(scanner, scan, ray)
+    cast = scan.cast
     one = cast.take(np.array([beam]))
     tracer = tracer_of(scene)
     events = tracer.explain(one)[0]
@@ -48,33 +51,40 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         "sensor": scanner.name,
         "beam": beam,
         "angle": float(scanner.angles[beam]),
-        "ray": None if sides is None else int(sides[beam]),
+        "ray": None if scan.rays is None else int(scan.rays[beam]),
+        "one_of": max(together, 1),
         "origin": one.origins[0].tolist(),
         "direction": one.directions[0].tolist(),
         **explanation(events, tracer.parts, scanner),
     }
-    if ray == "drawn":  # a beam need not read where one of its rays ends
-        told["range"] = _number(float(scan.ranges[beam]))
+    # a beam need not read where one of its rays ends
+    told["range"] = _number(float(scan.ranges[beam]))
     if form == "json":
         typer.echo(json.dumps(told, allow_nan=False))
     else:
         typer.echo("\n".join(as_text(told)))
 
 
-def _rays(scanner: RangeScanner, scan: Scan, ray: str) -> tuple[Sides | None, Rays]:
-    """Give a ray of each beam: those that gave the ranges, or all on one side."""
-    if ray == "drawn":
-        return scan.rays, scan.cast
-    if not scanner.has_side_rays:
-        return None, scan.cast
-    try:
-        return scanner.one_ray(scan.pose, RAYS[ray])
-    except ValueError:
-        count = scanner.settings.rays_of_a_beam
-        raise typer.BadParameter(
-            f"{ray!r}, expected drawn: {scanner.name}'s beams have {count} rays",
-            param_hint="--ray",
-        ) from None
+def _with_only(scanner: RangeScanner, ray: str) -> RangeScanner:
+    """Give the same scanner with one ray of three.
+
+    Raises:
+        typer.BadParameter: If its beams have not three rays.
+    """
+    settings = scanner.settings
+    count = settings.rays_of_a_beam
+    if count == 3 and settings.side_mode != "cone":
+        weights = tuple(float(side == RAYS[ray]) for side in (RIGHT, CENTRE, LEFT))
+        update = {"ray_weights": weights, "ray_choice": "drawn"}
+        return RangeScanner(scanner.name, settings.model_copy(update=update))
+    if count == 1 and ray == "centre":
+        return scanner
+    expected = "drawn or centre" if count == 1 else "drawn"
+    raise typer.BadParameter(
+        f"{ray!r}, expected {expected}: {scanner.name}'s beams have {count}"
+        f" {'ray' if count == 1 else 'rays'}",
+        param_hint="--ray",
+    )
 
 
 def explanation(
@@ -156,6 +166,8 @@ def as_text(told: dict[str, Any]) -> list[str]:
     """Tell the same in sentences."""
     ray = {None: "", -1: ", right ray", 0: ", centre ray", 1: ", left ray"}[told["ray"]]
     degrees = math.degrees(told["angle"])
+    if told["one_of"] > 1:
+        ray += f", one of {told['one_of']} that answer together"
     lines = [
         f"{told['sensor']}, beam {told['beam']} at {degrees:.2f} deg{ray}",
         f"leaves with power {_shown(told['power'])}",

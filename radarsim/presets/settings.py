@@ -11,6 +11,7 @@ NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
 Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
 MOST_RAYS = 1_000_000  # of one scan
+MOST_NODES = 100  # of a quadrature in a row; beyond it the outer weights are no numbers
 
 
 def _step(value: float) -> float:
@@ -174,11 +175,23 @@ class SensorSettings(BaseModel):
             raise ValueError(f"{rays} rays, expected at most {MOST_RAYS}")
 
     def _check_cone(self) -> None:
-        """Refuse a quadrature over two widths with all its nodes in one row."""
-        if self.side_mode != "cone" or self.cone_sampling != "quadrature":
+        """Refuse a cone without width, and a quadrature that is none."""
+        widths = self.beamwidth_az_deg, self.beamwidth_el_deg
+        if self.side_mode != "cone" or self.cone_rays == 1:
             return
-        wide_in_both = self.beamwidth_az_deg > 0 and self.beamwidth_el_deg > 0
-        if wide_in_both and self.cone_rays > 1 and self.cone_grid[1] == 1:
+        if not any(widths):
+            raise ValueError(
+                f"a cone of {self.cone_rays} rays, expected a beamwidth_az_deg or a"
+                " beamwidth_el_deg above 0"
+            )
+        if self.cone_sampling == "random":
+            return
+        if max(self.cone_grid) > MOST_NODES:
+            raise ValueError(
+                f"cone_rays {self.cone_rays}, {max(self.cone_grid)} in a row, expected"
+                f" at most {MOST_NODES}; random ones may be more"
+            )
+        if all(widths) and self.cone_grid[1] == 1:
             raise ValueError(
                 f"cone_rays {self.cone_rays} over two widths, expected a product of"
                 " two numbers above 1, such as 9 or 16"

@@ -76,6 +76,11 @@ class Tracer:
         self._room = FIRST_ROOM
         self._events_of_a_ray = 4  # as many as a call has needed on average
 
+    def densities(self, kind: Kind) -> tuple[Floats, float]:
+        """Give what rays of a kind lose per metre in each part, (P,), and in air."""
+        tolls = self._tolls_of((kind,))
+        return tolls.density[0].copy(), float(tolls.air[0])
+
     @property
     def air_part(self) -> int:
         """The number of the part that the air is; -1 if there is none."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -120,8 +120,8 @@ class Echoes:
     power: Floats
     strength: Floats
     parts: NDArray[np.int64]
-    scene_parts: Sequence[Part]
-    settings: SensorSettings
+    scene_parts: Sequence[Part] = field(repr=False)
+    settings: SensorSettings = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.beams)

@@ -128,7 +128,7 @@ class RangeScanner:
         reader = self._reader
         rains = tracer.rains and self._medium == RADAR
         draws = self._pattern.draws or reader.chooses or reader.noisy or rains
-        if rng is None and draws:
+        if draws and not isinstance(rng, np.random.Generator):
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
         drawn = self._pattern.draw(rng)
         chance, error, rain = NONE, NONE, NO_RAIN
@@ -229,7 +229,7 @@ def kind_of(settings: SensorSettings) -> Kind:
     )
 
 
-def load_sensor(name: str, **settings: Any) -> RangeScanner:
+def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
     """Make a scanner from a preset, with some of its settings changed.
 
     Raises:

@@ -27,18 +27,8 @@ from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.sensors.beams import BeamPattern, Sides
 from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.gathering import (
-    FIRST,
-    LAST,
-    SPENT,
-    STRONGEST,
-    Columns,
-    choose,
-    ends_of,
-    gather,
-    merge,
-    send_back,
-)
+from radarsim.sensors.gathering import SPENT, Columns, ends_of, gather, send_back
+from radarsim.sensors.merging import FIRST, LAST, STRONGEST, choose, merge
 from radarsim.sensors.rain import speckle, with_rain
 from radarsim.sensors.scan import Scan
 
@@ -149,13 +139,8 @@ class Reader:
         if rows is not None:
             weights = np.zeros(len(plan.sides))
             weights[rows] = 1.0
-        columns = gather(
-            traces.events,
-            weights,
-            self._pattern.rays,
-            settings.penetration_power,
-            traces.incidence,
-        )
+        densities = plan.tracer.densities(plan.rays.kinds[0])
+        columns = gather(traces, weights, self._pattern.rays, densities, settings)
         if plan.rain.size:
             stand = self._middle_rows() if rows is None else rows
             shown = speckle(plan.tracer, traces.events, stand, plan.rain, settings)
@@ -173,7 +158,7 @@ class Reader:
         rays = self._middle_rows() if rows is None else rows.copy()
         rays[found] = columns.row[chosen[found]]
         if settings.spent_reads == "zero":
-            ranges[traces.outcomes[rays] == Outcome.SPENT] = 0.0
+            ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
         if settings.return_mode != "all":
             columns = columns.take(chosen[found])
         return self._scan(plan, ranges, rays, partial(self._echoes, plan, columns))
@@ -197,9 +182,9 @@ class Reader:
             moved = found + error[there] * deviation
             ranges[there] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
+            most = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
             whole = np.rint(ranges[there] / settings.range_quantum)
-            coarse = whole * settings.range_quantum
-            ranges[there] = np.minimum(coarse, settings.max_range)
+            ranges[there] = np.minimum(whole, most) * settings.range_quantum
 
     def _scan(
         self,
