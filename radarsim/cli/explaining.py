@@ -10,19 +10,20 @@ import typer
 
 from radarsim.cli.scanning import Request
 from radarsim.raycast.penetration import EventKind
-from radarsim.raycast.rays import Event, Rays
+from radarsim.raycast.rays import Event
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Part
-from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, Sides
+from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan import Scan
 
 RAYS = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
 ENDS = {
     EventKind.HIT: "hit",
     EventKind.SPENT: "spent",
     EventKind.OUT_OF_RANGE: "out_of_range",
+    EventKind.ABSORBED: "absorbed",
 }
+SILENT = (EventKind.OUT_OF_RANGE, EventKind.ABSORBED)
 
 
 def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> None:
@@ -37,41 +38,53 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         raise typer.BadParameter(
             f"{beam}, expected 0 to {scanner.settings.beams - 1}", param_hint="--beam"
         )
+    together = scanner.settings.rays_of_a_beam if ray == "drawn" else 1
+    together *= scanner.settings.answers_together
+    if ray != "drawn":
+        scanner = _with_only(scanner, ray)
     scan = scanner.scan(scene, pose, rng)
-    sides, cast = _rays(scanner, scan, ray)
+    cast = scan.cast
     one = cast.take(np.array([beam]))
-    events = tracer_of(scene).explain(one)[0]
+    tracer = tracer_of(scene)
+    events = tracer.explain(one)[0]
     told = {
         "sensor": scanner.name,
         "beam": beam,
         "angle": float(scanner.angles[beam]),
-        "ray": None if sides is None else int(sides[beam]),
+        "ray": None if scan.rays is None else int(scan.rays[beam]),
+        "one_of": max(together, 1),
         "origin": one.origins[0].tolist(),
         "direction": one.directions[0].tolist(),
-        **explanation(events, scene.parts, scanner),
+        **explanation(events, tracer.parts, scanner),
     }
-    if ray == "drawn":  # a beam need not read where one of its rays ends
-        told["range"] = _number(float(scan.ranges[beam]))
+    # a beam need not read where one of its rays ends
+    told["range"] = _number(float(scan.ranges[beam]))
     if form == "json":
         typer.echo(json.dumps(told, allow_nan=False))
     else:
         typer.echo("\n".join(as_text(told)))
 
 
-def _rays(scanner: RangeScanner, scan: Scan, ray: str) -> tuple[Sides | None, Rays]:
-    """Give a ray of each beam: those that gave the ranges, or all on one side."""
-    if ray == "drawn":
-        return scan.rays, scan.cast
-    if not scanner.has_side_rays:
-        return None, scan.cast
-    try:
-        return scanner.one_ray(scan.pose, RAYS[ray])
-    except ValueError:
-        count = scanner.settings.rays_of_a_beam
-        raise typer.BadParameter(
-            f"{ray!r}, expected drawn: {scanner.name}'s beams have {count} rays",
-            param_hint="--ray",
-        ) from None
+def _with_only(scanner: RangeScanner, ray: str) -> RangeScanner:
+    """Give the same scanner with one ray of three.
+
+    Raises:
+        typer.BadParameter: If its beams have not three rays.
+    """
+    settings = scanner.settings
+    count = settings.rays_of_a_beam
+    if count == 3 and settings.side_mode != "cone":
+        weights = tuple(float(side == RAYS[ray]) for side in (RIGHT, CENTRE, LEFT))
+        update = {"ray_weights": weights, "ray_choice": "drawn"}
+        return RangeScanner(scanner.name, settings.model_copy(update=update))
+    if count == 1 and ray == "centre":
+        return scanner
+    expected = "drawn or centre" if count == 1 else "drawn"
+    raise typer.BadParameter(
+        f"{ray!r}, expected {expected}: {scanner.name}'s beams have {count}"
+        f" {'ray' if count == 1 else 'rays'}",
+        param_hint="--ray",
+    )
 
 
 def explanation(
@@ -80,9 +93,12 @@ def explanation(
     """Pair entries with exits, and say how the ray ended."""
     crossings: list[dict[str, Any]] = []
     open_: dict[int, dict[str, Any]] = {}
+    mirrors: list[dict[str, Any]] = []
     for event in events[:-1]:
         if event.kind is EventKind.SHEET:
-            crossings.append(_sheet_row(event, parts, scanner))
+            crossings.append(_sheet_row(event, parts))
+        elif event.kind is EventKind.MIRRORED:
+            mirrors.append(_mirror_row(event, parts))
         elif event.kind is EventKind.LEAVE:
             open_.pop(event.part).update(exit=event.t, power_after=_power(event))
         else:
@@ -92,16 +108,17 @@ def explanation(
     for row in open_.values():
         row["power_after"] = _power(end)
     blind = end.kind is EventKind.SPENT and scanner.settings.spent_reads == "zero"
-    found = None if end.kind is EventKind.OUT_OF_RANGE else end.t
+    found = None if end.kind in SILENT else end.t
     return {
         "power": _number(scanner.settings.penetration_power),
         "crossings": crossings,
+        "mirrors": mirrors,
         "outcome": ENDS[end.kind],
         "range": 0.0 if blind else found,
         "distance": end.t,
         "object": parts[end.part].object_name if end.part >= 0 else None,
         "material": parts[end.part].material.name if end.part >= 0 else None,
-        "power_left": _power(end),
+        "power_left": _number(end.power - end.kept) if end.kept else _power(end),
     }
 
 
@@ -119,14 +136,21 @@ def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
     }
 
 
-def _sheet_row(
-    event: Event, parts: Sequence[Part], scanner: RangeScanner
-) -> dict[str, Any]:
-    loss = parts[event.part].material.sheet_loss or 0.0
-    if scanner.settings.medium == "laser":
-        loss = 0.0  # a sheet that lets light through takes none
-    after = _number(max(event.power - loss, 0.0))
+def _sheet_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    after = _number(event.power - event.kept)
     return {**_row(event, parts), "exit": event.t, "power_after": after}
+
+
+def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    part = parts[event.part]
+    return {
+        "object": part.object_name,
+        "material": part.material.name,
+        "at": event.t,
+        "position": list(event.place),
+        "power_before": _power(event),
+        "power_after": _number(event.power - event.kept),
+    }
 
 
 def _power(event: Event) -> float | None:
@@ -142,30 +166,43 @@ def as_text(told: dict[str, Any]) -> list[str]:
     """Tell the same in sentences."""
     ray = {None: "", -1: ", right ray", 0: ", centre ray", 1: ", left ray"}[told["ray"]]
     degrees = math.degrees(told["angle"])
+    if told["one_of"] > 1:
+        ray += f", one of {told['one_of']} that answer together"
     lines = [
         f"{told['sensor']}, beam {told['beam']} at {degrees:.2f} deg{ray}",
         f"leaves with power {_shown(told['power'])}",
     ]
-    for row in told["crossings"]:
-        way = (
-            "starts inside" if row["starts_inside"] else f"{row['entry']:.4f} m: enters"
-        )
-        out = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
-        before, after = _shown(row["power_before"]), _shown(row["power_after"])
-        lines.append(
-            f"{way} {row['object']} ({row['material']}), {out},"
-            f" power {before} to {after}"
-        )
+    met = [(row["entry"], _crossing_text(row)) for row in told["crossings"]]
+    met += [(row["at"], _mirror_text(row)) for row in told["mirrors"]]
+    lines += [text for _, text in sorted(met, key=lambda found: found[0])]
     where = f"{told['distance']:.4f} m"
     what = f"{told['object']} ({told['material']})"
     ends = {
         "hit": f"{where}: hits {what}",
         "spent": f"{where}: spent in {what}",
         "out_of_range": f"{where}: out of range",
+        "absorbed": f"{where}: absorbed by {what}",
     }
     lines.append(f"{ends[told['outcome']]}, power left {_shown(told['power_left'])}")
-    reads = "nothing" if told["range"] is None else f"{told['range']:.4f} m"
-    return [*lines, f"reads {reads}"]
+    if told["range"] is None:
+        return [*lines, "reads nothing"]
+    ghost = ", a ghost: it was mirrored on its way" if told["mirrors"] else ""
+    return [*lines, f"reads {told['range']:.4f} m{ghost}"]
+
+
+def _crossing_text(row: dict[str, Any]) -> str:
+    way = "starts inside" if row["starts_inside"] else f"{row['entry']:.4f} m: enters"
+    out = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
+    before, after = _shown(row["power_before"]), _shown(row["power_after"])
+    what = f"{row['object']} ({row['material']})"
+    return f"{way} {what}, {out}, power {before} to {after}"
+
+
+def _mirror_text(row: dict[str, Any]) -> str:
+    x, y, z = row["position"]
+    before, after = _shown(row["power_before"]), _shown(row["power_after"])
+    what = f"{row['object']} ({row['material']}) at ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{row['at']:.4f} m: mirrored by {what}, power {before} to {after}"
 
 
 def _shown(power: float | None) -> str:

@@ -187,7 +187,10 @@ def _answer(client: Client, kind: str, found: Report | None) -> Notice | None:
 def _set(vehicle: Vehicle, command: SetItem) -> Notice | None:
     items = matching(vehicle, command.type, command.name)
     if not items:
-        return Notice("no item", f"SET of {command.type[:80]!r}, which is not there")
+        named = (
+            command.type if command.name is None else f"{command.type} {command.name}"
+        )
+        return Notice("no item", f"SET of {named[:80]!r}, which is not there")
     opcode = command.opcode.upper()
     if opcode not in OPCODES:
         text = f"opcode {command.opcode[:80]!r}, expected one of {list(OPCODES)}"

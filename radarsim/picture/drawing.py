@@ -118,12 +118,14 @@ def _draw_readings(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
 
 
 def _frame(axes: Axes, scene: Scene, scans: Sequence[Scan]) -> None:
-    """Show the map, and circles of equal range around the sensor."""
+    """Show the map, all readings, and circles of equal range around the sensor."""
     scan = scans[0]
-    (x0, y0, _), (x1, y1, _) = scene.bounds
     x, y = scan.pose.x, scan.pose.y
-    axes.set_xlim(min(x0, x) - MARGIN, max(x1, x) + MARGIN)
-    axes.set_ylim(min(y0, y) - MARGIN, max(y1, y) + MARGIN)
+    read = [scan_points(s)[np.isfinite(s.ranges)] for s in scans]  # ghosts lie outside
+    points = np.concatenate([scene.bounds[:, :2], [[x, y]], *read])
+    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+    axes.set_xlim(x0 - MARGIN, x1 + MARGIN)
+    axes.set_ylim(y0 - MARGIN, y1 + MARGIN)
     farthest = math.hypot(x1 - x0, y1 - y0)
     step = max(1, round(farthest / 8))
     around = np.linspace(0, 2 * math.pi, 181)

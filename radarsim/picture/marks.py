@@ -36,6 +36,7 @@ SHAPES: Final = {
     EventKind.SHEET: Shape("crosses a sheet", "D", filled=False, area=14),
     EventKind.HIT: Shape("hits", "s", filled=True, area=18),
     EventKind.SPENT: Shape("is spent", "x", filled=True, area=34),
+    EventKind.RAIN: Shape("rain shows", "*", filled=True, area=24),
 }
 WEAKEST: Final = 0.3  # area of an echo without strength, as a share
 

@@ -6,20 +6,17 @@ Power changes at what happens to a ray, and between two such events in a straigh
 it stays where nothing is, and falls evenly inside volumes. So a ray is cut at its
 events, and where it falls into pieces so short that no piece loses much; then one
 shade for each of them shows how it fades. A sheet takes its toll at one point, which
-the next piece shows.
+the next piece shows; at a mirror the way turns.
 """
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.penetration import EventKind
-from radarsim.raycast.rays import LASER, Rays
+from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
-from radarsim.scene.scene import Part
 
 FALL: Final = 1 / 12  # share of the full power that one piece may lose
 
@@ -32,12 +29,14 @@ class Pieces(NamedTuple):
         starts: (P,) m from the start of the ray.
         ends: (P,) m from the start of the ray.
         shares: (P,) 0 to 1, what is left halfway; 1 if the power is unlimited.
+        lines: (P, 2, 2) m, both ends seen from above, map frame.
     """
 
     rays: NDArray[np.int64]
     starts: Floats
     ends: Floats
     shares: Floats
+    lines: Floats
 
 
 def cut(tracer: Tracer, rays: Rays) -> Pieces:
@@ -49,7 +48,7 @@ def cut(tracer: Tracer, rays: Rays) -> Pieces:
     events = tracer.trace(rays, events=True).events
     ray, t = events["ray"], events["t"]
     arriving = _shares(events["power"], rays.power[ray])
-    leaving = _shares(_behind(events, tracer.parts, rays), rays.power[ray])
+    leaving = _shares(_behind(events), rays.power[ray])
     first = np.diff(ray, prepend=-1) > 0
     start = np.where(first, 0.0, np.roll(t, 1))
     share = np.where(first, 1.0, np.roll(leaving, 1))
@@ -63,16 +62,12 @@ def cut(tracer: Tracer, rays: Rays) -> Pieces:
     starts = start[each] + rank * step
     ends = np.where(rank + 1 == counts[each], t[each], starts + step)
     shares = share[each] - fall[each] * (rank + 0.5) / counts[each]
-    return Pieces(ray[each], starts, ends, shares)
-
-
-def lines_of(rays: Rays, pieces: Pieces) -> Floats:
-    """Give both ends of each piece, seen from above: (P, 2, 2) m, map frame."""
-    along = np.stack([pieces.starts, pieces.ends], axis=1)[:, :, None]
-    origins, ways = (
-        column[pieces.rays, None, :2] for column in (rays.origins, rays.directions)
-    )
-    return np.asarray(origins + along * ways)
+    there = np.column_stack([events["x"], events["y"]])
+    before = np.where(first[:, None], rays.origins[ray, :2], np.roll(there, 1, axis=0))
+    way = (there - before)[each] / counts[each, None]
+    near = before[each] + rank[:, None] * way
+    lines = np.stack([near, near + way], axis=1)
+    return Pieces(ray[each], starts, ends, shares, lines)
 
 
 def _shares(power: Floats, full: Floats) -> Floats:
@@ -81,12 +76,6 @@ def _shares(power: Floats, full: Floats) -> Floats:
     return np.where(limited, power, 1.0) / np.where(limited, full, 1.0)
 
 
-def _behind(
-    events: NDArray[np.void], parts: Sequence[Part], rays: Rays
-) -> NDArray[np.float64]:
+def _behind(events: NDArray[np.void]) -> NDArray[np.float64]:
     """Give the power behind each event: behind sheets, less than in front of them."""
-    losses = np.array([part.material.sheet_loss or 0.0 for part in parts] or [0.0])
-    taken = (events["kind"] == EventKind.SHEET) & (rays.medium[events["ray"]] != LASER)
-    at_a_sheet = np.where(taken, events["part"], 0)
-    loss = np.where(taken, losses[at_a_sheet], 0.0)
-    return np.asarray(np.maximum(events["power"] - loss, 0.0))
+    return np.asarray(events["power"] - events["kept"])

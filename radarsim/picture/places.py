@@ -30,7 +30,8 @@ def material_colours(scene: Scene) -> dict[str, str]:
 
     Robots come last, in a colour of their own.
     """
-    named = [*scene.materials, *(part.material.name for part in scene.parts)]
+    air = [] if scene.air is None else [scene.air.name]
+    named = [*scene.materials, *(part.material.name for part in scene.parts), *air]
     colours = {
         name: MATERIAL_COLOURS[i % len(MATERIAL_COLOURS)]
         for i, name in enumerate(dict.fromkeys(named))

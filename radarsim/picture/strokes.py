@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.picture.legend import Legend
-from radarsim.picture.pieces import cut, lines_of
+from radarsim.picture.pieces import cut
 from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
@@ -59,7 +59,7 @@ def draw_rays(axes: Axes, scene: Scene, scan: Scan, legend: Legend) -> None:
     shades[:, 3] = opacity_of(pieces.shares)
     shades[:, 3] *= np.where(came_back[pieces.rays], 1.0, LOST)
     strokes = LineCollection(
-        list(lines_of(scan.cast, pieces)),
+        list(pieces.lines),
         colors=shades,
         linewidths=width_of(pieces.shares),
         capstyle="butt",

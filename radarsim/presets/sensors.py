@@ -60,7 +60,7 @@ def sensor_presets() -> dict[str, SensorPreset]:
     }
 
 
-def load_settings(name: str, **settings: Any) -> SensorSettings:
+def load_settings(name: str, /, **settings: Any) -> SensorSettings:
     """Take a preset and change some of its settings.
 
     Raises:
@@ -85,9 +85,7 @@ def _texts(name: str, error: ValidationError) -> str:
             known = sorted(SensorSettings.model_fields)
             lines.append(f"sensor {name}: no setting {path!r}, expected one of {known}")
         elif not path:
-            lines.append(
-                f"sensor {name}: {problem['msg'].removeprefix('Value error, ')}"
-            )
+            lines.append(f"sensor {name}: {_lowered(problem['msg'])}")
         else:
             came = repr(problem["input"])[:80]
             lines.append(f"sensor {name}: {path}: {came}: {_lowered(problem['msg'])}")
@@ -95,6 +93,7 @@ def _texts(name: str, error: ValidationError) -> str:
 
 
 def _lowered(text: str) -> str:
+    text = text.removeprefix("Value error, ")
     return text[:1].lower() + text[1:]
 
 

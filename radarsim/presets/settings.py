@@ -11,6 +11,7 @@ NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
 Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
 MOST_RAYS = 1_000_000  # of one scan
+MOST_NODES = 100  # of a quadrature in a row; beyond it the outer weights are no numbers
 
 
 def _step(value: float) -> float:
@@ -32,10 +33,18 @@ class SensorSettings(BaseModel):
         min_range: m; told to clients, and applied to nothing, as in USARSim.
         scan_rate_hz: Scans in a second, on a robot whose class says nothing else;
             None leaves it to the dialect.
+        band_ghz: Of a radar: which column of the materials' dB counts.
+        margin_db: How much weaker than where nothing is in between an echo may be, out
+            and back; what makes the dB of materials penetration power.
+        max_bounces: How often mirrors reflect a ray; after that they are surfaces.
+        least_rcs_dbsm: The least radar cross section that shows 10 m away, in dB over
+            a square metre; of rain, what is above it shows.
+        echo_threshold: Share of a beam; what gives back less is neither its first nor
+            its strongest echo.
         penetration_power: What a beam can lose to densities; infinite for one that
             nothing but an opaque surface stops.
         spent_reads: What a beam reads whose power runs out: the ``range`` of that
-            point, or ``zero``, as USARSim's Hokuyo in smoke.
+            point, ``zero``, as USARSim's Hokuyo in smoke, or ``nothing``.
         return_mode: Which of its echoes a beam keeps: the ``last``, at which its ray
             ended, the ``first``, the ``strongest``, or ``all``; its range is then
             that of the last.
@@ -72,8 +81,13 @@ class SensorSettings(BaseModel):
     max_range: Positive
     min_range: NotNegative = 0.0
     scan_rate_hz: Annotated[float, Field(ge=0.01, le=100)] | None = None
+    band_ghz: Literal[24, 77, 94] = 94
+    margin_db: Annotated[float, Field(ge=1, le=300)] = 50.0
+    max_bounces: Annotated[int, Field(ge=0, le=16)] = 2
+    least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
+    echo_threshold: Annotated[float, Field(ge=0, le=1)] = 0.0
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
-    spent_reads: Literal["range", "zero"] = "range"
+    spent_reads: Literal["range", "zero", "nothing"] = "range"
     return_mode: Literal["last", "first", "strongest", "all"] = "last"
     side_mode: Literal["perpendicular", "lateral", "divergent", "cone"] = (
         "perpendicular"
@@ -96,6 +110,16 @@ class SensorSettings(BaseModel):
     def beams(self) -> int:
         """How many beams a scan has."""
         return round(self.fov_deg / self.resolution_deg) + 1
+
+    @property
+    def power_per_db(self) -> float:
+        """What a dB of a material, one way, is in penetration power.
+
+        Of unlimited power it is no share; 1 then.
+        """
+        if math.isinf(self.penetration_power):
+            return 1.0
+        return self.penetration_power / (self.margin_db / 2)
 
     @property
     def has_side_rays(self) -> bool:
@@ -151,11 +175,23 @@ class SensorSettings(BaseModel):
             raise ValueError(f"{rays} rays, expected at most {MOST_RAYS}")
 
     def _check_cone(self) -> None:
-        """Refuse a quadrature over two widths with all its nodes in one row."""
-        if self.side_mode != "cone" or self.cone_sampling != "quadrature":
+        """Refuse a cone without width, and a quadrature that is none."""
+        widths = self.beamwidth_az_deg, self.beamwidth_el_deg
+        if self.side_mode != "cone" or self.cone_rays == 1:
             return
-        wide_in_both = self.beamwidth_az_deg > 0 and self.beamwidth_el_deg > 0
-        if wide_in_both and self.cone_rays > 1 and self.cone_grid[1] == 1:
+        if not any(widths):
+            raise ValueError(
+                f"a cone of {self.cone_rays} rays, expected a beamwidth_az_deg or a"
+                " beamwidth_el_deg above 0"
+            )
+        if self.cone_sampling == "random":
+            return
+        if max(self.cone_grid) > MOST_NODES:
+            raise ValueError(
+                f"cone_rays {self.cone_rays}, {max(self.cone_grid)} in a row, expected"
+                f" at most {MOST_NODES}; random ones may be more"
+            )
+        if all(widths) and self.cone_grid[1] == 1:
             raise ValueError(
                 f"cone_rays {self.cone_rays} over two widths, expected a product of"
                 " two numbers above 1, such as 9 or 16"

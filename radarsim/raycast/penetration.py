@@ -3,8 +3,11 @@
 Theory of operation
 ===================
 A ray leaves with a penetration power. Inside volumes it loses, per metre, the sum of
-the densities of all volumes around the point. It ends at the first opaque surface,
-where its power runs out, or out of reach. This module knows no scene and no Embree:
+the densities of all volumes around the point, and of the air's. It ends at the first
+opaque surface, where its power runs out, or out of reach. What a surface keeps must be
+left on arrival, or nothing comes back.
+A ray that is mirrored has several legs: each is walked by itself, and begins with what
+is left of the one before. This module knows no scene and no Embree:
 it walks one ray's list of crossings, in order of distance, in float64.
 
 A part is around the ray where its winding number is above zero: the number there at
@@ -33,10 +36,20 @@ from radarsim.raycast.compiled import compiled, leaf
 
 ROUNDING: Final = 1e-12  # share of a power that may be left of it by rounding
 
-CROSSING: Final = np.dtype([("t", "f8"), ("part", "i4"), ("turn", "i4")])
 EVENT: Final = np.dtype(
-    [("ray", "i8"), ("t", "f8"), ("part", "i4"), ("kind", "i4"), ("power", "f8")]
+    [
+        ("ray", "i8"),
+        ("t", "f8"),
+        ("part", "i4"),
+        ("kind", "i4"),
+        ("power", "f8"),
+        ("kept", "f8"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("z", "f8"),
+    ]
 )
+BEFORE: Final = 6  # place in a leg: m that the ray has come before it
 
 
 class Outcome(IntEnum):
@@ -45,6 +58,7 @@ class Outcome(IntEnum):
     NOTHING = 0
     HIT = 1
     SPENT = 2
+    ABSORBED = 3
 
 
 class EventKind(IntEnum):
@@ -57,11 +71,15 @@ class EventKind(IntEnum):
     HIT = 4
     SPENT = 5
     OUT_OF_RANGE = 6
+    MIRRORED = 7
+    ABSORBED = 8
+    RAIN = 9  # no ray meets it; sensors add it
 
 
 # The same as plain numbers, of which compiled code makes less ado.
-_START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT, _SPENT, _OUT_OF_RANGE = map(int, EventKind)
-_ENDED, _ENDED_BY_HIT, _ENDED_SPENT = map(int, Outcome)
+_START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT, _SPENT = map(int, list(EventKind)[:6])
+_OUT_OF_RANGE, MIRRORED, _ABSORBED = map(int, list(EventKind)[6:9])
+_ENDED, _ENDED_BY_HIT, _ENDED_SPENT, _ENDED_ABSORBED = map(int, Outcome)
 
 
 class Toll(NamedTuple):
@@ -70,10 +88,14 @@ class Toll(NamedTuple):
     Attributes:
         density: (P,) power per metre inside.
         sheet_loss: (P,) power per crossed surface; nan for a volume.
+        air: Power per metre everywhere.
+        air_part: The number of the part that the air is.
     """
 
     density: Floats
     sheet_loss: Floats
+    air: float = 0.0
+    air_part: int = -1
 
 
 class Walk(NamedTuple):
@@ -87,6 +109,8 @@ class Walk(NamedTuple):
         seen: (P,) uint8, which parts these are.
         around: (P,) int32, the parts around the ray, last entered last.
         sizes: (2,) int64, how many are touched and how many around.
+        leg: (7,) where the leg starts, m, its unit vector, and how far the ray has come
+            before it, m.
         events: (E,) EVENT; what happened, if anybody asks: the ``ray`` of the last
             row counts, and what does not fit is counted only. Without rows, nothing.
     """
@@ -97,6 +121,7 @@ class Walk(NamedTuple):
     seen: NDArray[np.uint8]
     around: NDArray[np.int32]
     sizes: NDArray[np.int64]
+    leg: Floats
     events: NDArray[np.void]
 
 
@@ -118,11 +143,11 @@ class Ending(NamedTuple):
     """Where a ray ended.
 
     Attributes:
-        t: m from its start.
+        t: m from its start, over all legs.
         outcome: An ``Outcome``.
         part: What was hit, or the last entered of the volumes in which the power ran
             out, or the sheet that took the rest of it; -1 for nothing.
-        power: What is left.
+        power: What is left; of a hit, what comes back.
     """
 
     t: float
@@ -147,40 +172,9 @@ def new_walk(parts: int, crossings: NDArray[np.void], events: NDArray[np.void]) 
         np.zeros(parts, np.uint8),
         np.zeros(parts, np.int32),
         np.zeros(2, np.int64),
+        np.zeros(7),
         events,
     )
-
-
-@leaf
-def _comes_after(one: Any, other: Any) -> Any:
-    """Order by distance; where distances are equal, by part, and in before out."""
-    if one.t != other.t:
-        return one.t > other.t
-    if one.part != other.part:
-        return one.part > other.part
-    return one.turn < other.turn
-
-
-@leaf
-def _swap(one: Any, other: Any) -> None:
-    one.t, other.t = other.t, one.t
-    one.part, other.part = other.part, one.part
-    one.turn, other.turn = other.turn, one.turn
-
-
-@leaf
-def sort_crossings(crossings: Any, count: Any) -> None:
-    """Sort the first ``count`` crossings in place: Shell's sort, in gaps of 3k + 1."""
-    gap = 1
-    while gap < count // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for start in range(gap, count):
-            i = start
-            while i >= gap and _comes_after(crossings[i - gap], crossings[i]):
-                _swap(crossings[i - gap], crossings[i])
-                i -= gap
-        gap //= 3
 
 
 @leaf
@@ -226,15 +220,15 @@ def forget(walk: Any) -> None:
 
 @leaf
 def _density(walk: Any, toll: Any) -> Any:
-    total = 0.0
+    total = toll.air
     for i in range(walk.sizes[1]):
         total += toll.density[walk.around[i]]
     return total
 
 
 @leaf
-def _write(walk: Any, ray: Any, t: Any, part: Any, kind: Any, power: Any) -> None:
-    """Write an event down, if anybody asks."""
+def write(walk: Any, ray: Any, t: Any, what: Any, power: Any, kept: Any) -> None:
+    """Write an event down, if anybody asks; ``what`` is its kind and its part."""
     last = walk.events.size - 1
     if last < 0:
         return
@@ -242,10 +236,13 @@ def _write(walk: Any, ray: Any, t: Any, part: Any, kind: Any, power: Any) -> Non
     if n < last:
         event = walk.events[n]
         event.ray = ray
-        event.t = t
-        event.part = part
-        event.kind = kind
+        event.t = walk.leg[BEFORE] + t
+        event.kind, event.part = what
         event.power = power
+        event.kept = kept
+        event.x = walk.leg[0] + t * walk.leg[3]
+        event.y = walk.leg[1] + t * walk.leg[4]
+        event.z = walk.leg[2] + t * walk.leg[5]
     walk.events[last].ray = n + 1
 
 
@@ -279,9 +276,16 @@ def begin(ray: Any, power: Any, walk: Any) -> Any:
         took the last of it, -1 for none: the state that ``follow`` takes and gives.
     """
     for i in range(walk.sizes[1]):
-        _write(walk, ray, 0.0, walk.around[i], _START_INSIDE, power)
+        write(walk, ray, 0.0, (_START_INSIDE, walk.around[i]), power, 0.0)
     least = power * ROUNDING if np.isfinite(power) else 0.0
     return 0.0, power, least, np.int64(-1)
+
+
+@leaf
+def _innermost(walk: Any, toll: Any) -> Any:
+    """Give the last entered of the volumes around a ray; the air if there is none."""
+    n = walk.sizes[1]
+    return np.int64(walk.around[n - 1]) if n else np.int64(toll.air_part)
 
 
 @leaf
@@ -306,7 +310,7 @@ def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
             left = power - density * (t - at)
             if left <= least:
                 at = min(at + power / density, t)
-                return at, 0.0, least, np.int64(walk.around[walk.sizes[1] - 1])
+                return at, 0.0, least, _innermost(walk, toll)
             power = left
         at = t
         if i == stop.before:
@@ -315,7 +319,8 @@ def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
         arriving = power
         kind, power = _cross(walk, toll, crossing, power)
         if kind >= 0:
-            _write(walk, ray, at, crossing.part, kind, arriving)
+            kept = arriving - power if power < arriving else 0.0
+            write(walk, ray, at, (kind, crossing.part), arriving, kept)
             if kind == _SHEET and power <= least:
                 return at, 0.0, least, np.int64(crossing.part)
             density = _density(walk, toll)
@@ -323,19 +328,37 @@ def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
 
 
 @leaf
-def end(ray: Any, state: Any, stop: Any, walk: Any) -> Any:
-    """Say how a ray ended; its winding numbers are forgotten."""
-    at, left, _, spent = state
+def end(ray: Any, state: Any, stop: Any, keeps: Any, walk: Any) -> Any:
+    """Say how a ray ended; its winding numbers are forgotten.
+
+    Args:
+        ray: Its number.
+        state: From ``follow``.
+        stop: Where it stopped.
+        keeps: Power that the surface there keeps of what arrives.
+        walk: Of the last leg.
+    """
+    at, left, least, spent = state
     forget(walk)
+    t = walk.leg[BEFORE] + at
     if spent >= 0:
-        _write(walk, ray, at, spent, _SPENT, 0.0)
-        return Ending(at, _ENDED_SPENT, spent, 0.0)
+        write(walk, ray, at, (_SPENT, spent), 0.0, 0.0)
+        return Ending(t, _ENDED_SPENT, spent, 0.0)
     part: Any = np.int64(stop.part)
     if part < 0:
-        _write(walk, ray, at, part, _OUT_OF_RANGE, left)
-        return Ending(at, _ENDED, part, left)
-    _write(walk, ray, at, part, _HIT, left)
-    return Ending(at, _ENDED_BY_HIT, part, left)
+        write(walk, ray, at, (_OUT_OF_RANGE, part), left, 0.0)
+        return Ending(t, _ENDED, part, left)
+    if is_absorbed(left, least, keeps):
+        write(walk, ray, at, (_ABSORBED, part), left, keeps)
+        return Ending(t, _ENDED_ABSORBED, part, 0.0)
+    write(walk, ray, at, (_HIT, part), left, keeps)
+    return Ending(t, _ENDED_BY_HIT, part, left - keeps)
+
+
+@leaf
+def is_absorbed(left: Any, least: Any, keeps: Any) -> Any:
+    """Say whether a surface keeps all that is left of a ray."""
+    return np.isinf(keeps) or keeps - left > least
 
 
 @leaf
@@ -354,4 +377,4 @@ def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
         An ``Ending``.
     """
     state = follow(ray, begin(ray, power, walk), stop, toll, walk)
-    return end(ray, state, stop, walk)
+    return end(ray, state, stop, 0.0, walk)

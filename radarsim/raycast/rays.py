@@ -1,9 +1,9 @@
 """What is cast, and what comes of it: named columns, a row for each ray."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,26 @@ from radarsim.raycast.penetration import EventKind
 
 RADAR: Final = 0
 LASER: Final = 1
+
+
+class Kind(NamedTuple):
+    """What rays have in common that a scene takes alike.
+
+    Attributes:
+        medium: ``RADAR`` or ``LASER``: which numbers of the materials count.
+        band: Which of ``BANDS_GHZ``; of no meaning to a laser.
+        power_per_db: What a dB is in penetration power.
+        bounces: How often mirrors reflect a ray; after that they are surfaces.
+    """
+
+    medium: int
+    band: int = 2
+    power_per_db: float = 1.0
+    bounces: int = 0
+
+
+PLAIN: Final = (Kind(RADAR), Kind(LASER))
+COLUMNS: Final = ("origins", "directions", "reach", "power", "medium", "own")
 UNIT: Final = 2e-9  # how far a direction's squared length may be from 1
 
 
@@ -27,8 +47,10 @@ class Rays:
         directions: (N, 3) unit vectors, map frame.
         reach: (N,) m, inclusive.
         power: (N,) penetration power.
-        medium: (N,) uint8, ``RADAR`` or ``LASER``: which densities count.
+        medium: (N,) uint8, which of ``kinds`` each is; with ``PLAIN``, ``RADAR`` or
+            ``LASER``.
         own: (N,) int64, the number of the box that does not stop the ray; -1 for none.
+        kinds: Those that there are; at most 255.
     """
 
     origins: Floats
@@ -37,6 +59,7 @@ class Rays:
     power: Floats
     medium: NDArray[np.uint8]
     own: NDArray[np.int64]
+    kinds: tuple[Kind, ...] = PLAIN
 
     @classmethod
     def alike(
@@ -63,14 +86,25 @@ class Rays:
     @classmethod
     def joined(cls, batches: "Sequence[Rays]") -> "Rays":
         """Put batches behind one another; at least one."""
-        columns = (field.name for field in fields(cls))
-        return cls(
-            *(np.concatenate([getattr(b, name) for b in batches]) for name in columns)
-        )
+        kinds = batches[0].kinds
+        if any(batch.kinds != kinds for batch in batches):
+            kinds = tuple(dict.fromkeys(kind for b in batches for kind in b.kinds))
+            batches = [batch.of_kinds(kinds) for batch in batches]
+        columns: list[Any] = [
+            np.concatenate([getattr(batch, name) for batch in batches])
+            for name in COLUMNS
+        ]
+        return cls(*[*columns, kinds])
+
+    def of_kinds(self, kinds: tuple[Kind, ...]) -> "Rays":
+        """Give the same rays with their kinds out of others; all must be there."""
+        numbers = np.array([kinds.index(kind) for kind in self.kinds], np.uint8)
+        return replace(self, medium=numbers[self.medium], kinds=kinds)
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Give some of the rays."""
-        return Rays(*(getattr(self, field.name)[rows] for field in fields(self)))
+        columns: list[Any] = [getattr(self, name)[rows] for name in COLUMNS]
+        return Rays(*[*columns, self.kinds])
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +112,12 @@ class Traces:
     """Where rays ended.
 
     Attributes:
-        ranges: (N,) m; inf where nothing came back.
+        ranges: (N,) m, along all legs of the way; inf where nothing came back.
         outcomes: (N,) uint8, an ``Outcome`` each.
-        parts: (N,) int64, the index of the part that was hit, or in which the power ran
-            out; of a box, the number of parts + its number; -1 for nothing.
-        power: (N,) what is left.
+        parts: (N,) int64, the index of the part that was hit or absorbed the ray, or in
+            which the power ran out; of a box, the number of parts + its number; -1 for
+            nothing.
+        power: (N,) what is left; of a hit, what comes back.
         incidence: (N,) cosine of the angle between the ray and the normal of the opaque
             surface that it hit, 0 to 1; nan where it hit none; empty if not asked for.
         events: A row of EVENT for each thing that happened, ray by ray, in the order
@@ -126,12 +161,16 @@ class Event:
         kind: What.
         part: With which part or box, as in ``Traces``.
         power: What the ray has left on arrival there.
+        kept: What a sheet or an opaque surface keeps of it.
+        place: (x, y, z) m, map frame.
     """
 
     t: float
     kind: EventKind
     part: int
     power: float
+    kept: float = 0.0
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
@@ -161,8 +200,8 @@ def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
 
 
 @leaf
-def is_fit(origin: Any, direction: Any, reach: Any, power: Any, medium: Any) -> Any:
-    """Say whether one ray has finite numbers, a unit vector, and a known medium."""
+def is_fit(origin: Any, direction: Any, reach: Any, power: Any) -> Any:
+    """Say whether one ray has finite numbers, and a unit vector."""
     length = 0.0
     for axis in range(3):
         length += direction[axis] ** 2
@@ -170,7 +209,7 @@ def is_fit(origin: Any, direction: Any, reach: Any, power: Any, medium: Any) -> 
             return False
     if not abs(length - 1.0) <= UNIT:
         return False
-    return reach >= 0.0 and power >= 0.0 and medium <= LASER
+    return reach >= 0.0 and power >= 0.0
 
 
 def refuse(rays: Rays, row: int) -> NoReturn:
@@ -188,8 +227,9 @@ def refuse(rays: Rays, row: int) -> NoReturn:
         number = float(getattr(rays, name)[row])
         if not number >= 0.0:
             raise EngineError(f"{name}[{row}] is {number}, expected at least 0")
-    if rays.medium[row] > LASER:
-        text = f"medium[{row}] is {rays.medium[row]}, expected {RADAR} or {LASER}"
+    most = len(rays.kinds) - 1
+    if rays.medium[row] > most:
+        text = f"medium[{row}] is {rays.medium[row]}, expected 0 to {most}"
         raise EngineError(text)
     length = float(np.linalg.norm(rays.directions[row]))
     raise EngineError(f"directions[{row}] has length {length:.9g}, expected 1")

@@ -22,12 +22,22 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.raycast.boxes import NO_BOXES, Boxes
+from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.following import follow_all
 from radarsim.raycast.nearby import is_anything_opaque
-from radarsim.raycast.penetration import CROSSING, EVENT, EventKind
-from radarsim.raycast.rays import Event, Rays, Traces, columns_of, refuse
-from radarsim.raycast.tolls import middle_of, tabulate
+from radarsim.raycast.penetration import EVENT, EventKind
+from radarsim.raycast.rays import (
+    PLAIN,
+    Event,
+    Kind,
+    Rays,
+    Traces,
+    columns_of,
+    refuse,
+)
+from radarsim.raycast.tolls import Tolls, find_volumes, middle_of, tabulate
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 
 FIRST_ROOM: Final = 512  # surfaces on one ray; a call that meets more is made again
@@ -37,24 +47,49 @@ class Tracer:
     """Casts rays into a sealed scene.
 
     Attributes:
-        parts: Of the scene.
+        parts: Of the scene; if it has air, that comes last, without surfaces.
+        rain: (P,) mm/h of rain that falls in each part; in the air it falls everywhere.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[Part], air: Material | None = None) -> None:
         """Build the scene.
+
+        Args:
+            parts: What there is.
+            air: What fills the rest, and the parts; None for nothing.
 
         Raises:
             EngineError: If Embree cannot take a part, or a penetrable one encloses
                 nothing and is no sheet.
         """
-        self.parts = tuple(parts)
+        nothing = np.zeros((0, 3), np.float64), np.zeros((0, 3), np.int32)
+        filling = [] if air is None else [Part("air", air, *nothing)]
+        self.parts = (*parts, *filling)
+        self.rain = np.array([part.material.rain for part in self.parts], np.float64)
         self._middle = middle_of(parts)
-        self._tolls = tabulate(parts, self._middle)
+        self._volumes = find_volumes(parts, self._middle)
+        self._air = air
+        self._tolls: dict[tuple[Kind, ...], Tolls] = {}
         self._scene = EmbreeScene(
             [Mesh(part.vertices - self._middle, part.faces) for part in parts]
         )
         self._room = FIRST_ROOM
         self._events_of_a_ray = 4  # as many as a call has needed on average
+
+    def densities(self, kind: Kind) -> tuple[Floats, float]:
+        """Give what rays of a kind lose per metre in each part, (P,), and in air."""
+        tolls = self._tolls_of((kind,))
+        return tolls.density[0].copy(), float(tolls.air[0])
+
+    @property
+    def air_part(self) -> int:
+        """The number of the part that the air is; -1 if there is none."""
+        return -1 if self._air is None else len(self.parts) - 1
+
+    @property
+    def rains(self) -> bool:
+        """Whether there is any rain."""
+        return bool(self.rain.any())
 
     def trace(
         self,
@@ -99,7 +134,7 @@ class Tracer:
         """
         if boxes is not None and boxes.is_any_near(point, radius, own):
             return False
-        scene, roles = self._scene, self._tolls.ahead[medium]
+        scene, roles = self._scene, self._tolls_of(PLAIN).ahead[medium]
         reach = radius + scene.handle.margin
         point = point - self._middle
         return not is_anything_opaque(
@@ -119,9 +154,19 @@ class Tracer:
                 EventKind(int(row["kind"])),
                 int(row["part"]),
                 float(row["power"]),
+                float(row["kept"]),
+                (float(row["x"]), float(row["y"]), float(row["z"])),
             )
             events[int(row["ray"])].append(event)
         return events
+
+    def _tolls_of(self, kinds: tuple[Kind, ...]) -> Tolls:
+        """Give the tables for kinds of rays, made when first asked for."""
+        tolls = self._tolls.get(kinds)
+        if tolls is None:
+            tolls = tabulate(self.parts, self._volumes, kinds, self._air)
+            self._tolls[kinds] = tolls
+        return tolls
 
     def _run(
         self, rays: Rays, boxes: Boxes | None, events: int, *, incidence: bool
@@ -130,7 +175,8 @@ class Tracer:
         columns = columns_of(rays)
         n = len(rays.origins)
         laid = NO_BOXES if boxes is None else boxes.laid_out(self._middle)
-        scene = (self._scene.handle, self._middle, self._tolls, self._scene.triangles)
+        tolls = self._tolls_of(rays.kinds)
+        scene = (self._scene.handle, self._middle, tolls, self._scene.triangles)
         while True:
             found = (
                 np.zeros(n),

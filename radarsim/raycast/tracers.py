@@ -24,7 +24,7 @@ def tracer_of(scene: Scene) -> Tracer:
     tracer = _tracers.get(scene)
     if tracer is None:
         _see_that_rays_end_right()
-        tracer = _tracers[scene] = Tracer(scene.parts)
+        tracer = _tracers[scene] = Tracer(scene.parts, scene.air)
     return tracer
 
 

@@ -90,7 +90,7 @@ class BeamPattern:
         self._starts = _starts(settings, self.angles)
         self._ways = ways_of(self.angles, self._offsets)
         self._node_sides = _sides(self._offsets)
-        if settings.has_side_rays and settings.side_mode != "cone":
+        if settings.side_mode != "cone" and len(self.weights) == 3:
             self._node_sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self.width = float(np.linalg.norm(self._starts, axis=2).max())
         self._edges = np.cumsum(self.weights)[:-1]
@@ -231,6 +231,8 @@ def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
         return np.zeros((1, 1, 2)), np.ones(1)
     if settings.side_mode == "cone":
         return _cone_nodes(settings)
+    if settings.answers_together and not settings.side_offset_uu:
+        return np.zeros((1, 1, 2)), np.ones(1)  # three in one place are one
     weights = np.array(settings.ray_weights) / sum(settings.ray_weights)
     offsets = np.zeros((3, 1, 2))
     if settings.side_mode == "divergent":

@@ -30,8 +30,8 @@ def take_together(
         The scans in the same order.
     """
     alike: defaultdict[tuple[bool, bool], list[int]] = defaultdict(list)
-    for i, (scanner, _) in enumerate(planned):
-        alike[scanner.needs_events, scanner.needs_incidence].append(i)
+    for i, (_, plan) in enumerate(planned):
+        alike[plan.events, plan.incidence].append(i)
     scans: dict[int, Scan] = {}
     for (events, incidence), rows in alike.items():
         rays = [planned[i][1].rays for i in rows]

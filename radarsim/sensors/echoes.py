@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.penetration import EventKind
-from radarsim.scene.material import Material
+from radarsim.scene.material import BANDS_GHZ, Material
 from radarsim.scene.scene import Part
 
 ROBOT = Material("robot")  # opaque to everything
@@ -21,6 +21,7 @@ KINDS = {
     EventKind.SHEET: "sheet",
     EventKind.HIT: "hit",
     EventKind.SPENT: "spent",
+    EventKind.RAIN: "rain",
 }
 
 
@@ -50,7 +51,7 @@ class Target:
     def of(cls, name: str, material: Material, settings: SensorSettings) -> "Target":
         """Tell what a sensor can know of an object."""
         radar = settings.medium == "radar"
-        density = material.density if radar else material.laser_density
+        density = density_for(material, settings)
         loss = density
         if material.sheet_loss is not None and math.isfinite(density):
             density, loss = 0.0, material.sheet_loss if radar else 0.0
@@ -75,6 +76,15 @@ class Target:
         }
 
 
+def density_for(material: Material, settings: SensorSettings) -> float:
+    """Give the power that a sensor's beams lose per metre in a material."""
+    scale = settings.power_per_db
+    if settings.medium == "laser":
+        return material.laser_density + scale * material.laser_db
+    band = BANDS_GHZ.index(settings.band_ghz)
+    return material.density + scale * material.radar_db[band]
+
+
 def _share_left(loss: float, power: float) -> float:
     """Give the share of a power that is left after a loss."""
     if loss == 0:
@@ -93,8 +103,9 @@ class Echoes:
         sides: (E,) int8, the ray that it came on: -1 right, 0 centre, 1 left.
         ranges: (E,) m from the start of its ray.
         kinds: (E,) uint8, an ``EventKind`` each: the ray enters or leaves a volume,
-            crosses a sheet, hits what is opaque, or is spent.
-        power: (E,) penetration power left on arrival; inf if it is unlimited.
+            crosses a sheet, hits what is opaque, or is spent, or drops answer.
+        power: (E,) penetration power left on arrival, of what is hit without what it
+            keeps; inf if it is unlimited.
         strength: (E,) share of the beam that it gives back, 0 to 1: see ``gathering``.
         parts: (E,) int64, the index of the part in the scene; of a robot, the number
             of parts + the robot's number.
@@ -109,8 +120,8 @@ class Echoes:
     power: Floats
     strength: Floats
     parts: NDArray[np.int64]
-    scene_parts: Sequence[Part]
-    settings: SensorSettings
+    scene_parts: Sequence[Part] = field(repr=False)
+    settings: SensorSettings = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.beams)

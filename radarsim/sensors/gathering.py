@@ -3,23 +3,20 @@
 Theory of operation
 ===================
 What a ray meets answers: each boundary of a volume that it crosses, each sheet, and the
-surface or the point at which it ends. An echo is as strong as what the beam loses from
-there on to its next echo: an opaque surface gives back all that is left, the near side
-of a volume what the volume takes, its far side nothing. So the strengths of a ray that
-ends within reach add up to 1, the whole of its power; smoke that takes nothing gives
-nothing back; and of a bush before a wall the stronger one is what took more. A beam of
-unlimited power is given back whole by what it hits. What a ray loses around its start,
-where no boundary is, nobody gives back.
+surface or the point at which it ends. An echo is as strong as what is lost to it: an
+opaque surface gives back all that is left, the near side of a volume what the volume
+takes, its far side nothing, a sheet its loss; where volumes overlap, each takes its
+share of what is lost, by density. So the strengths of a ray that ends within reach add
+up to 1, the whole of its power; smoke that takes nothing gives nothing back; and of a
+bush before a wall the stronger one is what took more. A beam of unlimited power is
+given back whole by what it hits. What is lost to the air, or to a volume around the
+ray's start, nobody gives back: there is no boundary.
 
 Where several rays answer together, each carries its share of the beam, and the echoes
 of all of them are sorted by range. With incidence weights an echo is multiplied by
 what a rough surface sends back the way that it came: cos^2 of the angle between ray
 and normal, by Lambert's law. What is met in foliage has all directions: 1/3, the mean
 of cos^2 over them.
-
-Echoes that are nearer together than the range resolution merge, from the nearest on:
-all that is within one cell of the first of them. What is left has the sum of their
-strengths, their mean range, weighted by strength, and is of the strongest's kind.
 """
 
 from typing import Any, Final, NamedTuple
@@ -28,18 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.compiled import compiled, leaf
 from radarsim.raycast.penetration import EventKind, Outcome
 from radarsim.raycast.rays import Traces
 
 LEAVES: Final = 1 / 3  # mean of cos^2 over all directions of leaves
-LAST, FIRST, STRONGEST = 0, 1, 2
-START_INSIDE, HIT, SPENT, OUT_OF_RANGE = (
-    int(EventKind.START_INSIDE),
-    int(EventKind.HIT),
-    int(EventKind.SPENT),
-    int(EventKind.OUT_OF_RANGE),
-)
+START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT = map(int, list(EventKind)[:6])
+ANSWERING = (ENTER, LEAVE, SHEET, HIT, SPENT)
 
 
 class Columns(NamedTuple):
@@ -51,7 +44,7 @@ class Columns(NamedTuple):
         t: (E,) m.
         kind: (E,) uint8, an ``EventKind``.
         part: (E,) int64, as in ``Traces``.
-        power: (E,) left on arrival.
+        power: (E,) left on arrival; of a hit, what comes back.
         strength: (E,) share of the beam.
         ends: (E,) uint8, whether a ray ends there.
     """
@@ -83,23 +76,24 @@ def send_back(traces: Traces) -> Floats:
 
 
 def gather(
-    events: NDArray[np.void],
+    traces: Traces,
     weights: Floats,
     of_a_beam: int,
-    full: float,
-    incidence: Floats,
+    densities: tuple[Floats, float],
+    settings: SensorSettings,
 ) -> Columns:
-    """Make echoes of events.
+    """Make echoes of what happened to rays.
 
     Args:
-        events: (V,) EVENT, ray by ray in the order of the way.
+        traces: With events.
         weights: (M,) the share of each ray in its beam; what comes of a ray without
             any is left out.
         of_a_beam: How many rays each beam has.
-        full: The power that a ray starts with.
-        incidence: (M,) as in ``Traces``, or empty.
+        densities: (P,) power that the rays lose per metre in each part, and what they
+            lose in the air.
+        settings: Of the sensor.
     """
-    n = len(events)
+    n = len(traces.events)
     columns = Columns(
         np.zeros(n, np.int64),
         np.zeros(n, np.int64),
@@ -110,30 +104,93 @@ def gather(
         np.zeros(n),
         np.zeros(n, np.uint8),
     )
-    how = (weights, of_a_beam, full, incidence)
-    return columns.take(slice(_gather(events, how, columns)))
+    strengths = np.zeros(n)
+    full = settings.penetration_power
+    around = np.zeros((2, len(densities[0]) + 1), np.int64)
+    _give_back(traces.events, densities, full, around, strengths)
+    how = (weights, of_a_beam, strengths, traces.incidence)
+    return columns.take(slice(_gather(traces.events, how, columns)))
 
 
 @leaf
-def _share(power: Any, full: Any) -> Any:
-    """Give the share of its power that a ray has left."""
-    if full == 0.0 or np.isinf(full):
-        return 1.0
-    return power / full
-
-
-@leaf
-def _strength(events: Any, i: Any, full: Any) -> Any:
-    """Give what a ray loses from an event on to the next."""
-    event = events[i]
-    if event.kind == HIT:
-        return _share(event.power, full)
+def _share(event: Any, full: Any) -> Any:
+    """Give the share of its power that a ray has left on arrival."""
     if event.kind == SPENT:
         return 0.0
-    after = events[i + 1]
-    if after.kind == SPENT:
-        return _share(event.power, full)
-    return max(_share(event.power, full) - _share(after.power, full), 0.0)
+    if full == 0.0 or np.isinf(full):
+        return 1.0
+    return event.power / full
+
+
+@leaf
+def _share_kept(event: Any, full: Any) -> Any:
+    """Give the share that is lost at a place."""
+    if full == 0.0 or np.isinf(full):
+        return 0.0
+    return event.kept / full
+
+
+@leaf
+def _split(lost: Any, densities: Any, around: Any, count: Any, strengths: Any) -> None:
+    """Give each volume around a ray its share of what is lost, at where it begins."""
+    of_parts, total = densities
+    for k in range(count):
+        total += of_parts[around[0, k]]
+    if lost <= 0.0 or total <= 0.0:
+        return
+    for k in range(count):
+        entry = around[1, k]
+        if entry >= 0:
+            strengths[entry] += lost * of_parts[around[0, k]] / total
+
+
+@leaf
+def _note(events: Any, i: Any, around: Any, count: Any) -> Any:
+    """Keep the account of the parts around a ray; give how many they are."""
+    event = events[i]
+    if event.kind in (ENTER, START_INSIDE):
+        around[0, count] = event.part
+        around[1, count] = i if event.kind == ENTER else -1
+        return count + 1
+    return _leave(around, count, event.part) if event.kind == LEAVE else count
+
+
+@compiled
+def _give_back(
+    events: Any, densities: Any, full: Any, around: Any, strengths: Any
+) -> None:
+    """Work out what share of its beam each event gives back.
+
+    Args:
+        events: Of all rays.
+        densities: (P,) of the parts, and of the air.
+        full: The power that a ray starts with.
+        around: (2, P + 1) room for the parts around a ray, and where it entered them.
+        strengths: (V,) zeros, to be filled.
+    """
+    ray, count, left = np.int64(-1), 0, 0.0
+    for i in range(len(events)):
+        event = events[i]
+        if event.ray != ray:
+            ray, count, left = event.ray, 0, 1.0
+        arriving, kept = _share(event, full), _share_kept(event, full)
+        _split(left - arriving, densities, around, count, strengths)
+        if event.kind == HIT:
+            strengths[i] = arriving - kept
+        elif event.kind == SHEET:
+            strengths[i] = kept
+        left = arriving - kept
+        count = _note(events, i, around, count)
+
+
+@leaf
+def _leave(around: Any, count: Any, part: Any) -> Any:
+    """Take a part out of those around a ray; give how many are left."""
+    for k in range(count):
+        if around[0, k] == part:
+            around[0, k], around[1, k] = around[0, count - 1], around[1, count - 1]
+            return count - 1
+    return count
 
 
 @leaf
@@ -171,7 +228,7 @@ def _sort(keys: Any, picked: Any, count: Any) -> None:
 
 @leaf
 def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
-    weights, of_a_beam, full, incidence = how
+    weights, of_a_beam, strengths, incidence = how
     event = events[i]
     kind, ray = event.kind, event.ray
     columns.beam[place] = ray // of_a_beam
@@ -179,9 +236,10 @@ def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
     columns.t[place] = event.t
     columns.kind[place] = kind
     columns.part[place] = event.part
-    columns.power[place] = event.power
-    strength = _strength(events, i, full) * _sent_back(event, incidence)
-    columns.strength[place] = weights[ray] * strength
+    kept = event.kept if kind == HIT else 0.0
+    columns.power[place] = event.power - kept
+    strength = strengths[i] * _sent_back(event, incidence)
+    columns.strength[place] = min(weights[ray] * strength, 1.0)
     columns.ends[place] = kind in (HIT, SPENT)
 
 
@@ -194,7 +252,7 @@ def _gather(events: Any, how: Any, columns: Any) -> Any:
     while i < len(events):
         beam, count = events[i].ray // of_a_beam, 0
         while i < len(events) and events[i].ray // of_a_beam == beam:
-            answers = events[i].kind not in (START_INSIDE, OUT_OF_RANGE)
+            answers = events[i].kind in ANSWERING
             if answers and weights[events[i].ray] > 0.0:
                 picked[count] = i
                 keys[count] = events[i].t
@@ -216,7 +274,7 @@ def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:
         rows: (N,) the ray that answers for each beam.
         full: The power that a ray starts with.
     """
-    beams = np.flatnonzero(traces.outcomes[rows] != Outcome.NOTHING)
+    beams = np.flatnonzero(np.isfinite(traces.ranges[rows]))
     rows = rows[beams]
     hit = traces.outcomes[rows] == Outcome.HIT
     power = traces.power[rows]
@@ -232,70 +290,3 @@ def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:
         np.where(hit, share * send_back(traces)[rows], 0.0),
         np.ones(len(rows), np.uint8),
     )
-
-
-def merge(columns: Columns, cell: float) -> Columns:
-    """Merge echoes of a beam that are nearer together than a cell, m."""
-    if cell <= 0 or not len(columns.t):
-        return columns
-    merged = columns.take(np.arange(len(columns.t)))
-    return merged.take(slice(_merge(merged, cell)))
-
-
-@compiled
-def _merge(columns: Any, cell: Any) -> Any:
-    """Merge in place; give how many are left."""
-    left, i, n = 0, 0, len(columns.t)
-    while i < n:
-        beam, first = columns.beam[i], columns.t[i]
-        best, total, mean, ends = i, 0.0, 0.0, 0
-        while i < n and columns.beam[i] == beam and columns.t[i] - first < cell:
-            strength = columns.strength[i]
-            total += strength
-            mean += strength * (columns.t[i] - first)
-            if strength > columns.strength[best]:
-                best = i
-            ends = max(ends, columns.ends[i])
-            i += 1
-        row, kind, part = columns.row[best], columns.kind[best], columns.part[best]
-        columns.beam[left] = beam
-        columns.row[left] = row
-        columns.t[left] = first + mean / total if total > 0.0 else first
-        columns.kind[left] = kind
-        columns.part[left] = part
-        columns.power[left] = columns.power[best]
-        columns.strength[left] = total
-        columns.ends[left] = ends
-        left += 1
-    return left
-
-
-@compiled
-def choose(columns: Any, mode: Any, beams: Any) -> Any:
-    """Choose the echo that gives each beam's range.
-
-    What gives nothing back is neither first nor strongest, unless there is nothing
-    else: then it is where the ray ends.
-
-    Args:
-        columns: Of all echoes.
-        mode: ``LAST``, ``FIRST`` or ``STRONGEST``; of equally strong ones the nearest.
-        beams: N.
-
-    Returns:
-        (N,) int64, rows of the columns; -1 for a beam without.
-    """
-    chosen = np.full(beams, -1, np.int64)
-    given = np.zeros(beams)
-    for i in range(len(columns.t)):
-        beam, strength = columns.beam[i], columns.strength[i]
-        if mode == LAST:
-            if columns.ends[i]:
-                chosen[beam] = i
-        elif strength > 0.0:
-            if given[beam] == 0.0 or (mode == STRONGEST and strength > given[beam]):
-                chosen[beam] = i
-                given[beam] = strength
-        elif given[beam] == 0.0 and columns.ends[i]:
-            chosen[beam] = i
-    return chosen

@@ -19,15 +19,17 @@ from radarsim.presets.sensors import load_settings
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.boxes import Boxes
 from radarsim.raycast.penetration import Outcome
-from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
+from radarsim.raycast.rays import LASER, RADAR, Kind, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.raycast.tracers import tracer_of
+from radarsim.scene.material import BANDS_GHZ
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, Drawn, Sides
 from radarsim.sensors.reading import Plan, Reader
 from radarsim.sensors.scan import Scan
 
 NONE: Final = np.zeros(0)
+NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT = 0.346  # m above the floor, of the scanner on a P3AT
 
 
@@ -38,8 +40,6 @@ class RangeScanner:
         name: Of its preset.
         settings: All its numbers.
         angles: Of its beams, (N,) rad, counter-clockwise from the right.
-        needs_incidence: Whether ``read`` has to know at which angle rays hit.
-        needs_events: Whether ``read`` has to know all that happens to rays.
     """
 
     def __init__(self, name: str, settings: SensorSettings) -> None:
@@ -49,16 +49,14 @@ class RangeScanner:
         self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
         self._reader = Reader(name, settings, self._pattern)
-        self.needs_incidence = self._reader.needs_incidence
-        self.needs_events = self._reader.needs_events
         nowhere = np.zeros((len(self.angles) * self._pattern.rays, 3))
         self._alike = Rays.alike(
             nowhere,
             nowhere,
             reach=settings.max_range,
             power=settings.penetration_power,
-            medium=self._medium,
         )
+        self._kinds = (kind_of(settings),)
 
     @property
     def has_side_rays(self) -> bool:
@@ -100,9 +98,7 @@ class RangeScanner:
         """
         tracer = tracer_of(scene)
         plan = self.plan(tracer, sensor_pose(scene, pose), rng)
-        traces = tracer.trace(
-            plan.rays, events=self.needs_events, incidence=self.needs_incidence
-        )
+        traces = tracer.trace(plan.rays, events=plan.events, incidence=plan.incidence)
         return self.read(plan, traces)
 
     def plan(
@@ -130,20 +126,34 @@ class RangeScanner:
             ValueError: If there is no rng to draw from.
         """
         reader = self._reader
-        if rng is None and (self._pattern.draws or reader.chooses or reader.noisy):
+        rains = tracer.rains and self._medium == RADAR
+        draws = self._pattern.draws or reader.chooses or reader.noisy or rains
+        if draws and not isinstance(rng, np.random.Generator):
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
         drawn = self._pattern.draw(rng)
-        chance = error = NONE
+        chance, error, rain = NONE, NONE, NO_RAIN
         if rng is not None and reader.chooses:
             chance = rng.random(len(self.angles))
         if rng is not None and reader.noisy:
             error = rng.standard_normal(len(self.angles))
+        if rng is not None and rains:
+            rain = rng.standard_exponential((2, len(self.angles)))
         place, width = pose.position(), self._pattern.width
         if width and not tracer.is_open(place, width, self._medium, boxes, own):
             hidden = self._hidden(tracer, pose, drawn, boxes, own)
             drawn = self._pattern.centred(drawn, hidden)
         rays = self._rays(pose, drawn, own)
-        return Plan(tracer, pose, drawn.sides, rays, chance, error)
+        return Plan(
+            tracer,
+            pose,
+            drawn.sides,
+            rays,
+            chance,
+            error,
+            rain,
+            reader.needs_events or rains,
+            reader.needs_incidence,
+        )
 
     def one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
         """Point one ray of each beam, whatever it starts behind.
@@ -163,8 +173,7 @@ class RangeScanner:
 
         Args:
             plan: Of this scanner.
-            traces: Of its rays, with events and incidence where this scanner needs
-                them.
+            traces: Of its rays, with events and incidence where the plan says so.
         """
         return self._reader.read(plan, traces)
 
@@ -181,6 +190,7 @@ class RangeScanner:
             same.power,
             same.medium,
             carried_by,
+            self._kinds,
         )
 
     def _hidden(
@@ -208,7 +218,18 @@ class RangeScanner:
         return hidden
 
 
-def load_sensor(name: str, **settings: Any) -> RangeScanner:
+def kind_of(settings: SensorSettings) -> Kind:
+    """Tell what the rays of a sensor have in common."""
+    radar = settings.medium == "radar"
+    return Kind(
+        RADAR if radar else LASER,
+        BANDS_GHZ.index(settings.band_ghz) if radar else 0,
+        settings.power_per_db,
+        settings.max_bounces,
+    )
+
+
+def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
     """Make a scanner from a preset, with some of its settings changed.
 
     Raises:

@@ -27,17 +27,9 @@ from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.sensors.beams import BeamPattern, Sides
 from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.gathering import (
-    FIRST,
-    LAST,
-    STRONGEST,
-    Columns,
-    choose,
-    ends_of,
-    gather,
-    merge,
-    send_back,
-)
+from radarsim.sensors.gathering import SPENT, Columns, ends_of, gather, send_back
+from radarsim.sensors.merging import FIRST, LAST, STRONGEST, choose, merge
+from radarsim.sensors.rain import speckle, with_rain
 from radarsim.sensors.scan import Scan
 
 MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGEST}
@@ -55,6 +47,10 @@ class Plan(NamedTuple):
         chance: (N,) 0 to 1, what chooses a ray once all are cast; empty if nothing
             is to be chosen.
         error: (N,) of the ranges, in standard deviations; empty for none.
+        rain: (2, N) what decides where rain shows, and how much of it; empty where
+            none falls.
+        events: Whether all that happens to the rays is to be written down.
+        incidence: Whether the angles at which they hit are.
     """
 
     tracer: Tracer
@@ -63,6 +59,9 @@ class Plan(NamedTuple):
     rays: Rays
     chance: Floats
     error: Floats
+    rain: Floats
+    events: bool
+    incidence: bool
 
 
 class Reader:
@@ -101,7 +100,7 @@ class Reader:
                 them.
         """
         rows = self._chosen_rows(plan, traces)
-        if self.needs_events:
+        if plan.events:
             return self._read_echoes(plan, traces, rows)
         outcomes, ranges = traces.outcomes, traces.ranges
         if rows is None:
@@ -109,9 +108,12 @@ class Reader:
         else:
             outcomes, ranges = outcomes[rows], ranges[rows]
         self._measure(ranges, plan.error)
-        if self._settings.spent_reads == "zero":
-            ranges[outcomes == Outcome.SPENT] = 0.0
+        if self._settings.spent_reads != "range":
+            ranges[outcomes == Outcome.SPENT] = self._spent_range()
         return self._scan(plan, ranges, rows, partial(self._ends, plan, traces, rows))
+
+    def _spent_range(self) -> float:
+        return 0.0 if self._settings.spent_reads == "zero" else math.inf
 
     def _chosen_rows(self, plan: Plan, traces: Traces) -> Rows | None:
         """Choose among the rays of each beam; None where there is only one.
@@ -137,28 +139,34 @@ class Reader:
         if rows is not None:
             weights = np.zeros(len(plan.sides))
             weights[rows] = 1.0
-        columns = gather(
-            traces.events,
-            weights,
-            self._pattern.rays,
-            settings.penetration_power,
-            traces.incidence,
-        )
+        densities = plan.tracer.densities(plan.rays.kinds[0])
+        columns = gather(traces, weights, self._pattern.rays, densities, settings)
+        if plan.rain.size:
+            stand = self._middle_rows() if rows is None else rows
+            shown = speckle(plan.tracer, traces.events, stand, plan.rain, settings)
+            columns = with_rain(columns, shown, stand)
         columns = merge(columns, settings.range_resolution)
         self._measure(columns.t, plan.error[columns.beam] if self.noisy else None)
-        chosen = choose(columns, MODES[settings.return_mode], len(self._pattern.angles))
+        mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
+        chosen = choose(columns, mode, beams, settings.echo_threshold)
+        if settings.spent_reads == "nothing":
+            spent = np.flatnonzero(columns.kind == SPENT)
+            chosen[np.isin(chosen, spent)] = -1
         found = np.flatnonzero(chosen >= 0)
         ranges = np.full(len(chosen), np.inf)
         ranges[found] = columns.t[chosen[found]]
-        middle = self._pattern.rays // 2
-        rays = np.arange(len(chosen)) * self._pattern.rays + middle
-        rays = rays if rows is None else rows.copy()
+        rays = self._middle_rows() if rows is None else rows.copy()
         rays[found] = columns.row[chosen[found]]
         if settings.spent_reads == "zero":
-            ranges[traces.outcomes[rays] == Outcome.SPENT] = 0.0
+            ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
         if settings.return_mode != "all":
             columns = columns.take(chosen[found])
         return self._scan(plan, ranges, rays, partial(self._echoes, plan, columns))
+
+    def _middle_rows(self) -> Rows:
+        """Give a ray of each beam that stands for it where no one was chosen."""
+        several = self._pattern.rays
+        return np.arange(len(self._pattern.angles)) * several + several // 2
 
     def _measure(self, ranges: Floats, error: Floats | None) -> None:
         """Make ranges as uncertain and as coarse as the sensor is, in place."""
@@ -174,9 +182,9 @@ class Reader:
             moved = found + error[there] * deviation
             ranges[there] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
+            most = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
             whole = np.rint(ranges[there] / settings.range_quantum)
-            coarse = whole * settings.range_quantum
-            ranges[there] = np.minimum(coarse, settings.max_range)
+            ranges[there] = np.minimum(whole, most) * settings.range_quantum
 
     def _scan(
         self,
@@ -218,6 +226,8 @@ class Reader:
         """Give the last echoes alone, for which nothing else need be known."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
         columns = ends_of(traces, rows, self._settings.penetration_power)
+        if self._settings.spent_reads == "nothing":
+            columns = columns.take(columns.kind != SPENT)
         error = plan.error[columns.beam] if self.noisy else None
         self._measure(columns.t, error)
         return self._echoes(plan, columns)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from radarsim.geometry import Floats, Pose3
@@ -38,8 +38,8 @@ class Scan:
     range_min: float
     range_max: float
     resolution: float
-    cast: Rays
-    find_echoes: Callable[[], Echoes]
+    cast: Rays = field(repr=False)
+    find_echoes: Callable[[], Echoes] = field(repr=False)
 
     @property
     def echoes(self) -> Echoes:

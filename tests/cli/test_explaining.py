@@ -34,6 +34,7 @@ solid sheet
  endfacet
 endsolid sheet
 """
+CONE = ("--set", "side_mode=cone", "--set", "beamwidth_az_deg=2")
 AHEAD = ("--sensor", "radar", "--pose", "0,0,0", "--beam", "90", "--ray", "centre")
 
 
@@ -173,7 +174,7 @@ def test_what_a_beam_reads_is_what_the_scan_reads(
 
 
 def test_the_beams_of_a_cone_have_no_left_ray(radarsim: Command, room: str) -> None:
-    run = radarsim("explain", room, *AHEAD[:-1], "left", "--set", "side_mode=cone")
+    run = radarsim("explain", room, *AHEAD[:-1], "left", *CONE)
     assert run.code == 2
     assert "expected drawn: radar's beams have 9 rays" in " ".join(
         run.err.replace("│", " ").split()

@@ -221,13 +221,13 @@ def test_another_robot_has_to_be_asked_anew(foliage_room: Scene) -> None:
         pytest.param(
             ASK.replace(b"lms200", b"InsTest"),
             "no item",
-            "SET of 'RangeScanner', which is not there",
+            "SET of 'RangeScanner InsTest', which is not there",
             id="name of another item",
         ),
         pytest.param(
             ASK.replace(b"RangeScanner", b"Echoes"),
             "no item",
-            "SET of 'Echoes', which is not there",
+            "SET of 'Echoes lms200', which is not there",
             id="type of the lines",
         ),
         pytest.param(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from radarsim import Material, Part
 from radarsim.geometry import Floats
-from radarsim.picture.pieces import FALL, Pieces, cut, lines_of
+from radarsim.picture.pieces import FALL, Pieces, cut
 from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.shapes import box
@@ -126,5 +126,5 @@ def test_every_ray_has_pieces_of_its_own() -> None:
 def test_lines_are_seen_from_above() -> None:
     way = np.array([[0.6, 0.0, 0.8]])
     rays = Rays.alike(np.array([[1.0, 2, 3]]), way, reach=10)
-    lines = lines_of(rays, cut(Tracer([]), rays))
+    lines = cut(Tracer([]), rays).lines
     assert lines.tolist() == [[[1, 2], [7, 2]]]

@@ -17,7 +17,9 @@ NAVTECH = {
 ANTENNAS = NAVTECH | {"hss94_marulan", "k2pi"}
 REAL_LASERS = {"hokuyo_urg04lx", "hokuyo_utm30lx", "sick_lms200", "sick_lms291"}
 USARSIM = {"usarsim_hokuyo", "usarsim_rangescanner", "usarsim_sick"}
-ALL = THESIS | ANTENNAS | REAL_LASERS | USARSIM | {"hokuyo", "laser", "sick"}
+ALL = (
+    THESIS | ANTENNAS | REAL_LASERS | USARSIM | {"hokuyo", "laser", "physical", "sick"}
+)
 
 presets = pytest.mark.parametrize("name", sorted(ALL))
 
@@ -132,7 +134,7 @@ def test_what_the_thesis_does_not_have_is_off(name: str) -> None:
     assert settings.range_noise == settings.range_noise_share == 0
     assert settings.range_resolution == settings.range_quantum == 0
     assert not settings.incidence_weights
-    assert (settings.return_mode, settings.ray_choice) == ("last", "drawn")
+    assert (settings.return_mode, settings.answers_together) == ("last", False)
     assert len(set(settings.ray_weights)) == 1
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from radarsim.errors import PresetError
 from radarsim.presets.sensors import load_settings, parse_setting
+from radarsim.presets.settings import SensorSettings
 
 
 @pytest.mark.parametrize(
@@ -96,14 +97,31 @@ def test_a_scan_has_one_beam_more_than_steps(
         ),
         pytest.param(
             {"range_quantum": 1e-9},
-            "sensor radar: range_quantum: 1e-09: value error, expected 0 or at least"
-            " 1e-06",
+            "sensor radar: range_quantum: 1e-09: expected 0 or at least 1e-06",
             id="a step that nothing can be divided by",
         ),
         pytest.param(
-            {"side_mode": "cone", "cone_rays": 10_000},
+            {"side_mode": "cone", "cone_rays": 10_000, "cone_sampling": "random"},
             "sensor radar: 1810000 rays, expected at most 1000000",
             id="too many rays",
+        ),
+        pytest.param(
+            {"side_mode": "cone", "cone_rays": 371, "beamwidth_az_deg": 4},
+            "sensor radar: cone_rays 371, 371 in a row, expected at most 100; random"
+            " ones may be more",
+            id="too many nodes in a row",
+        ),
+        pytest.param(
+            {"side_mode": "cone"},
+            "sensor radar: a cone of 9 rays, expected a beamwidth_az_deg or a"
+            " beamwidth_el_deg above 0",
+            id="a cone without width",
+        ),
+        pytest.param(
+            {"name": "radar"},
+            "sensor radar: no setting 'name', expected one of "
+            + str(sorted(SensorSettings.model_fields)),
+            id="a name that is an argument too",
         ),
         pytest.param(
             {
@@ -151,7 +169,9 @@ def test_a_quadrature_has_rows_and_columns(
 
 
 def test_lasers_have_one_ray_a_beam() -> None:
-    assert load_settings("laser", side_mode="cone").rays_of_a_beam == 1
+    assert (
+        load_settings("laser", side_mode="cone", beamwidth_az_deg=2).rays_of_a_beam == 1
+    )
     assert load_settings("radar").rays_of_a_beam == 3
 
 

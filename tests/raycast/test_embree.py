@@ -8,9 +8,9 @@ import pytest
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
+from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh
 from radarsim.raycast.embree_library import open_library
-from radarsim.raycast.penetration import CROSSING
 from radarsim.raycast.query import (
     BEHIND,
     LISTED,

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.raycast import penetration
+from radarsim.raycast.crossings import CROSSING, sort_crossings
 from radarsim.raycast.penetration import (
-    CROSSING,
     EVENT,
     Ending,
     EventKind,
@@ -20,7 +20,6 @@ from radarsim.raycast.penetration import (
     Walk,
     new_walk,
     settle,
-    sort_crossings,
     wind,
 )
 
@@ -214,8 +213,8 @@ def test_events_that_do_not_fit_are_counted() -> None:
     settle(7, 1.0, Stop(2, 5.0, -1), toll, walk)
     assert walk.events[-1]["ray"] == 3
     assert walk.events[:2].tolist() == [
-        (7, 1.0, 0, EventKind.ENTER, 1.0),
-        (7, 2.0, 0, EventKind.LEAVE, 0.9),
+        (7, 1.0, 0, EventKind.ENTER, 1.0, 0.0, 0.0, 0.0, 0.0),
+        (7, 2.0, 0, EventKind.LEAVE, 0.9, 0.0, 0.0, 0.0, 0.0),
     ]
 
 
@@ -256,7 +255,9 @@ def test_python_and_machine_code_agree(
         "wind",
         "forget",
         "_density",
-        "_write",
+        "write",
+        "_innermost",
+        "is_absorbed",
         "_cross",
         "begin",
         "follow",

@@ -113,7 +113,7 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
         ),
         pytest.param(
             {"medium": np.array([0, 1, 2], np.uint8)},
-            "medium[2] is 2, expected 0 or 1",
+            "medium[2] is 2, expected 0 to 1",
             id="third medium",
         ),
     ],

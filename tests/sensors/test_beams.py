@@ -252,7 +252,9 @@ def test_a_laser_has_one_ray_whatever_its_settings_say() -> None:
     assert (pattern.rays, pattern.width, pattern.draws) == (1, 0.0, False)
 
 
-@given(st.floats(-0.5, 0.5), st.floats(0, 30), st.floats(0, 30), st.integers(0, 2**32))
+@given(
+    st.floats(-0.5, 0.5), st.floats(0.01, 30), st.floats(0, 30), st.integers(0, 2**32)
+)
 def test_every_ray_has_length_one(
     pitch: float, az: float, el: float, seed: int
 ) -> None:

@@ -10,24 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
+from radarsim.presets.sensors import load_settings
 from radarsim.raycast.penetration import EVENT, EventKind
-from radarsim.raycast.rays import Rays, Traces
+from radarsim.raycast.rays import PLAIN, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
-from radarsim.sensors.gathering import (
-    FIRST,
-    LAST,
-    LEAVES,
-    STRONGEST,
-    Columns,
-    choose,
-    ends_of,
-    gather,
-    merge,
-    send_back,
-)
+from radarsim.sensors.gathering import LEAVES, Columns, ends_of, gather, send_back
+from radarsim.sensors.merging import FIRST, LAST, STRONGEST, choose, merge
 
 WALL = Material("wall")
 SMOKE = Material("smoke", density=0.0, solid=False)
@@ -59,10 +50,23 @@ def traced(
     return Tracer(parts).trace(rays, events=True, incidence=incidence)
 
 
+def gathered(
+    parts: list[Part],
+    traces: Traces,
+    power: float = 1.0,
+    weights: Floats | None = None,
+    of_a_beam: int = 1,
+) -> Columns:
+    settings = load_settings("radar", penetration_power=power)
+    weights = np.ones(len(traces.ranges)) if weights is None else weights
+    densities = Tracer(parts).densities(PLAIN[0])
+    return gather(traces, weights, of_a_beam, densities, settings)
+
+
 def echoes(parts: list[Part], power: float = 1.0) -> list[tuple[Any, ...]]:
     """Give kind, range, power and strength of all echoes of one ray."""
     traces = traced(parts, power)
-    found = gather(traces.events, np.ones(1), 1, power, traces.incidence)
+    found = gathered(parts, traces, power)
     kinds = [EventKind(int(kind)) for kind in found.kind]
     numbers = zip(
         found.t.round(9).tolist(),
@@ -107,14 +111,48 @@ def test_a_sheet_gives_back_what_each_crossing_takes() -> None:
     ]
 
 
-def test_in_overlapping_volumes_the_last_boundary_gives_back_what_all_take() -> None:
+def test_overlapping_volumes_share_what_is_lost_by_density() -> None:
     parts = [layer("one", leaf(0.1), 1, 4), layer("other", leaf(0.2), 2, 3)]
     assert echoes(parts) == [
-        (ENTER, 1.0, 1.0, 0.1),
-        (ENTER, 2.0, 0.9, 0.3),
-        (LEAVE, 3.0, 0.6, 0.1),
+        (ENTER, 1.0, 1.0, 0.3),
+        (ENTER, 2.0, 0.9, 0.2),
+        (LEAVE, 3.0, 0.6, 0.0),
         (LEAVE, 4.0, 0.5, 0.0),
     ]
+
+
+def test_smoke_within_a_bush_gives_nothing_back_for_it() -> None:
+    parts = [
+        layer("smoke", SMOKE, 1, 3),
+        layer("bush", leaf(0.2), 2, 6),
+        layer("puff", SMOKE, 4, 5),
+        layer("wall", WALL, 8, 9),
+    ]
+    given_back = {(kind, t): strength for kind, t, _, strength in echoes(parts)}
+    assert given_back.pop((ENTER, 2.0)) == pytest.approx(0.8)
+    assert given_back.pop((HIT, 8.0)) == pytest.approx(0.2)
+    assert set(given_back.values()) == {0.0}
+
+
+def test_a_sheet_on_the_face_of_a_bush_takes_its_own_in_any_order() -> None:
+    parts = [layer("leaves", SHEET, 4, 9), layer("bush", leaf(0.1), 4, 6)]
+    for ordered in (parts, parts[::-1]):
+        at_four = [row for row in echoes(ordered) if row[1] == 4.0]
+        assert {kind: row[-1] for kind, *row in at_four} == {
+            CROSS: pytest.approx(0.25),
+            ENTER: pytest.approx(0.2),
+        }
+
+
+def test_what_the_air_takes_nobody_gives_back() -> None:
+    bush, wall = layer("bush", leaf(0.1), 2, 4), layer("wall", WALL, 8, 9)
+    mist = Material("mist", density=0.05, solid=False)
+    tracer = Tracer([bush, wall], mist)
+    rays = Rays.alike(np.zeros((1, 3)), np.eye(3)[:1], reach=50.0, power=1.0)
+    traces = tracer.trace(rays, events=True)
+    settings = load_settings("radar")
+    found = gather(traces, np.ones(1), 1, tracer.densities(PLAIN[0]), settings)
+    assert found.strength == pytest.approx([0.2, 0.0, 1 - 8 * 0.05 - 0.2])
 
 
 def test_what_is_lost_around_the_start_nobody_gives_back() -> None:
@@ -164,7 +202,7 @@ def test_the_strengths_of_a_ray_that_ends_add_up_to_one(
         at += gap + depth
     parts.append(layer("wall", WALL, at + 1, at + 2))
     traces = traced(parts, power)
-    found = gather(traces.events, np.ones(1), 1, power, traces.incidence)
+    found = gathered(parts, traces, power)
     assert found.strength.sum() == pytest.approx(1.0)
     assert (found.strength >= 0).all()
     assert (np.diff(found.t) >= 0).all()
@@ -175,7 +213,7 @@ def test_rays_that_answer_together_share_the_beam() -> None:
     parts = [layer("bush", leaf(0.2), 2, 5), layer("wall", WALL, 8, 9)]
     traces = traced(parts, count=6)
     weights = np.tile([0.25, 0.5, 0.25], 2)
-    found = gather(traces.events, weights, 3, 1.0, traces.incidence)
+    found = gathered(parts, traces, 1.0, weights, 3)
     assert found.beam.tolist() == [0] * 9 + [1] * 9
     assert found.t[:9].round(9).tolist() == [2.0] * 3 + [5.0] * 3 + [8.0] * 3
     assert found.row[:9].tolist() == [0, 1, 2] * 3
@@ -184,8 +222,9 @@ def test_rays_that_answer_together_share_the_beam() -> None:
 
 
 def test_a_ray_without_weight_is_left_out() -> None:
-    traces = traced([layer("wall", WALL, 8, 9)], count=3)
-    found = gather(traces.events, np.array([0.0, 1.0, 0.0]), 3, 1.0, traces.incidence)
+    parts = [layer("wall", WALL, 8, 9)]
+    traces = traced(parts, count=3)
+    found = gathered(parts, traces, 1.0, np.array([0.0, 1.0, 0.0]), 3)
     assert found.row.tolist() == [1]
 
 
@@ -197,8 +236,9 @@ def test_with_incidence_a_tilted_wall_gives_back_less_and_leaves_a_third() -> No
     )
     corners = np.column_stack([vertices @ turned.T, vertices[:, 2]])
     wall = Part("wall", WALL, corners + np.array([30, 0, 0]), faces)
-    traces = traced([layer("bush", leaf(0.2), 2, 4), wall], incidence=True)
-    found = gather(traces.events, np.ones(1), 1, 1.0, traces.incidence)
+    parts = [layer("bush", leaf(0.2), 2, 4), wall]
+    traces = traced(parts, incidence=True)
+    found = gathered(parts, traces)
     assert found.strength == pytest.approx([0.4 * LEAVES, 0, 0.6 * 0.25])
 
 
@@ -229,10 +269,11 @@ def test_what_the_end_of_a_ray_sends_back(
 def test_the_ends_alone_are_the_last_echoes() -> None:
     parts = [layer("bush", leaf(0.2), 2, 5), layer("wall", WALL, 8, 9)]
     for last, power in ((True, 1.0), (True, 0.5), (False, 0.5), (True, math.inf)):
-        traces = traced(parts if last else parts[:1], power, incidence=last)
-        found = gather(traces.events, np.ones(1), 1, power, traces.incidence)
+        there = parts if last else parts[:1]
+        traces = traced(there, power, incidence=last)
+        found = gathered(there, traces, power)
         ends = ends_of(traces, np.zeros(1, np.int64), power)
-        rows = choose(found, LAST, 1)
+        rows = choose(found, LAST, 1, 0.0)
         for name in Columns._fields:
             wanted = getattr(found, name)[rows[rows >= 0]]
             assert getattr(ends, name).tolist() == wanted.tolist(), name
@@ -274,24 +315,33 @@ def sorted_rows(draw: st.DrawFn) -> list[Row]:
     return sorted(rows, key=lambda row: (row.beam, row.t, row.row))
 
 
+def merged_by_hand(beam: list[Row], cell: float) -> list[Row]:
+    """Merge the echoes of one beam, sorted by range."""
+    merged = []
+    while beam:
+        giving = [row for row in beam if row.strength > 0 or row.ends]
+        if giving and giving[0].t - beam[0].t < cell:
+            near = [row for row in beam if row.t < giving[0].t + cell]
+        else:
+            near = beam[:1]
+        beam = beam[len(near) :]
+        total = sum(row.strength for row in near)
+        best = max(near, key=lambda r: (r.ends, r.strength, -near.index(r)))
+        t = giving[0].t if giving and giving[0] in near else near[0].t
+        if total > 0:
+            t = sum(row.strength * row.t for row in near) / total
+        merged.append(best._replace(t=t, strength=min(total, 1.0)))
+    return merged
+
+
 @given(sorted_rows(), st.sampled_from([0.0, 0.25, 0.5, 1.0]))
 def test_echoes_within_a_cell_merge_from_the_nearest_on(
     rows: list[Row], cell: float
 ) -> None:
     wanted: list[Row] = []
-    for _, beam in groupby(rows, key=lambda row: row.beam):
-        left = list(beam)
-        while left:
-            near = [r for r in left if r.t - left[0].t < cell] or left[:1]
-            left = left[len(near) :]
-            total = sum(r.strength for r in near)
-            best = max(near, key=lambda r: (r.strength, -near.index(r)))
-            t = near[0].t
-            if total > 0:
-                t = sum(r.strength * r.t for r in near) / total
-            wanted.append(
-                best._replace(t=t, strength=total, ends=max(r.ends for r in near))
-            )
+    for _, group in groupby(rows, key=lambda row: row.beam):
+        beam = list(group)
+        wanted += merged_by_hand(beam, cell) if cell else beam
     found = merge(columns_of(rows), cell)
     for name in Row._fields:
         assert getattr(found, name).tolist() == pytest.approx(
@@ -309,7 +359,8 @@ def test_merging_leaves_what_it_is_given_as_it_is() -> None:
 @given(sorted_rows())
 def test_one_echo_of_a_beam_is_chosen(rows: list[Row]) -> None:
     found = {
-        mode: choose(columns_of(rows), mode, 3) for mode in (LAST, FIRST, STRONGEST)
+        mode: choose(columns_of(rows), mode, 3, 0.0)
+        for mode in (LAST, FIRST, STRONGEST)
     }
     for beam in range(3):
         mine = [(i, row) for i, row in enumerate(rows) if row.beam == beam]
@@ -330,8 +381,16 @@ def test_many_rays_are_sorted_whatever_their_order() -> None:
     events["t"] = rng.uniform(0, 9, 2 * count).round(2)
     events["kind"] = HIT
     events["power"] = 1.0
-    none: Floats = np.zeros(0)
-    found = gather(events, np.ones(2 * count), count, 1.0, none)
+    n = 2 * count
+    traces = Traces(
+        events["t"].copy(),
+        np.ones(n, np.uint8),
+        np.zeros(n, np.int64),
+        np.ones(n),
+        np.zeros(0),
+        events,
+    )
+    found = gathered([], traces, 1.0, np.ones(n), count)
     for beam in range(2):
         mine = slice(beam * count, (beam + 1) * count)
         order = np.lexsort([np.arange(count), events["t"][mine]]) + beam * count

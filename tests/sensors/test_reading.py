@@ -313,15 +313,20 @@ def test_the_echoes_of_a_beam_move_together() -> None:
 
 @pytest.mark.parametrize("mode", ["last", "all"])
 def test_ranges_are_multiples_of_the_quantum(mode: str, foliage_room: Scene) -> None:
-    coarse = radar(range_quantum=0.25, return_mode=mode, max_range=9.9)
+    coarse = radar(range_quantum=0.25, return_mode=mode, max_range=10)
     scan = coarse.scan(foliage_room, (-7, 0, 0), generator_for(1))
     found = scan.ranges[np.isfinite(scan.ranges)]
-    steps = found / 0.25
-    assert np.all((steps == np.rint(steps)) | (found == 9.9))
-    fine = radar(return_mode=mode, max_range=9.9)
+    assert (found / 0.25).tolist() == np.rint(found / 0.25).tolist()
+    fine = radar(return_mode=mode, max_range=10)
     exact = fine.scan(foliage_room, (-7, 0, 0), generator_for(1)).ranges
     there = np.isfinite(exact)
     assert np.abs(found - exact[there]).max() <= 0.125 + 1e-12
+
+
+def test_the_greatest_range_may_be_no_multiple_and_no_range_exceeds_it() -> None:
+    world = scene(board("back", (1, 40, 4), (19.9, 0, 0)))  # its face is at 19.4 m
+    laser = radarsim.load_sensor("laser", **AHEAD, range_quantum=0.7, max_range=19.5)
+    assert laser.scan(world, Pose3(0, 0, 0)).ranges[1] == pytest.approx(18.9)
 
 
 def test_two_objects_within_a_cell_are_one() -> None:
@@ -337,7 +342,7 @@ def test_two_objects_within_a_cell_are_one() -> None:
         echoes = scan.echoes
         counts[cell] = int(np.count_nonzero(echoes.beams == 1))
         assert echoes.strength[echoes.beams == 1].sum() == pytest.approx(1.0)
-    assert counts == {0.0: 9, 0.5: 2, 2.0: 1}
+    assert counts == {0.0: 3, 0.5: 2, 2.0: 1}
     assert scan.ranges[1] == pytest.approx(0.2 * 6.9 + 0.8 * 8.0)
 
 
@@ -356,6 +361,46 @@ def test_a_blinded_laser_reads_zero_in_every_mode(mode: str) -> None:
     world = scene(cloud, board("back", (1, 40, 4), (8.5, 0, 0)))
     hokuyo = radarsim.load_sensor("hokuyo", return_mode=mode, max_range=20, **AHEAD)
     assert hokuyo.scan(world, Pose3(0, 0, 0)).ranges.tolist() == [0.0] * 3
+
+
+def test_what_a_ray_without_weight_meets_blinds_nobody() -> None:
+    """The centre ray is spent in a twig, the side rays see nothing."""
+    leaf = Material("twig", density=9.0)
+    twig = board("twig", (1, 0.1, 4), (5, 0, 0), material=leaf)
+    for mode in ("last", "first", "strongest", "all"):
+        scanner = radar(
+            **AHEAD,
+            ray_weights=(1, 0, 1),
+            spent_reads="zero",
+            side_offset_uu=50,
+            ray_choice="together",
+            return_mode=mode,
+        )
+        scan = scanner.scan(scene(twig), Pose3(0, 0, 0))
+        assert math.isinf(scan.ranges[1]), mode
+
+
+def test_a_merged_echo_tells_how_the_ray_ended() -> None:
+    leaf = Material("leaf", density=2.0)
+    bush = board("bush", (3, 9, 4), (4.5, 0, 0), material=leaf)
+    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all"}
+    scan = radar(**settings, range_resolution=1.5).scan(scene(bush), Pose3(0, 0, 0))
+    lists = scan.to_dict()["echoes"]
+    assert [[echo["kind"] for echo in beam] for beam in lists] == [["spent"]] * 3
+    assert lists[1][0]["strength"] == pytest.approx(1.0)
+    assert lists[1][0]["object"] == "bush"
+
+
+def test_what_gives_nothing_back_begins_no_cell() -> None:
+    pole = board("pole", (0.04, 0.3, 4), (5.17, 0.2, 0))
+    world = [pole, board("wall", (1, 40, 4), (5.75, 0, 0))]
+    cloud = board("cloud", (3, 40, 4), (6.5, 0, 0), material=SMOKE)
+    settings = {**AHEAD, "side_offset_uu": 20, "return_mode": "all"}
+    coarse = radar(**settings, range_resolution=0.2)
+    for parts in (world, [*world, cloud]):
+        lists = coarse.scan(scene(*parts), Pose3(0, 0, 0)).to_dict()["echoes"]
+        assert [echo["kind"] for echo in lists[1]] == ["hit"]
+        assert lists[1][0]["strength"] == pytest.approx(1.0)
 
 
 # What scans share.
@@ -455,3 +500,58 @@ def test_every_preset_makes_a_working_sensor(name: str, foliage_room: Scene) -> 
     quantum = scanner.settings.range_quantum
     if quantum:
         assert seen / quantum == pytest.approx(np.rint(seen / quantum))
+
+
+# A laser that loses light.
+
+DUST = Material("dust", density=0.0, laser_density=0.0, solid=False, laser_db=1.0)
+
+
+def dusty(depth: float) -> Scene:
+    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=DUST)
+    return scene(cloud, board("back", (1, 90, 9), (40.5, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("depth", "wanted"),
+    [
+        pytest.param(0.3, 40.0, id="too thin to show"),
+        pytest.param(0.5, 5.0, id="thin"),
+        pytest.param(10.0, 5.0, id="half of the light comes through"),
+        pytest.param(30.0, 5.0, id="all light is lost"),
+    ],
+)
+def test_a_physical_laser_returns_the_edge_of_a_cloud(
+    depth: float, wanted: float
+) -> None:
+    laser = radarsim.load_sensor("physical", **AHEAD)
+    assert laser.scan(dusty(depth), Pose3(0, 0, 0)).ranges[1] == pytest.approx(wanted)
+    ideal = radarsim.load_sensor("sick", **AHEAD)
+    assert ideal.scan(dusty(depth), Pose3(0, 0, 0)).ranges[1] == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize("mode", ["first", "last", "all", "strongest"])
+def test_light_that_is_lost_within_a_cloud_does_not_come_back(mode: str) -> None:
+    laser = radarsim.load_sensor("physical", **AHEAD, return_mode=mode)
+    inside = laser.scan(dusty(30), Pose3(8, 0, 0))
+    assert np.isinf(inside.ranges).all()
+    assert laser.scan(dusty(30), Pose3(20, 0, 0)).ranges[1] == pytest.approx(20.0)
+    if mode != "all":
+        assert len(inside.echoes) == 0
+    assert np.isinf(laser.scan(scene(), Pose3(0, 0, 0)).ranges).all()
+
+
+def test_the_original_hokuyos_budget_is_spent_after_its_metres() -> None:
+    """A budget of 0.00575 in a density of 0.001 ends after 5.75 m."""
+    fog = Material("fog", density=0.0, laser_density=0.001, solid=False)
+    back = board("back", (1, 90, 9), (40.5, 0, 0))
+    for near, blind in ((0.001, True), (-0.001, False)):
+        depth = 5.75 + near
+        cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=fog)
+        settings = {**AHEAD, "max_range": 80}
+        hokuyo = radarsim.load_sensor("hokuyo", **settings)
+        scan = hokuyo.scan(scene(cloud, back), Pose3(0, 0, 0))
+        assert (scan.ranges[1] == 0.0) == blind
+        echo = radarsim.load_sensor("hokuyo", **settings, spent_reads="range")
+        end = echo.scan(scene(cloud, back), Pose3(0, 0, 0)).ranges[1]
+        assert end == pytest.approx(10.75 if blind else 40.0)

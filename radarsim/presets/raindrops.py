@@ -1,0 +1,34 @@
+"""How much of a radar's power drops of rain send back.
+
+The figures are the volume reflectivity of rain whose drops have the sizes of Marshall
+and Palmer, by Mie's theory: computed for this project, at 24, 77 and 94 GHz. Between
+them it is a power of the rain's rate.
+"""
+
+import numpy as np
+
+RATES = (1.0, 5.0, 12.5, 25.0, 50.0, 100.0)  # mm/h
+REFLECTIVITY_DB = (  # m^2 of radar cross section in each m^3, dB
+    (-53.4, -43.0, -37.5, -33.7, -30.2, -27.0),
+    (-39.3, -33.6, -30.9, -29.0, -27.2, -25.5),
+    (-38.8, -33.7, -31.2, -29.5, -27.8, -26.2),
+)
+
+
+def rain_reflectivity(band: int, mm_per_h: float) -> float:
+    """Give the radar cross section of a cubic metre of rain, m^2/m^3.
+
+    Args:
+        band: 0 for 24 GHz, 1 for 77, 2 for 94.
+        mm_per_h: Rate of the rain; outside of 1 to 100 the nearest two go on.
+
+    >>> round(10 * np.log10(rain_reflectivity(1, 25)), 1)
+    -29.0
+    """
+    if mm_per_h <= 0:
+        return 0.0
+    rates, decibels = np.log10(RATES), np.array(REFLECTIVITY_DB[band])
+    at = np.log10(mm_per_h)
+    i = int(np.clip(np.searchsorted(rates, at) - 1, 0, len(rates) - 2))
+    slope = (decibels[i + 1] - decibels[i]) / (rates[i + 1] - rates[i])
+    return float(10 ** ((decibels[i] + slope * (at - rates[i])) / 10))

@@ -1,0 +1,179 @@
+"""What a radar sees of rain: speckle, not a veil.
+
+Theory of operation
+===================
+Within a hundred metres rain takes next to nothing from a radar's beam; its drops show
+by what they send back. A cell of the beam at the range R, one range resolution deep,
+holds a volume of pi R^2 az el dR / (8 ln 2) m^3, for half-power widths az and el; that
+times the reflectivity of the rain is its mean cross section. The drops' echoes add up
+at random, so its power is distributed exponentially. The least cross section that
+shows grows with R^4. So a cell shows with the probability exp(-1/q), where q, the ratio
+of the mean to the least, falls with R^2: rain shows near the radar.
+
+Of each beam the nearest cell that shows is an echo. It stands above the least by so
+many dB, and that share of the sensor's margin is its strength: walls are stronger. A
+beam that has no other end ends there.
+
+Nearer than ``NEAREST`` the antenna hears itself, and nothing shows.
+"""
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.presets.raindrops import rain_reflectivity
+from radarsim.presets.settings import SensorSettings
+from radarsim.raycast.compiled import compiled, leaf
+from radarsim.raycast.penetration import EventKind
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.material import BANDS_GHZ
+from radarsim.sensors.gathering import Columns
+
+NEAREST: Final = 1.0  # m
+CELL: Final = 0.25  # m, of a sensor without range resolution
+WIDTH: Final = 2.0  # degrees, of a sensor without beamwidth
+REFERENCE: Final = 10.0  # m, where the least cross section is told
+START_INSIDE, ENTER, LEAVE = (
+    int(EventKind.START_INSIDE),
+    int(EventKind.ENTER),
+    int(EventKind.LEAVE),
+)
+
+
+class Speckle(NamedTuple):
+    """The nearest cell that shows, a row for each beam.
+
+    Attributes:
+        t: (N,) m; inf for a beam without.
+        part: (N,) the part in which it rains.
+        power: (N,) left on arrival there.
+        strength: (N,) share of the beam.
+    """
+
+    t: Floats
+    part: NDArray[np.int64]
+    power: Floats
+    strength: Floats
+
+
+def cell_of(settings: SensorSettings) -> float:
+    """Give the depth of a sensor's range cells, m."""
+    return settings.range_resolution or settings.range_quantum or CELL
+
+
+def contrast(settings: SensorSettings, mm_per_h: float) -> float:
+    """Give q at 1 m: how many times the least the mean cross section of a cell is.
+
+    At R it is so much divided by R^2.
+    """
+    az = math.radians(settings.beamwidth_az_deg or WIDTH)
+    el = math.radians(settings.beamwidth_el_deg or WIDTH)
+    volume = math.pi * az * el * cell_of(settings) / (8 * math.log(2))
+    band = BANDS_GHZ.index(settings.band_ghz)
+    least = 10 ** (settings.least_rcs_dbsm / 10) / REFERENCE**4
+    return volume * rain_reflectivity(band, mm_per_h) / least
+
+
+def speckle(
+    tracer: Tracer,
+    events: NDArray[np.void],
+    rows: NDArray[np.int64],
+    drawn: Floats,
+    settings: SensorSettings,
+) -> Speckle:
+    """Find the nearest cell of each beam in which rain shows.
+
+    Args:
+        tracer: Of the scene.
+        events: EVENT of all rays.
+        rows: (N,) the ray that stands for each beam.
+        drawn: (2, N) exponentially distributed, of mean 1: how far the beam comes, and
+            how bright the cell is.
+        settings: Of the sensor.
+    """
+    n = len(rows)
+    found = Speckle(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n))
+    contrasts = np.array([contrast(settings, rate) for rate in tracer.rain.tolist()])
+    start = np.zeros(len(contrasts), np.uint8)
+    start[tracer.air_part :] = tracer.air_part >= 0
+    firsts = np.searchsorted(events["ray"], rows)
+    limits = (cell_of(settings), settings.margin_db)
+    _speckle(events, (rows, firsts), (start, contrasts), drawn, limits, found)
+    return found
+
+
+@leaf
+def _contrast_here(around: Any, contrasts: Any) -> Any:
+    """Give the contrast where a ray is, and the part that it is of."""
+    total, part = 0.0, -1
+    for k in range(len(contrasts)):
+        if around[k] and contrasts[k] > 0.0:
+            total, part = total + contrasts[k], k
+    return total, part
+
+
+@leaf
+def _search(at: Any, end: Any, cell: Any, here: Any, left: Any) -> Any:
+    """Go from cell to cell until one shows.
+
+    Returns:
+        Where the first cell is that was not looked at, or that shows; and how much of
+        what was drawn is left, at most 0 if that one shows.
+    """
+    if here <= 0.0:
+        return at + cell * max(np.ceil((end - at) / cell), 0.0), left
+    while at < end:
+        left += np.log1p(-np.exp(-at * at / here))
+        if left <= 0.0:
+            return at, left
+        at += cell
+    return at, left
+
+
+@compiled
+def _speckle(
+    events: Any, rays: Any, rain: Any, drawn: Any, limits: Any, found: Any
+) -> None:
+    (rows, firsts), (start, contrasts), (cell, margin) = rays, rain, limits
+    around = start.copy()
+    for beam in range(len(rows)):
+        around[:] = start
+        left, at, i = drawn[0, beam], NEAREST + cell / 2, firsts[beam]
+        while i < len(events) and events[i].ray == rows[beam] and left > 0.0:
+            event = events[i]
+            here, part = _contrast_here(around, contrasts)
+            at, left = _search(at, event.t, cell, here, left)
+            if left <= 0.0:
+                above = 10.0 * np.log10(1.0 + here / (at * at) * drawn[1, beam])
+                found.t[beam], found.part[beam] = at, part
+                found.power[beam] = event.power
+                found.strength[beam] = min(above / margin, 1.0)
+            if event.kind in (START_INSIDE, ENTER):
+                around[event.part] = 1
+            elif event.kind == LEAVE:
+                around[event.part] = 0
+            i += 1
+
+
+def with_rain(columns: Columns, shown: Speckle, rows: NDArray[np.int64]) -> Columns:
+    """Put what shows of rain among the echoes of its beams."""
+    beams = np.flatnonzero(np.isfinite(shown.t))
+    ended = np.zeros(len(rows), bool)
+    ended[columns.beam[columns.ends > 0]] = True
+    added = Columns(
+        beams,
+        rows[beams],
+        shown.t[beams],
+        np.full(len(beams), EventKind.RAIN, np.uint8),
+        shown.part[beams],
+        shown.power[beams],
+        shown.strength[beams],
+        (~ended[beams]).astype(np.uint8),
+    )
+    pairs: list[Any] = list(zip(columns, added, strict=True))
+    both: list[Any] = [np.concatenate(pair) for pair in pairs]
+    joined = Columns(*both)
+    return joined.take(np.lexsort([joined.t, joined.beam]))

@@ -1,0 +1,389 @@
+"""Mirrors, what absorbs, air, and dB: against the geometry of mirror images."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radarsim.geometry import Floats, rotation_matrix
+from radarsim.raycast.boxes import Boxes
+from radarsim.raycast.penetration import EventKind, Outcome
+from radarsim.raycast.rays import LASER, RADAR, Kind, Rays
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene import shapes
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+
+WALL = Material("wall")
+MIRROR = Material("metal", radar_mirror=True)
+LEAF = Material("leaf", density=0.1)
+POST = Material("post")
+
+
+def brick(
+    material: Material,
+    size: tuple[float, float, float],
+    at: tuple[float, float, float],
+    yaw_deg: float = 0.0,
+) -> Part:
+    vertices, faces = shapes.box(*size)
+    turned = vertices @ rotation_matrix(0, 0, math.radians(yaw_deg)).T
+    return Part(material.name, material, turned + np.array(at), faces)
+
+
+def cast(
+    ways: Floats,
+    *,
+    bounces: int = 2,
+    power: float = 1.0,
+    reach: float = 80.0,
+    **kind: Any,
+) -> Rays:
+    n = len(ways)
+    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    return Rays(
+        np.zeros((n, 3)),
+        ways,
+        np.full(n, reach),
+        np.full(n, power),
+        np.zeros(n, np.uint8),
+        np.full(n, -1),
+        (Kind(**{"medium": RADAR, "bounces": bounces, **kind}),),
+    )
+
+
+AHEAD = np.eye(3)[:1]
+# A mirror across the way at x = 4, turned by 45 degrees: rays go on to the left.
+ACROSS = brick(MIRROR, (0.2, 4, 4), (4.0, 0, 0), -45)
+
+
+def mirrored(points: Floats, place: Floats, normal: Floats) -> Floats:
+    """Give the images of points in a mirror."""
+    apart = (points - place) @ normal
+    images: Floats = points - 2 * apart[:, None] * normal
+    return images
+
+
+def test_one_mirror_shows_the_image_of_a_ball_where_geometry_puts_it() -> None:
+    """A small ball beside the sensor is seen in a wall that is a mirror."""
+    wall = brick(MIRROR, (1, 20, 20), (6.5, 0, 0))  # its face is at x = 6
+    vertices, faces = shapes.sphere(0.05)
+    ball = Part("ball", POST, vertices + np.array([2.0, 3.0, 0.0]), faces)
+    image = np.array([10.0, 3.0, 0.0])
+    rays = cast(image[None])
+    traces = Tracer([wall, ball]).trace(rays)
+    assert traces.parts.tolist() == [1]
+    way = rays.directions[0]
+    ghost = float(traces.ranges[0]) * way
+    assert np.linalg.norm(ghost - image) == pytest.approx(0.05, abs=1e-3)
+
+
+def test_two_mirrors_show_the_image_of_an_image() -> None:
+    """Two mirrors at a right angle: the ray turns twice, the way is straight."""
+    ahead = brick(MIRROR, (1, 40, 8), (6.5, 0, 0))  # face x = 6
+    left = brick(MIRROR, (40, 1, 8), (0, 5.5, 0))  # face y = 5
+    vertices, faces = shapes.sphere(0.05)
+    place = np.array([[1.0, -2.0, 0.3]])
+    ball = Part("ball", POST, vertices + place, faces)
+    once = mirrored(place, np.array([0, 5.0, 0]), np.array([0, 1.0, 0]))
+    twice = mirrored(once, np.array([6.0, 0, 0]), np.array([1.0, 0, 0]))
+    rays = cast(twice)
+    tracer = Tracer([ahead, left, ball])
+    traces = tracer.trace(rays)
+    assert traces.parts.tolist() == [2]
+    ghost = float(traces.ranges[0]) * rays.directions[0]
+    assert np.linalg.norm(ghost - twice[0]) == pytest.approx(0.05, abs=1e-3)
+    kinds = [event.kind for event in tracer.explain(rays)[0]]
+    assert kinds == [EventKind.MIRRORED, EventKind.MIRRORED, EventKind.HIT]
+
+
+@settings(deadline=None)
+@given(
+    st.floats(-70, 70),
+    st.floats(-30, 30),
+    st.floats(-40, 40),
+    st.floats(-20, 20),
+    st.floats(2, 9),
+)
+def test_a_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
+    yaw: float, pitch: float, az: float, el: float, distance: float
+) -> None:
+    """A ball of leaves and a room, seen in a mirror; and both mirrored, without it."""
+    turn = rotation_matrix(0, math.radians(pitch), math.radians(yaw))
+    normal = turn @ np.array([1.0, 0, 0])
+    place = np.array([distance, 0.0, 0.0])
+    plate = np.array([[0, -30, -30], [0, 30, -30], [0, 30, 30], [0, -30, 30.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    mirror = Part("mirror", MIRROR, plate @ turn.T + place, faces)
+    ball, ball_faces = shapes.sphere(1.5)
+    middle = place - 3.0 * normal + np.array([0.0, 0.3, 0.2])
+    room, room_faces = shapes.box(200, 200, 200)
+    parts = [
+        Part("ball", LEAF, ball + middle, ball_faces),
+        Part("room", WALL, room, room_faces),
+    ]
+    images = [
+        Part(
+            p.object_name,
+            p.material,
+            mirrored(p.vertices, place, normal),
+            p.faces[:, ::-1],
+        )
+        for p in parts
+    ]
+    a, e = math.radians(az), math.radians(el)
+    way = np.array(
+        [[math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]]
+    )
+    ahead = float(way[0] @ normal)
+    if abs(ahead) < 0.05:
+        return
+    hit = float(place @ normal) / ahead
+    at = hit * way[0]
+    on_plate = np.abs((at - place) @ turn)[1:].max() < 29.9
+    if hit <= 0 or hit > 40 or not on_plate:
+        return
+    if np.linalg.norm(middle) < 1.6 or np.linalg.norm(at - middle) < 1.6:
+        return
+    straight = np.linalg.norm(np.cross(middle, way[0]))
+    if straight < 1.6 and 0 < middle @ way[0] < hit:
+        return  # the ball itself is in the way
+    rays = cast(way, bounces=1, reach=500.0)
+    seen = Tracer([mirror, *parts]).trace(rays)
+    wanted = Tracer(images).trace(rays)
+    assert seen.ranges == pytest.approx(wanted.ranges, abs=1e-6)
+    assert seen.power == pytest.approx(wanted.power, abs=1e-6)
+    assert seen.parts.tolist() == [wanted.parts[0] + 1]
+
+
+def test_after_the_last_bounce_a_mirror_is_a_surface() -> None:
+    one, other = (brick(MIRROR, (1, 9, 9), (x, 0, 0)) for x in (5.5, -5.5))
+    tracer = Tracer([one, other])
+    for bounces in range(4):
+        traces = tracer.trace(cast(AHEAD, bounces=bounces))
+        assert traces.ranges[0] == pytest.approx(5 + 10 * bounces)
+        assert traces.parts[0] == bounces % 2
+        assert traces.outcomes[0] == Outcome.HIT
+
+
+def test_the_reach_is_that_of_the_whole_way() -> None:
+    mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
+    wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
+    tracer = Tracer([mirror, wall])
+    assert tracer.trace(cast(AHEAD, reach=15.001)).ranges[0] == pytest.approx(15)
+    short = tracer.trace(cast(AHEAD, reach=14.9))
+    assert (short.ranges[0], short.outcomes[0]) == (math.inf, Outcome.NOTHING)
+
+
+def test_foliage_on_both_legs_takes_its_toll() -> None:
+    bush = brick(LEAF, (2, 9, 9), (2, 0, 0))  # crossed there and back: 4 m
+    mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
+    wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
+    tracer = Tracer([bush, mirror, wall])
+    traces = tracer.trace(cast(AHEAD))
+    assert traces.power[0] == pytest.approx(0.6)
+    spent = tracer.trace(cast(AHEAD, power=0.3))
+    assert (spent.outcomes[0], spent.parts[0]) == (Outcome.SPENT, 0)
+    assert spent.ranges[0] == pytest.approx(5 + 2 + 1)
+
+
+def test_a_mirror_within_foliage_stays_within_it() -> None:
+    bush = brick(LEAF, (8, 9, 9), (4, 0, 0))  # from 0 to 8, the sensor at its face
+    mirror = brick(MIRROR, (1, 2, 2), (5.5, 0, 0))
+    wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
+    rays = cast(AHEAD)
+    rays.origins[0, 0] = 1.0
+    traces = Tracer([bush, mirror, wall]).trace(rays)
+    assert traces.ranges[0] == pytest.approx(4 + 5 + 5)
+    assert traces.power[0] == pytest.approx(1 - 0.1 * (4 + 5))
+
+
+def test_a_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
+    mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
+    boxes = Boxes(np.array([[0, 0, 0, -1, 1, 0.5, 0.3, 7.0]]))
+    rays = cast(AHEAD)
+    rays.own[:] = 7
+    traces = Tracer([mirror]).trace(rays, boxes, incidence=True)
+    assert (traces.ranges[0], traces.parts[0]) == (pytest.approx(9.5), 1 + 7)
+    assert traces.incidence[0] == pytest.approx(1.0)
+
+
+def test_incidence_is_that_of_the_last_leg() -> None:
+    wall = brick(WALL, (20, 1, 9), (4, 6.5, 0), 30)
+    traces = Tracer([ACROSS, wall]).trace(cast(AHEAD), incidence=True)
+    assert traces.incidence[0] == pytest.approx(math.cos(math.radians(30)))
+
+
+def test_events_tell_where_they_happen() -> None:
+    wall = brick(WALL, (40, 1, 9), (4, 6.5, 0))
+    (events,) = Tracer([ACROSS, wall]).explain(cast(AHEAD))
+    mirror, hit = events
+    assert mirror.place[1:] == pytest.approx((0, 0))
+    assert mirror.place[0] == pytest.approx(mirror.t)
+    assert hit.place == pytest.approx((mirror.t, 6.0, 0), abs=1e-6)
+    assert hit.t == pytest.approx(mirror.t + 6.0)
+
+
+def test_a_laser_sees_the_surface_of_a_radars_mirror() -> None:
+    mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
+    traces = Tracer([mirror]).trace(cast(AHEAD, medium=LASER))
+    assert traces.ranges[0] == pytest.approx(5.0)
+
+
+# What absorbs.
+
+
+@pytest.mark.parametrize(
+    ("keeps", "outcome"),
+    [
+        pytest.param(0.0, Outcome.HIT, id="nothing"),
+        pytest.param(1.6, Outcome.HIT, id="less than is left"),
+        pytest.param(2.4, Outcome.ABSORBED, id="more than is left"),
+        pytest.param(math.inf, Outcome.ABSORBED, id="everything"),
+    ],
+)
+def test_what_a_surface_keeps_must_be_left(keeps: float, outcome: Outcome) -> None:
+    """Its dB are lost once, those of the way out and back: one counts a half."""
+    bush = brick(LEAF, (1, 9, 9), (3, 0, 0))
+    black = brick(Material("black", absorption_db=keeps), (1, 9, 9), (5.5, 0, 0))
+    traces = Tracer([bush, black]).trace(cast(AHEAD, power=1.1))
+    assert traces.outcomes[0] == outcome
+    assert traces.parts[0] == 1
+    seen = outcome == Outcome.HIT
+    assert traces.ranges[0] == (pytest.approx(5.0) if seen else math.inf)
+    assert traces.power[0] == (pytest.approx(1.0 - keeps / 2) if seen else 0.0)
+
+
+def test_an_absorber_is_a_shadow_and_explained() -> None:
+    black = brick(Material("black", absorption_db=math.inf), (1, 1, 1), (5.5, 0, 0))
+    room = brick(WALL, (40, 40, 40), (0, 0, 0))
+    tracer = Tracer([black, room])
+    rays = cast(np.array([[1.0, 0, 0], [1, 1, 0]]), power=math.inf)
+    assert np.isfinite(tracer.trace(rays).ranges).tolist() == [False, True]
+    assert tracer.explain(rays)[0][-1].kind is EventKind.ABSORBED
+
+
+def test_light_is_absorbed_by_what_absorbs_light() -> None:
+    black = brick(
+        Material("velvet", laser_absorption_db=math.inf), (1, 9, 9), (5, 0, 0)
+    )
+    tracer = Tracer([black])
+    assert np.isinf(tracer.trace(cast(AHEAD, medium=LASER)).ranges[0])
+    assert np.isfinite(tracer.trace(cast(AHEAD)).ranges[0])
+
+
+def test_a_mirror_keeps_its_share_at_each_bounce() -> None:
+    dull = Material("dull", radar_mirror=True, absorption_db=0.4)
+    one, other = (brick(dull, (1, 9, 9), (x, 0, 0)) for x in (5.5, -5.5))
+    tracer = Tracer([one, other])
+    traces = tracer.trace(cast(AHEAD, bounces=3))
+    assert traces.power[0] == pytest.approx(1 - 3 * 0.2 - 0.2)
+    assert tracer.trace(cast(AHEAD, bounces=8)).outcomes[0] == Outcome.ABSORBED
+
+
+# dB and bands.
+
+BANDED = Material(
+    "hedge", density=0.05, laser_density=0.0, radar_db=(1, 2, 3), laser_db=5
+)
+
+
+@pytest.mark.parametrize(
+    ("kind", "wanted"),
+    [
+        pytest.param({"band": 0, "power_per_db": 0.1}, 0.05 + 0.1, id="24 GHz"),
+        pytest.param({"band": 1, "power_per_db": 0.1}, 0.05 + 0.2, id="77 GHz"),
+        pytest.param({"band": 2, "power_per_db": 0.1}, 0.05 + 0.3, id="94 GHz"),
+        pytest.param({"band": 2, "power_per_db": 0.04}, 0.05 + 0.12, id="more margin"),
+        pytest.param({"medium": LASER, "power_per_db": 0.04}, 0.2, id="light"),
+    ],
+)
+def test_the_band_picks_the_column_and_the_scale_makes_it_power(
+    kind: dict[str, Any], wanted: float
+) -> None:
+    parts = [brick(BANDED, (1, 9, 9), (3, 0, 0)), brick(WALL, (1, 9, 9), (5.5, 0, 0))]
+    assert Tracer(parts).trace(cast(AHEAD, **kind)).power[0] == pytest.approx(
+        1 - wanted
+    )
+
+
+def test_rays_of_several_kinds_are_cast_together() -> None:
+    parts = [brick(BANDED, (1, 9, 9), (3, 0, 0)), brick(WALL, (1, 9, 9), (5.5, 0, 0))]
+    tracer = Tracer(parts)
+    kinds = [{"band": 0}, {"band": 2}, {"medium": LASER}, {"band": 0}]
+    batches = [cast(AHEAD, power_per_db=0.1, **kind) for kind in kinds]
+    together = tracer.trace(Rays.joined(batches)).power
+    alone = [float(tracer.trace(batch).power[0]) for batch in batches]
+    assert together.tolist() == alone
+    assert len(Rays.joined(batches).kinds) == 3
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(0.01, 2), st.floats(0.01, 3), st.floats(0, 8)),
+        min_size=1,
+        max_size=7,
+    ),
+    st.floats(1, 120),
+    st.floats(0.01, 30),
+)
+def test_in_decibels_a_wall_shows_just_if_the_margin_covers_the_way_there_and_back(
+    stack: list[tuple[float, float, float]], margin: float, power: float
+) -> None:
+    """Whatever the scale: power is s M / 2, and a dB one way costs s."""
+    at, parts, lost, spent_at = 0.5, [], 0.0, math.inf
+    for gap, depth, decibels in stack:
+        material = Material("leaf", density=0.0, radar_db=(0, 0, decibels))
+        at += gap
+        parts.append(brick(material, (depth, 4, 4), (at + depth / 2, 0, 0)))
+        if lost + decibels * depth >= margin / 2 and math.isinf(spent_at):
+            spent_at = at + (margin / 2 - lost) / decibels
+        lost += decibels * depth
+        at += depth
+    parts.append(brick(WALL, (1, 4, 4), (at + 1.5, 0, 0)))
+    scale = power / (margin / 2)
+    traces = Tracer(parts).trace(cast(AHEAD, power=power, power_per_db=scale))
+    if abs(lost - margin / 2) < 1e-7:
+        return
+    shows = lost < margin / 2
+    assert (traces.outcomes[0] == Outcome.HIT) == shows
+    assert traces.ranges[0] == pytest.approx(at + 1.0 if shows else spent_at, abs=1e-8)
+    left = power * (1 - lost / (margin / 2)) if shows else 0.0
+    assert traces.power[0] == pytest.approx(left, abs=1e-9 * max(power, 1))
+
+
+# Air.
+
+
+def test_air_costs_everywhere_and_adds_to_what_is_in_it() -> None:
+    mist = Material("mist", density=0.02, laser_density=0.0, solid=False)
+    parts = [brick(LEAF, (2, 9, 9), (3, 0, 0)), brick(WALL, (1, 9, 9), (8.5, 0, 0))]
+    tracer = Tracer(parts, mist)
+    traces = tracer.trace(cast(AHEAD))
+    assert traces.power[0] == pytest.approx(1 - 8 * 0.02 - 2 * 0.1)
+    weak = tracer.trace(cast(AHEAD, power=0.03))
+    assert (weak.outcomes[0], weak.ranges[0]) == (Outcome.SPENT, pytest.approx(1.5))
+    assert tracer.parts[int(weak.parts[0])].object_name == "air"
+    inside = tracer.trace(cast(AHEAD, power=0.1))
+    assert tracer.parts[int(inside.parts[0])].object_name == "leaf"
+    assert inside.ranges[0] == pytest.approx(2 + 0.06 / 0.12)
+
+
+def test_air_without_anything_in_it_spends_a_ray() -> None:
+    mist = Material("mist", density=0.02)
+    traces = Tracer([], mist).trace(cast(AHEAD))
+    assert (traces.outcomes[0], traces.ranges[0]) == (
+        Outcome.SPENT,
+        pytest.approx(50.0),
+    )
+
+
+def test_boxes_are_counted_behind_the_air() -> None:
+    mist = Material("mist", density=0.001)
+    boxes = Boxes(np.array([[5, 0, 0, -1, 1, 0.5, 0.5, 7.0]]))
+    tracer = Tracer([brick(WALL, (1, 9, 9), (9, 0, 0))], mist)
+    assert tracer.trace(cast(AHEAD), boxes).parts.tolist() == [2 + 7]

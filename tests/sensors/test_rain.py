@@ -1,0 +1,157 @@
+"""Speckle, against its own probabilities worked out apart."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim import Material, Part, Pose3, Scan, Scene
+from radarsim.geometry import Floats
+from radarsim.presets.raindrops import RATES, REFLECTIVITY_DB, rain_reflectivity
+from radarsim.presets.sensors import load_settings
+from radarsim.randomness import generator_for
+from radarsim.scene.shapes import box
+from radarsim.sensors.rain import contrast
+
+WALL = Material("wall")
+POURING = Material("rain", density=0.0, laser_density=0.0, solid=False, rain=100.0)
+WIDE = {"fov_deg": 359, "resolution_deg": 0.1}
+
+
+def block(
+    material: Material,
+    size: tuple[float, float, float],
+    place: tuple[float, float, float],
+) -> Part:
+    vertices, faces = box(*size)
+    return Part(material.name, material, vertices + np.array(place), faces)
+
+
+def take(world: Scene, seed: int = 0, **settings: Any) -> Scan:
+    radar = radarsim.load_sensor("radar", **{**WIDE, "side_offset_uu": 0, **settings})
+    return radar.scan(world, Pose3(0, 0, 0), generator_for(seed, "rain"))
+
+
+def raining(*parts: Part) -> Scene:
+    return Scene("rain", "Rain", parts, air=POURING)
+
+
+def chances(q: float, cell: float, reach: float, from_: float = 1.0) -> Floats:
+    """Give the probability that the nearest cell that shows is this one, by cell."""
+    middles = np.arange(from_ + cell / 2, reach, cell)
+    shows = np.exp(-(middles**2) / q)
+    before = np.cumprod(np.concatenate([[1.0], 1 - shows[:-1]]))
+    return np.asarray(shows * before)
+
+
+def test_reflectivity_is_that_of_the_table_and_a_power_in_between() -> None:
+    for band, row in enumerate(REFLECTIVITY_DB):
+        for rate, decibels in zip(RATES, row, strict=True):
+            found = 10 * math.log10(rain_reflectivity(band, rate))
+            assert found == pytest.approx(decibels)
+    assert rain_reflectivity(1, 0) == 0.0
+    three = [rain_reflectivity(2, rate) for rate in (26, 31, 37)]
+    slope = math.log(three[1] / three[0]) / math.log(31 / 26)
+    assert math.log(three[2] / three[1]) / math.log(37 / 31) == pytest.approx(slope)
+    assert rain_reflectivity(2, 0.5) < rain_reflectivity(2, 1)
+    assert rain_reflectivity(2, 200) > rain_reflectivity(2, 100)
+
+
+def test_the_contrast_is_that_of_the_cells_volume() -> None:
+    """At 77 GHz, 25 mm/h, 1.8 by 1.8 degrees and 0.25 m: -47.5 dBsm at 10 m."""
+    settings = load_settings(
+        "radar",
+        band_ghz=77,
+        beamwidth_az_deg=1.8,
+        beamwidth_el_deg=1.8,
+        range_resolution=0.25,
+        least_rcs_dbsm=-30,
+    )
+    q = contrast(settings, 25) / 10**2
+    assert 10 * math.log10(q) == pytest.approx(-47.5 + 30, abs=0.05)
+    further = contrast(settings, 25) / 50**2
+    at_50 = -30 + 40 * math.log10(5)
+    assert 10 * math.log10(further) == pytest.approx(-33.5 - at_50, abs=0.1)
+
+
+@pytest.mark.parametrize("least", [-35.0, -25.0, -15.0])
+def test_the_nearest_cell_that_shows_is_as_far_as_chance_says(least: float) -> None:
+    settings: dict[str, Any] = {"least_rcs_dbsm": least, "max_range": 30}
+    ranges = take(raining(), **settings).ranges
+    wanted = chances(contrast(load_settings("radar", **settings), 100), 0.25, 30)
+    n = len(ranges)
+    shown = ranges[np.isfinite(ranges)]
+    cells = np.rint((shown - 1.125) / 0.25).astype(int)
+    assert shown == pytest.approx(1.125 + 0.25 * cells)
+    counts = np.bincount(cells, minlength=len(wanted))[: len(wanted)]
+    error = np.sqrt(wanted * (1 - wanted) / n)
+    assert (np.abs(counts / n - wanted) <= 4.5 * error + 1e-3).all()
+
+
+def test_walls_are_stronger_than_rain_and_farther_than_it() -> None:
+    world = raining(block(WALL, (20, 20, 9), (0, 0, 0)))
+    clear = Scene("clear", "Clear", world.parts)
+    for mode in ("last", "strongest"):
+        wet = take(world, return_mode=mode)
+        assert wet.ranges.tolist() == take(clear, return_mode=mode).ranges.tolist()
+    first = take(world, return_mode="first").ranges
+    assert 0.05 < np.mean(first < 9) < 0.95
+
+
+def test_rain_is_an_echo_of_the_air() -> None:
+    scan = take(raining(block(WALL, (20, 20, 9), (0, 0, 0))), return_mode="all")
+    lists = scan.to_dict()["echoes"]
+    drops = [echo for beam in lists for echo in beam if echo["kind"] == "rain"]
+    assert len(drops) > 20
+    assert {echo["object"] for echo in drops} == {"air"}
+    assert all(0 < echo["strength"] < 0.5 for echo in drops)
+    assert all(echo["robot_passes"] for echo in drops)
+    ordered = [[echo["range"] for echo in beam] for beam in lists]
+    assert ordered == [sorted(beam) for beam in ordered]
+
+
+def test_a_shower_is_seen_where_it_is() -> None:
+    shower = block(POURING, (2, 40, 9), (3, 0, 0))  # from x = 2 to 4
+    world = Scene("shower", "Shower", (shower,))
+    scan = take(world, least_rcs_dbsm=-35, fov_deg=20, resolution_deg=0.01)
+    seen = np.isfinite(scan.ranges)
+    x = scan.ranges[seen] * np.cos(scan.angles[seen])
+    assert seen.mean() > 0.3
+    assert (x.min(), x.max()) == (pytest.approx(2, abs=0.3), pytest.approx(4, abs=1))
+    assert (x <= 4).all()
+    q = contrast(load_settings("radar", least_rcs_dbsm=-35), 100)
+    cells = np.arange(1.125, 4.1, 0.25)
+    there = cells[(cells >= 2) & (cells < 4)]
+    wanted = 1 - np.prod(1 - np.exp(-(there**2) / q))
+    assert seen.mean() == pytest.approx(wanted, abs=0.08)
+
+
+def test_the_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
+    world = raining(block(WALL, (20, 20, 9), (0, 0, 0)))
+    one, again, other = (
+        take(world, seed, return_mode="first").ranges for seed in (1, 1, 2)
+    )
+    assert one.tolist() == again.tolist()
+    assert one.tolist() != other.tolist()
+    laser = radarsim.load_sensor("laser", return_mode="first")
+    assert np.isfinite(laser.scan(world, Pose3(0, 0, 0)).ranges).all()
+    assert laser.scan(world, Pose3(0, 0, 0)).ranges.min() > 9
+
+
+def test_rain_has_to_be_drawn_from_something() -> None:
+    still = radarsim.load_sensor("radar", ray_choice="together")
+    with pytest.raises(ValueError, match="no rng, expected a Generator"):
+        still.scan(raining(), Pose3(0, 0, 0))
+
+
+def test_rain_falls_on_every_kind_of_beam() -> None:
+    world = raining(block(WALL, (20, 20, 9), (0, 0, 0)))
+    for settings in (
+        {"incidence_weights": True},
+        {"side_mode": "cone", "beamwidth_az_deg": 2, "cone_rays": 3},
+        {"ray_choice": "together", "range_noise": 0.1, "range_quantum": 0.2},
+    ):
+        scan = take(world, return_mode="first", resolution_deg=1, **settings)
+        assert 0.02 < np.mean(scan.ranges < 8) < 0.98, settings
