@@ -22,8 +22,8 @@ def rain_reflectivity(band: int, mm_per_h: float) -> float:
         band: 0 for 24 GHz, 1 for 77, 2 for 94.
         mm_per_h: Rate of the rain; outside of 1 to 100 the nearest two go on.
 
-    >>> round(10 * np.log10(rain_reflectivity(1, 25)), 1)
-    -29.0
+    >>> round(rain_reflectivity(1, 25), 5)
+    0.00126
     """
     if mm_per_h <= 0:
         return 0.0

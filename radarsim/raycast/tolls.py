@@ -1,7 +1,7 @@
 """What a scene's parts mean to rays: what they cost, and how rays take them."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from radarsim.raycast.query import LISTED, OPAQUE, PASSED_BY
 from radarsim.raycast.rays import RADAR, Kind
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
+
+# Sheets that a ray may meet in a metre of leaves, for a guess at how far it will come.
+LAYERS: Final = 8.0
 
 
 class Tolls(NamedTuple):
@@ -24,7 +27,8 @@ class Tolls(NamedTuple):
         mirror: (K, P) uint8, whether an opaque surface is a mirror.
         air: (K,) power per metre everywhere.
         bounces: (K,) how often mirrors reflect a ray.
-        densest: (K,) the greatest density of all volumes; 0 if there is none.
+        densest: (K,) the greatest density of all volumes, and what comes near to it
+            where the sheets are; 0 if there is none.
         ahead: (K, P) uint8, how a ray takes the parts ahead of it.
         behind: (K, P) uint8, how it takes them to learn what it starts in.
         volume: (V,) int32, the penetrable volumes.
@@ -130,11 +134,20 @@ def tabulate(
         _table(parts, kinds, _is_mirror, np.uint8),
         np.array([cost_of(air, kind) if air else 0.0 for kind in kinds]),
         np.array([kind.bounces for kind in kinds], np.int64),
-        np.where(through & ~sheet, density, 0.0).max(axis=1, initial=0.0),
+        np.maximum(
+            np.where(through & ~sheet, density, 0.0).max(axis=1, initial=0.0),
+            LAYERS
+            * np.where(through, np.nan_to_num(loss), 0.0).max(axis=1, initial=0.0),
+        ),
         np.where(through, LISTED, OPAQUE).astype(np.uint8),
         np.where(through & ~sheet, LISTED, PASSED_BY).astype(np.uint8),
         *volumes,
     )
+
+
+def _like_density(density: Floats, loss: Floats) -> Floats:
+    """Give what volumes cost per metre, and about what sheets do, (K, P)."""
+    return np.where(np.isnan(loss), density, LAYERS * loss)
 
 
 def _is_mirror(material: Material, kind: Kind) -> float:

@@ -49,6 +49,7 @@ class Tracer:
     Attributes:
         parts: Of the scene; if it has air, that comes last, without surfaces.
         rain: (P,) mm/h of rain that falls in each part; in the air it falls everywhere.
+        rains: Whether there is any.
     """
 
     def __init__(self, parts: Sequence[Part], air: Material | None = None) -> None:
@@ -66,6 +67,7 @@ class Tracer:
         filling = [] if air is None else [Part("air", air, *nothing)]
         self.parts = (*parts, *filling)
         self.rain = np.array([part.material.rain for part in self.parts], np.float64)
+        self.rains = bool(self.rain.any())
         self._middle = middle_of(parts)
         self._volumes = find_volumes(parts, self._middle)
         self._air = air
@@ -85,11 +87,6 @@ class Tracer:
     def air_part(self) -> int:
         """The number of the part that the air is; -1 if there is none."""
         return -1 if self._air is None else len(self.parts) - 1
-
-    @property
-    def rains(self) -> bool:
-        """Whether there is any rain."""
-        return bool(self.rain.any())
 
     def trace(
         self,

@@ -12,6 +12,7 @@ from radarsim.study.benchengine import (
 )
 from radarsim.study.benchrows import Row
 from radarsim.study.benchserver import ROBOTS, lateness, start_up
+from radarsim.study.benchsurfaces import mirrors_and_leaves
 
 # Each with the seconds that it is given, and its share of the whole.
 STEPS: Final[dict[str, tuple[Callable[[], Iterator[Row]], int]]] = {
@@ -20,6 +21,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[Row]], int]]] = {
     "throughput": (lambda: throughput(2.0), 2),
     "growth": (lambda: growth(0.4), 18),
     "beams": (lambda: beams_against_rays(1.0), 5),
+    "surfaces": (lambda: mirrors_and_leaves(1.0), 2),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),
     "start-up": (start_up, 2),
 }

@@ -42,4 +42,5 @@ GROUPS = {
     "e": "the server over loopback TCP",
     "f": "start-up, best of five",
     "g": "beams of many rays, against as many scans that draw one of these rays",
+    "h": "mirrors, and leaves",
 }

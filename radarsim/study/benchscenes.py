@@ -60,6 +60,18 @@ def curtains(count: int) -> Scene:
     return Scene("curtains", "Curtains", tuple(parts))
 
 
+def hall_of_mirrors() -> Scene:
+    """Make a room whose walls are mirrors, with a wall of foliage across it."""
+    silver = Material("silver", radar_mirror=True)
+    parts = [
+        Part(part.object_name, silver, part.vertices, part.faces)
+        if part.object_name == "room"
+        else part
+        for part in foliage_wall().parts
+    ]
+    return Scene("mirrors", "Mirrors", tuple(parts))
+
+
 def _placed(
     name: str,
     material: Material,

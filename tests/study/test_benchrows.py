@@ -45,4 +45,4 @@ def test_all_steps_run_in_turn_and_say_how_far_they_are(
     done = [what[1] for what in told]
     assert done == sorted(done)
     assert told[-1] == ("done", 2 * len(STEPS), 2 * len(STEPS))
-    assert set("abcdefg") == set(GROUPS)
+    assert set("abcdefgh") == set(GROUPS)
