@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from radarsim.geometry import Pose2, Pose3
     from radarsim.host import Host
     from radarsim.randomness import generator_for
+    from radarsim.raycast.penetration import EventKind
     from radarsim.scene.mapfile import load_map
     from radarsim.scene.mapnames import shipped_maps
     from radarsim.scene.material import Material
@@ -30,6 +31,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Conditions": "radarsim.simulation.conditions",
     "Echoes": "radarsim.sensors.echoes",
+    "EventKind": "radarsim.raycast.penetration",
     "Host": "radarsim.host",
     "MapError": "radarsim.errors",
     "Material": "radarsim.scene.material",
@@ -52,6 +54,7 @@ _HOMES = {
 __all__ = [
     "Conditions",
     "Echoes",
+    "EventKind",
     "Host",
     "MapError",
     "Material",
