@@ -103,7 +103,7 @@ def test_a_shipped_map_is_a_room_with_three_starts(name: str) -> None:
 
 def test_every_map_in_the_folder_is_tested_here() -> None:
     rooms = {"empty_room", "foliage_room", "smoke_room"}
-    assert set(shipped_maps()) == {*rooms, "forest_edge"}
+    assert set(shipped_maps()) == {*rooms, "forest_edge", "marulan_trial"}
 
 
 def test_a_shipped_map_loads_quickly() -> None:

@@ -85,7 +85,7 @@ class SensorSettings(BaseModel):
     margin_db: Annotated[float, Field(ge=1, le=300)] = 50.0
     max_bounces: Annotated[int, Field(ge=0, le=16)] = 2
     least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
-    echo_threshold: Annotated[float, Field(ge=0, le=1)] = 0.0
+    echo_threshold: Annotated[float, Field(ge=0, le=1)] = 0.001
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
     spent_reads: Literal["range", "zero", "nothing"] = "range"
     return_mode: Literal["last", "first", "strongest", "all"] = "last"

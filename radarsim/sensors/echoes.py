@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.penetration import EventKind
-from radarsim.scene.material import BANDS_GHZ, Material
+from radarsim.raycast.tolls import cost_of
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
+from radarsim.sensors.kinds import kind_of
 
 ROBOT = Material("robot")  # opaque to everything
 KINDS = {
@@ -51,7 +53,7 @@ class Target:
     def of(cls, name: str, material: Material, settings: SensorSettings) -> "Target":
         """Tell what a sensor can know of an object."""
         radar = settings.medium == "radar"
-        density = density_for(material, settings)
+        density = cost_of(material, kind_of(settings))
         loss = density
         if material.sheet_loss is not None and math.isfinite(density):
             density, loss = 0.0, material.sheet_loss if radar else 0.0
@@ -74,15 +76,6 @@ class Target:
             "laser_passes": self.laser_passes,
             "robot_passes": self.robot_passes,
         }
-
-
-def density_for(material: Material, settings: SensorSettings) -> float:
-    """Give the power that a sensor's beams lose per metre in a material."""
-    scale = settings.power_per_db
-    if settings.medium == "laser":
-        return material.laser_density + scale * material.laser_db
-    band = BANDS_GHZ.index(settings.band_ghz)
-    return material.density + scale * material.radar_db[band]
 
 
 def _share_left(loss: float, power: float) -> float:

@@ -14,7 +14,8 @@ Of each beam the nearest cell that shows is an echo. It stands above the least b
 many dB, and that share of the sensor's margin is its strength: walls are stronger. A
 beam that has no other end ends there.
 
-Nearer than ``NEAREST`` the antenna hears itself, and nothing shows.
+Nearer than ``NEAREST`` and than the sensor's least range the antenna hears itself, and
+nothing shows.
 """
 
 import math
@@ -100,7 +101,8 @@ def speckle(
     start = np.zeros(len(contrasts), np.uint8)
     start[tracer.air_part :] = tracer.air_part >= 0
     firsts = np.searchsorted(events["ray"], rows)
-    limits = (cell_of(settings), settings.margin_db)
+    nearest = max(NEAREST, settings.min_range)
+    limits = (cell_of(settings), settings.margin_db, nearest)
     _speckle(events, (rows, firsts), (start, contrasts), drawn, limits, found)
     return found
 
@@ -137,11 +139,12 @@ def _search(at: Any, end: Any, cell: Any, here: Any, left: Any) -> Any:
 def _speckle(
     events: Any, rays: Any, rain: Any, drawn: Any, limits: Any, found: Any
 ) -> None:
-    (rows, firsts), (start, contrasts), (cell, margin) = rays, rain, limits
+    (rows, firsts), (start, contrasts) = rays, rain
+    cell, margin, nearest = limits
     around = start.copy()
     for beam in range(len(rows)):
         around[:] = start
-        left, at, i = drawn[0, beam], NEAREST + cell / 2, firsts[beam]
+        left, at, i = drawn[0, beam], nearest + cell / 2, firsts[beam]
         while i < len(events) and events[i].ray == rows[beam] and left > 0.0:
             event = events[i]
             here, part = _contrast_here(around, contrasts)

@@ -19,12 +19,12 @@ from radarsim.presets.sensors import load_settings
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.boxes import Boxes
 from radarsim.raycast.penetration import Outcome
-from radarsim.raycast.rays import LASER, RADAR, Kind, Rays, Traces
+from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.raycast.tracers import tracer_of
-from radarsim.scene.material import BANDS_GHZ
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, Drawn, Sides
+from radarsim.sensors.kinds import kind_of
 from radarsim.sensors.reading import Plan, Reader
 from radarsim.sensors.scan import Scan
 
@@ -216,17 +216,6 @@ class RangeScanner:
         traces = tracer.trace(replace(rays, reach=length[moved]), boxes)
         hidden: NDArray[np.int64] = moved[traces.outcomes == Outcome.HIT]
         return hidden
-
-
-def kind_of(settings: SensorSettings) -> Kind:
-    """Tell what the rays of a sensor have in common."""
-    radar = settings.medium == "radar"
-    return Kind(
-        RADAR if radar else LASER,
-        BANDS_GHZ.index(settings.band_ghz) if radar else 0,
-        settings.power_per_db,
-        settings.max_bounces,
-    )
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
