@@ -15,6 +15,7 @@ from radarsim.raycast.tracers import tracer_of
 from radarsim.scene.scene import Part
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan import Scan
 
 RAYS = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
 ENDS = {
@@ -59,6 +60,7 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
     }
     # a beam need not read where one of its rays ends
     told["range"] = _number(float(scan.ranges[beam]))
+    told["rain"] = rain_at(scan, beam)
     if form == "json":
         typer.echo(json.dumps(told, allow_nan=False))
     else:
@@ -85,6 +87,13 @@ def _with_only(scanner: RangeScanner, ray: str) -> RangeScanner:
         f" {'ray' if count == 1 else 'rays'}",
         param_hint="--ray",
     )
+
+
+def rain_at(scan: Scan, beam: int) -> float | None:
+    """Give where rain shows in a beam, m; None where it does not, or is not kept."""
+    echoes = scan.echoes
+    rows = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)
+    return float(echoes.ranges[rows][0]) if rows.any() else None
 
 
 def explanation(
@@ -174,6 +183,8 @@ def as_text(told: dict[str, Any]) -> list[str]:
     ]
     met = [(row["entry"], _crossing_text(row)) for row in told["crossings"]]
     met += [(row["at"], _mirror_text(row)) for row in told["mirrors"]]
+    if told["rain"] is not None:
+        met.append((told["rain"], f"{told['rain']:.4f} m: rain shows"))
     lines += [text for _, text in sorted(met, key=lambda found: found[0])]
     where = f"{told['distance']:.4f} m"
     what = f"{told['object']} ({told['material']})"
@@ -186,7 +197,8 @@ def as_text(told: dict[str, Any]) -> list[str]:
     lines.append(f"{ends[told['outcome']]}, power left {_shown(told['power_left'])}")
     if told["range"] is None:
         return [*lines, "reads nothing"]
-    ghost = ", a ghost: it was mirrored on its way" if told["mirrors"] else ""
+    mirrored = any(row["at"] < told["range"] for row in told["mirrors"])
+    ghost = ", a ghost: it was mirrored on its way" if mirrored else ""
     return [*lines, f"reads {told['range']:.4f} m{ghost}"]
 
 

@@ -11,6 +11,7 @@ NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
 Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
 MOST_RAYS = 1_000_000  # of one scan
+MOST_POWER = 1e12  # that is not unlimited
 MOST_NODES = 100  # of a quadrature in a row; beyond it the outer weights are no numbers
 
 
@@ -154,8 +155,11 @@ class SensorSettings(BaseModel):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        if math.isnan(self.penetration_power):
-            raise ValueError("penetration_power nan, expected at least 0")
+        power = self.penetration_power
+        if math.isnan(power) or MOST_POWER < power < math.inf:
+            raise ValueError(
+                f"penetration_power {power:g}, expected 0 to {MOST_POWER:g}, or .inf"
+            )
         if sum(self.ray_weights) <= 0:
             raise ValueError(f"ray_weights {self.ray_weights}, expected one above 0")
         if self.resolution_deg > self.fov_deg:

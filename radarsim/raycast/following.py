@@ -117,7 +117,8 @@ def _walk_on(ray: Any, state: Any, work: Any, way: Any, limit: Any, walk: Any) -
         ray: Its number.
         state: At the start of the leg.
         work: The scene's handle, a block, and the list of crossings.
-        way: How it takes the parts, what they cost, its line, and the first window.
+        way: How it takes the parts, what they cost, its line, the first window, and
+            the mirrors.
         limit: A ``Stop`` at the latest.
         walk: With the winding numbers at the start.
 
@@ -125,17 +126,45 @@ def _walk_on(ray: Any, state: Any, work: Any, way: Any, limit: Any, walk: Any) -
         The state at the end; a ``Stop`` there; and how many surfaces were met if these
         were too many, else 0.
     """
-    roles, toll, line, window = way
+    roles, toll, line, window, mirrors = way
     span = Span(0.0, limit.t + INCLUSIVE, window)
     while True:
         stop = _find_stop(work, roles, line, span, limit)
         if stop.before > walk.crossings.size:
             return state, stop, stop.before
+        stop = _before_mirror(stop, mirrors, work, line)
         state = follow(ray, state, stop, toll, walk)
         if state[3] >= 0 or stop.part != UNKNOWN:
             return state, stop, 0
         # The same line goes on behind the last float that was looked at.
         span = Span(np.nextafter(stop.t, np.inf), span.far, span.window * WIDENED)
+
+
+@leaf
+def _before_mirror(stop: Any, mirrors: Any, work: Any, line: Any) -> Any:
+    """Leave out what is crossed just where a mirror turns a ray round.
+
+    The next leg starts a hair before the mirror, where that is not crossed yet.
+
+    Args:
+        stop: Of a leg.
+        mirrors: (P,) which parts are mirrors, the triangles, and how often the ray may
+            still be mirrored.
+        work: The scene's handle, a block, and the list of crossings.
+        line: Origin and direction, (3,) each.
+    """
+    are_mirrors, triangles, bounces = mirrors
+    part, count = stop.part, stop.before
+    if bounces <= 0 or part < 0 or part >= are_mirrors.size or not are_mirrors[part]:
+        return stop
+    _, block, crossings = work
+    nx, ny, nz = _normal(triangles, block.ours[STOPPED_BY_FACE])
+    heading = line[1]
+    along = abs(nx * heading[0] + ny * heading[1] + nz * heading[2])
+    near = stop.t - CLEAR / max(along, CLEAR)
+    while count > 0 and crossings[count - 1].t >= near:
+        count -= 1
+    return Stop(count, stop.t, part)
 
 
 @leaf
@@ -200,7 +229,7 @@ def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
     """Follow a ray up to what stops it.
 
     Args:
-        ray: Its number and its kind.
+        ray: Its number, its kind, and how often it may still be mirrored.
         state: At the start of the leg; of the first one, only its power.
         scene: As in ``follow_all``.
         leg: The boxes, the one that the ray does not meet, and the reach that is left.
@@ -210,8 +239,8 @@ def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
         As ``_walk_on``; where too many surfaces were met, the winding numbers are
         forgotten.
     """
-    handle, _, tolls, _ = scene
-    i, kind = ray
+    handle, _, tolls, triangles = scene
+    i, kind, bounces = ray
     laid, own, reach = leg
     block, walk, origin, heading = room
     behind = tolls.behind[kind]
@@ -225,7 +254,8 @@ def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
     air = tolls.air[kind]
     toll = Toll(tolls.density[kind], tolls.sheet_loss[kind], air, parts - 1)
     window = WINDOWED * state[1] / tolls.densest[kind]
-    way = (tolls.ahead[kind], toll, (origin, heading), window)
+    mirrors = (tolls.mirror[kind], triangles, bounces)
+    way = (tolls.ahead[kind], toll, (origin, heading), window, mirrors)
     work = (handle, block, walk.crossings)
     if walk.leg[BEFORE] == 0.0:
         state = begin(i, state[1], walk)
@@ -264,7 +294,7 @@ def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) 
     while True:
         before = walk.leg[BEFORE]
         leg = (laid, own, reach[i] - before)
-        state, stop, needed = _follow_leg((i, kind), state, scene, leg, room)
+        state, stop, needed = _follow_leg((i, kind, bounces), state, scene, leg, room)
         if needed:
             forget(walk)
             return needed
@@ -272,6 +302,7 @@ def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) 
         surface = spent < 0 and 0 <= part < parts
         keeps = tolls.kept[kind, part] if surface else 0.0
         mirrored = surface and bounces > 0 and tolls.mirror[kind, part] > 0
+        keeps *= 2.0 if mirrored else 1.0  # the wave meets a mirror out and back
         if not mirrored or is_absorbed(power_left, least, keeps):
             break
         write(walk, i, at, (MIRRORED, part), power_left, keeps)

@@ -351,8 +351,9 @@ def end(ray: Any, state: Any, stop: Any, keeps: Any, walk: Any) -> Any:
     if is_absorbed(left, least, keeps):
         write(walk, ray, at, (_ABSORBED, part), left, keeps)
         return Ending(t, _ENDED_ABSORBED, part, 0.0)
-    write(walk, ray, at, (_HIT, part), left, keeps)
-    return Ending(t, _ENDED_BY_HIT, part, left - keeps)
+    kept = min(keeps, left)  # rounding may make it more
+    write(walk, ray, at, (_HIT, part), left, kept)
+    return Ending(t, _ENDED_BY_HIT, part, left - kept)
 
 
 @leaf

@@ -1,5 +1,6 @@
 """What a scene's parts mean to rays: what they cost, and how rays take them."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -60,11 +61,13 @@ def cost_of(material: Material, kind: Kind) -> float:
 def kept_by(material: Material, kind: Kind) -> float:
     """Give the power that a surface of a material keeps of rays of a kind.
 
-    What is lost in reflecting is lost once, on a way that power counts one half of.
+    What is lost where a ray ends is lost once, on a way that power counts one half of.
     """
     radar = kind.medium == RADAR
     decibels = material.absorption_db if radar else material.laser_absorption_db
-    return 0.0 if decibels == 0 else kind.power_per_db * decibels / 2
+    if decibels == 0 or math.isinf(decibels):
+        return decibels
+    return kind.power_per_db * decibels / 2
 
 
 def middle_of(parts: Sequence[Part]) -> Floats:

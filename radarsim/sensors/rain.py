@@ -11,8 +11,9 @@ shows grows with R^4. So a cell shows with the probability exp(-1/q), where q, t
 of the mean to the least, falls with R^2: rain shows near the radar.
 
 Of each beam the nearest cell that shows is an echo. It stands above the least by so
-many dB, and that share of the sensor's margin is its strength: walls are stronger. A
-beam that has no other end ends there.
+many dB, less those that the beam has lost on the way there and back, and that share of
+the sensor's margin is its strength: walls are stronger. If nothing is left of it, no
+rain shows in that beam. A beam that has no other end ends there.
 
 Nearer than ``NEAREST`` and than the sensor's least range the antenna hears itself, and
 nothing shows.
@@ -97,12 +98,15 @@ def speckle(
     """
     n = len(rows)
     found = Speckle(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n))
-    contrasts = np.array([contrast(settings, rate) for rate in tracer.rain.tolist()])
+    contrasts = np.zeros(len(tracer.rain))
+    for part in np.flatnonzero(tracer.rain).tolist():
+        contrasts[part] = contrast(settings, float(tracer.rain[part]))
     start = np.zeros(len(contrasts), np.uint8)
     start[tracer.air_part :] = tracer.air_part >= 0
     firsts = np.searchsorted(events["ray"], rows)
-    nearest = max(NEAREST, settings.min_range)
-    limits = (cell_of(settings), settings.margin_db, nearest)
+    cell, full = cell_of(settings), settings.penetration_power
+    nearest = (math.floor(max(NEAREST, settings.min_range) / cell) + 1) * cell
+    limits = (cell, settings.margin_db, nearest, full)
     _speckle(events, (rows, firsts), (start, contrasts), drawn, limits, found)
     return found
 
@@ -140,24 +144,30 @@ def _speckle(
     events: Any, rays: Any, rain: Any, drawn: Any, limits: Any, found: Any
 ) -> None:
     (rows, firsts), (start, contrasts) = rays, rain
-    cell, margin, nearest = limits
+    cell, margin, nearest, full = limits
     around = start.copy()
     for beam in range(len(rows)):
         around[:] = start
-        left, at, i = drawn[0, beam], nearest + cell / 2, firsts[beam]
+        left, at, i = drawn[0, beam], nearest, firsts[beam]
+        before, power = 0.0, full
         while i < len(events) and events[i].ray == rows[beam] and left > 0.0:
             event = events[i]
             here, part = _contrast_here(around, contrasts)
             at, left = _search(at, event.t, cell, here, left)
             if left <= 0.0:
+                lost = (power - event.power) * (at - before) if power < np.inf else 0.0
+                lost /= event.t - before
                 above = 10.0 * np.log10(1.0 + here / (at * at) * drawn[1, beam])
-                found.t[beam], found.part[beam] = at, part
-                found.power[beam] = event.power
-                found.strength[beam] = min(above / margin, 1.0)
+                share = (power - lost) / full if 0.0 < full < np.inf else 1.0
+                strength = min(above / margin, 1.0) - (1.0 - share)
+                if strength > 0.0:
+                    found.t[beam], found.part[beam] = at, part
+                    found.power[beam], found.strength[beam] = power - lost, strength
             if event.kind in (START_INSIDE, ENTER):
                 around[event.part] = 1
             elif event.kind == LEAVE:
                 around[event.part] = 0
+            before, power = event.t, event.power - event.kept
             i += 1
 
 

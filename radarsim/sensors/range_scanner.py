@@ -214,7 +214,8 @@ class RangeScanner:
             own=own,
         )
         traces = tracer.trace(replace(rays, reach=length[moved]), boxes)
-        hidden: NDArray[np.int64] = moved[traces.outcomes == Outcome.HIT]
+        met = traces.outcomes != Outcome.NOTHING  # also what absorbs
+        hidden: NDArray[np.int64] = moved[met]
         return hidden
 
 

@@ -201,6 +201,35 @@ def test_a_mirror_within_foliage_stays_within_it() -> None:
     assert traces.power[0] == pytest.approx(1 - 0.1 * (4 + 5))
 
 
+@pytest.mark.parametrize("yaw_deg", [0, 30, 60, 75])
+def test_a_bush_that_touches_a_mirror_is_left_once_and_one_behind_never_entered(
+    yaw_deg: float,
+) -> None:
+    turn = math.radians(yaw_deg)
+    there = np.array([5.0, 0, 0]), rotation_matrix(0, 0, turn)
+
+    def slab(material: Material, near: float, far: float) -> Part:
+        vertices, faces = shapes.box(far - near, 30, 30)
+        moved = vertices + np.array([(near + far) / 2, 0, 0])
+        return Part(material.name, material, moved @ there[1].T + there[0], faces)
+
+    front, behind = slab(LEAF, -1, 0), slab(Material("hid", density=9.0), 0, 1)
+    mirror = slab(MIRROR, 0, 0.5)
+    room = Part("room", WALL, *shapes.box(100, 100, 100))
+    for parts in ([front, behind, mirror, room], [mirror, behind, front, room]):
+        rays = cast(AHEAD, bounces=1, power=2.0)
+        events = Tracer(parts).explain(rays)[0]
+        told = [(event.kind, parts[event.part].object_name) for event in events]
+        assert told == [
+            (EventKind.ENTER, "leaf"),
+            (EventKind.MIRRORED, "metal"),
+            (EventKind.LEAVE, "leaf"),
+            (EventKind.HIT, "room"),
+        ]
+        lost = 2 * 0.1 / math.cos(turn)
+        assert events[-1].power == pytest.approx(2.0 - lost, abs=1e-8)
+
+
 def test_a_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     boxes = Boxes(np.array([[0, 0, 0, -1, 1, 0.5, 0.3, 7.0]]))
@@ -275,13 +304,27 @@ def test_light_is_absorbed_by_what_absorbs_light() -> None:
     assert np.isfinite(tracer.trace(cast(AHEAD)).ranges[0])
 
 
-def test_a_mirror_keeps_its_share_at_each_bounce() -> None:
-    dull = Material("dull", radar_mirror=True, absorption_db=0.4)
+def test_a_mirror_keeps_its_share_out_and_back_at_each_bounce() -> None:
+    dull = Material("dull", radar_mirror=True, absorption_db=0.2)
     one, other = (brick(dull, (1, 9, 9), (x, 0, 0)) for x in (5.5, -5.5))
     tracer = Tracer([one, other])
     traces = tracer.trace(cast(AHEAD, bounces=3))
-    assert traces.power[0] == pytest.approx(1 - 3 * 0.2 - 0.2)
+    assert traces.power[0] == pytest.approx(1 - 3 * 0.2 - 0.1)
     assert tracer.trace(cast(AHEAD, bounces=8)).outcomes[0] == Outcome.ABSORBED
+
+
+@given(st.floats(0.01, 20))
+def test_what_is_just_kept_leaves_nothing_and_not_less(decibels: float) -> None:
+    black = Material("black", absorption_db=decibels)
+    parts = [brick(LEAF, (1, 9, 9), (3, 0, 0)), brick(black, (1, 9, 9), (5.5, 0, 0))]
+    traces = Tracer(parts).trace(cast(AHEAD, power=0.1 + decibels / 2))
+    assert 0.0 <= traces.power[0] < 1e-9
+
+
+def test_without_any_power_what_absorbs_everything_still_does() -> None:
+    black = brick(Material("black", absorption_db=math.inf), (1, 9, 9), (5, 0, 0))
+    traces = Tracer([black]).trace(cast(AHEAD, power=0.0, power_per_db=0.0))
+    assert traces.outcomes[0] == Outcome.ABSORBED
 
 
 # dB and bands.

@@ -40,7 +40,7 @@ def raining(*parts: Part) -> Scene:
 
 def chances(q: float, cell: float, reach: float, from_: float = 1.0) -> Floats:
     """Give the probability that the nearest cell that shows is this one, by cell."""
-    middles = np.arange(from_ + cell / 2, reach, cell)
+    middles = np.arange(from_ + cell, reach, cell)
     shows = np.exp(-(middles**2) / q)
     before = np.cumprod(np.concatenate([[1.0], 1 - shows[:-1]]))
     return np.asarray(shows * before)
@@ -83,8 +83,8 @@ def test_the_nearest_cell_that_shows_is_as_far_as_chance_says(least: float) -> N
     wanted = chances(contrast(load_settings("radar", **settings), 100), 0.25, 30)
     n = len(ranges)
     shown = ranges[np.isfinite(ranges)]
-    cells = np.rint((shown - 1.125) / 0.25).astype(int)
-    assert shown == pytest.approx(1.125 + 0.25 * cells)
+    cells = np.rint((shown - 1.25) / 0.25).astype(int)
+    assert shown == pytest.approx(1.25 + 0.25 * cells)
     counts = np.bincount(cells, minlength=len(wanted))[: len(wanted)]
     error = np.sqrt(wanted * (1 - wanted) / n)
     assert (np.abs(counts / n - wanted) <= 4.5 * error + 1e-3).all()
@@ -122,7 +122,7 @@ def test_a_shower_is_seen_where_it_is() -> None:
     assert (x.min(), x.max()) == (pytest.approx(2, abs=0.3), pytest.approx(4, abs=1))
     assert (x <= 4).all()
     q = contrast(load_settings("radar", least_rcs_dbsm=-35), 100)
-    cells = np.arange(1.125, 4.1, 0.25)
+    cells = np.arange(1.25, 4.1, 0.25)
     there = cells[(cells >= 2) & (cells < 4)]
     wanted = 1 - np.prod(1 - np.exp(-(there**2) / q))
     assert seen.mean() == pytest.approx(wanted, abs=0.08)
@@ -155,3 +155,24 @@ def test_rain_falls_on_every_kind_of_beam() -> None:
     ):
         scan = take(world, return_mode="first", resolution_deg=1, **settings)
         assert 0.02 < np.mean(scan.ranges < 8) < 0.98, settings
+
+
+@pytest.mark.parametrize("quantum", [0.1, 0.2, 0.25])
+def test_rain_shows_at_every_multiple_of_the_quantum(quantum: float) -> None:
+    ranges = take(raining(), range_quantum=quantum, least_rcs_dbsm=-30).ranges
+    steps = np.rint(ranges[np.isfinite(ranges)] / quantum).astype(int)
+    first = math.floor(1 / quantum) + 1
+    assert set(range(first, first + 4)) <= set(steps.tolist())
+
+
+def test_rain_knows_what_the_beam_has_lost_before_it() -> None:
+    """In foliage of 0.1 per metre R metres take 0.1 R of the power."""
+    leaf = Material("leaf", density=0.1)
+    world = raining(block(leaf, (60, 60, 9), (0, 0, 0)))
+    scan = take(world, return_mode="all", least_rcs_dbsm=-40)
+    echoes = scan.echoes
+    drops = echoes.kinds == radarsim.EventKind.RAIN
+    assert drops.sum() > 50
+    assert echoes.power[drops] == pytest.approx(1 - 0.1 * echoes.ranges[drops])
+    assert (echoes.strength[drops] <= 1 - 0.1 * echoes.ranges[drops]).all()
+    assert (echoes.strength[drops] > 0).all()

@@ -555,3 +555,13 @@ def test_the_original_hokuyos_budget_is_spent_after_its_metres() -> None:
         echo = radarsim.load_sensor("hokuyo", **settings, spent_reads="range")
         end = echo.scan(scene(cloud, back), Pose3(0, 0, 0)).ranges[1]
         assert end == pytest.approx(10.75 if blind else 40.0)
+
+
+def test_a_side_ray_behind_what_absorbs_gives_way_to_the_centre() -> None:
+    black = Material("black", absorption_db=math.inf)
+    screen = board("screen", (4, 0.02, 2), (1, 0.1, 0), material=black)
+    pole = board("pole", (0.2, 0.2, 2), (6, 0.2, 0))
+    world = scene(screen, pole, board("back", (1, 40, 4), (9.5, 0, 0)))
+    found = scans(radar(**AHEAD, side_offset_uu=50, ray_weights=(0, 0, 1)), world, 5)
+    assert shares(found, 1) == [0, 1, 0]
+    assert [scan.ranges[1] for scan in found] == pytest.approx([9.0] * 5)
