@@ -203,10 +203,12 @@ def _incidence(hit: Any, block: Any, origin: Any, heading: Any, walk: Any) -> An
 @leaf
 def _begin_leg(walk: Any, origin: Any, middle: Any, heading: Any, before: Any) -> None:
     """Note where a leg starts, for the events on it."""
+    walk.leg[BEFORE] = before
+    if not walk.events.size:
+        return
     for axis in range(3):
         walk.leg[axis] = origin[axis] + middle[axis]
         walk.leg[axis + 3] = heading[axis]
-    walk.leg[BEFORE] = before
 
 
 @leaf

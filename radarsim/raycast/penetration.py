@@ -348,7 +348,7 @@ def end(ray: Any, state: Any, stop: Any, keeps: Any, walk: Any) -> Any:
     if part < 0:
         write(walk, ray, at, (_OUT_OF_RANGE, part), left, 0.0)
         return Ending(t, _ENDED, part, left)
-    if is_absorbed(left, least, keeps):
+    if keeps > 0.0 and is_absorbed(left, least, keeps):
         write(walk, ray, at, (_ABSORBED, part), left, keeps)
         return Ending(t, _ENDED_ABSORBED, part, 0.0)
     kept = min(keeps, left)  # rounding may make it more
