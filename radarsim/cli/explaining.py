@@ -61,6 +61,8 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
     # a beam need not read where one of its rays ends
     told["range"] = _number(float(scan.ranges[beam]))
     told["rain"] = rain_at(scan, beam)
+    told["return_mode"] = scanner.settings.return_mode
+    told["air"] = tracer.densities(scan.cast.kinds[0])[1]
     if form == "json":
         typer.echo(json.dumps(told, allow_nan=False))
     else:
@@ -127,7 +129,7 @@ def explanation(
         "distance": end.t,
         "object": parts[end.part].object_name if end.part >= 0 else None,
         "material": parts[end.part].material.name if end.part >= 0 else None,
-        "power_left": _number(end.power - end.kept) if end.kept else _power(end),
+        "power_left": _left(end),
     }
 
 
@@ -162,6 +164,13 @@ def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
     }
 
 
+def _left(end: Event) -> float | None:
+    """Give what is left of a ray where it ends, and what is kept there is gone."""
+    if end.kind is EventKind.ABSORBED:
+        return 0.0
+    return _number(end.power - end.kept)
+
+
 def _power(event: Event) -> float | None:
     return _number(event.power)
 
@@ -181,6 +190,8 @@ def as_text(told: dict[str, Any]) -> list[str]:
         f"{told['sensor']}, beam {told['beam']} at {degrees:.2f} deg{ray}",
         f"leaves with power {_shown(told['power'])}",
     ]
+    if told["air"]:
+        lines.append(f"everywhere: the air takes {told['air']:.6f} of it per metre")
     met = [(row["entry"], _crossing_text(row)) for row in told["crossings"]]
     met += [(row["at"], _mirror_text(row)) for row in told["mirrors"]]
     if told["rain"] is not None:
@@ -199,7 +210,9 @@ def as_text(told: dict[str, Any]) -> list[str]:
         return [*lines, "reads nothing"]
     mirrored = any(row["at"] < told["range"] for row in told["mirrors"])
     ghost = ", a ghost: it was mirrored on its way" if mirrored else ""
-    return [*lines, f"reads {told['range']:.4f} m{ghost}"]
+    mode = told["return_mode"]
+    which = f", its {mode} echo" if mode in ("first", "strongest") else ""
+    return [*lines, f"reads {told['range']:.4f} m{which}{ghost}"]
 
 
 def _crossing_text(row: dict[str, Any]) -> str:

@@ -66,8 +66,9 @@ class Request:
         start = scene.start(self.start or "")
         if start is None:
             names = [start.name for start in scene.starts]
+            expected = f"one of {names}" if names else "--pose: the map has no starts"
             raise typer.BadParameter(
-                f"{self.start!r}, expected one of {names}", param_hint="--start"
+                f"{self.start!r}, expected {expected}", param_hint="--start"
             )
         model = load_robot("P3AT")
         lift = Pose3(0.0, 0.0, model.origin_height)

@@ -188,3 +188,56 @@ def test_a_laser_has_one_ray_whichever_is_asked_for(
     told = json.loads(radarsim("explain", room, *asked, "--format", "json").text)
     assert told["ray"] is None
     assert told["range"] == pytest.approx(3.5)
+
+
+BLACK = """\
+version: 1
+materials:
+  black: {density: opaque, absorption_db: all}
+  dull: {density: opaque, absorption_db: 20}
+  mirror: {density: opaque, mirror: radar}
+  wall: {density: opaque}
+objects:
+  - {name: hole, box: [1, 4, 3], position: [5, 0, 1], material: black}
+  - {name: screen, box: [4, 1, 3], position: [0, 5, 1], material: dull}
+  - {name: glass, box: [1, 4, 3], position: [-5, 0, 1], material: mirror}
+  - {name: back, box: [1, 40, 3], position: [20, 0, 1], material: wall}
+starts:
+  - {name: RobotStart1, position: [0, 0, 0], yaw_deg: 0}
+"""
+
+
+@pytest.mark.parametrize(
+    ("yaw", "said", "power"),
+    [
+        pytest.param(0, "4.5000 m: absorbed by hole (black), power left 0.0000", 0.0),
+        pytest.param(90, "4.5000 m: hits screen (dull), power left 0.6000", 0.6),
+    ],
+)
+def test_what_absorbs_is_named_with_what_it_leaves(
+    radarsim: Command, tmp_path: Path, yaw: int, said: str, power: float
+) -> None:
+    (tmp_path / "black.yaml").write_text(BLACK)
+    ahead = ("--sensor", "radar", "--pose", f"0,0,{yaw}", "--beam", "90")
+    where = (str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
+    assert said in radarsim("explain", *where).text
+    told = json.loads(radarsim("explain", *where, "--format", "json").text)
+    assert told["power_left"] == pytest.approx(power)
+
+
+def test_a_ghost_is_called_one(radarsim: Command, tmp_path: Path) -> None:
+    (tmp_path / "black.yaml").write_text(BLACK.replace("absorption_db: all", ""))
+    ahead = ("--sensor", "radar", "--pose", "0,0,180", "--beam", "90")
+    run = radarsim("explain", str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
+    assert "4.5000 m: mirrored by glass (mirror) at (-4.50, 0.00, 0.35)" in run.text
+    assert "reads 13.5000 m, a ghost: it was mirrored on its way" in run.text
+
+
+def test_the_air_is_told_of_where_it_takes_something(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    (tmp_path / "fog.yaml").write_text(BLACK.replace("starts:", "air: fog\nstarts:"))
+    ahead = ("--sensor", "physical", "--pose", "0,0,0", "--beam", "90")
+    run = radarsim("explain", str(tmp_path / "fog.yaml"), *ahead)
+    assert "everywhere: the air takes 0.055000 of it per metre" in run.text
+    assert "reads 4.5000 m, its first echo" in run.text

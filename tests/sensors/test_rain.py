@@ -1,19 +1,22 @@
 """Speckle, against its own probabilities worked out apart."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import radarsim
-from radarsim import Material, Part, Pose3, Scan, Scene
+from radarsim import Conditions, Material, Part, Pose2, Pose3, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.presets.raindrops import RATES, REFLECTIVITY_DB, rain_reflectivity
+from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.randomness import generator_for
 from radarsim.scene.shapes import box
 from radarsim.sensors.rain import contrast
+from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")
 POURING = Material("rain", density=0.0, laser_density=0.0, solid=False, rain=100.0)
@@ -176,3 +179,25 @@ def test_rain_knows_what_the_beam_has_lost_before_it() -> None:
     assert echoes.power[drops] == pytest.approx(1 - 0.1 * echoes.ranges[drops])
     assert (echoes.strength[drops] <= 1 - 0.1 * echoes.ranges[drops]).all()
     assert (echoes.strength[drops] > 0).all()
+
+
+def test_a_second_robot_changes_no_drop_of_the_first_ones(empty_room: Scene) -> None:
+    """It stands behind the first one, and draws from a generator of its own."""
+    settings = {"lms200": {"return_mode": "first", "least_rcs_dbsm": -28}}
+    conditions = Conditions(item_settings=settings)
+    world, told = replace(empty_room, air=POURING), []
+    for others in (0, 1):
+        simulation = Simulation(world, conditions=conditions, seed=5)
+        first = simulation.spawn("R1", load_robot("P3AT"), Pose2(-5, 0))
+        assert first is not None
+        if others:
+            assert simulation.spawn("R2", load_robot("P3AT"), Pose2(-8, 0)) is not None
+        lines: list[str] = []
+        for _ in range(40):
+            simulation.step()
+            scans = simulation.tell()[first.number].scans
+            lines += [str(scan.ranges.tolist()) for scan in scans]
+        told.append(lines)
+    assert len(told[0]) == 4
+    assert len(set(told[0])) == 4, "drops fall anew for each scan"
+    assert told[0] == told[1]

@@ -515,7 +515,7 @@ def dusty(depth: float) -> Scene:
 @pytest.mark.parametrize(
     ("depth", "wanted"),
     [
-        pytest.param(0.3, 40.0, id="too thin to show"),
+        pytest.param(0.45, 40.0, id="too thin to show"),
         pytest.param(0.5, 5.0, id="thin"),
         pytest.param(10.0, 5.0, id="half of the light comes through"),
         pytest.param(30.0, 5.0, id="all light is lost"),
