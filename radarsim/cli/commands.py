@@ -89,6 +89,11 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the sensor."),
 ]
+NamesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="NAME", help="Only these; all by default."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="For programs.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of all randomness.")]
 
 
@@ -217,12 +222,9 @@ def explain(
 
 @app.command()
 def sensors(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NAME", help="Only these; all by default."),
-    ] = None,
+    names: NamesArgument = None,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List the sensor presets: their numbers, sources and confidence."""
     from radarsim.cli.listing import list_sensors
@@ -232,12 +234,9 @@ def sensors(
 
 @app.command()
 def materials(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NAME", help="Only these; all by default."),
-    ] = None,
+    names: NamesArgument = None,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List the library of materials: their numbers, sources and confidence."""
     from radarsim.cli.listing import list_materials
@@ -248,7 +247,7 @@ def materials(
 @app.command()
 def bench(
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Measure the engine and the server on this machine, in under two minutes."""
     from radarsim.cli.benching import run_benchmarks

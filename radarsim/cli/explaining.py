@@ -24,7 +24,6 @@ ENDS = {
     EventKind.OUT_OF_RANGE: "out_of_range",
     EventKind.ABSORBED: "absorbed",
 }
-SILENT = (EventKind.OUT_OF_RANGE, EventKind.ABSORBED)
 
 
 def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> None:
@@ -56,7 +55,7 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         "one_of": max(together, 1),
         "origin": one.origins[0].tolist(),
         "direction": one.directions[0].tolist(),
-        **explanation(events, tracer.parts, scanner),
+        **explanation(events, tracer.parts, scanner.settings.penetration_power),
     }
     # a beam need not read where one of its rays ends
     told["range"] = _number(float(scan.ranges[beam]))
@@ -77,7 +76,7 @@ def _with_only(scanner: RangeScanner, ray: str) -> RangeScanner:
     """
     settings = scanner.settings
     count = settings.rays_of_a_beam
-    if count == 3 and settings.side_mode != "cone":
+    if settings.has_side_rays and settings.side_mode != "cone":
         weights = tuple(float(side == RAYS[ray]) for side in (RIGHT, CENTRE, LEFT))
         update = {"ray_weights": weights, "ray_choice": "drawn"}
         return RangeScanner(scanner.name, settings.model_copy(update=update))
@@ -99,9 +98,9 @@ def rain_at(scan: Scan, beam: int) -> float | None:
 
 
 def explanation(
-    events: Sequence[Event], parts: Sequence[Part], scanner: RangeScanner
+    events: Sequence[Event], parts: Sequence[Part], power: float
 ) -> dict[str, Any]:
-    """Pair entries with exits, and say how the ray ended."""
+    """Pair entries with exits, and say how a ray of that power ended."""
     crossings: list[dict[str, Any]] = []
     open_: dict[int, dict[str, Any]] = {}
     mirrors: list[dict[str, Any]] = []
@@ -118,14 +117,11 @@ def explanation(
     end = events[-1]
     for row in open_.values():
         row["power_after"] = _power(end)
-    blind = end.kind is EventKind.SPENT and scanner.settings.spent_reads == "zero"
-    found = None if end.kind in SILENT else end.t
     return {
-        "power": _number(scanner.settings.penetration_power),
+        "power": _number(power),
         "crossings": crossings,
         "mirrors": mirrors,
         "outcome": ENDS[end.kind],
-        "range": 0.0 if blind else found,
         "distance": end.t,
         "object": parts[end.part].object_name if end.part >= 0 else None,
         "material": parts[end.part].material.name if end.part >= 0 else None,

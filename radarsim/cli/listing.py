@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from radarsim.presets.materials import BANDS, LibraryEntry, library, library_material
+from radarsim.presets.bands import BANDS_GHZ
+from radarsim.presets.materials import LibraryEntry, library, library_material
 from radarsim.presets.sensors import (
     Number,
     SensorPreset,
@@ -92,7 +93,7 @@ def _materials(entries: Mapping[str, LibraryEntry]) -> Table:
     """Show a line for each, with what it takes from beams."""
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("name", no_wrap=True)
-    for column in (*(f"{band} GHz dB/m" for band in BANDS), "laser dB/m"):
+    for column in (*(f"{band} GHz dB/m" for band in BANDS_GHZ), "laser dB/m"):
         table.add_column(column, justify="right")
     table.add_column("amount", no_wrap=True)
     table.add_column("about")

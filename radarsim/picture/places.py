@@ -55,7 +55,8 @@ def echo_points(scan: Scan, echoes: Echoes) -> Floats:
     it came on; it is placed along its beam.
     """
     beams, settings = echoes.beams, echoes.settings
-    if not settings.answers_together or not settings.has_side_rays:
+    alone = not settings.answers_together or settings.rays_of_a_beam == 1
+    if alone:
         starts, ways = scan.cast.origins[beams], scan.cast.directions[beams]
     elif settings.side_mode == "cone":
         return _along_beams(scan, scan.angles[beams], echoes.ranges)

@@ -15,10 +15,10 @@ from pydantic import BaseModel, ConfigDict
 from ruamel.yaml import YAML
 
 from radarsim.errors import PresetError
+from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.hydrometeors import PowerLaw, rain_attenuation
 from radarsim.presets.sensors import Number
 
-BANDS: Final = (24, 77, 94)  # GHz
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
 AMOUNTS: Final[tuple[Amount, ...]] = ("g_per_m3", "mm_per_h")
 
@@ -49,9 +49,9 @@ class LibraryEntry(BaseModel):
     Attributes:
         about: One sentence or two.
         numbers: By name, those that a map may say too: a ``density`` or the dB lost per
-            metre, in each of ``BANDS`` for a radar. ``db_per_g`` is what a gramme in a
-            cubic metre takes in a metre, dB; ``rain_k`` R^``rain_alpha`` what rain of
-            R mm/h takes in a kilometre, dB.
+            metre, in each of ``BANDS_GHZ`` for a radar. ``db_per_g`` is what a gramme
+            in a cubic metre takes in a metre, dB; ``rain_k`` R^``rain_alpha`` what rain
+            of R mm/h takes in a kilometre, dB.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -73,7 +73,7 @@ class Substance:
         density: 0, or ``math.inf`` if radar beams end at its surface.
         laser_density: The same for light.
         solid: Whether a robot is stopped by it.
-        radar_db: What radar waves lose in each of ``BANDS``, dB/m.
+        radar_db: What radar waves lose in each of ``BANDS_GHZ``, dB/m.
         laser_db: What light loses, dB/m.
         absorption_db: What a mirror keeps of a radar wave, dB.
         laser_absorption_db: The same of light.
@@ -176,11 +176,11 @@ def _losses(values: dict[str, Any]) -> tuple[Losses, float]:
         grammes = values["g_per_m3"]
         first, second, third = (grammes * db for db in _banded(values["db_per_g"]))
         return (first, second, third), grammes * values["laser_db_per_g"]
-    none = dict.fromkeys(BANDS, 0.0)
+    none = dict.fromkeys(BANDS_GHZ, 0.0)
     light_db = float(values.get("laser_db_per_m", 0.0))
     return _banded(values.get("db_per_m", none)), light_db
 
 
 def _banded(numbers: dict[int, float]) -> Losses:
-    first, second, third = (float(numbers[band]) for band in BANDS)
+    first, second, third = (float(numbers[band]) for band in BANDS_GHZ)
     return first, second, third

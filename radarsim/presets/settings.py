@@ -32,7 +32,7 @@ class SensorSettings(BaseModel):
         resolution_deg: Angle between neighbouring beams.
         max_range: m, inclusive.
         min_range: m; told to clients, and applied to nothing, as in USARSim.
-        scan_rate_hz: Scans in a second, on a robot whose class says nothing else;
+        scan_rate_hz: Scans in a second on a robot, to whole hundredths of a second;
             None leaves it to the dialect.
         band_ghz: Of a radar: which column of the materials' dB counts.
         margin_db: How much weaker than where nothing is in between an echo may be, out
@@ -139,7 +139,10 @@ class SensorSettings(BaseModel):
         """How many rays a beam has, of which one may be drawn."""
         if not self.has_side_rays:
             return 1
-        return self.cone_rays if self.side_mode == "cone" else 3
+        if self.side_mode == "cone":
+            return self.cone_rays
+        coincide = self.answers_together and not self.side_offset_uu
+        return 1 if coincide else 3
 
     @property
     def cone_grid(self) -> tuple[int, int]:

@@ -137,11 +137,7 @@ def tabulate(
         _table(parts, kinds, _is_mirror, np.uint8),
         np.array([cost_of(air, kind) if air else 0.0 for kind in kinds]),
         np.array([kind.bounces for kind in kinds], np.int64),
-        np.maximum(
-            np.where(through & ~sheet, density, 0.0).max(axis=1, initial=0.0),
-            LAYERS
-            * np.where(through, np.nan_to_num(loss), 0.0).max(axis=1, initial=0.0),
-        ),
+        np.where(through, _like_density(density, loss), 0.0).max(axis=1, initial=0.0),
         np.where(through, LISTED, OPAQUE).astype(np.uint8),
         np.where(through & ~sheet, LISTED, PASSED_BY).astype(np.uint8),
         *volumes,

@@ -81,7 +81,8 @@ class Tracer:
     def densities(self, kind: Kind) -> tuple[Floats, float]:
         """Give what rays of a kind lose per metre in each part, (P,), and in air."""
         tolls = self._tolls_of((kind,))
-        return tolls.density[0].copy(), float(tolls.air[0])
+        density: Floats = tolls.density[0]
+        return density, float(tolls.air[0])
 
     @property
     def air_part(self) -> int:

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 OPAQUE = math.inf
-BANDS_GHZ = (24, 77, 94)  # of radars
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ from typing import Annotated, Literal, TypeAlias
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, PlainValidator, Strict
 
+from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.materials import library_names
 from radarsim.scene.mapmodel import Entry, Real, Text
-from radarsim.scene.material import BANDS_GHZ, OPAQUE
+from radarsim.scene.material import OPAQUE
 from radarsim.yamlfile import shown
 
 MAX_DB = 1e6  # in a metre; what takes more is opaque

@@ -4,7 +4,8 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from radarsim.scene.material import BANDS_GHZ, Material
+from radarsim.presets.bands import BANDS_GHZ
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene, StartPose
 
 

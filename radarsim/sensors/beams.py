@@ -227,12 +227,10 @@ def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
 
     Of random rays only their number is known before they are drawn.
     """
-    if not settings.has_side_rays:
+    if settings.rays_of_a_beam == 1:
         return np.zeros((1, 1, 2)), np.ones(1)
     if settings.side_mode == "cone":
         return _cone_nodes(settings)
-    if settings.answers_together and not settings.side_offset_uu:
-        return np.zeros((1, 1, 2)), np.ones(1)  # three in one place are one
     weights = np.array(settings.ray_weights) / sum(settings.ray_weights)
     offsets = np.zeros((3, 1, 2))
     if settings.side_mode == "divergent":

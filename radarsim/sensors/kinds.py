@@ -1,8 +1,8 @@
 """What the rays of a sensor are to a scene."""
 
+from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.rays import LASER, RADAR, Kind
-from radarsim.scene.material import BANDS_GHZ
 
 
 def kind_of(settings: SensorSettings) -> Kind:

@@ -26,23 +26,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.raindrops import rain_reflectivity
 from radarsim.presets.settings import SensorSettings
 from radarsim.raycast.compiled import compiled, leaf
 from radarsim.raycast.penetration import EventKind
 from radarsim.raycast.tracer import Tracer
-from radarsim.scene.material import BANDS_GHZ
-from radarsim.sensors.gathering import Columns
+from radarsim.sensors.gathering import ENTER, LEAVE, START_INSIDE, Columns
 
 NEAREST: Final = 1.0  # m
 CELL: Final = 0.25  # m, of a sensor without range resolution
 WIDTH: Final = 2.0  # degrees, of a sensor without beamwidth
 REFERENCE: Final = 10.0  # m, where the least cross section is told
-START_INSIDE, ENTER, LEAVE = (
-    int(EventKind.START_INSIDE),
-    int(EventKind.ENTER),
-    int(EventKind.LEAVE),
-)
 
 
 class Speckle(NamedTuple):
@@ -102,7 +97,8 @@ def speckle(
     for part in np.flatnonzero(tracer.rain).tolist():
         contrasts[part] = contrast(settings, float(tracer.rain[part]))
     start = np.zeros(len(contrasts), np.uint8)
-    start[tracer.air_part :] = tracer.air_part >= 0
+    if tracer.air_part >= 0:
+        start[tracer.air_part] = 1
     firsts = np.searchsorted(events["ray"], rows)
     cell, full = cell_of(settings), settings.penetration_power
     nearest = (math.floor(max(NEAREST, settings.min_range) / cell) + 1) * cell

@@ -111,8 +111,8 @@ class RangeScanner:
     ) -> Plan:
         """Draw the rays of one scan and point them.
 
-        What is drawn depends on nothing in the scene, so that nothing that drives
-        around in it changes what is drawn next.
+        What is drawn depends on nothing in the scene but whether it rains there, so
+        that nothing that drives around in it changes what is drawn next.
 
         Args:
             tracer: Of the scene; tells which side rays start behind something opaque,

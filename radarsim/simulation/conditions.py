@@ -7,6 +7,7 @@ from typing import Any
 from radarsim.errors import PresetError
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensors import load_settings
+from radarsim.presets.settings import SensorSettings
 from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.robots.skid_steer import SpinUnit, WheelDrive
 from radarsim.sensors.pose import InsNoise
@@ -22,7 +23,8 @@ class Conditions:
     Attributes:
         dialect: Rates, limits and the unit of DRIVE.
         drive_unit: Of DRIVE, where it is not to be the dialect's.
-        item_settings: Settings by the name of the item, of whatever robot.
+        item_settings: Settings by the name of the item, of whatever robot; of a scanner
+            also ``sensor``, the name of another preset.
     """
 
     dialect: Dialect = COMPAT
@@ -62,15 +64,27 @@ class Conditions:
         )
 
     def settings(self, item: Item) -> dict[str, Any]:
-        """Give an item's settings: its class's, the dialect's, and over them these."""
+        """Give an item's settings: its class's, the dialect's, and over them these.
+
+        Those of the class and the dialect are for the class's own sensor.
+        """
+        own = self._own(item)
+        if item.sensor is None or own.pop("sensor", item.sensor) != item.sensor:
+            return own if item.sensor else {**item.settings, **own}
         settings = dict(item.settings)
         longest = self.dialect.laser_max_range
-        if longest is not None and item.sensor not in (None, "hokuyo"):
+        if longest is not None and item.sensor != "hokuyo":
             settings["max_range"] = longest
-        for name, own in self.item_settings.items():
-            if name.casefold() == item.name.casefold():
-                settings |= own
-        return settings
+        return settings | own
+
+    def _own(self, item: Item) -> dict[str, Any]:
+        """Give the settings that are set for an item by its name, in any case."""
+        return {
+            key: value
+            for name, own in self.item_settings.items()
+            if name.casefold() == item.name.casefold()
+            for key, value in own.items()
+        }
 
     def scanner(self, item: Item) -> RangeScanner:
         """Make the scanner that an item is.
@@ -82,15 +96,21 @@ class Conditions:
             raise ValueError(
                 f"item {item.name!r}: type {item.type}, expected a scanner"
             )
-        settings = load_settings(item.sensor, **self.settings(item))
-        return RangeScanner(item.sensor, settings)
+        return RangeScanner(self._sensor(item), self._scanner_settings(item))
+
+    def _sensor(self, item: Item) -> str:
+        return str(self._own(item).get("sensor", item.sensor))
+
+    def _scanner_settings(self, item: Item) -> SensorSettings:
+        return load_settings(self._sensor(item), **self.settings(item))
 
     def interval(self, item: Item) -> float:
         """Give the time between two readings of an item, s."""
         if item.interval is not None:
             return item.interval
         if item.sensor is not None:
-            return self.dialect.scan_interval_of(item.sensor)
+            rate = self._scanner_settings(item).scan_rate_hz
+            return 1 / rate if rate else self.dialect.scan_interval_of(item.sensor)
         if item.type == "INS":
             return self.dialect.ins_interval
         if item.type == "Tachometer":

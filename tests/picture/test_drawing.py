@@ -141,6 +141,25 @@ def test_each_return_mode_looks_different(foliage_room: Scene) -> None:
     assert len(pictures) == 4
 
 
+@pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param({"side_offset_uu": 0}, id="three rays in one place"),
+        pytest.param({"side_mode": "cone", "cone_rays": 1}, id="a cone of one ray"),
+        pytest.param(
+            {"side_mode": "cone", "cone_rays": 2, "beamwidth_az_deg": 3},
+            id="a cone without a middle",
+        ),
+    ],
+)
+def test_beams_of_any_number_of_rays_can_be_drawn(
+    foliage_room: Scene, mode: str, settings: dict[str, Any]
+) -> None:
+    scan = scan_of(foliage_room, return_mode=mode, **settings)
+    assert markers(figure_of(foliage_room, [scan]))
+
+
 def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
     foliage_room: Scene,
 ) -> None:

@@ -1,18 +1,19 @@
 import math
+from typing import get_args
 
 import pytest
 
 from radarsim.errors import PresetError
+from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.materials import (
     AMOUNTS,
-    BANDS,
     Substance,
     library,
     library_entry,
     library_material,
     library_names,
 )
-from radarsim.scene.material import BANDS_GHZ
+from radarsim.presets.settings import SensorSettings
 
 PLANTS = (
     *("sparse_foliage", "twigs", "woodland", "foliage", "dense_foliage"),
@@ -29,8 +30,8 @@ def test_the_library_is_known() -> None:
     assert list(library_names()) == sorted(names)
 
 
-def test_the_bands_are_those_of_materials() -> None:
-    assert BANDS == BANDS_GHZ
+def test_the_bands_are_those_that_a_radar_may_have() -> None:
+    assert get_args(SensorSettings.model_fields["band_ghz"].annotation) == BANDS_GHZ
 
 
 @pytest.mark.parametrize("name", library_names())

@@ -4,6 +4,7 @@ import pytest
 
 from radarsim.errors import PresetError
 from radarsim.presets.robots import Item, load_robot
+from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.robots.skid_steer import WheelDrive
 from radarsim.simulation.conditions import Conditions
@@ -142,3 +143,39 @@ def test_settings_that_do_not_fit_are_refused(
 def test_a_setting_that_no_scanner_has_is_refused() -> None:
     with pytest.raises(PresetError, match="no setting 'power'"):
         Conditions(item_settings={"lms200": {"power": 1}}).check()
+
+
+SCANNER = load_robot("P3AT").items_of("RangeScanner")[0]
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK])
+def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
+    """What its class and the dialect say is for the sensor that it had."""
+    wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
+    for item in (SCANNER, wide):
+        settings = {"LMS200": {"sensor": "k2pi", "min_range": 1.0}}
+        conditions = Conditions(dialect=dialect, item_settings=settings)
+        conditions.check()
+        scanner = conditions.scanner(item)
+        assert scanner.name == "k2pi"
+        assert scanner.settings == load_settings("k2pi", min_range=1.0)
+        assert conditions.interval(item) == 1.0  # one turn in a second
+
+
+def test_a_sensor_named_again_keeps_what_the_class_says_of_it() -> None:
+    wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
+    same = Conditions(item_settings={"lms200": {"sensor": "radar"}})
+    assert same.scanner(wide).settings == Conditions().scanner(wide).settings
+
+
+def test_the_rate_that_is_set_counts_more_than_the_dialects() -> None:
+    fast = Conditions(dialect=UDK, item_settings={"lms200": {"scan_rate_hz": 20}})
+    assert fast.interval(SCANNER) == pytest.approx(0.05)
+    assert Conditions(dialect=UDK).interval(SCANNER) == pytest.approx(0.2)
+
+
+def test_an_unknown_sensor_is_refused_before_anybody_connects() -> None:
+    with pytest.raises(PresetError, match="sensor 'k3pi', expected one of"):
+        Conditions(item_settings={"lms200": {"sensor": "k3pi"}}).check()
+    with pytest.raises(PresetError, match="sensor"):
+        Conditions(item_settings={"InsTest": {"sensor": "radar"}}).check()

@@ -313,3 +313,12 @@ def test_smoke_is_a_place_to_stand_in(smoke_room: Scene) -> None:
     vehicle = Simulation(smoke_room).spawn("R1", load_robot("P3AT"), place)
     assert vehicle is not None
     assert vehicle.robot.pose == place
+
+
+def test_a_scanner_scans_as_often_as_its_rate_says(empty_room: Scene) -> None:
+    conditions = Conditions(item_settings={"lms200": {"sensor": "k2pi"}})
+    simulation = Simulation(empty_room, conditions=conditions)
+    vehicle = spawned(simulation, Pose2(-8, 0))
+    told = run(simulation, 300)[vehicle.number]
+    when = [tick for tick, what in told if what.scans]
+    assert np.diff(when).tolist() == [100, 100]
