@@ -8,6 +8,9 @@
     * PresetError -- an unknown sensor, robot class or setting, or a value out of range
     * EngineError -- Embree cannot be opened, or was handed something it would misread
     * ServerError -- the server cannot start: the port is taken, the address is not ours
+    * ClientError -- a server cannot be reached, is gone, or lacks what is needed
+        * ClientTimeout -- it did not say in time what was needed; it may still do so
+    * NavigationError -- a robot cannot do what is asked of it: it is blind, or too wide
 
 Bugs of our own stay ValueError, TypeError and AssertionError.
 """
@@ -51,3 +54,15 @@ class EngineError(RadarsimError):
 
 class ServerError(RadarsimError):
     """The server cannot start."""
+
+
+class ClientError(RadarsimError):
+    """A server cannot be reached, closed the connection, or lacks what is needed."""
+
+
+class ClientTimeout(ClientError):
+    """A server did not say in time what was needed; the connection still stands."""
+
+
+class NavigationError(RadarsimError):
+    """A robot cannot do what is asked of it."""

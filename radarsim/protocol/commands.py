@@ -8,16 +8,15 @@ Fields come in any order, unknown ones are ignored, and an empty one is a missin
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
-from radarsim.protocol.axes import Triple, pose_from_wire, turn_over
+from radarsim.protocol.axes import Triple, pose_from_wire
 from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.fields import needed, read_if_there, read_turned
 from radarsim.protocol.numbers import read_flag, read_number, read_numbers
 from radarsim.protocol.wire import Message, decode_message
-
-Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +153,7 @@ def read_switch(params: str) -> bool:
 
 
 def _init(message: Message) -> Init:
-    class_name = _needed(message, "ClassName").rpartition(".")[2]
+    class_name = needed(message, "ClassName").rpartition(".")[2]
     name = message.get("Name") or None
     start = message.get("Start") or None
     if start is not None:
@@ -162,53 +161,29 @@ def _init(message: Message) -> Init:
     return Init(
         class_name,
         name,
-        position=_read(message, "Location", _triple),
-        rotation=_read(message, "Rotation", _triple),
+        position=read_if_there(message, "Location", read_turned),
+        rotation=read_if_there(message, "Rotation", read_turned),
     )
 
 
 def _drive(message: Message, dialect: Dialect) -> Drive:
     flag = partial(read_flag, any_case=dialect.accepts_any_case_true)
     return Drive(
-        left=_read(message, "Left", read_number),
-        right=_read(message, "Right", read_number),
-        normalized=_read(message, "Normalized", flag),
-        light=_read(message, "Light", flag),
-        flip=_read(message, "Flip", flag),
+        left=read_if_there(message, "Left", read_number),
+        right=read_if_there(message, "Right", read_number),
+        normalized=read_if_there(message, "Normalized", flag),
+        light=read_if_there(message, "Light", flag),
+        flip=read_if_there(message, "Flip", flag),
     )
 
 
 def _set(message: Message) -> SetItem:
     return SetItem(
-        _needed(message, "Type"),
+        needed(message, "Type"),
         message.get("Name") or None,
-        _needed(message, "Opcode"),
+        needed(message, "Opcode"),
         message.get("Params") or "",
     )
-
-
-def _needed(message: Message, key: str) -> str:
-    value = message.get(key)
-    if not value:
-        raise MalformedMessage(
-            f"{message.encode()[:80]!r}, expected a field '{{{key} ...}}'"
-        )
-    return value
-
-
-def _read(message: Message, key: str, read: Callable[[str], Value]) -> Value | None:
-    text = message.get(key)
-    if not text:
-        return None
-    try:
-        return read(text)
-    except MalformedMessage as error:
-        raise MalformedMessage(f"{message.verb} {key}: {error}") from None
-
-
-def _triple(text: str) -> Triple:
-    first, second, third = read_numbers(text, 3)
-    return turn_over((first, second, third))
 
 
 _PARSERS: dict[str, Callable[[Message, Dialect], Command]] = {
@@ -217,10 +192,10 @@ _PARSERS: dict[str, Callable[[Message, Dialect], Command]] = {
     "SET": lambda message, _: _set(message),
     "GETSTARTPOSES": lambda *_: GetStartPoses(),
     "GETGEO": lambda message, _: GetGeo(
-        _needed(message, "Type"), message.get("Name") or None
+        needed(message, "Type"), message.get("Name") or None
     ),
     "GETCONF": lambda message, _: GetConf(
-        _needed(message, "Type"), message.get("Name") or None
+        needed(message, "Type"), message.get("Name") or None
     ),
 }
 

@@ -13,7 +13,7 @@ from radarsim.geometry import Pose3, wrap_angle
 from radarsim.protocol.axes import Triple, angles_on_wire, position_on_wire, turn_over
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echofields import echo_fields
-from radarsim.protocol.numbers import format_ranges
+from radarsim.protocol.numbers import NumberFormat, format_ranges
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
@@ -37,9 +37,15 @@ from radarsim.protocol.reports import (
     TouchConf,
 )
 from radarsim.protocol.wire import Message
+from radarsim.protocol.words import (
+    READING_TYPES,
+    SETTING_KEYS,
+    VEHICLE,
+    Reading,
+    Settings,
+)
 
 LONGEST_LINE = 4095  # bytes with its end; clients read into buffers of 4096
-VEHICLE = "GroundVehicle"
 
 Fields = Iterable[tuple[str, str]]
 
@@ -116,9 +122,8 @@ def _(report: Status, dialect: Dialect) -> str:
 @_line.register
 def _(report: RangeScan, dialect: Dialect) -> str:
     return _sensor(
-        report.time,
+        report,
         dialect,
-        "RangeScanner",
         ("Name", report.name),
         ("Resolution", dialect.angle.text(report.resolution)),
         ("FOV", dialect.angle.text(report.fov)),
@@ -128,15 +133,14 @@ def _(report: RangeScan, dialect: Dialect) -> str:
 
 @_line.register
 def _(report: EchoLine, dialect: Dialect) -> str:
-    return _sensor(report.time, dialect, "Echoes", *echo_fields(report, dialect))
+    return _sensor(report, dialect, *echo_fields(report, dialect))
 
 
 @_line.register
 def _(report: GroundTruth, dialect: Dialect) -> str:
     return _sensor(
-        report.time,
+        report,
         dialect,
-        "GroundTruth",
         ("Name", report.name),
         ("Location", dialect.truth.join(position_on_wire(report.pose))),
         ("Orientation", dialect.truth.join(_wrapped(report.pose))),
@@ -149,9 +153,8 @@ def _(report: Ins, dialect: Dialect) -> str:
     if dialect.ins_angles_positive:
         angles = [angle % (2 * math.pi) for angle in angles]
     return _sensor(
-        report.time if dialect.ins_has_time else None,
+        report,
         dialect,
-        "INS",
         ("Name", report.name),
         ("Location", dialect.ins.join(position_on_wire(report.pose))),
         ("Orientation", dialect.ins.join(angles)),
@@ -163,9 +166,8 @@ def _(report: Odometry, dialect: Dialect) -> str:
     x, y, yaw = report.pose.x, report.pose.y, report.pose.yaw
     on_wire = (x, 0.0 - y, 0.0 - yaw)
     return _sensor(
-        report.time,
+        report,
         dialect,
-        "Odometry",
         ("Name", report.name),
         ("Pose", dialect.plain.join(on_wire)),
     )
@@ -174,9 +176,8 @@ def _(report: Odometry, dialect: Dialect) -> str:
 @_line.register
 def _(report: Tachometer, dialect: Dialect) -> str:
     return _sensor(
-        report.time,
+        report,
         dialect,
-        "Tachometer",
         ("Name", report.name),
         ("Vel", dialect.plain.join(report.velocities)),
         ("Pos", dialect.plain.join(report.positions)),
@@ -187,15 +188,14 @@ def _(report: Tachometer, dialect: Dialect) -> str:
 def _(report: Encoder, dialect: Dialect) -> str:
     pairs = [(("Name", name), ("Tick", str(tick))) for name, tick in report.ticks]
     fields = [field for pair in pairs for field in pair]
-    return _sensor(report.time, dialect, "Encoder", *fields)
+    return _sensor(report, dialect, *fields)
 
 
 @_line.register
 def _(report: Touch, dialect: Dialect) -> str:
     return _sensor(
-        report.time,
+        report,
         dialect,
-        "Touch",
         ("Name", report.name),
         ("Touch", str(report.touched)),
     )
@@ -268,20 +268,17 @@ def _(report: ScannerConf, dialect: Dialect) -> str:
 
 @_line.register
 def _(report: IntervalConf, dialect: Dialect) -> str:
-    texts = [(name, dialect.plain.text(value)) for name, value in report.items]
-    return _settings(report.type, "ScanInterval", texts)
+    return _settings(report, dialect.plain)
 
 
 @_line.register
 def _(report: EncoderConf, dialect: Dialect) -> str:
-    texts = [(name, dialect.angle.text(value)) for name, value in report.items]
-    return _settings(report.type, "Resolution", texts)
+    return _settings(report, dialect.angle)
 
 
 @_line.register
 def _(report: TouchConf, dialect: Dialect) -> str:
-    texts = [(name, dialect.robot.text(value)) for name, value in report.items]
-    return _settings(report.type, "Diameter", texts)
+    return _settings(report, dialect.robot)
 
 
 @_line.register
@@ -293,16 +290,19 @@ def _text(verb: str, *fields: tuple[str, str]) -> str:
     return Message(verb, fields).encode()
 
 
-def _sensor(
-    time: float | None, dialect: Dialect, kind: str, *fields: tuple[str, str]
-) -> str:
-    when = () if time is None else (("Time", dialect.time.text(time)),)
-    return _text("SEN", *when, ("Type", kind), *fields)
+def _sensor(report: Reading, dialect: Dialect, *fields: tuple[str, str]) -> str:
+    kind = ("Type", READING_TYPES[type(report)])
+    if isinstance(report, Ins) and not dialect.ins_has_time:
+        return _text("SEN", kind, *fields)
+    return _text("SEN", ("Time", dialect.time.text(report.time)), kind, *fields)
 
 
-def _settings(kind: str, key: str, items: Iterable[tuple[str, str]]) -> str:
-    pairs = [(("Name", name), (key, text)) for name, text in items]
-    return _text("CONF", ("Type", kind), *(field for pair in pairs for field in pair))
+def _settings(report: Settings, form: NumberFormat) -> str:
+    key = SETTING_KEYS[type(report)]
+    fields: list[tuple[str, str]] = []
+    for name, value in report.items:
+        fields += [("Name", name), (key, form.text(value))]
+    return _text("CONF", ("Type", report.type), *fields)
 
 
 def _pick(keys: Iterable[str], values: Mapping[str, str]) -> Fields:

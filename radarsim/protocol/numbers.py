@@ -21,6 +21,7 @@ LARGEST_READ = 1e9  # m, rad, rad/s; arithmetic on it cannot overflow
 LARGEST_WRITTEN = 2.0**31  # the original casts to 32 bit integers
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+_LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also take nan, inf and 1_0
 
 
 def read_number(text: str) -> float:
@@ -62,6 +63,27 @@ def read_numbers(text: str, count: int) -> tuple[float, ...]:
     if len(parts) != count:
         raise MalformedMessage(f"{text[:80]!r}, expected {count} numbers")
     return tuple(read_number(part) for part in parts)
+
+
+def read_list(text: str) -> list[float]:
+    """Read any number of numbers, at least one, between commas, blanks or both.
+
+    Decimal points only: with commas between numbers that nobody has counted, another
+    comma cannot be told from them.
+
+    Raises:
+        MalformedMessage: If there are none, or one cannot be read or is too large.
+    """
+    words = text.replace(",", " ").split()
+    if not words or not _LIST.fullmatch(text):
+        raise MalformedMessage(f"{text[:80]!r}, expected numbers")
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        raise MalformedMessage(f"{text[:80]!r}, expected numbers") from None
+    if max(numbers) > LARGEST_READ or min(numbers) < -LARGEST_READ:
+        raise MalformedMessage(f"{text[:80]!r}, expected at most {LARGEST_READ:g} each")
+    return numbers
 
 
 def read_flag(text: str, *, any_case: bool) -> bool:

@@ -1,12 +1,16 @@
 import re
-from math import pi, radians
+from dataclasses import replace
+from math import inf, isinf, isnan, nan, pi, radians
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from radarsim.geometry import Pose2, Pose3
+from radarsim.errors import MalformedMessage
+from radarsim.geometry import Pose2, Pose3, wrap_angle
+from radarsim.protocol.decoding import decode_report
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.encoding import encode_report, to_bytes
 from radarsim.protocol.reports import (
@@ -32,7 +36,7 @@ from radarsim.protocol.reports import (
     Touch,
     TouchConf,
 )
-from radarsim.protocol.wire import decode_message
+from radarsim.protocol.wire import Message, decode_message
 
 
 def test_what_is_no_report_is_our_own_mistake() -> None:
@@ -184,7 +188,9 @@ def test_every_line_has_the_form_that_all_clients_read(report: Report) -> None:
 
 
 @given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]))
-def test_decoding_a_line_undoes_encoding_it(report: Report, dialect: Dialect) -> None:
+def test_the_grammar_of_a_line_is_that_of_all_lines(
+    report: Report, dialect: Dialect
+) -> None:
     line = encode_report(report, dialect)
     assert decode_message(line).encode() == line.replace("}{", "} {")
 
@@ -196,3 +202,112 @@ def test_angles_on_the_wire_stay_within_a_turn(pose: Pose3, dialect: Dialect) ->
     angles = (decode_message(line).get("Orientation") or "").split(",")
     for angle in angles:
         assert low - 0.005 <= float(angle) <= high + 0.005
+
+
+@given(report=REPORTS)
+def test_a_report_that_was_read_is_written_as_it_was(report: Report) -> None:
+    line = encode_report(report, COMPAT)
+    assume("3.1416" not in line)  # a little more than pi, which is read as -pi
+    read = decode_report(line)
+    assert read is not None
+    assert encode_report(read, COMPAT) == line
+
+
+@given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]))
+def test_a_report_is_read_as_it_was_up_to_the_digits(
+    report: Report, dialect: Dialect
+) -> None:
+    read = decode_report(encode_report(report, dialect))
+    sent = _sent(report, dialect)
+    assert type(read) is type(sent)
+    assert _is_close(_numbers_and_texts(read), _numbers_and_texts(sent))
+
+
+@given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]), data=st.data())
+def test_the_order_of_fields_is_free_where_one_thing_is_told_of(
+    report: Report, dialect: Dialect, data: st.DataObject
+) -> None:
+    assume(isinstance(report, Status | RangeScan | EchoLine | Ins | Odometry | Touch))
+    line = encode_report(report, dialect)
+    message = decode_message(line)
+    mixed = Message(
+        message.verb.lower(), tuple(data.draw(st.permutations(message.segments)))
+    )
+    read, same = decode_report(line), decode_report(mixed.encode())
+    assert _is_close(_numbers_and_texts(same), _numbers_and_texts(read))
+
+
+@given(
+    report=REPORTS,
+    dialect=st.sampled_from([COMPAT, UDK]),
+    place=st.floats(0, 1),
+    what=st.sampled_from(["", "{", "}", " ", ",", "nan", "1e9999", "\xe9", "_", "-"]),
+    length=st.integers(0, 20),
+)
+def test_a_line_that_was_damaged_is_refused_or_read_and_nothing_else(
+    report: Report, dialect: Dialect, place: float, what: str, length: int
+) -> None:
+    line = encode_report(report, dialect)
+    start = int(place * len(line))
+    try:
+        read = decode_report(line[:start] + what + line[start + length :])
+    except MalformedMessage:
+        return
+    for number in _numbers_and_texts(read):
+        assert not isinstance(number, float) or abs(number) <= 1e9 or not number < inf
+
+
+def _sent(report: Report, dialect: Dialect) -> Report:
+    """Give what of a report a dialect tells at all."""
+    changes: dict[str, Any] = {}
+    match report:
+        case Status():
+            changes["battery"] = max(report.battery, dialect is COMPAT)
+        case Ins() if dialect is UDK:
+            changes["time"] = nan
+        case RobotGeo() if dialect is UDK:
+            changes["dimensions"] = (report.wheel_base, report.wheel_separation, 0.0)
+        case ItemGeo(mounts=mounts) if dialect is COMPAT or not mounts:
+            changes["robot"] = ""
+        case EchoLine(seen=Seen() as seen) if 1e9 < seen.density < inf:
+            changes["seen"] = replace(seen, density=1e9)
+        case ScannerConf() | IntervalConf() | EncoderConf() | TouchConf():
+            return report if report.items else NameConf(report.type, ())
+        case _:
+            pass
+    return replace(report, **changes)
+
+
+class Angle(float):
+    """A number of which whole turns do not count."""
+
+
+def _numbers_and_texts(value: Any) -> list[Any]:
+    """Take a report apart."""
+    match value:
+        case np.ndarray():
+            return list(value)
+        case Pose3():
+            return [*value.numbers()[:3], *map(Angle, value.numbers()[3:])]
+        case tuple() | list():
+            return [leaf for part in value for leaf in _numbers_and_texts(part)]
+        case _ if hasattr(value, "__dataclass_fields__"):
+            parts = [getattr(value, name) for name in value.__dataclass_fields__]
+            return _numbers_and_texts(parts)
+    return [value]
+
+
+def _is_close(some: list[Any], others: list[Any]) -> bool:
+    """Compare up to two digits after the point, and the 24 bits of the original."""
+    return len(some) == len(others) and all(map(_is_same, some, others))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if not isinstance(one, float) or isinf(one):
+        return bool(one == other)
+    if isnan(one):
+        return isnan(other)
+    difference = one - other
+    if isinstance(one, Angle):
+        difference = wrap_angle(difference)
+    return bool(abs(difference) < 0.011 + 2e-7 * abs(other))

@@ -1,0 +1,28 @@
+"""A client of any server that speaks USARSim's protocol, with two faces.
+
+``Client`` waits in the calling thread, ``AsyncClient`` in an event loop; what they say
+and understand is the same code, which knows no sockets. Reports are those of
+``radarsim.protocol.reports``: metres, radians and REP-103, whatever is on the wire.
+"""
+
+from radarsim.client.asynchronous import AsyncClient
+from radarsim.client.blocking import Client
+from radarsim.client.facts import DriveUnit, RobotFacts, ScannerFacts, beam_angles
+from radarsim.client.link import Link, SocketLink
+from radarsim.client.session import Question, Session
+from radarsim.errors import ClientError, ClientTimeout
+
+__all__ = [
+    "AsyncClient",
+    "Client",
+    "ClientError",
+    "ClientTimeout",
+    "DriveUnit",
+    "Link",
+    "Question",
+    "RobotFacts",
+    "ScannerFacts",
+    "Session",
+    "SocketLink",
+    "beam_angles",
+]

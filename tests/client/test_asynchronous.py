@@ -1,0 +1,99 @@
+"""What only tasks can do; all else is tested for both faces at once."""
+
+import asyncio
+import socket
+import struct
+from collections.abc import Callable
+
+import pytest
+
+from radarsim.client import AsyncClient, ClientError, ClientTimeout
+from radarsim.protocol.reports import GroundTruth, Odometry, RangeScan
+from radarsim.pytest_plugin import UsarsimServer
+
+Serve = Callable[[Callable[[socket.socket], None]], int]
+
+
+@pytest.mark.usarsim(speed=5)
+async def test_one_task_reads_while_another_drives(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with AsyncClient(
+        *await asyncio.open_connection(*usarsim_server.address)
+    ) as c:
+        await c.spawn("P3AT", start="RobotStart1")
+
+        async def drive() -> None:
+            for spin in (1.0, 2.0, 3.0):
+                await c.drive(spin, spin)
+                await asyncio.sleep(0.02)
+
+        async def watch() -> float:
+            while (place := (await c.wait_for(Odometry)).pose.x) < 0.1:
+                pass
+            return place
+
+        place, _ = await asyncio.gather(watch(), drive())
+        assert place >= 0.1
+        assert (await c.wait_for(GroundTruth)).pose.x > -8
+    with pytest.raises(
+        ClientError, match=r"^the connection is closed, expected to send 'DRI"
+    ):
+        await c.drive(1, 1)
+
+
+@pytest.mark.usarsim(speed=5)
+async def test_a_read_that_was_cancelled_loses_nothing(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with await AsyncClient.connect(port=usarsim_server.port) as client:
+        await client.spawn("P3AT", start="RobotStart1")
+        await client.wait_for(RangeScan)
+        times: list[float] = []
+        while len(times) < 10:
+            try:
+                async with asyncio.timeout(0.003):
+                    times.append((await client.wait_for(RangeScan)).time)
+            except TimeoutError:
+                pass
+        assert times == sorted(times)
+        assert client.session.unread == 0
+
+
+async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:
+    async def greeted() -> str:
+        async with await AsyncClient.connect(port=usarsim_server.port) as client:
+            return (await client.greeting()).level
+
+    assert set(await asyncio.gather(*[greeted() for _ in range(8)])) == {"DM-EmptyRoom"}
+
+
+async def test_a_reset_while_waiting_is_no_time_out(serve: Serve) -> None:
+    def reset(peer: socket.socket) -> None:
+        peer.recv(4096)
+        linger = struct.pack("ii", 1, 0)
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+
+    async with await AsyncClient.connect(port=serve(reset)) as client:
+        with pytest.raises(
+            ClientError, match=r"^the connection is lost: .*reset by peer"
+        ) as it:
+            await client.start_poses()
+    assert not isinstance(it.value, ClientTimeout)
+
+
+async def test_leaving_does_not_wait_for_who_takes_nothing(serve: Serve) -> None:
+    def stall(peer: socket.socket) -> None:
+        while peer.send(b"\r\n" * 10_000):  # until the client has gone
+            pass
+
+    async def flood(client: AsyncClient) -> None:
+        for _ in range(100):
+            await client.order("A", None, "B", "x" * 500_000)
+
+    async with await AsyncClient.connect(port=serve(stall), timeout=0.05) as client:
+        with pytest.raises(
+            ClientError, match=r"^the server takes nothing any more, exp"
+        ):
+            await flood(client)
+        assert not await client.stop()

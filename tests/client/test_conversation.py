@@ -1,0 +1,199 @@
+"""Talks with servers that tell little, in a time of their own: nothing really waits."""
+
+from collections.abc import Callable
+from math import inf
+
+import pytest
+
+from radarsim.client import Client, ClientError, ClientTimeout
+from radarsim.geometry import Pose3
+from radarsim.protocol.reports import Greeting, Ins, Odometry, RangeScan, Status
+
+STATUS = "STA {Time 1.00} {Battery 9}"
+SCAN = "SEN {Type RangeScanner} {Name S} {Resolution 0.5} {FOV 1.0} {Range 1,2,3}"
+OTHER_SCAN = SCAN.replace("Name S", "Name T")
+ROBOT_GEO = (
+    "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.6,0.5,0.4} {COG 0,0,0}"
+    " {WheelRadius 0.1} {WheelSeparation 0.4} {WheelBase 0.3}"
+)
+ROBOT_CONF = "CONF {Type GroundVehicle} {Name P3AT} {MaxSpeed 8}"
+GEO = (
+    "GEO {Type RangeScanner} {Name S Location 0.2,0,-0.1 Orientation 0,0,0 Mount HARD}"
+)
+CONF = "CONF {Type RangeScanner} {Name S} {MaxRange 20} {Resolution 0.5} {Fov 1}"
+ABOUT_ROBOT = {
+    "GETGEO {Type Robot}": ROBOT_GEO,
+    "GETCONF {Type Robot}": ROBOT_CONF,
+}
+
+
+class Puppet:
+    """A server that answers by a table, and says something at every tick of 0.1 s."""
+
+    def __init__(self, answers: dict[str, str], chatter: list[str]) -> None:
+        self.heard: list[str] = []
+        self.closed = False
+        self._answers = answers
+        self._chatter = chatter
+        self._ticks = 0
+        self._waiting = ""
+
+    def send(self, data: bytes) -> None:
+        for line in data.decode().splitlines():
+            self.heard.append(line)
+            if line in self._answers:
+                self._waiting += self._answers[line] + "\r\n"
+
+    def receive(self, timeout: float) -> bytes:
+        until = self.time() + timeout
+        while not self._waiting:
+            if self.time() >= until:
+                raise TimeoutError
+            self._ticks += 1
+            self._waiting = "".join(f"{line}\r\n" for line in self._chatter)
+        data, self._waiting = self._waiting, ""
+        return data.encode()
+
+    def time(self) -> float:
+        return self._ticks / 10
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_all_scanners_are_asked_for_at_once() -> None:
+    answers = ABOUT_ROBOT | {
+        "GETGEO {Type RangeScanner}": GEO,
+        "GETCONF {Type RangeScanner}": CONF,
+    }
+    link = Puppet(answers, [SCAN])
+    (scanner,) = Client(link).facts().scanners
+    assert (scanner.mount, scanner.max_range, scanner.beams) == (
+        Pose3(0.2, 0, 0.1),
+        20,
+        3,
+    )
+    assert link.heard == list(answers)
+    assert link.time() == pytest.approx(0.1)
+
+
+def test_where_nobody_answers_for_all_each_is_asked_by_its_name() -> None:
+    answers = ABOUT_ROBOT | {
+        "GETGEO {Type RangeScanner} {Name S}": GEO,
+        "GETCONF {Type RangeScanner} {Name S}": CONF,
+        "GETGEO {Type RangeScanner} {Name T}": GEO.replace("Name S", "Name T"),
+    }
+    link = Puppet(answers, [STATUS, SCAN, OTHER_SCAN])
+    scanners = Client(link).facts().scanners
+    assert [s.name for s in scanners] == ["S", "T"]
+    assert [s.max_range for s in scanners] == [20, inf]
+    assert scanners[0].mount == scanners[1].mount == Pose3(0.2, 0, 0.1)
+    assert 4 <= link.time() < 4.5  # for all, and for T
+
+
+def test_where_nobody_answers_scans_have_to_do() -> None:
+    link = Puppet(ABOUT_ROBOT, [SCAN])
+    (scanner,) = Client(link).facts().scanners
+    assert (scanner.mount, scanner.min_range, scanner.max_range) == (
+        Pose3(0, 0, 0),
+        0,
+        inf,
+    )
+    assert (scanner.resolution, scanner.fov, scanner.beams) == (0.5, 1, 3)
+
+
+def test_a_robot_without_scans_has_the_scanners_that_it_tells_of() -> None:
+    answers = ABOUT_ROBOT | {
+        "GETGEO {Type RangeScanner}": GEO,
+        "GETCONF {Type RangeScanner}": CONF,
+    }
+    link = Puppet(answers, [STATUS])
+    (scanner,) = Client(link).facts().scanners
+    assert (scanner.fov, scanner.beams) == (1, 3)
+    assert 2 <= link.time() < 2.5
+    assert Client(Puppet(ABOUT_ROBOT, [STATUS])).facts().scanners == ()
+
+
+def test_without_the_robot_s_own_there_are_no_facts() -> None:
+    del (answers := dict(ABOUT_ROBOT))["GETCONF {Type Robot}"]
+    link = Puppet(answers, [STATUS])
+    with pytest.raises(ClientTimeout, match=r"no CONF of Robot within 3 s, .* 'STA"):
+        Client(link, timeout=3).facts()
+    assert 3 <= link.time() < 3.2
+
+
+def test_a_server_that_never_stops_talking_is_given_up_in_time() -> None:
+    link = Puppet({}, [STATUS, SCAN])
+    client = Client(link)
+    with pytest.raises(ClientTimeout, match=r"no Odometry of 'Odo' within 1\.5 s"):
+        client.wait_for(Odometry, name="Odo", timeout=1.5)
+    with pytest.raises(ClientTimeout, match="no start poses within 5 s"):
+        client.start_poses()
+    assert link.time() == pytest.approx(6.5)
+
+
+def test_what_comes_behind_an_answer_stays_to_be_read() -> None:
+    client = Client(Puppet({}, [SCAN, STATUS, OTHER_SCAN]))
+    assert client.wait_for(Status).battery == 9
+    (rest,) = client.read()
+    assert isinstance(rest, RangeScan)
+    assert rest.name == "T"
+    assert [type(report) for report in client.read()] == [RangeScan, Status, RangeScan]
+    assert client.wait_for(RangeScan, name="T").name == "T"
+
+
+def test_the_first_words_of_a_robot_are_kept() -> None:
+    init = "INIT {ClassName USARBot.P3AT}"
+    client = Client(Puppet({init: f"NFO {{Level a}}\r\n{STATUS}\r\n{SCAN}"}, []))
+    client.spawn("P3AT")
+    assert [type(report) for report in client.read()] == [Status, RangeScan]
+    assert client.greeting() == Greeting("a")
+
+
+def test_another_robot_s_scans_are_forgotten() -> None:
+    init = "INIT {ClassName USARBot.P3AT}"
+    client = Client(Puppet({init: STATUS}, [SCAN]))
+    client.read()
+    assert [*client.session.scans] == ["S"]
+    client.spawn("P3AT")
+    assert not client.session.scans
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        pytest.param(lambda client: client.read(1), id="read"),
+        pytest.param(lambda client: client.wait_for(Ins, timeout=1), id="wait"),
+        pytest.param(lambda client: client.geometry("INS"), id="ask"),
+    ],
+)
+def test_a_silent_server_costs_the_timeout_and_no_more(
+    call: Callable[[Client], object],
+) -> None:
+    link = Puppet({}, [])
+    with pytest.raises(ClientTimeout, match="within 1 s, no whole line came"):
+        call(Client(link, timeout=1))
+    assert link.time() == pytest.approx(1)
+
+
+def test_a_robot_is_stopped_on_the_way_out_of_an_error() -> None:
+    link = Puppet({"INIT {ClassName USARBot.P3AT}": STATUS}, [])
+
+    def drive_into_an_error() -> None:
+        with Client(link) as client:
+            client.spawn("P3AT")
+            client.drive(1, 1)
+            client.read()
+            client.read(0.5)
+
+    with pytest.raises(ClientError, match=r"no report within 0\.5 s"):
+        drive_into_an_error()
+    assert link.heard[-1] == "DRIVE {Left 0.0} {Right 0.0}"
+    assert link.closed
+
+
+def test_who_has_no_robot_has_nothing_to_stop() -> None:
+    link = Puppet({}, [])
+    Client(link).close()
+    assert link.closed
+    assert not link.heard

@@ -1,0 +1,262 @@
+"""Both faces of the client over TCP: the same calls, the same answers and errors."""
+
+import math
+import re
+import select
+import socket
+import struct
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+from radarsim.client import Client, ClientError, ClientTimeout
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.reports import (
+    EchoLine,
+    Greeting,
+    GroundTruth,
+    IntervalConf,
+    ItemGeo,
+    Odometry,
+    RangeScan,
+    RobotGeo,
+)
+from radarsim.pytest_plugin import UsarsimServer
+
+Connect = Callable[..., Client]
+Serve = Callable[[Callable[[socket.socket], None]], int]
+GREETING = b"NFO {Gametype X} {Level DM-Odd} {TimeLimit 0}\r\n"
+STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 9}\r\n"
+
+
+@pytest.mark.usarsim(speed=5)
+def test_a_client_finds_out_and_drives(
+    usarsim_server: UsarsimServer, connect: Connect
+) -> None:
+    client = connect(usarsim_server.port)
+    assert client.greeting() == Greeting("DM-EmptyRoom")
+    assert client.greeting() == Greeting("DM-EmptyRoom")
+    assert client.start_poses()["RobotStart2"] == Pose3(-8, 3.5, 0)
+    client.spawn("P3AT", name="R1", pose=Pose2(-8, 1, math.pi / 2))
+    assert isinstance(client.geometry("Robot"), RobotGeo)
+    assert isinstance(client.geometry("INS", "InsTest"), ItemGeo)
+    assert isinstance(client.configuration("GroundTruth"), IntervalConf)
+    facts = client.facts()
+    assert (facts.name, facts.length, facts.width) == ("P3AT", 0.552, 0.497)
+    assert facts.clearance == pytest.approx(0.3714, abs=1e-4)
+    assert facts.top_speed == pytest.approx(0.8, abs=1e-3)
+    scan = client.wait_for(RangeScan, name="lms200")
+    assert len(scan.ranges) == len(facts.scanner().angles) == 181
+    before = client.wait_for(GroundTruth).pose
+    assert (before.x, before.y) == pytest.approx((-8, 1), abs=1e-3)
+    client.drive(*facts.wheel_speeds(0.5, 0))
+    while client.wait_for(GroundTruth).pose.y < 1.2:
+        pass
+    assert client.stop()
+    assert client.read()
+    assert client.session.unread == 0
+    assert client.session.time > 0
+
+
+@pytest.mark.usarsim(speed=5, map="foliage_room")
+def test_echoes_and_orders(usarsim_server: UsarsimServer, connect: Connect) -> None:
+    client = connect(usarsim_server.port)
+    client.spawn("P3AT", start="RobotStart1")
+    client.echoes("lms200")
+    told = client.wait_for(EchoLine)
+    assert told.seen is not None
+    client.echoes("lms200", False)
+    client.drive(5, 5)
+    while client.wait_for(Odometry).pose.x < 0.2:
+        pass
+    client.order("Odometry", None, "RESET")
+    while client.wait_for(Odometry).pose.x > 0.2:
+        pass
+
+
+@pytest.mark.usarsim(speed=5, dialect="udk")
+def test_the_original_s_dialect_tells_enough_to_drive_by(
+    usarsim_server: UsarsimServer, connect: Connect
+) -> None:
+    client = connect(usarsim_server.port)
+    client.spawn("P3AT_Radar360", start="RobotStart1")
+    facts = client.facts(drive_unit="rev_per_s")
+    assert facts.top_speed == pytest.approx(0.8, abs=1e-3)
+    assert facts.clearance > 0.3714
+    assert facts.clearance < 0.45
+    scanner = facts.scanner("LMS200")
+    assert scanner.mount == Pose3(0.21, 0, 0.2)
+    assert scanner.max_range == 20
+    assert np.allclose(np.degrees(scanner.angles), np.arange(360) - 179.5, atol=0.01)
+
+
+def test_nobody_there_is_an_error_with_the_address(connect: Connect) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    with pytest.raises(ClientError, match=f"no server at 127.0.0.1:{port}: "):
+        connect(port)
+
+
+def test_a_timeout_must_be_above_0(connect: Connect, serve: Serve) -> None:
+    with pytest.raises(ValueError, match="timeout 0, expected more than 0 s"):
+        connect(serve(_be_silent), timeout=0)
+
+
+def test_a_silent_server_is_given_up(connect: Connect, serve: Serve) -> None:
+    client = connect(serve(_be_silent), timeout=0.1)
+    expected = r"no greeting within 0\.1 s, no whole line came"
+    with pytest.raises(ClientTimeout, match=expected):
+        client.greeting()
+    with pytest.raises(ClientTimeout, match=r"no GEO of Robot within 0\.1 s"):
+        client.facts()
+    with pytest.raises(ClientTimeout, match=r"no RangeScan of 'a' within 0\.02 s"):
+        client.wait_for(RangeScan, name="a", timeout=0.02)
+    with pytest.raises(ClientTimeout, match="no reading of the robot 'P3AT'"):
+        client.spawn("P3AT")
+
+
+def test_what_came_last_is_told(connect: Connect, serve: Serve) -> None:
+    def half(peer: socket.socket) -> None:
+        peer.sendall(GREETING + b"XYZ {A 1}\r\nSEN {Type INS} {Loc")
+        _be_silent(peer)
+
+    client = connect(serve(half), timeout=0.1)
+    assert client.greeting().level == "DM-Odd"
+    expected = "no report within .* the last line was 'XYZ {A 1}'; 1 lines were of no"
+    with pytest.raises(ClientTimeout, match=expected):
+        client.read()
+
+
+@pytest.mark.parametrize("abruptly", [False, True], ids=["closed", "reset"])
+def test_a_connection_that_is_dropped(
+    connect: Connect, serve: Serve, abruptly: bool
+) -> None:
+    def drop(peer: socket.socket) -> None:
+        peer.sendall(STATUS)
+        peer.recv(1)
+        if abruptly:
+            linger = struct.pack("ii", 1, 0)
+            peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+
+    client = connect(serve(drop))
+    assert client.session.greeting is None
+    expected = (
+        r"^the .*connection.*, expected start poses, the last line was 'STA {Type"
+    )
+    with pytest.raises(ClientError, match=expected) as caught:
+        client.start_poses()
+    assert not isinstance(caught.value, ClientTimeout)
+    with pytest.raises(ClientError, match=r"^the .*connection.*, expected report"):
+        client.read()
+    with suppress(ClientError):
+        client.drive(1, 1)  # the first may still go out
+    client.close()
+    client.close()
+
+
+def test_bytes_one_by_one_are_a_line(connect: Connect, serve: Serve) -> None:
+    def dribble(peer: socket.socket) -> None:
+        for i in range(len(GREETING)):
+            peer.sendall(GREETING[i : i + 1])
+            time.sleep(0.001)
+        _be_silent(peer)
+
+    assert connect(serve(dribble)).greeting().level == "DM-Odd"
+
+
+def test_rubbish_is_skipped_and_counted(connect: Connect, serve: Serve) -> None:
+    def rave(peer: socket.socket) -> None:
+        peer.sendall(b"\x00\xff{{{\r\n\r\nSEN {Type INS} {Name I}\r\n" + b"x" * 100_000)
+        peer.sendall(b"\n" + STATUS)
+        _be_silent(peer)
+
+    client = connect(serve(rave))
+    assert client.read()[0].time == 1.0  # type: ignore[union-attr]
+    assert client.session.unread >= 3
+
+
+def test_rubbish_without_end_does_not_hold_a_client_up(
+    connect: Connect, serve: Serve
+) -> None:
+    def rave(peer: socket.socket) -> None:
+        while True:
+            peer.sendall(b"SEN {Type Sonar}\r\n" * 10)
+            time.sleep(0.001)
+
+    client = connect(serve(rave), timeout=0.2)
+    began = time.monotonic()
+    with pytest.raises(ClientTimeout, match=r"'SEN {Type Sonar}'; .* of no known kind"):
+        client.read()
+    assert time.monotonic() - began < 2
+
+
+def test_a_server_that_takes_nothing(connect: Connect, serve: Serve) -> None:
+    client = connect(serve(_take_nothing), timeout=0.1)
+    text = "x" * 60_000
+    expected = r"^the server takes nothing any more, expected to send 'SET {Type A"
+    with pytest.raises(ClientError, match=expected):
+        _flood(client, text)
+    assert not client.stop()
+
+
+def test_a_robot_is_stopped_before_its_client_leaves(
+    connect: Connect, serve: Serve
+) -> None:
+    heard = bytearray()
+
+    def listen(peer: socket.socket) -> None:
+        peer.sendall(GREETING + STATUS)
+        while data := peer.recv(4096):
+            heard.extend(data)
+
+    port = serve(listen)
+    client = connect(port)
+    client.spawn("USARBot.P3AT", start="RobotStart1")
+    client.drive(1, 2.5)
+    client.close()
+    expected = (
+        b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
+        b"DRIVE {Left 1.0} {Right 2.5}\r\nDRIVE {Left 0.0} {Right 0.0}\r\n"
+    )
+    until = time.monotonic() + 5
+    while bytes(heard) != expected and time.monotonic() < until:
+        time.sleep(0.001)
+    assert bytes(heard) == expected
+    with pytest.raises(
+        ClientError, match=r"^the connection is .*, expected to send 'DRIV"
+    ):
+        client.drive(0, 0)
+    assert not client.stop()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [pytest.param("a\r\nDRIVE {Left 1}", id="a line"), pytest.param("}{", id="fields")],
+)
+def test_a_name_cannot_smuggle_in_an_order(
+    connect: Connect, serve: Serve, text: str
+) -> None:
+    client = connect(serve(_be_silent))
+    with pytest.raises(ValueError, match=re.escape(repr(text))):
+        client.spawn("P3AT", name=text)
+    with pytest.raises(ValueError, match="expected only one of them"):
+        client.spawn("P3AT", start="A", pose=Pose2(0, 0))
+
+
+def _be_silent(peer: socket.socket) -> None:
+    while peer.recv(4096):
+        pass
+
+
+def _take_nothing(peer: socket.socket) -> None:
+    poller = select.poll()
+    poller.register(peer, 0)  # wakes when the connection is gone, and only then
+    poller.poll(5000)
+
+
+def _flood(client: Client, text: str) -> None:
+    for _ in range(1000):
+        client.order("A", None, "B", text)

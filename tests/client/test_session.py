@@ -1,0 +1,191 @@
+from itertools import pairwise
+from math import isnan, pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.client import session as asking
+from radarsim.client.session import Question, Session
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.encoding import encode_report, to_bytes
+from radarsim.protocol.reports import (
+    Greeting,
+    GroundTruth,
+    Ins,
+    IntervalConf,
+    ItemGeo,
+    NameConf,
+    RangeScan,
+    Report,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    StartPoses,
+    Status,
+)
+
+HERE = Pose3(1, 2, 3)
+REPORTS: list[Report] = [
+    Greeting("DM-Yard"),
+    Status(0.5, 9, False),
+    Ins(0.75, "I", HERE),
+    RangeScan(1.0, "S", pi / 1080, pi, np.linspace(0, 80, 1081)),
+]
+STREAM = to_bytes(encode_report(report, COMPAT) for report in REPORTS)
+GEO = RobotGeo("P3AT", (1, 1, 1), (0, 0, 0), 0.1, 0.4, 0.3)
+
+
+@given(cuts=st.lists(st.integers(0, len(STREAM)), max_size=20))
+def test_how_bytes_are_cut_on_their_way_changes_nothing(cuts: list[int]) -> None:
+    session = Session()
+    edges = [0, *sorted(cuts), len(STREAM)]
+    reports: list[Report] = []
+    for start, end in pairwise(edges):
+        reports += session.receive(STREAM[start:end])
+    assert reports[:-1] == REPORTS[:-1]
+    scan = reports[-1]
+    assert isinstance(scan, RangeScan)
+    assert len(scan.ranges) == 1081
+    assert session.scans == {"S": scan}
+    assert (session.greeting, session.time, session.unread) == (REPORTS[0], 1.0, 0)
+
+
+@given(data=st.lists(st.binary(max_size=50), max_size=20))
+def test_no_bytes_break_a_session(data: list[bytes]) -> None:
+    session = Session()
+    for chunk in data:
+        session.receive(chunk)
+    session.receive(b"\r\n")
+    assert session.receive(STREAM)[:2] == REPORTS[:2]
+
+
+@pytest.mark.parametrize("size", [1000, 65536, 65537, 200_000])
+@pytest.mark.parametrize("chunk", [4096, 70_000, 10**6])
+def test_a_line_that_never_ends_costs_itself_alone(size: int, chunk: int) -> None:
+    session = Session()
+    data = STREAM + b"x" * size + b"\n" + STREAM
+    reports: list[Report] = []
+    for start in range(0, len(data), chunk):
+        reports += session.receive(data[start : start + chunk])
+    assert [type(report) for report in reports] == 2 * [type(r) for r in REPORTS]
+    assert session.unread >= 1
+
+
+def test_what_has_no_stamp_gets_the_newest_one() -> None:
+    session = Session()
+    line = b"SEN {Type INS} {Name I} {Location 1,-2,-3} {Orientation 0,0,0}\r\n"
+    assert isnan(session.time)
+    (report,) = session.receive(line)
+    assert isinstance(report, Ins)
+    assert isnan(report.time)
+    session.receive(b"STA {Time 3.50}\r\nSTA {Time 2.50}\r\nSTA {Battery 3}\r\n")
+    assert session.receive(line) == [Ins(3.5, "I", HERE)]
+
+
+def test_what_is_not_understood_is_counted_and_the_last_line_kept() -> None:
+    session = Session()
+    lines = b"RES {Type Camera}\r\nSEN {Type INS} {Name I}\r\n}{\r\n\r\n  \r\nhello\n"
+    assert session.receive(lines) == []
+    assert (session.unread, session.last) == (4, "hello")
+
+
+@pytest.mark.parametrize(
+    ("question", "answer", "others"),
+    [
+        pytest.param(asking.greeting(), Greeting("a"), [StartPoses(())], id="greeting"),
+        pytest.param(
+            asking.start_poses(), StartPoses(()), [Greeting("a")], id="start poses"
+        ),
+        pytest.param(
+            asking.geometry("robot"),
+            GEO,
+            [ItemGeo("Robot", (), ""), RobotConf("P3AT", 1, 1, 1)],
+            id="robot",
+        ),
+        pytest.param(
+            asking.geometry("INS"),
+            ItemGeo("ins", (("I", HERE),), ""),
+            [GEO, ItemGeo("Odometry", (), "")],
+            id="all of a type",
+        ),
+        pytest.param(
+            asking.geometry("INS", "i"),
+            ItemGeo("INS", (("I", HERE),), ""),
+            [ItemGeo("INS", (("J", HERE),), ""), ItemGeo("INS", (), "")],
+            id="one of a type",
+        ),
+        pytest.param(
+            asking.configuration("Robot"),
+            RobotConf("P3AT", 1, 1, 1),
+            [GEO, IntervalConf("Robot", ())],
+            id="abilities",
+        ),
+        pytest.param(
+            asking.configuration("RangeScanner"),
+            ScannerConf("rangescanner", (("S", 1, 1, 1, 1),)),
+            [ItemGeo("RangeScanner", (), ""), IntervalConf("INS", ())],
+            id="settings",
+        ),
+        pytest.param(
+            asking.configuration("INS", "I"),
+            IntervalConf("INS", (("i", 0.1),)),
+            [IntervalConf("INS", (("J", 0.1),)), NameConf("INS", ("J",))],
+            id="settings of one",
+        ),
+        pytest.param(
+            asking.configuration("Camera", "C"),
+            NameConf("Camera", ("C",)),
+            [NameConf("Camera", ()), NameConf("Lamp", ("C",))],
+            id="no settings",
+        ),
+        pytest.param(
+            asking.spawn("P3AT"),
+            GroundTruth(1, "G", HERE),
+            [Greeting("a"), GEO],
+            id="robot made",
+        ),
+    ],
+)
+def test_a_question_knows_its_answer(
+    question: Question, answer: Report, others: list[Report]
+) -> None:
+    assert question.accepts(answer)
+    assert not any(question.accepts(other) for other in others)
+
+
+@pytest.mark.parametrize(
+    ("data", "line"),
+    [
+        pytest.param(asking.greeting().data, b"", id="nothing"),
+        pytest.param(
+            asking.geometry("INS", "I").data, b"GETGEO {Type INS} {Name I}", id="where"
+        ),
+        pytest.param(
+            asking.spawn("P3AT", pose=Pose2(1, 2, 0.5)).data,
+            b"INIT {ClassName USARBot.P3AT}"
+            b" {Location 1.0,-2.0,0.0} {Rotation 0.0,0.0,-0.5}",
+            id="a place on the floor",
+        ),
+        pytest.param(
+            asking.spawn("P3AT", pose=Pose3(1, 2, 3, 4, 5, 6)).data,
+            b"INIT {ClassName USARBot.P3AT}"
+            b" {Location 1.0,-2.0,-3.0} {Rotation 4.0,-5.0,-6.0}",
+            id="a place in space",
+        ),
+        pytest.param(
+            asking.echoes("S", on=False),
+            b"SET {Type RangeScanner} {Name S} {Opcode ECHOES} {Params false}",
+            id="echoes",
+        ),
+        pytest.param(
+            asking.order("Odometry", None, "RESET"),
+            b"SET {Type Odometry} {Opcode RESET}",
+            id="order",
+        ),
+    ],
+)
+def test_what_is_said(data: bytes, line: bytes) -> None:
+    assert data == (line and line + b"\r\n")
