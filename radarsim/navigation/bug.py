@@ -1,0 +1,225 @@
+"""Bug1 and Bug2: to the goal in a straight line, and along what is in the way.
+
+A ``Bug`` is asked at every scan how to move. It goes for the goal until the bumper in
+that direction is pressed, turns until the boundary is abeam, and follows it as long as
+``circling`` says. What is beyond the goal is not in the way.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.circling import (
+    AllRound,
+    AlongLine,
+    Circling,
+    GiveUp,
+    Step,
+    Verdict,
+)
+from radarsim.navigation.following import Follower, Way, moved
+from radarsim.navigation.landmark import Landmark
+from radarsim.navigation.motion import STAND, Motion, Pace, bearing_of, distance
+from radarsim.navigation.sensed import Sensed
+
+TOLERANCE = 0.1  # m; as near as that is there
+NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
+_LOST = 1.5  # circles without a boundary after which it is taken to be gone
+
+Point = tuple[float, float]
+
+
+class Algorithm(StrEnum):
+    """Which of the two."""
+
+    BUG1 = "bug1"
+    BUG2 = "bug2"
+
+
+class Doing(StrEnum):
+    """What a bug is at."""
+
+    GOING = "going"
+    ALIGNING = "aligning"
+    FOLLOWING = "following"
+    RETURNING = "returning"
+    REACHED = "reached"
+    NO_PATH = "no_path"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BugSettings:
+    """How a bug goes about it.
+
+    Attributes:
+        algorithm: Bug1 or Bug2.
+        bumpers: What it senses by.
+        pace: How fast it goes.
+        on_left: Whether it keeps boundaries on its left hand.
+        give_up: When Bug2 says that there is no path.
+        tolerance: How near the goal is there, m.
+    """
+
+    algorithm: Algorithm
+    bumpers: Bumpers
+    pace: Pace = field(default_factory=Pace)
+    on_left: bool = True
+    give_up: GiveUp = GiveUp.HIT_POINT
+    tolerance: float = TOLERANCE
+
+
+class Bug:
+    """Goes to one goal after the other.
+
+    Attributes:
+        doing: What it is at; after ``REACHED`` and ``NO_PATH`` it stands.
+        goals: Those that are left, the next one first.
+        hits: Where it met obstacles.
+        leaves: Where it left them.
+        circuits: How often it went all round an obstacle.
+    """
+
+    def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
+        if not goals:
+            raise ValueError("no goals, expected at least one")
+        self.doing = Doing.GOING
+        self.goals = list(goals)
+        self.hits: list[Point] = []
+        self.leaves: list[Point] = []
+        self.circuits = 0
+        self._settings = settings
+        self._follower = Follower(settings.bumpers, settings.pace)
+        self._first_way = Way(on_left=settings.on_left)
+        self._way = self._first_way
+        self._circling: Circling | None = None
+        self._start: Pose2 | None = None
+        self._before: Pose2 | None = None
+        self._lost = 0.0
+        self._best_leave = math.inf
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has reached its last goal, or given up."""
+        return self.doing in (Doing.REACHED, Doing.NO_PATH)
+
+    def step(self, sensed: Sensed) -> Motion:
+        """Take in a scan and decide how to move until the next."""
+        step = 0.0 if self._before is None else moved(self._before, sensed.pose)
+        self._before = sensed.pose
+        if self._start is None:
+            self._start = sensed.pose
+        while not self.is_done and self._is_there(sensed.pose):
+            self._reach(sensed.pose)
+        if self.is_done:
+            return STAND
+        if self._circling is None:
+            if self._is_free(sensed) and not self._is_grazed(sensed):
+                return self._go(sensed)
+            self._hit(sensed)
+        if self.doing is Doing.ALIGNING:
+            return self._align(sensed)
+        return self._follow(sensed, step)
+
+    def _is_there(self, pose: Pose2) -> bool:
+        return distance(pose, *self.goals[0]) <= self._settings.tolerance
+
+    def _reach(self, pose: Pose2) -> None:
+        self.goals.pop(0)
+        self._start, self._circling, self._best_leave = pose, None, math.inf
+        self.doing = Doing.GOING if self.goals else Doing.REACHED
+
+    def _is_free(self, sensed: Sensed) -> bool:
+        """Tell whether nothing before the goal is in the way to it."""
+        bumpers, pose = self._settings.bumpers, sensed.pose
+        ahead = bumpers.towards(sensed, bearing_of(pose, *self.goals[0]))
+        return not ahead.blocked or self._is_beyond(sensed, ahead.distance)
+
+    def _is_beyond(self, sensed: Sensed, obstacle: float) -> bool:
+        """Tell whether the goal comes before an obstacle in its direction."""
+        goal = distance(sensed.pose, *self.goals[0])
+        return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
+
+    def _is_grazed(self, sensed: Sensed) -> bool:
+        """Tell whether something beside the way is too near to go on."""
+        bumpers, pose = self._settings.bumpers, sensed.pose
+        goal = bearing_of(pose, *self.goals[0])
+        sides = (goal - bumpers.width, goal + bumpers.width)
+        return any(bumpers.towards(sensed, side).too_near for side in sides)
+
+    def _go(self, sensed: Sensed) -> Motion:
+        left = distance(sensed.pose, *self.goals[0])
+        bearing = bearing_of(sensed.pose, *self.goals[0])
+        return self._settings.pace.towards(bearing, most=0.05 + 0.8 * left)
+
+    def _hit(self, sensed: Sensed) -> None:
+        pose = sensed.pose
+        self.hits.append((pose.x, pose.y))
+        self.doing, self._way, self._lost = Doing.ALIGNING, self._first_way, 0.0
+        reach = self._follower.wanted
+        obstacle = bearing_of(pose, *self.goals[0])
+        direction = self._follower.direction(sensed, self._way, obstacle)
+        hit = Landmark(pose, direction, reach=reach)
+        if self._settings.algorithm == Algorithm.BUG1:
+            self._circling = AllRound(hit, self.goals[0], reach)
+        else:
+            assert self._start is not None
+            line = (self._start, self.goals[0])
+            self._circling = AlongLine(hit, line, self._settings.give_up)
+
+    def _align(self, sensed: Sensed) -> Motion:
+        obstacle = bearing_of(sensed.pose, *self.goals[0])
+        motion, aligned = self._follower.align(sensed, self._way, obstacle)
+        self.doing = Doing.FOLLOWING if aligned else Doing.ALIGNING
+        return motion
+
+    def _follow(self, sensed: Sensed, step: float) -> Motion:
+        assert self._circling is not None
+        if self._sees_goal(sensed):
+            return self._leave(sensed)
+        direction = self._follower.tangent(sensed, self._way)
+        before = self._circling.circuits
+        verdict = self._circling.step(
+            Step(sensed.pose, step, direction, self._is_free(sensed))
+        )
+        self.circuits += self._circling.circuits - before
+        if verdict is Verdict.NO_PATH or (
+            verdict is Verdict.LEAVE and self._is_no_nearer(sensed.pose)
+        ):
+            self.doing = Doing.NO_PATH
+            return STAND
+        if verdict is Verdict.LEAVE:
+            return self._leave(sensed)
+        if verdict is Verdict.BACK:
+            self._way = self._way.reversed
+        if self._circling.circuits:
+            self.doing = Doing.RETURNING
+        return self._along(sensed, step)
+
+    def _along(self, sensed: Sensed, step: float) -> Motion:
+        motion, found = self._follower.step(sensed, self._way)
+        self._lost = 0.0 if found else self._lost + step
+        if self._lost > _LOST * 2 * math.pi * self._follower.wanted:
+            return self._leave(sensed)
+        return motion
+
+    def _sees_goal(self, sensed: Sensed) -> bool:
+        """Tell whether the goal is so near that no boundary is needed any more."""
+        near = distance(sensed.pose, *self.goals[0])
+        if near > self._settings.bumpers.pressed_below:
+            return False
+        return self._is_free(sensed) and not self._is_grazed(sensed)
+
+    def _is_no_nearer(self, pose: Pose2) -> bool:
+        """Tell whether a whole circuit of Bug1 has brought it no nearer to the goal."""
+        near = distance(pose, *self.goals[0])
+        stays = near > self._best_leave - self._settings.tolerance
+        self._best_leave = min(self._best_leave, near)
+        return stays and self._settings.algorithm == Algorithm.BUG1
+
+    def _leave(self, sensed: Sensed) -> Motion:
+        self.leaves.append((sensed.pose.x, sensed.pose.y))
+        self.doing, self._circling = Doing.GOING, None
+        return self._go(sensed)

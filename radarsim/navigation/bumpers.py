@@ -1,0 +1,182 @@
+"""Long-range bumpers: the beams around the robot in groups, each pressed or not.
+
+Theory of operation
+===================
+Four to eight bumpers are easier to steer by than hundreds of beams. Each one is a
+sector around the robot. It is pressed when a share of its beams is nearer than the
+safety distance and half a metre more, and too near when that share is nearer than the
+safety distance itself.
+
+The literal rule of the thesis is stricter: a bumper is pressed if all of its beams are
+between the safety distance s and s + 0.5 m. Of n bumpers, that which faces a flat wall
+at the distance d sees it from d to d / cos(pi / n), so the rule can be met at all only
+for s <= d <= (s + 0.5) cos(pi / n): with eight bumpers up to s = 6.07 m, with four up
+to s = 1.21 m, and never by a pole or a corner. Whoever chooses it still has
+``too_near``.
+
+Source: a thesis on navigation with a radar in USARSim, section 5.2.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.navigation.sensed import Sensed
+
+BAND = 0.5  # m from too near to not pressed
+LEAST_SHARE = 0.1
+
+FOUR = ("front", "left", "back", "right")
+EIGHT = (
+    *("front", "front_left", "left", "back_left"),
+    *("back", "back_right", "right", "front_right"),
+)
+
+
+class Rule(StrEnum):
+    """When a bumper is pressed."""
+
+    SHARE = "share"  # a share of its beams is nearer than the band's far end
+    ALL = "all"  # all of its beams are within the band, as the thesis has it
+
+
+@dataclass(frozen=True, slots=True)
+class Bumper:
+    """The state of one bumper.
+
+    Attributes:
+        name: Such as ``front_left``.
+        pressed: By the rule.
+        too_near: Whether a share of the beams is nearer than the safety distance.
+        distance: m; a share of the beams is no farther than this. ``inf`` if nothing
+            is there.
+        blind: Whether it has no beams.
+    """
+
+    name: str
+    pressed: bool
+    too_near: bool
+    distance: float
+    blind: bool = False
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the robot is not to go that way."""
+        return self.pressed or self.too_near
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bumpers:
+    """Sectors of equal width around the robot, the first one about its front.
+
+    Attributes:
+        safety_distance: m from the robot's centre.
+        band: m beyond it in which a bumper is pressed and not yet too near.
+        count: How many there are, at least 4.
+        share: Of a bumper's beams that press it, above 0 and at most 1.
+        rule: When it is pressed.
+    """
+
+    safety_distance: float
+    band: float = BAND
+    count: int = 8
+    share: float = LEAST_SHARE
+    rule: Rule = Rule.SHARE
+
+    def __post_init__(self) -> None:
+        if self.count < 4:
+            raise ValueError(f"{self.count} bumpers, expected at least 4")
+        if not 0 < self.share <= 1:
+            raise ValueError(f"share {self.share!r}, expected above 0 and at most 1")
+        for name in ("safety_distance", "band"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ValueError(f"{name} {value!r}, expected above 0 and finite")
+
+    @property
+    def pressed_below(self) -> float:
+        """Where the band ends, m."""
+        return self.safety_distance + self.band
+
+    @property
+    def width(self) -> float:
+        """Of one sector, rad."""
+        return 2 * math.pi / self.count
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, counter-clockwise from the front."""
+        if self.count in (4, 8):
+            return FOUR if self.count == 4 else EIGHT
+        return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
+
+    def read(self, sensed: Sensed) -> tuple[Bumper, ...]:
+        """Give the state of all bumpers, in the order of ``names``."""
+        sectors = self._sectors(sensed.bearings)
+        return tuple(
+            self._state(name, sensed.ranges[sectors == k])
+            for k, name in enumerate(self.names)
+        )
+
+    def towards(self, sensed: Sensed, bearing: float) -> Bumper:
+        """Give the state that the front bumper has once the robot faces a bearing."""
+        apart = np.remainder(sensed.bearings - bearing + math.pi, 2 * math.pi) - math.pi
+        return self._state("front", sensed.ranges[np.abs(apart) <= self.width / 2])
+
+    def blind(self, angles: Floats) -> tuple[str, ...]:
+        """Name the bumpers that a fan of beams, (N,) rad, leaves without any beam."""
+        seen = set(self._sectors(angles).tolist())
+        return tuple(name for k, name in enumerate(self.names) if k not in seen)
+
+    def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
+        turns = (bearings + self.width / 2) / self.width
+        return np.floor(turns).astype(np.int64) % self.count
+
+    def _state(self, name: str, ranges: Floats) -> Bumper:
+        if not len(ranges):
+            return Bumper(
+                name, pressed=False, too_near=False, distance=math.inf, blind=True
+            )
+        distance = nearest_share(ranges, self.share)
+        if self.rule == Rule.SHARE:
+            pressed = distance < self.pressed_below
+        else:
+            least, most = float(ranges.min()), float(ranges.max())
+            pressed = self.safety_distance <= least and most <= self.pressed_below
+        too_near = distance < self.safety_distance
+        return Bumper(name, pressed, too_near, distance)
+
+
+def nearest_share(ranges: Floats, share: float) -> float:
+    """Give the distance within which a share of some ranges lies, m.
+
+    Args:
+        ranges: (N,) m, at least one.
+        share: Above 0 and at most 1; at least one range counts.
+    """
+    count = max(1, math.ceil(share * len(ranges) - 1e-9))
+    return float(np.partition(ranges, count - 1)[count - 1])
+
+
+def least_safety_distance(
+    clearance: float, *, penetration_power: float = 0.0, density: float = math.inf
+) -> float:
+    """Give the least safety distance for a robot and what it may meet, m.
+
+    Args:
+        clearance: From the robot's centre to its farthest corner, m.
+        penetration_power: Of the radar; 0 for a laser.
+        density: The least of anything solid that the radar sees into, per metre.
+    """
+    depth = penetration_power / density if penetration_power else 0.0
+    return clearance + depth
+
+
+def pressed_names(bumpers: Sequence[Bumper]) -> tuple[str, ...]:
+    """Name those that are pressed or too near."""
+    return tuple(bumper.name for bumper in bumpers if bumper.blocked)

@@ -1,0 +1,135 @@
+"""From a connection to a goal: spawn a robot, ask what it is, and let a bug drive."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from radarsim.client import Client, DriveUnit, RobotFacts, ScannerFacts
+from radarsim.errors import NavigationError
+from radarsim.geometry import Pose2
+from radarsim.navigation.bug import (
+    TOLERANCE,
+    Algorithm,
+    Bug,
+    BugSettings,
+    Point,
+)
+from radarsim.navigation.bumpers import (
+    LEAST_SHARE,
+    Bumpers,
+    Rule,
+)
+from radarsim.navigation.circling import GiveUp
+from radarsim.navigation.motion import Pace
+from radarsim.navigation.pilot import Moment, Pilot, PoseSource, Result
+
+ROBOT = "P3AT_Radar360"
+MARGIN = 0.13  # m on top of what is needed at least, for noise and for the way to stop
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission:
+    """What to do, and how.
+
+    Attributes:
+        algorithm: Bug1 or Bug2.
+        goals: Way points in turn, the last one the goal, m, map frame.
+        robot_class: To be spawned; its scanner has to see all around.
+        start: Name of a start pose; the server's first one if there is no pose either.
+        pose: Where to start otherwise.
+        scanner: Name of the scanner to steer by; the first one by default.
+        safety_distance: m from the robot's centre; None for what ``depth`` asks for.
+        depth: How far the sensor sees into foliage, m.
+        bumpers: How many.
+        share: Of a bumper's beams that press it.
+        rule: When a bumper is pressed.
+        on_left: Whether boundaries are kept on the left hand.
+        give_up: When Bug2 says that there is no path.
+        source: Where poses come from.
+        pace: How fast.
+        tolerance: How near a goal is there, m.
+        time_limit: s of the server.
+        timeout: After so many s without a scan the run is given up.
+        drive_unit: What the server counts wheel speeds in.
+    """
+
+    algorithm: Algorithm
+    goals: tuple[Point, ...]
+    robot_class: str = ROBOT
+    start: str | None = None
+    pose: Pose2 | None = None
+    scanner: str | None = None
+    safety_distance: float | None = None
+    depth: float = 0.0
+    bumpers: int = 8
+    share: float = LEAST_SHARE
+    rule: Rule = Rule.SHARE
+    on_left: bool = True
+    give_up: GiveUp = GiveUp.HIT_POINT
+    source: PoseSource = PoseSource.INS
+    pace: Pace = field(default_factory=Pace)
+    tolerance: float = TOLERANCE
+    time_limit: float = math.inf
+    timeout: float = 2.0
+    drive_unit: DriveUnit = "rad_per_s"
+
+
+def carry_out(
+    client: Client, mission: Mission, observe: Callable[[Moment], None] = lambda _: None
+) -> Result:
+    """Spawn a robot and let it find its way; it stands at the end.
+
+    Args:
+        client: A connection without a robot.
+        mission: What to do.
+        observe: Called at every scan.
+
+    Raises:
+        ClientError: If the server does not say what is needed.
+        NavigationError: If the robot cannot do what is asked of it.
+    """
+    start = mission.start
+    if start is None and mission.pose is None:
+        start = next(iter(client.start_poses()), None)
+    client.spawn(mission.robot_class, start=start, pose=mission.pose)
+    facts = client.facts(drive_unit=mission.drive_unit)
+    scanner = facts.scanner(mission.scanner)
+    bumpers = _bumpers(facts, scanner, mission)
+    settings = BugSettings(
+        algorithm=mission.algorithm,
+        bumpers=bumpers,
+        pace=mission.pace,
+        on_left=mission.on_left,
+        give_up=mission.give_up,
+        tolerance=mission.tolerance,
+    )
+    pilot = Pilot(
+        client, facts, scanner, source=mission.source, timeout=mission.timeout
+    )
+    bug = Bug(mission.goals, settings)
+    return pilot.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
+
+
+def _bumpers(facts: RobotFacts, scanner: ScannerFacts, mission: Mission) -> Bumpers:
+    least = facts.clearance + mission.depth
+    safety = mission.safety_distance
+    if safety is None:
+        safety = least + MARGIN
+    elif safety < facts.clearance:
+        raise NavigationError(
+            f"safety distance {safety:g} m, expected at least {facts.clearance:.2f} m,"
+            f" half the diagonal of {facts.name}"
+        )
+    bumpers = Bumpers(
+        safety_distance=safety,
+        count=mission.bumpers,
+        share=mission.share,
+        rule=mission.rule,
+    )
+    if blind := bumpers.blind(scanner.angles + scanner.mount.yaw):
+        raise NavigationError(
+            f"scanner {scanner.name!r} sees {math.degrees(scanner.fov):.0f} degrees, so"
+            f" the bumpers {', '.join(blind)} are blind;"
+            f" expected a full circle, as {ROBOT} has it"
+        )
+    return bumpers

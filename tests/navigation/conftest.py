@@ -1,0 +1,105 @@
+"""A flat world of line segments for navigators: exact scans, exact moves, no scene."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+import shapely
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.navigation.bug import Bug
+from radarsim.navigation.motion import Motion
+from radarsim.navigation.sensed import Sensed
+
+BEARINGS: Floats = np.radians(np.arange(360.0) - 180.0)
+STEP = 0.1  # s between two scans
+CLEARANCE = 0.371  # m; half the diagonal of a P3AT
+
+
+@dataclass
+class Flatland:
+    """Walls, and a robot that goes exactly where it is told to.
+
+    Attributes:
+        walls: (S, 2, 2) m.
+        pose: Of the robot.
+        track: Where it has been.
+        nearest: The nearest that it ever was to a wall, m.
+    """
+
+    walls: Floats
+    pose: Pose2
+    track: list[Pose2] = field(default_factory=list)
+    nearest: float = math.inf
+
+    def __post_init__(self) -> None:
+        self._lines = shapely.multilinestrings(self.walls)
+
+    @property
+    def length(self) -> float:
+        """Of the way so far, m."""
+        ends = zip(self.track, self.track[1:], strict=False)
+        return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in ends)
+
+    def scan(self) -> Sensed:
+        """See what there is, from the robot's centre."""
+        angles = BEARINGS + self.pose.yaw
+        ways = np.column_stack([np.cos(angles), np.sin(angles)])
+        starts = self.walls[:, 0] - (self.pose.x, self.pose.y)
+        sides = self.walls[:, 1] - self.walls[:, 0]
+        across = np.outer(ways[:, 0], sides[:, 1]) - np.outer(ways[:, 1], sides[:, 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ranges = _cross(starts, sides) / across
+            along = (
+                np.outer(ways[:, 1], -starts[:, 0]) + np.outer(ways[:, 0], starts[:, 1])
+            ) / across
+        met = (ranges > 0) & (along <= 0) & (along >= -1)
+        nearest = np.where(met, ranges, math.inf).min(axis=1, initial=math.inf)
+        return Sensed(len(self.track) * STEP, self.pose, BEARINGS.copy(), nearest)
+
+    def move(self, motion: Motion) -> None:
+        """Let one step pass."""
+        pose, middle = self.pose, self.pose.yaw + motion.turn * STEP / 2
+        way = motion.speed * STEP
+        self.pose = Pose2(
+            pose.x + way * math.cos(middle),
+            pose.y + way * math.sin(middle),
+            pose.yaw + motion.turn * STEP,
+        )
+        self.track.append(self.pose)
+        place = shapely.Point(self.pose.x, self.pose.y)
+        self.nearest = min(self.nearest, float(self._lines.distance(place)))
+
+    def run(self, bug: Bug, *, steps: int = 20_000) -> None:
+        """Let a bug drive until it is done."""
+        for _ in range(steps):
+            self.move(bug.step(self.scan()))
+            if bug.is_done:
+                return
+        raise AssertionError(f"{bug.doing} after {steps} steps at {self.pose}")
+
+
+def _cross(starts: Floats, sides: Floats) -> Floats:
+    crossed: Floats = starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]
+    return crossed
+
+
+def outline(shape: shapely.Polygon) -> Floats:
+    """Give the sides of a polygon and of its holes as segments, (S, 2, 2) m."""
+    rings = [shape.exterior, *shape.interiors]
+    points = [np.array(ring.coords) for ring in rings]
+    return np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in points])
+
+
+@pytest.fixture
+def flatland() -> Callable[..., Flatland]:
+    """Make a world of polygons, with the robot at a pose."""
+
+    def make(*shapes: shapely.Polygon, at: Pose2) -> Flatland:
+        sides = [outline(shape) for shape in shapes]
+        walls = np.concatenate([np.full((0, 2, 2), 0.0), *sides])
+        return Flatland(walls, at)
+
+    return make

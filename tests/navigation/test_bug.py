@@ -1,0 +1,203 @@
+import math
+from collections.abc import Callable
+
+import pytest
+import shapely
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.bug import Algorithm, Bug, BugSettings, Doing
+from radarsim.navigation.bumpers import Bumpers, Rule
+from radarsim.navigation.circling import GiveUp
+from radarsim.navigation.motion import Pace
+
+S = 0.5
+FAST = Pace(0.6, 1.5)  # exact worlds allow it, and tests are over sooner
+BOTH = pytest.mark.parametrize("algorithm", list(Algorithm))
+HANDS = pytest.mark.parametrize("on_left", [True, False], ids=["left", "right"])
+
+
+def bug(algorithm: Algorithm, *goals: tuple[float, float], **changed: object) -> Bug:
+    values = {"bumpers": Bumpers(safety_distance=S), "pace": FAST, **changed}
+    return Bug(goals, BugSettings(algorithm=algorithm, **values))  # type: ignore[arg-type]
+
+
+BOX = shapely.box(-1.5, -2, 1.5, 2.5)
+TRAP = shapely.box(-3, -4, 2, 4).difference(shapely.box(-4, -3.9, 1.9, 3.9))
+CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
+
+
+@BOTH
+@HANDS
+@pytest.mark.parametrize(
+    "shape", [pytest.param(BOX, id="box"), pytest.param(TRAP, id="trap")]
+)
+def test_it_gets_round_within_the_bounds_of_choset(
+    flatland: Callable, shape: shapely.Polygon, algorithm: Algorithm, on_left: bool
+) -> None:
+    world = flatland(shape, at=Pose2(-6.0, 0.0))
+    walker = bug(algorithm, (6.0, 0.2), on_left=on_left)
+    world.run(walker)
+    assert walker.doing is Doing.REACHED
+    assert math.hypot(world.pose.x - 6, world.pose.y - 0.2) <= 0.15
+    assert world.nearest > 0.45
+    grown = shape.buffer(S + 0.5).exterior
+    line = shapely.LineString([(-6, 0), (6, 0.2)])
+    crossings = len(shapely.get_parts(grown.intersection(line)))
+    share = 1.5 if algorithm is Algorithm.BUG1 else crossings / 2
+    assert world.length <= 1.05 * (line.length + share * grown.length)
+    assert len(walker.hits) == len(walker.leaves) == 1
+    assert walker.circuits == (algorithm is Algorithm.BUG1)
+
+
+@BOTH
+@HANDS
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        pytest.param((-6.0, 0.3), (0.2, 0.1), id="goal inside"),
+        pytest.param((0.1, 0.2), (6.0, 0.4), id="start inside"),
+    ],
+)
+def test_it_says_that_there_is_no_path(
+    flatland: Callable,
+    algorithm: Algorithm,
+    on_left: bool,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+) -> None:
+    world = flatland(CELL, at=Pose2(*start, 1.0))
+    walker = bug(algorithm, goal, on_left=on_left)
+    world.run(walker)
+    assert walker.doing is Doing.NO_PATH
+    assert walker.circuits == 1
+    assert not walker.leaves
+    assert world.nearest > 0.45
+
+
+@BOTH
+def test_bug1_goes_all_round_and_bug2_does_not(
+    flatland: Callable, algorithm: Algorithm
+) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    world.run(bug(algorithm, (6.0, 0.0)))
+    way = BOX.buffer(0.75).exterior.length
+    assert (world.length > 9 + way) == (algorithm is Algorithm.BUG1)
+
+
+def test_without_obstacles_the_way_is_straight(flatland: Callable) -> None:
+    world = flatland(at=Pose2(0.0, 0.0, 2.0))
+    walker = bug(Algorithm.BUG1, (3.0, -4.0))
+    world.run(walker)
+    assert world.length == pytest.approx(5.0, abs=0.2)
+    assert walker.hits == walker.leaves == []
+
+
+def test_way_points_are_reached_in_turn(flatland: Callable) -> None:
+    world = flatland(BOX, at=Pose2(-4.0, -4.0))
+    goals = [(-4.0, 4.0), (4.0, 4.0), (4.0, -4.0)]
+    walker = bug(Algorithm.BUG2, *goals)
+    world.run(walker)
+    places = iter(world.track)
+    for x, y in goals:  # each after the one before
+        assert any(math.hypot(p.x - x, p.y - y) < 0.11 for p in places)
+
+
+def test_who_stands_at_the_goal_is_there(flatland: Callable) -> None:
+    world = flatland(at=Pose2(1.0, 1.0))
+    walker = bug(Algorithm.BUG2, (1.05, 1.0), (0.98, 1.0))
+    world.run(walker)
+    assert len(world.track) == 1
+    assert walker.goals == []
+
+
+def test_no_goal_is_refused() -> None:
+    with pytest.raises(ValueError, match="no goals"):
+        bug(Algorithm.BUG1)
+
+
+def test_what_is_beyond_the_goal_is_not_in_the_way(flatland: Callable) -> None:
+    world = flatland(shapely.box(3, -5, 4, 5), at=Pose2(0.0, 0.0))
+    walker = bug(Algorithm.BUG2, (2.45, 0.0))  # 0.55 m before the wall
+    world.run(walker)
+    assert walker.hits == []
+
+
+def test_a_goal_beside_the_boundary_is_reached_from_it(flatland: Callable) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    walker = bug(Algorithm.BUG1, (2.1, 0.5))  # 0.6 m behind the box
+    world.run(walker)
+    assert walker.doing is Doing.REACHED
+    assert walker.circuits == 0
+
+
+def test_the_shorter_rule_gives_up_where_hit_point_goes_on(flatland: Callable) -> None:
+    """Inside a hook the line is met farther from the goal, before the way out."""
+    hook = shapely.LineString(
+        [(3, -3), (3, 3.5), (-7, 3.5), (-7, -3.5), (-2, -3.5), (-2, 0.8)]
+    ).buffer(0.05, cap_style="flat", join_style="mitre")
+    ends = {}
+    for rule in GiveUp:
+        world = flatland(hook, at=Pose2(0.5, 0.0))
+        walker = bug(Algorithm.BUG2, (6.5, 0.0), give_up=rule, on_left=False)
+        world.run(walker)
+        ends[rule] = walker.doing
+    assert ends == {GiveUp.HIT_POINT: Doing.REACHED, GiveUp.LINE: Doing.NO_PATH}
+
+
+@pytest.mark.parametrize("count", [4, 5, 6, 8, 12])
+def test_any_number_of_bumpers_will_do(flatland: Callable, count: int) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    walker = bug(
+        Algorithm.BUG2, (6.0, 0.0), bumpers=Bumpers(safety_distance=S, count=count)
+    )
+    world.run(walker)
+    assert walker.doing is Doing.REACHED
+    assert world.nearest > 0.42
+
+
+def test_the_literal_rule_will_do(flatland: Callable) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    bumpers = Bumpers(safety_distance=S, rule=Rule.ALL)
+    walker = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
+    world.run(walker)
+    assert walker.doing is Doing.REACHED
+    assert world.nearest > 0.42
+
+
+def test_a_boundary_that_vanishes_is_left(flatland: Callable) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    walker = bug(Algorithm.BUG1, (6.0, 0.0))
+    while walker.doing != Doing.FOLLOWING:
+        world.move(walker.step(world.scan()))
+    empty = flatland(at=world.pose)
+    empty.run(walker)
+    assert walker.doing is Doing.REACHED
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    st.sampled_from(list(Algorithm)),
+    st.booleans(),
+    st.floats(0.1, 2.5),
+    st.floats(0.1, 2.5),
+    st.floats(0, math.pi),
+    st.floats(-2.0, 2.0),
+)
+def test_no_box_keeps_it_from_a_goal_behind(
+    flatland: Callable,
+    algorithm: Algorithm,
+    on_left: bool,
+    half_length: float,
+    half_width: float,
+    angle: float,
+    aside: float,
+) -> None:
+    box = shapely.box(-half_length, -half_width, half_length, half_width)
+    box = shapely.affinity.rotate(box, angle, use_radians=True)
+    world = flatland(shapely.affinity.translate(box, 0, aside), at=Pose2(-5.5, 0.0))
+    walker = bug(algorithm, (5.5, 0.0), on_left=on_left)
+    world.run(walker, steps=4000)
+    assert walker.doing is Doing.REACHED
+    assert world.nearest > 0.42
