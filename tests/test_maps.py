@@ -103,7 +103,9 @@ def test_a_shipped_map_is_a_room_with_three_starts(name: str) -> None:
 
 def test_every_map_in_the_folder_is_tested_here() -> None:
     rooms = {"empty_room", "foliage_room", "smoke_room"}
-    assert set(shipped_maps()) == {*rooms, "forest_edge", "marulan_trial"}
+    bugs = {"bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"}
+    others = {"forest_edge", "marulan_trial", "hedge_garden"}
+    assert set(shipped_maps()) == rooms | bugs | others
 
 
 def test_a_shipped_map_loads_quickly() -> None:

@@ -4,7 +4,7 @@ These checks look at the raw data, so that a key which is wrong by itself does n
 what is wrong with the others.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, TypeAlias
 
 from radarsim.geometry import Floats
@@ -73,6 +73,17 @@ def _shape_problems(given: set[str]) -> Iterator[Problem]:
     if "mesh" not in given:
         for key in sorted(given & _FOR_MESHES):
             yield (key,), "expected only for a mesh"
+
+
+def trial_problems(item: Any, starts: Iterable[Any]) -> Iterator[Problem]:
+    """Check a trial: its start is one of those that the map has, right or wrong."""
+    name = item.get("start") if isinstance(item, dict) else None
+    if not isinstance(name, str):
+        return
+    entries = (start for start in starts if isinstance(start, dict))
+    names = [named for start in entries if isinstance(named := start.get("name"), str)]
+    if name.casefold() not in (named.casefold() for named in names):
+        yield ("start",), f"{shown(name)}, expected one of {shown(names)}"
 
 
 def extent_problems(bounds: Floats) -> Iterator[Problem]:

@@ -15,7 +15,12 @@ from radarsim.errors import MapError
 from radarsim.geometry import Pose3
 from radarsim.presets.materials import library_names
 from radarsim.scene.build import BuildError, build_parts
-from radarsim.scene.mapchecks import extent_problems, material_problems, object_problems
+from radarsim.scene.mapchecks import (
+    extent_problems,
+    material_problems,
+    object_problems,
+    trial_problems,
+)
 from radarsim.scene.mapmaterials import (
     air_problems,
     from_library,
@@ -26,6 +31,7 @@ from radarsim.scene.mapmodel import (
     Header,
     ObjectEntry,
     StartEntry,
+    TrialEntry,
     VariantEntry,
     unknown_material,
 )
@@ -34,7 +40,7 @@ from radarsim.scene.mapproblems import MapProblems
 from radarsim.scene.material import Material
 from radarsim.scene.materialmodel import MaterialEntry
 from radarsim.scene.placing import copy_names
-from radarsim.scene.scene import Part, Scene, StartPose
+from radarsim.scene.scene import Part, Scene, StartPose, Trial
 from radarsim.yamlfile import YamlFile, read_yaml, shown
 from radarsim.yamlnodes import KeyPath
 
@@ -119,9 +125,10 @@ class _Reader:
         air = self._air(layers, materials, wrong)
         parts = tuple(self._objects(layers, materials))
         starts = tuple(self._starts(data))
+        trial = self._trial(data)
         level = header.level if header else stem
         name = stem if self._variant is None else f"{stem}@{self._variant}"
-        scene = Scene(name, level, parts, starts, materials, air)
+        scene = Scene(name, level, parts, starts, materials, air, trial)
         self._problems.report(("objects",), extent_problems(scene.bounds))
         return scene
 
@@ -210,6 +217,18 @@ class _Reader:
                 x, y, z = entry.position
                 pose = Pose3(x, y, z, yaw=math.radians(entry.yaw_deg))
                 yield StartPose(entry.name, pose)
+
+    def _trial(self, data: dict[str, Any]) -> Trial | None:
+        item = data.get("trial")
+        if item is None:
+            return None
+        entry = self._problems.entry(TrialEntry, item, ("trial",))
+        said = [start for _, start in _entries([((), data)], "starts")]
+        sound = self._problems.report(("trial",), trial_problems(item, said))
+        if entry is None or not sound:
+            return None
+        x, y = entry.goal
+        return Trial(entry.start, (x, y), entry.safety_distance)
 
 
 def _object_names(entry: ObjectEntry | None, item: Any) -> Iterable[str]:

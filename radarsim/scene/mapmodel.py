@@ -116,6 +116,7 @@ class Header(Entry):
     materials: dict[Text, Any] | None = None
     objects: list[Any] | None = None
     starts: list[Any] | None = None
+    trial: Any = None
     air: Text | None = None
     variants: dict[VariantName, Any] | None = None
 
@@ -221,3 +222,17 @@ class StartEntry(Entry):
     name: Annotated[Text, MaxLen(MAX_START_NAME), AfterValidator(_start_name)]
     position: Vector
     yaw_deg: Real = 0.0
+
+
+class TrialEntry(Entry):
+    """What a robot that finds its way is to do on the map.
+
+    Attributes:
+        start: The name of a start, in any case.
+        goal: x and y of a place on the floor, m.
+        safety_distance: The one that the map is made for, m.
+    """
+
+    start: Text
+    goal: Corner
+    safety_distance: Size

@@ -73,6 +73,22 @@ class StartPose:
     pose: Pose3
 
 
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What a robot that finds its way is to do.
+
+    Attributes:
+        start: The name, in any case, of the start that it sets out from.
+        goal: x and y of where it is to go, m, map frame.
+        safety_distance: What the map is made for, m, from the robot's centre to what
+            its sensor sees.
+    """
+
+    start: str
+    goal: tuple[float, float]
+    safety_distance: float
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A loaded map; immutable.
@@ -85,6 +101,7 @@ class Scene:
         materials: By name.
         air: What fills the whole scene, besides its parts: fog, rain; None for nothing
             that costs anything.
+        trial: What to try navigation with; None if the map says nothing of it.
     """
 
     name: str
@@ -93,6 +110,7 @@ class Scene:
     starts: tuple[StartPose, ...] = ()
     materials: Mapping[str, Material] = field(default_factory=dict)
     air: Material | None = None
+    trial: Trial | None = None
 
     @cached_property
     def bounds(self) -> Floats:

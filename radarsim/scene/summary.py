@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from radarsim.presets.bands import BANDS_GHZ
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Scene, StartPose
+from radarsim.scene.scene import Scene, StartPose, Trial
 
 
 def summarise(scene: Scene) -> list[str]:
@@ -23,6 +23,7 @@ def summarise(scene: Scene) -> list[str]:
         *_objects(scene),
         f"{_count(len(scene.starts), 'start')}, x y z in m, yaw in degrees",
         *(f"  {_start(start)}" for start in scene.starts),
+        *([_trial(scene.trial)] if scene.trial else []),
     ]
 
 
@@ -101,3 +102,9 @@ def _start(start: StartPose) -> str:
     pose = start.pose
     place = f"{pose.x:.3f} {pose.y:.3f} {pose.z:.3f}"
     return f"{start.name}: {place}, {math.degrees(pose.yaw):.1f}"
+
+
+def _trial(trial: Trial) -> str:
+    x, y = trial.goal
+    away = f"{trial.safety_distance:.3f} m away from all that is seen"
+    return f"trial: {trial.start} to {x:.3f} {y:.3f}, {away}"

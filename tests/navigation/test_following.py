@@ -1,5 +1,5 @@
 import math
-from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -9,6 +9,13 @@ from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.following import Follower, Way
 from radarsim.navigation.motion import Pace
+
+
+class World(Protocol):
+    """Makes a flat world of polygons, with the robot at a pose."""
+
+    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
+
 
 S = 0.5
 FOLLOWER = Follower(Bumpers(safety_distance=S), Pace(0.3))
@@ -28,7 +35,7 @@ def alongside(way: Way, *, distance: float) -> Pose2:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("distance", [0.55, 0.75, 0.98])
 def test_along_a_wall_it_settles_in_the_middle_of_the_band(
-    flatland: Callable, way: Way, distance: float
+    flatland: World, way: Way, distance: float
 ) -> None:
     world = flatland(shapely.box(-30, 0, 30, 1), at=alongside(way, distance=distance))
     for _ in range(300):
@@ -62,7 +69,7 @@ def test_along_a_wall_it_settles_in_the_middle_of_the_band(
     ],
 )
 def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
-    flatland: Callable, shape: shapely.Polygon, way: Way
+    flatland: World, shape: shapely.Polygon, way: Way
 ) -> None:
     world = flatland(shape, at=alongside(way, distance=0.75))
     begin, turned = world.pose, 0.0
@@ -83,7 +90,7 @@ def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
     assert inner.area < closed.area
 
 
-def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: Callable) -> None:
+def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0))
     for way in (Way(), Way(on_left=False), Way(forward=False), Way(False, False)):
         motion, found = FOLLOWER.step(world.scan(), way)
@@ -95,7 +102,7 @@ def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: Callable) -> No
         assert (motion.speed > 0) == way.forward
 
 
-def test_in_a_gap_it_keeps_to_the_middle(flatland: Callable) -> None:
+def test_in_a_gap_it_keeps_to_the_middle(flatland: World) -> None:
     walls = shapely.box(-20, 0.6, 20, 1), shapely.box(-20, -1, 20, -0.6)
     world = flatland(*walls, at=Pose2(-15.0, 0.05, 0.0))
     for _ in range(600):
@@ -104,7 +111,7 @@ def test_in_a_gap_it_keeps_to_the_middle(flatland: Callable) -> None:
     assert world.nearest > 0.5
 
 
-def test_walled_in_it_turns_and_stays(flatland: Callable) -> None:
+def test_walled_in_it_turns_and_stays(flatland: World) -> None:
     well = shapely.Point(0, 0).buffer(0.6).exterior.buffer(0.01)
     world = flatland(well, at=Pose2(0.0, 0.0))
     for _ in range(100):
@@ -112,7 +119,7 @@ def test_walled_in_it_turns_and_stays(flatland: Callable) -> None:
     assert world.nearest > 0.4
 
 
-def test_the_tangent_is_the_direction_along_the_boundary(flatland: Callable) -> None:
+def test_the_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
     wall = shapely.box(-9, 0, 9, 1)
     for way, expected in ((Way(), 0.0), (Way(on_left=False), math.pi)):
         world = flatland(wall, at=Pose2(0.0, -0.8, expected + 0.4))
@@ -129,7 +136,7 @@ def test_going_back_is_the_same_hand_the_other_way() -> None:
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_bearings_come_back_as_they_went(flatland: Callable, way: Way) -> None:
+def test_bearings_come_back_as_they_went(flatland: World, way: Way) -> None:
     sensed = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
     seen = way.seen(sensed)
     back = np.array([way.bearing(float(b)) for b in seen.bearings])

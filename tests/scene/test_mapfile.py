@@ -246,7 +246,7 @@ def test_the_longest_names_are_taken() -> None:
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
             " expected one of ['air', 'level', 'materials', 'objects', 'starts',"
-            " 'variants', 'version']",
+            " 'trial', 'variants', 'version']",
             id="unknown section",
         ),
         pytest.param(

@@ -2,7 +2,7 @@ import pytest
 
 from radarsim.geometry import Pose3
 from radarsim.scene.material import OPAQUE, Material
-from radarsim.scene.scene import Part, Scene, StartPose
+from radarsim.scene.scene import Part, Scene, StartPose, Trial
 from radarsim.scene.shapes import box, sphere
 from radarsim.scene.summary import summarise
 
@@ -100,3 +100,10 @@ def test_a_material_is_told_with_all_that_it_does(
 def test_air_is_told() -> None:
     fog = Material("fog", 0.0, 0.0, solid=False)
     assert "air: fog" in summarise(Scene("room", "DM-Room", air=fog))
+
+
+def test_a_trial_is_told() -> None:
+    trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
+    lines = summarise(Scene("room", "DM-Room", trial=trial))
+    told = "trial: RobotStart1 to 7.000 -2.500, 0.500 m away from all that is seen"
+    assert lines[-1] == told

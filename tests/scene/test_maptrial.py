@@ -1,0 +1,118 @@
+from pathlib import Path
+
+import pytest
+
+from radarsim.errors import MapError
+from radarsim.scene.mapfile import load_map, load_variants
+from radarsim.scene.scene import Trial
+
+HEAD = """\
+version: 1
+starts:
+  - {name: RobotStart1, position: [0, 0, 0]}
+  - {name: PlayerStart, position: [1, 0, 0]}
+"""
+KNOWN = "expected one of ['RobotStart1', 'PlayerStart']"
+KEYS = "expected one of ['goal', 'safety_distance', 'start']"
+WHOLE = "start: RobotStart1, goal: [7, -2.5], safety_distance: 0.5"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def problems(text: str) -> list[str]:
+    Path("m.yaml").write_text(text)
+    with pytest.raises(MapError) as caught:
+        load_map("m.yaml")
+    return caught.value.problems
+
+
+@pytest.mark.parametrize("name", ["RobotStart1", "robotstart1"])
+def test_a_map_can_say_what_to_try(name: str) -> None:
+    text = WHOLE.replace("RobotStart1", name)
+    Path("m.yaml").write_text(f"{HEAD}trial: {{{text}}}\nvariants:\n  wet: {{air: }}\n")
+    trial = Trial(name, (7.0, -2.5), 0.5)
+    scenes = load_variants("m.yaml")
+    assert [scene.trial for scene in scenes] == [trial, trial]
+    assert scenes[0].start(name) == scenes[0].starts[0]
+
+
+@pytest.mark.parametrize("line", ["", "trial:\n"])
+def test_a_map_need_not_say_what_to_try(line: str) -> None:
+    Path("m.yaml").write_text(HEAD + line)
+    assert load_map("m.yaml").trial is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column", "expected"),
+    [
+        pytest.param(
+            "RobotStart1",
+            "RobotStart2",
+            16,
+            f".start: 'RobotStart2', {KNOWN}",
+            id="no such start",
+        ),
+        pytest.param("RobotStart1", "7", 16, ".start: 7, expected text", id="no name"),
+        pytest.param("start: RobotStart1, ", "", 8, ".start: missing", id="nowhere"),
+        pytest.param(
+            "[7, -2.5]",
+            "[7, 1001]",
+            39,
+            ".goal.1: 1001, expected at most 1000",
+            id="goal beyond all maps",
+        ),
+        pytest.param(
+            "[7, -2.5]", "[.nan, 0]", 36, ".goal.0: '.nan', expected a finite number"
+        ),
+        pytest.param(
+            "[7, -2.5]", "[7, 1, 0]", 35, ".goal: [7, 1, 0], expected 2 entries"
+        ),
+        pytest.param(
+            "[7, -2.5]", "['7', 1]", 36, ".goal.0: '7', expected a number", id="text"
+        ),
+        pytest.param(
+            "0.5",
+            "0",
+            63,
+            ".safety_distance: 0, expected more than 0",
+            id="no distance",
+        ),
+        pytest.param(
+            "0.5", "-1", 63, ".safety_distance: -1, expected more than 0", id="negative"
+        ),
+        pytest.param(
+            "0.5", ".nan", 63, ".safety_distance: '.nan', expected a finite number"
+        ),
+        pytest.param(
+            "0.5", ".inf", 63, ".safety_distance: '.inf', expected a finite number"
+        ),
+        pytest.param(
+            "goal:", "aim: 1, goal:", 29, f".aim: unknown key, {KEYS}", id="unknown key"
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_trial(
+    old: str, new: str, column: int, expected: str
+) -> None:
+    line = f"trial: {{{WHOLE.replace(old, new, 1)}}}\n"
+    assert problems(HEAD + line) == [f"m.yaml:5:{column}: trial{expected}"]
+
+
+def test_a_trial_is_a_mapping() -> None:
+    found = problems(HEAD + "trial: [RobotStart1]\n")
+    assert found == ["m.yaml:5:8: trial: ['RobotStart1'], expected keys with values"]
+
+
+def test_a_start_that_is_wrong_by_itself_is_there_all_the_same() -> None:
+    text = f"version: 1\nstarts: [{{name: RobotStart1}}, 3]\ntrial: {{{WHOLE}}}\n"
+    places = [problem.split(": ")[1] for problem in problems(text)]
+    assert places == ["starts.0.position", "starts.1"]
+
+
+def test_all_that_is_wrong_with_a_trial_is_found_in_one_run() -> None:
+    text = "trial: {start: Robot, goal: [1], safety_distance: 0}\n"
+    places = [problem.split(": ")[1] for problem in problems(HEAD + text)]
+    assert places == ["trial.goal", "trial.safety_distance", "trial.start"]
