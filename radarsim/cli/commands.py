@@ -14,6 +14,8 @@ from typing import Annotated
 import typer
 
 from radarsim import __version__
+from radarsim.cli.moving import navigate, trials
+from radarsim.cli.options import DriveUnit, JsonOption, SeedOption
 from radarsim.errors import RadarsimError
 
 app = typer.Typer(
@@ -30,13 +32,6 @@ class DialectName(StrEnum):
 
     COMPAT = "compat"
     UDK = "udk"
-
-
-class DriveUnit(StrEnum):
-    """Unit of DRIVE."""
-
-    RAD_PER_S = "rad_per_s"
-    REV_PER_S = "rev_per_s"
 
 
 class ScanFormat(StrEnum):
@@ -93,8 +88,6 @@ NamesArgument = Annotated[
     list[str] | None,
     typer.Argument(metavar="NAME", help="Only these; all by default."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="For programs.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of all randomness.")]
 
 
 def _version(wanted: bool) -> None:
@@ -242,6 +235,37 @@ def materials(
     from radarsim.cli.listing import list_materials
 
     list_materials(names or (), as_json=as_json)
+
+
+@app.command()
+def drive(
+    *,
+    host: Annotated[str, typer.Option(help="Of the server.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535)] = 3000,
+    robot: Annotated[str, typer.Option(help="Class of the robot.")] = "P3AT",
+    start: Annotated[
+        str | None, typer.Option(help="A start of the map; its first by default.")
+    ] = None,
+    scanner: Annotated[
+        str | None, typer.Option(help="The one to look at; the first by default.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(metavar="M_PER_S", help="That the keys set; + and - too.")
+    ] = 0.4,
+    drive_unit: Annotated[
+        DriveUnit, typer.Option(help="In which the server counts wheel speeds.")
+    ] = DriveUnit.RAD_PER_S,
+) -> None:
+    """Drive a robot from the keyboard, and see what it senses."""
+    from radarsim.cli.driving import run_driver
+    from radarsim.drive.driver import Wish
+
+    wish = Wish(robot, start, scanner, speed, drive_unit.value)
+    raise typer.Exit(run_driver(host, port, wish))
+
+
+app.command()(navigate)
+app.command()(trials)
 
 
 @app.command()

@@ -134,8 +134,13 @@ def scans_as_csv(scans: list[Scan]) -> str:
     return text.getvalue()
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_whole(path: Path, data: bytes, hint: str = "-o") -> None:
     """Write a file so that it is there whole or not at all.
+
+    Args:
+        path: Where.
+        data: All of it.
+        hint: The option that asked for it.
 
     Raises:
         typer.BadParameter: If it cannot be written.
@@ -152,7 +157,7 @@ def write_whole(path: Path, data: bytes) -> None:
             raise
     except OSError as error:
         raise typer.BadParameter(
-            f"cannot write {path}: {error.strerror}", param_hint="-o"
+            f"cannot write {path}: {error.strerror}", param_hint=hint
         ) from None
 
 

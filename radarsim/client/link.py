@@ -14,6 +14,7 @@ from radarsim.errors import ClientError
 
 SHORTEST_WAIT = 0.001  # s; 0 would mean not to wait even for what is there
 CHUNK = 65536  # bytes
+LAST_WORDS = 0.2  # s that a server has to take what was sent last
 STUCK = "the server takes nothing any more"
 
 
@@ -107,5 +108,18 @@ class SocketLink:
         return time.monotonic()
 
     def close(self) -> None:
-        """Close the socket, upon which a server takes the robot off the floor."""
+        """Close the socket, upon which a server takes the robot off the floor.
+
+        What the server still says is read away for a moment: a socket that is closed
+        before may take the last orders back, one that the robot stops among them.
+        """
+        if self._socket.fileno() < 0:
+            return
+        until = time.monotonic() + LAST_WORDS
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_WR)
+            while (left := until - time.monotonic()) > 0:
+                self._socket.settimeout(left)
+                if not self._socket.recv(CHUNK):
+                    break
         self._socket.close()

@@ -22,6 +22,8 @@ from radarsim.navigation.record import Record
 FORMS: Final = ("png", "svg", "pdf")
 AROUND: Final = 3.0  # m around the way that are shown
 NO_LINES: Final = np.zeros((0, 2, 2))
+LIGHTEST: Final = 0.95  # grey of what was sensed once
+DARKEST: Final = 0.35  # of what was sensed most often
 _MARGIN = 0.6  # m
 _LONGEST = 9.5  # inches of the longer side
 _TOGETHER = 0.35  # m; marks that are nearer share a label
@@ -101,7 +103,7 @@ def _extent(record: Record) -> tuple[Floats, Floats]:
     ends = [end for leg in record.legs for end in (leg.start, leg.goal)]
     way = np.concatenate([record.way, np.array(ends).reshape(-1, 2)])
     low, high = way.min(axis=0), way.max(axis=0)
-    sensed = record.sensed
+    sensed = record.sensed[:, :2]
     near = (sensed >= low - AROUND).all(axis=1) & (sensed <= high + AROUND).all(axis=1)
     shown = np.concatenate([way, sensed[near]])
     return shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
@@ -110,12 +112,16 @@ def _extent(record: Record) -> tuple[Floats, Floats]:
 def _draw_surroundings(axes: Axes, record: Record, plan: Floats) -> list[Line2D]:
     rows = []
     if len(plan):
-        lines = LineCollection(list(plan), colors="0.45", linewidths=1.0, zorder=1.0)
+        lines = LineCollection(list(plan), colors="black", linewidths=1.5, zorder=1.5)
         axes.add_collection(lines)
-        rows.append(Line2D([], [], color="0.45", linewidth=1.0, label="map"))
-    axes.plot(*record.sensed.T, ".", color="black", markersize=1.6, zorder=1.5)
-    style: dict[str, Any] = {"color": "black", "marker": ".", "linestyle": "none"}
-    rows.append(Line2D([], [], **style, markersize=4, label="sensed"))
+        rows.append(Line2D([], [], color="black", linewidth=1.5, label="map"))
+    x, y, counts = record.sensed.T
+    often = np.log1p(counts) / np.log1p(counts.max(initial=1.0))
+    shades = LIGHTEST + (DARKEST - LIGHTEST) * often
+    style: dict[str, Any] = {"cmap": "gray", "vmin": 0.0, "vmax": 1.0}
+    axes.scatter(x, y, 3.0, shades, marker=".", **style, zorder=1.0)
+    dots: dict[str, Any] = {"color": "0.45", "marker": ".", "linestyle": "none"}
+    rows.append(Line2D([], [], **dots, markersize=5, label="sensed (darker: often)"))
     for leg in record.legs:
         ends = np.array([leg.start, leg.goal])
         axes.plot(*ends.T, "--", color="0.3", linewidth=1.0, zorder=2.0)

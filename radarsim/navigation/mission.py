@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from radarsim.client import Client, DriveUnit, RobotFacts, ScannerFacts
-from radarsim.errors import NavigationError
+from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import (
     TOLERANCE,
@@ -88,9 +88,7 @@ def carry_out(
         ClientError: If the server does not say what is needed.
         NavigationError: If the robot cannot do what is asked of it.
     """
-    start = mission.start
-    if start is None and mission.pose is None:
-        start = next(iter(client.start_poses()), None)
+    start = None if mission.pose is not None else _start(client, mission.start)
     client.spawn(mission.robot_class, start=start, pose=mission.pose)
     facts = client.facts(drive_unit=mission.drive_unit)
     scanner = facts.scanner(mission.scanner)
@@ -110,15 +108,29 @@ def carry_out(
     return pilot.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
 
 
+def _start(client: Client, wanted: str | None) -> str | None:
+    """Find a start among those of the map; some servers tell of none."""
+    try:
+        names = list(client.start_poses())
+    except ClientTimeout:
+        return wanted
+    if wanted is None:
+        return names[0] if names else None
+    if names and wanted.casefold() not in [name.casefold() for name in names]:
+        raise NavigationError(f"start {wanted[:80]!r}, expected one of {names}")
+    return wanted
+
+
 def _bumpers(facts: RobotFacts, scanner: ScannerFacts, mission: Mission) -> Bumpers:
     least = facts.clearance + mission.depth
     safety = mission.safety_distance
     if safety is None:
         safety = least + MARGIN
-    elif safety < facts.clearance:
+    elif safety < least:
+        into = f" and {mission.depth:.2f} m seen into foliage" * bool(mission.depth)
         raise NavigationError(
-            f"safety distance {safety:g} m, expected at least {facts.clearance:.2f} m,"
-            f" half the diagonal of {facts.name}"
+            f"safety distance {safety:g} m, expected at least {least:.2f} m,"
+            f" half the diagonal of {facts.name}{into}"
         )
     bumpers = Bumpers(
         safety_distance=safety,

@@ -17,6 +17,7 @@ from radarsim.navigation.bug import Bug, Doing, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.following import moved
 from radarsim.navigation.motion import STAND, Motion
+from radarsim.navigation.pushing import Push
 from radarsim.navigation.sensed import Sensed, from_centre
 from radarsim.protocol.reports import (
     GroundTruth,
@@ -69,6 +70,7 @@ class Result:
         circuits: How often it went all round an obstacle.
         nearest: The smallest range from the robot's centre, m; ``inf`` for none.
         goals_left: How many goals it has not reached.
+        safety_distance: That was kept, m.
     """
 
     outcome: str
@@ -79,6 +81,7 @@ class Result:
     circuits: int
     nearest: float
     goals_left: int
+    safety_distance: float
 
 
 class Eyes:
@@ -176,8 +179,9 @@ class Pilot:
         Raises:
             ClientError: If the server says no more what is needed; the robot has been
                 told to stop if the connection still stood.
+            NavigationError: If the robot does not move though it is told to.
         """
-        tally = _Tally()
+        tally, push = _Tally(), Push()
         try:
             for sensed in self._scans():
                 motion = bug.step(sensed)
@@ -187,10 +191,11 @@ class Pilot:
                 observe(Moment(sensed, bug.doing, motion, pressed, goal))
                 if bug.is_done or tally.time > time_limit:
                     break
+                push.check(sensed, motion)
                 self._drive(motion)
         finally:
             self.client.stop()
-        return tally.result(bug)
+        return tally.result(bug, bumpers)
 
     def _drive(self, motion: Motion) -> None:
         self.client.drive(*self.facts.wheel_speeds(motion.speed, motion.turn))
@@ -250,7 +255,7 @@ class _Tally:
         if len(sensed.ranges):
             self.nearest = min(self.nearest, float(sensed.ranges.min()))
 
-    def result(self, bug: Bug) -> Result:
+    def result(self, bug: Bug, bumpers: Bumpers) -> Result:
         return Result(
             outcome=bug.doing.value if bug.is_done else "failed",
             path_length=self.length,
@@ -260,6 +265,7 @@ class _Tally:
             circuits=bug.circuits,
             nearest=self.nearest,
             goals_left=len(bug.goals),
+            safety_distance=bumpers.safety_distance,
         )
 
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+from collections import Counter
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
@@ -88,7 +89,7 @@ class Record:
         self.legs: list[Leg] = []
         self.circuits = 0
         self.length = 0.0
-        self._cells: set[int] = set()
+        self._cells: Counter[int] = Counter()
 
     def add(self, moment: Moment) -> Row:
         """Keep a moment, and give what is kept of it."""
@@ -116,12 +117,16 @@ class Record:
 
     @property
     def sensed(self) -> Floats:
-        """Places where beams ended, (M, 2) m, one in each square of 5 cm."""
-        cells = np.array(sorted(self._cells), dtype=np.int64)
+        """Where beams ended: x and y in m, and how many did, (M, 3).
+
+        All that ended in one square of 5 cm are in its middle.
+        """
+        numbers = sorted(self._cells)
+        cells = np.array(numbers, dtype=np.int64)
         columns = (cells + _ROWS // 2) // _ROWS
         places = np.column_stack([columns, cells - columns * _ROWS])
-        middles: Floats = (places + 0.5) * CELL
-        return middles
+        counts = [self._cells[number] for number in numbers]
+        return np.column_stack([(places + 0.5) * CELL, counts])
 
     def as_csv(self) -> str:
         """Give a row for each scan; what there is none of is empty."""

@@ -5,12 +5,13 @@ where it really is, what it touches, and how long the shortest path is.
 """
 
 import math
+import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any
 
 from radarsim.client import Client
@@ -225,14 +226,29 @@ def run_trials(wanted: Sequence[Entry], *, workers: int) -> Iterator[Score]:
     Raises:
         MapError: If a map is wrong, or does not say what there is to try.
         PresetError: If there is no such sensor.
+
+    Whoever stops in between ends those that still run.
     """
     _check(wanted)
     if workers == 1 or len(wanted) == 1:
         yield from map(run_trial, wanted)
         return
+    others = {*active_children()}
     # a fresh interpreter each: threads of this one would not survive a fork
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    pool = ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_leave_interrupts
+    )
+    try:
         yield from pool.map(run_trial, wanted)
+    finally:
+        for worker in {*active_children()} - others:
+            worker.terminate()  # who wants no more does not want to wait either
+        pool.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts() -> None:
+    """Let only the process in charge hear of Ctrl-C; it ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _check(wanted: Sequence[Entry]) -> None:

@@ -1,0 +1,199 @@
+"""The commands that send robots to goals, and what they take.
+
+Nothing heavy is imported before a command runs, as in ``commands``.
+"""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from radarsim.cli.options import DriveUnit, JsonOption
+
+
+class Algorithm(StrEnum):
+    """How a robot gets round what is in the way."""
+
+    BUG1 = "bug1"
+    BUG2 = "bug2"
+
+
+class Rule(StrEnum):
+    """When a bumper is pressed."""
+
+    SHARE = "share"
+    ALL = "all"
+
+
+class Side(StrEnum):
+    """The hand on which boundaries are kept."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class GiveUp(StrEnum):
+    """When Bug2 says that there is no path."""
+
+    HIT_POINT = "hit_point"
+    LINE = "line"
+
+
+class PoseFrom(StrEnum):
+    """What the pose is read from."""
+
+    INS = "ins"
+    ODOMETRY = "odometry"
+    GROUND_TRUTH = "ground_truth"
+
+
+def navigate(
+    *,
+    algorithm: Annotated[Algorithm, typer.Option(help="Bug1 or Bug2.")],
+    goal: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="m, map frame; again for way points in turn."),
+    ] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Of the server.", show_default="127.0.0.1")
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, show_default="3000")
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="A start of the map; its first by default.")
+    ] = None,
+    pose: Annotated[
+        str | None, typer.Option(metavar="X,Y,YAW_DEG", help="Where to start instead.")
+    ] = None,
+    robot: Annotated[
+        str, typer.Option(help="Class; it has to see all around.")
+    ] = "P3AT_Radar360",
+    scanner: Annotated[
+        str | None, typer.Option(help="The one to steer by; the first by default.")
+    ] = None,
+    safety_distance: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            help="From the robot's centre to what it sees; what the robot and"
+            " --foliage-density ask for by default.",
+        ),
+    ] = None,
+    foliage_density: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PER_M",
+            help="Of the thinnest foliage that it may meet: the radar sees into it.",
+        ),
+    ] = None,
+    penetration_power: Annotated[
+        float, typer.Option(help="Of the radar, for --foliage-density.")
+    ] = 1.0,
+    bumpers: Annotated[int, typer.Option(min=4, help="How many.")] = 8,
+    share: Annotated[
+        float, typer.Option(help="Of a bumper's beams that press it.")
+    ] = 0.1,
+    rule: Annotated[
+        Rule, typer.Option(help="A share of the beams is near, or all in the band.")
+    ] = Rule.SHARE,
+    side: Annotated[
+        Side, typer.Option(help="The hand on which boundaries are kept.")
+    ] = Side.LEFT,
+    give_up: Annotated[
+        GiveUp, typer.Option(help="Where Bug2 says that there is no path.")
+    ] = GiveUp.HIT_POINT,
+    pose_from: Annotated[
+        PoseFrom, typer.Option(help="The reading to take the pose from.")
+    ] = PoseFrom.INS,
+    speed: Annotated[float, typer.Option(metavar="M_PER_S", help="At most.")] = 0.3,
+    drive_unit: Annotated[
+        DriveUnit, typer.Option(help="In which the server counts wheel speeds.")
+    ] = DriveUnit.RAD_PER_S,
+    timeout: Annotated[
+        float, typer.Option(metavar="S", help="Without a scan, then it gives up.")
+    ] = 2.0,
+    time_limit: Annotated[
+        float, typer.Option(metavar="S", help="Of the server's time for the whole run.")
+    ] = 3600.0,
+    as_json: JsonOption = False,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="CSV, a row for each scan.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A .png, .svg or .pdf.")
+    ] = None,
+    serve: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            help="Simulate this map here, as fast as can be, instead of connecting;"
+            " its trial says start, goal and safety distance where nothing else does.",
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the simulation of --serve.", show_default="0"),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="ITEM.KEY=VALUE",
+            help="Change a setting of an item of the robot of --serve.",
+        ),
+    ] = None,
+) -> None:
+    """Drive a robot to a goal by its long-range bumpers; exits with 3 for no path."""
+    from radarsim.cli.navigating import Files, run_navigator
+    from radarsim.cli.wishes import MissionWish, ServerWish
+
+    server = ServerWish(host, port, serve, seed, settings or [], drive_unit.value)
+    mission = MissionWish(
+        algorithm=algorithm.value,
+        goals=goal or [],
+        start=start,
+        pose=pose,
+        robot=robot,
+        scanner=scanner,
+        safety_distance=safety_distance,
+        foliage_density=foliage_density,
+        penetration_power=penetration_power,
+        bumpers=bumpers,
+        share=share,
+        rule=rule.value,
+        side=side.value,
+        give_up=give_up.value,
+        pose_from=pose_from.value,
+        speed=speed,
+        drive_unit=drive_unit.value,
+        timeout=timeout,
+        time_limit=time_limit,
+    )
+    files = Files(trace, plot)
+    raise typer.Exit(run_navigator(mission, server, files, as_json=as_json))
+
+
+def trials(
+    *,
+    maps: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Maps with a trial; all by default."),
+    ] = None,
+    algorithms: Annotated[str, typer.Option(metavar="NAME,...")] = "bug1,bug2",
+    sensors: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Presets, all the way round.")
+    ] = "radar",
+    seeds: Annotated[int, typer.Option(min=1, metavar="K", help="0 to K - 1.")] = 3,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; one for each core by default.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Run and score navigation on maps, in lockstep and on all cores."""
+    from radarsim.cli.trialling import run_and_print
+
+    run_and_print(
+        (maps, algorithms, sensors), seeds=seeds, workers=workers, as_json=as_json
+    )

@@ -1,0 +1,113 @@
+"""``radarsim navigate``."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from radarsim.cli.outcomes import as_json as told_as_json
+from radarsim.cli.outcomes import as_text, title_of
+from radarsim.cli.running import Run
+from radarsim.cli.scanning import write_whole
+from radarsim.cli.wishes import MissionWish, ServerWish
+from radarsim.errors import RadarsimError
+from radarsim.geometry import Floats
+from radarsim.robots.sections import section
+from radarsim.scene.scene import Scene
+
+EXIT_CODES = {"reached": 0, "no_path": 3}
+FORMS = ("png", "svg", "pdf")
+PLAN_HEIGHT = 0.35  # m above the floor; that of a P3AT's scanner, and it bumps there
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """What to write.
+
+    Attributes:
+        trace: A row for each scan, or None.
+        plot: A picture, or None.
+    """
+
+    trace: Path | None
+    plot: Path | None
+
+    def check(self) -> None:
+        """Find out before the robot drives what could not be written after it.
+
+        Raises:
+            typer.BadParameter: If a folder is not there, or a form is not known.
+        """
+        for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
+            if path is not None and not path.parent.is_dir():
+                text = f"cannot write {path}: no such folder"
+                raise typer.BadParameter(text, param_hint=hint)
+        if self.plot is not None and self.form not in FORMS:
+            text = f"{str(self.plot)!r}, expected a name that ends in one of {FORMS}"
+            raise typer.BadParameter(text, param_hint="--plot")
+
+    @property
+    def form(self) -> str:
+        """What the picture is to be."""
+        return "" if self.plot is None else self.plot.suffix.lower().lstrip(".")
+
+
+def run_navigator(
+    wish: MissionWish, server: ServerWish, files: Files, *, as_json: bool
+) -> int:
+    """Drive a robot to its goals, print how it went, and give the exit code.
+
+    Raises:
+        ClientError: If the server does not say what is needed.
+        MapError: If the map is wrong.
+        NavigationError: If the robot cannot do what is asked of it.
+        typer.BadParameter: If an option is wrong.
+    """
+    server.check()
+    files.check()
+    host = server.open()
+    run = Run(wish.read(None if host is None else host.simulation.scene), host)
+    with run.connect(server.address) as client, _written(run, files):
+        try:
+            run.drive(client)
+        except RadarsimError:
+            if as_json:
+                typer.echo(told_as_json(run))
+            raise
+    typer.echo(told_as_json(run) if as_json else "\n".join(as_text(run)))
+    if run.error:
+        typer.echo(f"radarsim: {run.error}", err=True)
+    return EXIT_CODES.get(run.outcome, 1)
+
+
+@contextmanager
+def _written(run: Run, files: Files) -> Iterator[None]:
+    """Write the files in the end, however that comes."""
+    try:
+        yield
+    finally:
+        if files.trace is not None:
+            write_whole(files.trace, run.record.as_csv().encode(), "--trace")
+        if files.plot is not None and run.record.rows:
+            write_whole(files.plot, _picture(run, files.form), "--plot")
+
+
+def _picture(run: Run, form: str) -> bytes:
+    from radarsim.navigation.drawing import (  # noqa: PLC0415 - matplotlib is slow
+        NO_LINES,
+        draw_run,
+    )
+
+    plan = NO_LINES if run.scene is None else _plan(run.scene)
+    return draw_run(run.record, title_of(run), plan=plan, form=form)
+
+
+def _plan(scene: Scene) -> Floats:
+    """Cut what is solid where robots bump into it, (S, 2, 2) m."""
+    height = PLAN_HEIGHT + (scene.starts[0].pose.z if scene.starts else 0.0)
+    solid = [part for part in scene.parts if part.material.solid]
+    cuts = [section(part.vertices, part.faces, height) for part in solid]
+    return np.concatenate([np.zeros((0, 2, 2)), *cuts])

@@ -1,0 +1,97 @@
+"""What a person is told on stderr while a robot finds its way."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from radarsim.navigation.bug import Doing, Point
+from radarsim.navigation.record import AT_BOUNDARY, Record, Row
+
+_REFRESHES = 8  # a second
+
+
+class Teller(Protocol):
+    """Tells of a run as it goes on."""
+
+    def tell(self, row: Row) -> None:
+        """Take notice of the moment that the record has got last."""
+
+
+@contextmanager
+def progress(record: Record) -> Iterator[Teller]:
+    """Tell of a run, by one living line on a terminal, else by a line per change."""
+    console = Console(stderr=True)
+    if not console.is_terminal or console.is_dumb_terminal:
+        yield Changes(console, record)
+        return
+    line = LiveLine(record)
+    live = Live(line, console=console, refresh_per_second=_REFRESHES, transient=True)
+    with live:
+        yield line
+
+
+class LiveLine:
+    """One line with the present state; it is put together only when it is drawn."""
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+
+    def tell(self, row: Row) -> None:
+        """Take notice; the record knows it all."""
+
+    def __rich__(self) -> Text:
+        rows = self._record.rows
+        text = present(self._record, rows[-1]) if rows else "waiting for a scan"
+        return Text(text, no_wrap=True, overflow="ellipsis")
+
+
+def present(record: Record, row: Row) -> str:
+    """Say in one line how things stand."""
+    nearest = f"{row.nearest:5.2f} m" if math.isfinite(row.nearest) else "   none"
+    return "  ".join(
+        (
+            f"{row.doing.value:9}",
+            f"goal {row.goal_distance:6.2f} m",
+            f"{record.time:7.1f} s",
+            f"path {record.length:6.2f} m",
+            f"nearest {nearest}",
+            row.pressed,
+        )
+    ).rstrip()
+
+
+class Changes:
+    """A line for every change of what the robot is at."""
+
+    def __init__(self, console: Console, record: Record) -> None:
+        self._console = console
+        self._record = record
+        self._before: tuple[Doing, Point | None] | None = None
+
+    def tell(self, row: Row) -> None:
+        """Print a line if something has changed."""
+        now = (row.doing, row.goal)
+        if now == self._before:
+            return
+        line = f"{self._record.time:8.1f} s  {self._change(row)}"
+        self._before = now
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+    def _change(self, row: Row) -> str:
+        doing, goal = self._before or (None, None)
+        along = doing in AT_BOUNDARY and goal == row.goal
+        here = f"{row.x:.2f} {row.y:.2f}"
+        if row.doing is Doing.GOING and row.goal is not None:
+            x, y = row.goal
+            left = (
+                f"leave point {len(self._record.leaves)} at {here}, " if along else ""
+            )
+            return f"{left}going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
+        if row.doing in AT_BOUNDARY and not along:
+            return f"hit point {len(self._record.hits)} at {here}, {row.doing.value}"
+        return row.doing.value.replace("_", " ")

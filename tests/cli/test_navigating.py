@@ -1,0 +1,375 @@
+"""``radarsim navigate``, against its own simulation and over TCP."""
+
+import csv
+import json
+import math
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from radarsim.protocol.commands import Drive, parse_command
+from radarsim.protocol.dialect import COMPAT
+from radarsim.pytest_plugin import UsarsimServer
+
+Command = Callable[..., Any]
+BUG2 = ("navigate", "--algorithm", "bug2")
+BOX = (*BUG2, "--serve", "bug_box", "--speed", "0.6")
+NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
+FAR = (*BUG2, "--goal", "8,0")
+fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
+
+
+class Relay:
+    """Stands between a client and a server, keeps DRIVE commands, and can fail.
+
+    Attributes:
+        port: Where it listens for the client.
+        driven: When DRIVE came from the client, and what.
+        fault: What is wrong from ``after`` s after the first of them: ``stalls``,
+            ``drops``, or ``mute`` for no scans.
+    """
+
+    def __init__(self, address: tuple[str, int], fault: str = "", after: float = 0.5):
+        self.driven: list[tuple[float, Drive]] = []
+        self.fault = fault
+        self._after = after
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._server = socket.create_connection(address, 5)
+        self._client: socket.socket | None = None
+        self._threads = [
+            threading.Thread(target=target, daemon=True)
+            for target in (self._up, self._down)
+        ]
+        self._connected = threading.Event()
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def is_ill(self) -> bool:
+        if not self.fault or not self.driven:
+            return False
+        return time.monotonic() > self.driven[0][0] + self._after
+
+    @property
+    def stops(self) -> list[float]:
+        """When the client said so, s after the fault began."""
+        began = self.driven[0][0] + self._after
+        return [at - began for at, drive in self.driven if drive.left == 0]
+
+    def _up(self) -> None:
+        with suppress(OSError):
+            self._client, _ = self._listener.accept()
+            self._connected.set()
+            with self._client.makefile("rb") as lines:
+                for line in lines:
+                    command = parse_command(line.decode().strip(), COMPAT)
+                    if isinstance(command, Drive):
+                        self.driven.append((time.monotonic(), command))
+                    self._server.sendall(line)
+
+    def _down(self) -> None:
+        self._connected.wait(10)
+        with suppress(OSError), self._server.makefile("rb") as lines:
+            assert self._client is not None
+            for line in lines:
+                if self.is_ill and self.fault == "drops":
+                    self._client.shutdown(socket.SHUT_RDWR)
+                    return
+                mute = self.fault == "mute" and b"{Type RangeScanner}" in line
+                if not self.is_ill or not (mute or self.fault == "stalls"):
+                    self._client.sendall(line)
+
+    def close(self) -> None:
+        for end in (self._listener, self._server, self._client):
+            if end is not None:
+                with suppress(OSError):
+                    end.shutdown(socket.SHUT_RDWR)
+                end.close()
+        for thread in self._threads:
+            thread.join(5)
+
+
+@pytest.fixture
+def relay(usarsim_server: UsarsimServer) -> Iterator[Callable[..., Relay]]:
+    """Put a relay before the server."""
+    relays: list[Relay] = []
+
+    def make(*fault: Any) -> Relay:
+        relays.append(Relay(usarsim_server.address, *fault))
+        return relays[-1]
+
+    yield make
+    for each in relays:
+        each.close()
+
+
+def test_a_goal_that_is_reached_is_told_in_lines(radarsim: Command) -> None:
+    run = radarsim(*BOX)
+    assert run.code == 0
+    assert re.fullmatch(
+        r"goal reached by bug2: 4\.00 -0\.40\n"
+        r"path +1\d\.\d\d m in \d+\.\d s; nearest obstacle 0\.\d\d m\n"
+        r"hit points +-2\.\d\d -0\.4\d\n"
+        r"leave points +[12]\.\d\d -0\.\d\d\n"
+        r"circuits +0\n"
+        r"in truth +1\d\.\d\d m, collisions: 0, 0\.\d\d m from the goal\n",
+        run.text,
+    )
+    told = [line.split(" s  ")[1] for line in run.err.splitlines()]
+    assert told[0] == "going to 4.00 -0.40, 8.00 m away"
+    assert re.fullmatch(r"hit point 1 at -2\.\d\d -0\.4\d, aligning", told[1])
+    assert told[2] == "following"
+    assert told[3].startswith("leave point 1 at ")
+    assert told[4:] == ["reached"]
+
+
+def test_json_is_one_object_and_the_judge_agrees(radarsim: Command) -> None:
+    run = radarsim(*BOX, "--json")
+    told = json.loads(run.text)
+    assert list(told) == [
+        *("outcome", "algorithm", "goals", "goals_left", "path_length", "time"),
+        *("hit_points", "leave_points", "circuits", "nearest_obstacle"),
+        *("safety_distance", "error", "judge"),
+    ]
+    assert (told["outcome"], told["algorithm"]) == ("reached", "bug2")
+    assert (told["goals"], told["goals_left"]) == ([[4.0, -0.4]], 0)
+    assert (told["safety_distance"], told["error"]) == (0.5, None)
+    assert len(told["hit_points"]) == len(told["leave_points"]) == 1
+    judge = told["judge"]
+    assert judge["collisions"] == 0
+    assert judge["goal_distance"] < 0.5
+    assert judge["path_length"] == pytest.approx(told["path_length"], rel=0.05)
+
+
+def test_a_seed_gives_the_same_run_and_another_another(radarsim: Command) -> None:
+    first, again, other = (
+        radarsim(*BOX, "--json", "--time-limit", "5", "--seed", seed).text
+        for seed in "001"
+    )
+    assert first == again != other
+
+
+def test_no_path_exits_with_3(radarsim: Command) -> None:
+    run = radarsim(*BUG2, "--serve", "bug_closed_box", "--speed", "0.5")
+    assert run.code == 3
+    assert run.text.startswith("no path by bug2: -0.40 0.20\n")
+
+
+def test_what_is_not_reached_in_time_has_failed(radarsim: Command) -> None:
+    run = radarsim(*BOX, "--time-limit", "2", "--json")
+    told = json.loads(run.text)
+    assert run.code == 1
+    assert (told["outcome"], told["goals_left"]) == ("failed", 1)
+    assert told["error"].startswith("goal not reached within 2 s, 6.")
+    assert run.err.endswith(f"radarsim: {told['error']}\n")
+
+
+def test_what_cannot_be_is_told_by_json_too(radarsim: Command) -> None:
+    run = radarsim(*BOX, "--safety-distance", "0.2", "--json")
+    told = json.loads(run.text)
+    assert run.code == 1
+    assert told["outcome"] == "failed"
+    assert told["error"].startswith("safety distance 0.2 m, expected at least 0.37 m")
+    assert told["nearest_obstacle"] is None
+    assert f"radarsim: {told['error']}\n" in run.err
+
+
+def test_settings_reach_robot_and_bug(radarsim: Command) -> None:
+    run = radarsim(
+        *(*BUG2, "--serve", "empty_room", "--pose", "-8,1,90", "--goal", "-8,2.5"),
+        *("--bumpers", "4", "--share", "0.5", "--rule", "share", "--side", "right"),
+        *("--give-up", "line", "--pose-from", "ground_truth", "--speed", "0.5"),
+        *("--drive-unit", "rev_per_s", "--foliage-density", "5", "--scanner", "lms200"),
+        *("--set", "lms200.sensor=laser", "--set", "lms200.fov_deg=359", "--json"),
+        *("--set", "lms200.resolution_deg=1", "--goal", "-7,2.5", "--timeout", "0.8"),
+    )
+    told = json.loads(run.text)
+    assert run.code == 0
+    assert told["goals"] == [[-8.0, 2.5], [-7.0, 2.5]]
+    assert told["safety_distance"] == pytest.approx(0.37 + 0.2 + 0.13, abs=0.01)
+    assert told["path_length"] / told["time"] > 0.3
+
+
+@pytest.mark.parametrize(
+    ("options", "texts"),
+    [
+        pytest.param([*BUG2], ["--goal", "nowhere"], id="no goal"),
+        pytest.param([*BUG2, "--serve", "empty_room"], ["nowhere"], id="no trial"),
+        pytest.param([*NEAR, "--seed", "1"], ["--seed", "--serve"], id="seed"),
+        pytest.param([*NEAR, "--set", "a.b=1"], ["--set", "--serve"], id="set"),
+        pytest.param([*BOX, "--port", "3000"], ["--port", "no --serve"], id="port"),
+        pytest.param([*BOX, "--host", "me"], ["--host", "no --serve"], id="host"),
+        pytest.param([*BOX, "--goal", "1"], ["'1'", "X,Y"], id="short goal"),
+        pytest.param([*BOX, "--goal", "1,inf"], ["'1,inf'"], id="infinite goal"),
+        pytest.param([*BOX, "--goal", "a,b"], ["'a,b'"], id="goal in words"),
+        pytest.param([*BOX, "--pose", "1,2"], ["X,Y,YAW_DEG"], id="pose"),
+        pytest.param(
+            [*BOX, "--pose", "1,2,3", "--start", "RobotStart1"],
+            ["only one of"],
+            id="start and pose",
+        ),
+        pytest.param([*BOX, "--start", "R9"], ["'R9'", "RobotStart1"], id="start"),
+        pytest.param([*BOX, "--set", "x.y=1"], ["--set", "'x'"], id="item"),
+        pytest.param([*BOX, "--share", "0"], ["--share"], id="share"),
+        pytest.param([*BOX, "--bumpers", "3"], ["--bumpers"], id="bumpers"),
+        pytest.param([*BOX, "--speed", "-1"], ["--speed"], id="speed"),
+        pytest.param([*BOX, "--time-limit", "0"], ["--time-limit"], id="time limit"),
+        pytest.param([*BOX, "--rule", "any"], ["--rule"], id="rule"),
+        pytest.param([*BOX, "--plot", "run.gif"], ["--plot", "svg"], id="form"),
+        pytest.param([*BOX, "--trace", "no/t.csv"], ["no such folder"], id="folder"),
+    ],
+)
+def test_a_wrong_option_is_usage(
+    radarsim: Command, options: list[str], texts: list[str]
+) -> None:
+    run = radarsim(*options)
+    assert (run.code, run.out) == (2, b"")
+    for text in texts:
+        assert text in run.err
+
+
+def test_trace_and_picture_show_the_run(radarsim: Command, tmp_path: Path) -> None:
+    trace, plot = tmp_path / "run.csv", tmp_path / "run.PNG"
+    run = radarsim(*BOX, "--trace", str(trace), "--plot", str(plot), "--json")
+    told = json.loads(run.text)
+    rows = list(csv.DictReader(trace.read_text().splitlines()))
+    times = [float(row["time"]) for row in rows]
+    assert np.diff(times) == pytest.approx(0.1)
+    assert told["time"] == pytest.approx(times[-1] - times[0])
+    places = [(float(row["x"]), float(row["y"])) for row in rows]
+    steps = map(math.dist, places, places[1:])
+    assert sum(steps) == pytest.approx(told["path_length"], abs=0.02)
+    assert {row["doing"] for row in rows} == {
+        *("going", "aligning", "following", "reached")
+    }
+    assert min(float(row["nearest"]) for row in rows) == pytest.approx(
+        told["nearest_obstacle"], abs=1e-3
+    )
+    assert any("front" in row["pressed"].split() for row in rows)
+    with Image.open(plot) as image:
+        assert image.format == "PNG"
+    assert {*tmp_path.iterdir()} == {trace, plot}
+
+
+def test_what_there_is_of_a_failed_run_is_written(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
+    run = radarsim(
+        *(*BUG2, "--serve", "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
+        *("--safety-distance", "0.5", "--trace", str(trace), "--plot", str(plot)),
+    )
+    assert run.code == 1
+    assert "the robot stays at -0.5" in run.err
+    rows = list(csv.DictReader(trace.read_text().splitlines()))
+    assert len(rows) > 200
+    assert plot.read_text().startswith("<?xml")
+
+
+def test_on_a_terminal_one_line_lives(
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    run = radarsim(*BOX, "--time-limit", "2")
+    assert "goal   6." in run.err
+    assert "m  nearest " in run.err
+    assert "going to" not in run.err
+
+
+@fast_server
+def test_a_goal_is_reached_over_tcp(
+    radarsim: Command, relay: Callable[..., Relay]
+) -> None:
+    middle = relay()
+    run = radarsim(*NEAR, "--port", str(middle.port), "--json")
+    told = json.loads(run.text)
+    assert (run.code, told["outcome"]) == (0, "reached")
+    assert told["path_length"] == pytest.approx(1.4, abs=0.2)
+    assert "judge" not in told
+    assert middle.driven[-1][1] == Drive(0.0, 0.0)
+
+
+@fast_server
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        pytest.param(
+            "stalls", "no scan of 'lms200' within 0.8 s, nothing came", id="stalls"
+        ),
+        pytest.param(
+            "mute", "no scan of 'lms200' within 0.8 s, what came: ", id="mute"
+        ),
+        pytest.param("drops", "the server closed the connection, expected", id="drops"),
+    ],
+)
+def test_at_a_server_that_is_not_well_the_robot_is_told_to_stop(
+    radarsim: Command, relay: Callable[..., Relay], fault: str, text: str
+) -> None:
+    middle = relay(fault)
+    run = radarsim(*FAR, "--port", str(middle.port), "--timeout", "0.8")
+    assert (run.code, run.out) == (1, b"")
+    assert f"radarsim: {text}" in run.err
+    if fault == "drops":
+        return  # nobody hears it any more
+    deadline = time.monotonic() + 5
+    while middle.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert 0.3 < middle.stops[0] < 1.0
+
+
+@fast_server
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        pytest.param(signal.SIGINT, 130, id="interrupted"),
+        pytest.param(signal.SIGTERM, 0, id="told to end"),
+    ],
+)
+def test_whoever_ends_it_leaves_the_robot_standing_and_a_trace(
+    relay: Callable[..., Relay], tmp_path: Path, number: int, code: int
+) -> None:
+    middle = relay()
+    trace = tmp_path / "run.csv"
+    command = (sys.executable, "-m", "radarsim", *FAR, "--port", str(middle.port))
+    with subprocess.Popen(
+        (*command, "--trace", str(trace)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        deadline = time.monotonic() + 20
+        while len(middle.driven) < 10 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        process.send_signal(number)
+        out, errors = process.communicate(timeout=20)
+    assert process.returncode == code
+    assert out == b""
+    assert b"Traceback" not in errors
+    for thread in middle._threads:
+        thread.join(5)
+    assert middle.driven[-1][1] == Drive(0.0, 0.0)
+    rows = list(csv.DictReader(trace.read_text().splitlines()))
+    assert len(rows) >= 10
+    assert all(None not in row.values() for row in rows)
+    assert [*tmp_path.iterdir()] == [trace]
+
+
+def test_where_no_server_is_that_is_said(radarsim: Command) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    run = radarsim(*NEAR, "--port", str(port))
+    assert (run.code, run.out) == (1, b"")
+    assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")

@@ -1,0 +1,140 @@
+import math
+from typing import Any
+
+import pytest
+
+from radarsim.client import Client
+from radarsim.errors import ClientError, NavigationError
+from radarsim.geometry import Pose2
+from radarsim.host import Host
+from radarsim.navigation.bug import Algorithm
+from radarsim.navigation.mission import MARGIN, Mission, carry_out
+from radarsim.navigation.pilot import Moment, Result
+from radarsim.scene.scene import Scene
+from radarsim.simulation.conditions import Conditions
+from radarsim.study.lockstep import HostLink
+
+HALF_DIAGONAL = 0.371  # m, of a P3AT
+
+
+class Untold(HostLink):
+    """A link to a server that tells no start poses."""
+
+    def receive(self, timeout: float) -> bytes:
+        while b"StartPoses" in (data := super().receive(timeout)):
+            pass
+        return data
+
+
+def mission(**wish: Any) -> Mission:
+    values = {"algorithm": Algorithm.BUG1, "goals": ((-7.0, 0.0),), **wish}
+    return Mission(**values)
+
+
+def first_pose(link: HostLink, **wish: Any) -> Pose2:
+    """Give where the robot really is when it starts."""
+    poses: list[Pose2] = []
+
+    def look(_: Moment) -> None:
+        poses.append(link.host.simulation.vehicles[0].robot.pose)
+
+    with Client(link) as client:
+        carry_out(client, mission(time_limit=0.1, **wish), look)
+    return poses[0]
+
+
+def run(scene: Scene, conditions: Conditions | None = None, **wish: Any) -> Result:
+    with Client(HostLink(Host(scene, conditions=conditions))) as client:
+        return carry_out(client, mission(**wish))
+
+
+@pytest.mark.parametrize(
+    ("wish", "expected"),
+    [
+        pytest.param({}, Pose2(-8.0, 0.0), id="the server's first"),
+        pytest.param({"start": "RobotStart2"}, Pose2(-8.0, 3.5), id="a name"),
+        pytest.param({"start": "robotstart2"}, Pose2(-8.0, 3.5), id="in any case"),
+        pytest.param({"pose": Pose2(-3.0, 1.0, 0.5)}, Pose2(-3.0, 1.0, 0.5), id="pose"),
+    ],
+)
+def test_where_it_starts(
+    foliage_room: Scene, wish: dict[str, Any], expected: Pose2
+) -> None:
+    pose = first_pose(HostLink(Host(foliage_room)), safety_distance=0.5, **wish)
+    assert (pose.x, pose.y) == pytest.approx((expected.x, expected.y), abs=0.05)
+    assert math.remainder(pose.yaw - expected.yaw, 2 * math.pi) == pytest.approx(
+        0, abs=0.05
+    )
+
+
+def test_a_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
+    with pytest.raises(NavigationError, match="start 'Nowhere', expected one of"):
+        run(empty_room, start="Nowhere")
+
+
+def test_a_server_that_tells_of_no_starts_is_taken_at_its_word(
+    foliage_room: Scene,
+) -> None:
+    pose = first_pose(Untold(Host(foliage_room)), start="RobotStart2")
+    assert (pose.x, pose.y) == pytest.approx((-8.0, 3.5), abs=0.05)
+
+
+def test_a_robot_that_is_not_made_is_said_to_be_missing(empty_room: Scene) -> None:
+    with pytest.raises(ClientError, match="no reading of the robot 'Submarine'"):
+        run(empty_room, robot_class="Submarine")
+
+
+def test_half_a_circle_leaves_bumpers_blind(empty_room: Scene) -> None:
+    with pytest.raises(
+        NavigationError,
+        match="sees 180 degrees, so the bumpers back_left, back, back_right are blind",
+    ):
+        run(empty_room, robot_class="P3AT")
+
+
+def test_a_safety_distance_below_the_hull_is_an_error(empty_room: Scene) -> None:
+    with pytest.raises(NavigationError, match=r"expected at least 0\.37 m"):
+        run(empty_room, safety_distance=0.36)
+
+
+def test_a_safety_distance_below_what_is_seen_into_foliage_is_an_error(
+    empty_room: Scene,
+) -> None:
+    with pytest.raises(NavigationError, match=r"1\.37 m, .* 1\.00 m seen into foliage"):
+        run(empty_room, safety_distance=1.3, depth=1.0)
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.8])
+def test_it_keeps_hull_and_foliage_and_a_margin_away_by_itself(
+    empty_room: Scene, depth: float
+) -> None:
+    result = run(empty_room, depth=depth, time_limit=0.1)
+    expected = HALF_DIAGONAL + depth + MARGIN
+    assert result.safety_distance == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("unit", ["rad_per_s", "rev_per_s"])
+def test_it_drives_in_the_unit_of_the_server(empty_room: Scene, unit: Any) -> None:
+    result = run(empty_room, Conditions(drive_unit=unit), drive_unit=unit)
+    assert result.outcome == "reached"
+    assert result.time == pytest.approx(0.9 / 0.3, abs=0.7)
+
+
+@pytest.mark.parametrize(
+    ("on_left", "sign"),
+    [pytest.param(True, -1, id="left"), pytest.param(False, 1, id="right")],
+)
+def test_it_turns_so_that_the_boundary_comes_to_the_chosen_hand(
+    foliage_room: Scene, on_left: bool, sign: int
+) -> None:
+    turns: list[float] = []
+    wish = mission(
+        goals=((8.0, 0.0),),
+        start="RobotStart1",
+        safety_distance=2.0,
+        on_left=on_left,
+        time_limit=30.0,
+    )
+    with Client(HostLink(Host(foliage_room))) as client:
+        carry_out(client, wish, lambda moment: turns.append(moment.motion.turn))
+    assert max(turns, key=abs) * sign == pytest.approx(wish.pace.turn)
