@@ -1,5 +1,6 @@
 """``radarsim check``."""
 
+import math
 from collections.abc import Sequence
 
 import typer
@@ -11,13 +12,16 @@ from radarsim.scene.mapfile import load_variants
 from radarsim.scene.scene import Scene
 from radarsim.scene.summary import summarise
 from radarsim.simulation.simulation import Simulation
+from radarsim.study.judge import is_connected
 
 
 def check_map(map_: str) -> int:
     """Print what is in a map, or its errors; give the exit code."""
     try:
         scene, *variants = load_variants(map_)
-        lines, code = [*summarise(scene), *_named(variants), *taken_starts(scene)], 0
+        lines = [*summarise(scene), *_named(variants)]
+        lines += [*taken_starts(scene), *trial_doubts(scene)]
+        code = 0
     except MapError as error:
         lines, code = error.problems, 1
     for line in lines:
@@ -46,3 +50,19 @@ def taken_starts(scene: Scene) -> list[str]:
             there = f"x {pose.x:.2f} m, y {pose.y:.2f} m"
             lines.append(f"  {start.name}: taken; a P3AT would stand at {there}")
     return ["starts that are not free", *lines] if lines else []
+
+
+def trial_doubts(scene: Scene) -> list[str]:
+    """Tell what keeps a robot from doing what a map's trial asks of it."""
+    trial = scene.trial
+    if trial is None or (start := scene.start(trial.start)) is None:
+        return []
+    model, lines = load_robot("P3AT"), []
+    clearance = math.hypot(model.length, model.width) / 2
+    if trial.safety_distance < clearance:
+        lines.append(f"  a P3AT keeps at least {clearance:.3f} m")
+    place = start.pose.x, start.pose.y
+    if not is_connected(scene, place, trial.goal, trial.safety_distance):
+        away = f"{trial.safety_distance:g} m from everything solid"
+        lines.append(f"  no path to the goal that keeps {away}")
+    return ["doubts of the trial", *lines] if lines else []

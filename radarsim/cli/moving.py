@@ -3,6 +3,8 @@
 Nothing heavy is imported before a command runs, as in ``commands``.
 """
 
+import signal
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +12,8 @@ from typing import Annotated
 import typer
 
 from radarsim.cli.options import DriveUnit, JsonOption
+
+TERMINATED = 143  # as shells call it
 
 
 class Algorithm(StrEnum):
@@ -91,7 +95,7 @@ def navigate(
     penetration_power: Annotated[
         float, typer.Option(help="Of the radar, for --foliage-density.")
     ] = 1.0,
-    bumpers: Annotated[int, typer.Option(min=4, help="How many.")] = 8,
+    bumpers: Annotated[int, typer.Option(min=4, max=36, help="How many.")] = 8,
     share: Annotated[
         float, typer.Option(help="Of a bumper's beams that press it.")
     ] = 0.1,
@@ -107,7 +111,10 @@ def navigate(
     pose_from: Annotated[
         PoseFrom, typer.Option(help="The reading to take the pose from.")
     ] = PoseFrom.INS,
-    speed: Annotated[float, typer.Option(metavar="M_PER_S", help="At most.")] = 0.3,
+    speed: Annotated[
+        float,
+        typer.Option(metavar="M_PER_S", help="At most, and the robot's own limit."),
+    ] = 0.3,
     drive_unit: Annotated[
         DriveUnit, typer.Option(help="In which the server counts wheel speeds.")
     ] = DriveUnit.RAD_PER_S,
@@ -172,6 +179,8 @@ def navigate(
         time_limit=time_limit,
     )
     files = Files(trace, plot)
+    # 0 would say that the goal is reached
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     raise typer.Exit(run_navigator(mission, server, files, as_json=as_json))
 
 

@@ -1,5 +1,6 @@
 """``radarsim navigate``."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +14,6 @@ from radarsim.cli.outcomes import as_text, title_of
 from radarsim.cli.running import Run
 from radarsim.cli.scanning import write_whole
 from radarsim.cli.wishes import MissionWish, ServerWish
-from radarsim.errors import RadarsimError
 from radarsim.geometry import Floats
 from radarsim.robots.sections import section
 from radarsim.scene.scene import Scene
@@ -42,8 +42,8 @@ class Files:
             typer.BadParameter: If a folder is not there, or a form is not known.
         """
         for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
-            if path is not None and not path.parent.is_dir():
-                text = f"cannot write {path}: no such folder"
+            if path is not None and (reason := _hindrance(path)):
+                text = f"cannot write {path}: {reason}"
                 raise typer.BadParameter(text, param_hint=hint)
         if self.plot is not None and self.form not in FORMS:
             text = f"{str(self.plot)!r}, expected a name that ends in one of {FORMS}"
@@ -53,6 +53,15 @@ class Files:
     def form(self) -> str:
         """What the picture is to be."""
         return "" if self.plot is None else self.plot.suffix.lower().lstrip(".")
+
+
+def _hindrance(path: Path) -> str:
+    """Tell why a file cannot be written, as far as that shows before it is tried."""
+    if not path.parent.is_dir():
+        return "no such folder"
+    if path.is_dir():
+        return "a folder of that name"
+    return "" if os.access(path.parent, os.W_OK) else "the folder is read-only"
 
 
 def run_navigator(
@@ -70,17 +79,25 @@ def run_navigator(
     files.check()
     host = server.open()
     run = Run(wish.read(None if host is None else host.simulation.scene), host)
-    with run.connect(server.address) as client, _written(run, files):
-        try:
-            run.drive(client)
-        except RadarsimError:
-            if as_json:
-                typer.echo(told_as_json(run))
-            raise
-    typer.echo(told_as_json(run) if as_json else "\n".join(as_text(run)))
+    with _written(run, files), _printed(run, as_json=as_json):
+        run.drive(server.address)
     if run.error:
         typer.echo(f"radarsim: {run.error}", err=True)
     return EXIT_CODES.get(run.outcome, 1)
+
+
+@contextmanager
+def _printed(run: Run, *, as_json: bool) -> Iterator[None]:
+    """Print how a run went; programs are told of one that broke off, too."""
+    try:
+        yield
+    except BaseException as error:
+        said = str(error) if isinstance(error, Exception) else "interrupted"
+        run.error = run.error or said
+        if as_json:
+            typer.echo(told_as_json(run))
+        raise
+    typer.echo(told_as_json(run) if as_json else "\n".join(as_text(run)))
 
 
 @contextmanager

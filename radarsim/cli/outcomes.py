@@ -16,6 +16,12 @@ def summary(run: Run) -> dict[str, Any]:
 
     A run that broke off is told of as far as it came.
     """
+    told = _told(run)
+    rounded: dict[str, Any] = _rounded(told)
+    return rounded
+
+
+def _told(run: Run) -> dict[str, Any]:
     record, result, mission = run.record, run.result, run.mission
     told: dict[str, Any] = {
         "outcome": run.outcome,
@@ -39,8 +45,7 @@ def summary(run: Run) -> dict[str, Any]:
             "collisions": run.referee.collisions,
             "goal_distance": run.referee.distance(mission.goals[-1]),
         }
-    rounded: dict[str, Any] = _rounded(told)
-    return rounded
+    return told
 
 
 def as_json(run: Run) -> str:
@@ -50,9 +55,10 @@ def as_json(run: Run) -> str:
 
 def as_text(run: Run) -> list[str]:
     """Give that for people, in lines."""
-    told = summary(run)
+    told = _told(run)
     nearest = told["nearest_obstacle"]
-    near = "nothing was met" if nearest is None else f"nearest obstacle {nearest:.2f} m"
+    met = math.isfinite(nearest)
+    near = f"nearest obstacle {nearest:.2f} m" if met else "nothing was met"
     lines = [
         f"{ending_of(run)} by {told['algorithm']}: {_places(run.mission.goals)}",
         f"path          {told['path_length']:.2f} m in {told['time']:.1f} s; {near}",

@@ -2,7 +2,6 @@
 
 from radarsim.cli.progress import progress
 from radarsim.client import Client
-from radarsim.errors import RadarsimError
 from radarsim.host import Host
 from radarsim.navigation.mission import Mission, carry_out
 from radarsim.navigation.pilot import Moment, Result
@@ -42,30 +41,29 @@ class Run:
         """``reached``, ``no_path`` or ``failed``."""
         return "failed" if self.result is None else self.result.outcome
 
-    def connect(self, address: tuple[str, int]) -> Client:
-        """Connect to the server, wherever it is."""
-        if self.host is None or self.referee is None:
-            return Client.connect(*address)
-        return Client(HostLink(self.host, after_tick=self.referee.watch))
+    def drive(self, address: tuple[str, int]) -> None:
+        """Connect and drive, and tell on stderr how it goes.
 
-    def drive(self, client: Client) -> None:
-        """Drive, and tell on stderr how it goes.
+        Args:
+            address: Of the server, unless it is in this process.
 
         Raises:
             ClientError: If the server does not say what is needed.
             NavigationError: If the robot cannot do what is asked of it.
         """
-        with progress(self.record) as teller:
+        with self._connect(address) as client, progress(self.record) as teller:
 
             def observe(moment: Moment) -> None:
                 teller.tell(self.record.add(moment))
 
-            try:
-                self.result = carry_out(client, self.mission, observe)
-            except RadarsimError as error:
-                self.error = str(error)
-                raise
+            self.result = carry_out(client, self.mission, observe)
         if self.outcome == "failed":
             left = self.record.rows[-1].goal_distance
             limit = f"within {self.mission.time_limit:g} s"
             self.error = f"goal not reached {limit}, {left:.2f} m from it"
+
+    def _connect(self, address: tuple[str, int]) -> Client:
+        """Connect to the server, wherever it is."""
+        if self.host is None or self.referee is None:
+            return Client.connect(*address)
+        return Client(HostLink(self.host, after_tick=self.referee.watch))

@@ -140,7 +140,8 @@ def _numbers(group: Sequence[Score]) -> Iterator[str]:
     path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
     yield f"{sum(s.right for s in group)}/{len(group)}"
     yield f"{path:.2f}"
-    yield "no path" if shortest is None else f"{path / shortest:.2f}"
+    ratio = "-" if shortest is None or not path else f"{path / shortest:.2f}"
+    yield "no path" if shortest is None else ratio
     yield f"{sum(s.collisions for s in group)}"
     yield f"{fmean(s.time for s in group):.1f}"
     yield f"{fmean(s.circuits for s in group):.1f}"

@@ -99,6 +99,7 @@ class Bug:
         self._before: Pose2 | None = None
         self._lost = 0.0
         self._best_leave = math.inf
+        self._seen_from = math.inf  # m; how near the goal was when last seen
 
     @property
     def is_done(self) -> bool:
@@ -128,7 +129,8 @@ class Bug:
 
     def _reach(self, pose: Pose2) -> None:
         self.goals.pop(0)
-        self._start, self._circling, self._best_leave = pose, None, math.inf
+        self._start, self._circling = pose, None
+        self._best_leave = self._seen_from = math.inf
         self.doing = Doing.GOING if self.goals else Doing.REACHED
 
     def _is_free(self, sensed: Sensed) -> bool:
@@ -178,6 +180,7 @@ class Bug:
     def _follow(self, sensed: Sensed, step: float) -> Motion:
         assert self._circling is not None
         if self._sees_goal(sensed):
+            self._seen_from = distance(sensed.pose, *self.goals[0])
             return self._leave(sensed)
         direction = self._follower.tangent(sensed, self._way)
         before = self._circling.circuits
@@ -206,9 +209,14 @@ class Bug:
         return motion
 
     def _sees_goal(self, sensed: Sensed) -> bool:
-        """Tell whether the goal is so near that no boundary is needed any more."""
+        """Tell whether the goal is so near that no boundary is needed any more.
+
+        Who has hit something again on the way there has to come nearer before the next
+        try, or it would try for ever where the goal is too near to something.
+        """
+        bumpers = self._settings.bumpers
         near = distance(sensed.pose, *self.goals[0])
-        if near > self._settings.bumpers.pressed_below:
+        if near > min(bumpers.pressed_below, self._seen_from - bumpers.band / 2):
             return False
         return self._is_free(sensed) and not self._is_grazed(sensed)
 

@@ -30,6 +30,7 @@ from radarsim.navigation.sensed import Sensed
 
 BAND = 0.5  # m from too near to not pressed
 LEAST_SHARE = 0.1
+MOST = 36  # bumpers; a sector of less than 10 degrees is hardly one
 
 FOUR = ("front", "left", "back", "right")
 EIGHT = (
@@ -77,7 +78,7 @@ class Bumpers:
     Attributes:
         safety_distance: m from the robot's centre.
         band: m beyond it in which a bumper is pressed and not yet too near.
-        count: How many there are, at least 4.
+        count: How many there are, 4 to 36.
         share: Of a bumper's beams that press it, above 0 and at most 1.
         rule: When it is pressed.
     """
@@ -89,8 +90,8 @@ class Bumpers:
     rule: Rule = Rule.SHARE
 
     def __post_init__(self) -> None:
-        if self.count < 4:
-            raise ValueError(f"{self.count} bumpers, expected at least 4")
+        if not 4 <= self.count <= MOST:
+            raise ValueError(f"{self.count} bumpers, expected 4 to {MOST}")
         if not 0 < self.share <= 1:
             raise ValueError(f"share {self.share!r}, expected above 0 and at most 1")
         for name in ("safety_distance", "band"):

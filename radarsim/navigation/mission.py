@@ -96,7 +96,7 @@ def carry_out(
     settings = BugSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        pace=mission.pace,
+        pace=Pace(min(mission.pace.speed, facts.top_speed), mission.pace.turn),
         on_left=mission.on_left,
         give_up=mission.give_up,
         tolerance=mission.tolerance,
@@ -129,7 +129,7 @@ def _bumpers(facts: RobotFacts, scanner: ScannerFacts, mission: Mission) -> Bump
     elif safety < least:
         into = f" and {mission.depth:.2f} m seen into foliage" * bool(mission.depth)
         raise NavigationError(
-            f"safety distance {safety:g} m, expected at least {least:.2f} m,"
+            f"safety distance {safety:g} m, expected at least {least:.3f} m,"
             f" half the diagonal of {facts.name}{into}"
         )
     bumpers = Bumpers(

@@ -182,7 +182,7 @@ def test_what_cannot_be_is_told_by_json_too(radarsim: Command) -> None:
     told = json.loads(run.text)
     assert run.code == 1
     assert told["outcome"] == "failed"
-    assert told["error"].startswith("safety distance 0.2 m, expected at least 0.37 m")
+    assert told["error"].startswith("safety distance 0.2 m, expected at least 0.371 m")
     assert told["nearest_obstacle"] is None
     assert f"radarsim: {told['error']}\n" in run.err
 
@@ -336,7 +336,7 @@ def test_at_a_server_that_is_not_well_the_robot_is_told_to_stop(
     ("number", "code"),
     [
         pytest.param(signal.SIGINT, 130, id="interrupted"),
-        pytest.param(signal.SIGTERM, 0, id="told to end"),
+        pytest.param(signal.SIGTERM, 143, id="told to end"),
     ],
 )
 def test_whoever_ends_it_leaves_the_robot_standing_and_a_trace(

@@ -212,3 +212,16 @@ def test_no_box_keeps_it_from_a_goal_behind(
     world.run(walker, steps=4000)
     assert walker.doing is Doing.REACHED
     assert world.nearest > 0.42
+
+
+@BOTH
+@pytest.mark.parametrize("gap", [0.1, 0.25, 0.4, 0.48])
+def test_a_goal_that_is_too_near_to_something_ends_in_no_path_or_at_the_goal(
+    flatland: World, algorithm: Algorithm, gap: float
+) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    walker = bug(algorithm, (-1.5 - gap, 0.3))
+    world.run(walker, steps=3000)
+    assert len(walker.hits) < 8
+    assert world.nearest > 0.38
+    assert walker.doing in (Doing.NO_PATH, Doing.REACHED)

@@ -177,6 +177,7 @@ def test_what_is_pressed_is_named() -> None:
     "wrong",
     [
         pytest.param({"count": 3}, id="three bumpers"),
+        pytest.param({"count": 37}, id="too many bumpers"),
         pytest.param({"share": 0.0}, id="no share"),
         pytest.param({"share": 1.1}, id="more than all"),
         pytest.param({"safety_distance": -1.0}, id="negative distance"),

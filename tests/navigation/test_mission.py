@@ -93,14 +93,16 @@ def test_half_a_circle_leaves_bumpers_blind(empty_room: Scene) -> None:
 
 
 def test_a_safety_distance_below_the_hull_is_an_error(empty_room: Scene) -> None:
-    with pytest.raises(NavigationError, match=r"expected at least 0\.37 m"):
+    with pytest.raises(NavigationError, match=r"expected at least 0\.371 m"):
         run(empty_room, safety_distance=0.36)
 
 
 def test_a_safety_distance_below_what_is_seen_into_foliage_is_an_error(
     empty_room: Scene,
 ) -> None:
-    with pytest.raises(NavigationError, match=r"1\.37 m, .* 1\.00 m seen into foliage"):
+    with pytest.raises(
+        NavigationError, match=r"1\.371 m, .* 1\.00 m seen into foliage"
+    ):
         run(empty_room, safety_distance=1.3, depth=1.0)
 
 
