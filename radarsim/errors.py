@@ -43,6 +43,10 @@ class MapError(RadarsimError):
         super().__init__("\n".join(problems))
         self.problems = problems
 
+    def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
+        """Pickle the problems, not the text that they are joined to."""
+        return type(self), (self.problems,)
+
 
 class PresetError(RadarsimError):
     """An unknown sensor, robot class or setting, or a value out of range."""

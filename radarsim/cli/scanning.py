@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import stat
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -137,6 +138,9 @@ def scans_as_csv(scans: list[Scan]) -> str:
 def write_whole(path: Path, data: bytes, hint: str = "-o") -> None:
     """Write a file so that it is there whole or not at all.
 
+    A link stays, and the file that it leads to is replaced. What is no file, such as a
+    device or a pipe, is written to and stays as well.
+
     Args:
         path: Where.
         data: All of it.
@@ -146,19 +150,33 @@ def write_whole(path: Path, data: bytes, hint: str = "-o") -> None:
         typer.BadParameter: If it cannot be written.
     """
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            Path(name).chmod(0o666 & ~_umask())
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        if _is_no_file(path):
+            path.write_bytes(data)
+        else:
+            _replace(Path(os.path.realpath(path)), data)
     except OSError as error:
         raise typer.BadParameter(
             f"cannot write {path}: {error.strerror}", param_hint=hint
         ) from None
+
+
+def _is_no_file(path: Path) -> bool:
+    try:
+        return not stat.S_ISREG(path.stat().st_mode)
+    except FileNotFoundError:
+        return False
+
+
+def _replace(path: Path, data: bytes) -> None:
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        Path(name).chmod(0o666 & ~_umask())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
 
 
 def _umask() -> int:

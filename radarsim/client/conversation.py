@@ -188,7 +188,8 @@ class Conversation:
         """Wait for a scan of each scanner, for a while: their beams can be counted."""
 
         def complete() -> bool:
-            return not {*names} - {*self.session.scans}
+            seen = {name.casefold() for name in self.session.scans}
+            return all(name.casefold() in seen for name in names)
 
         if not complete():
             with suppress(ClientTimeout):

@@ -30,6 +30,10 @@ DRIVE_SCALES: Final[dict[DriveUnit, float]] = {
     "rev_per_s": 1 / (2 * math.pi),
 }
 NOWHERE: Final = Pose3(0.0, 0.0, 0.0)  # taken for a mount that nobody tells of
+WHEELS: Final = (1e-3, 1e3)  # m and drive units; what no robot on wheels is outside of
+MOST_BEAMS: Final = 100_000
+FARTHEST_MOUNT: Final = 10.0  # m from the robot's centre
+_PRINTED = 0.01  # rad by which a whole turn may come out larger than it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +139,23 @@ class RobotFacts:
             ClientError: If the robot has no such scanner.
         """
         for scanner in self.scanners:
-            if name is None or scanner.name.lower() == name.lower():
+            if name is None or same_name(scanner.name, name):
                 return scanner
         wanted = "a scanner" if name is None else f"the scanner {name[:80]!r}"
         names = [scanner.name for scanner in self.scanners]
         raise ClientError(f"robot {self.name!r} has {names}, expected {wanted}")
+
+
+def same_name(one: str, other: str) -> bool:
+    """Tell whether two names are one item's; servers mix upper and lower case."""
+    return one.casefold() == other.casefold()
+
+
+def is_sound(scan: RangeScan) -> bool:
+    """Tell whether a scan can be one: its beams fan out, and its ranges are lengths."""
+    fans = scan.fov > 0 or (len(scan.ranges) == 1 and scan.fov == 0)
+    lengths = bool(np.all((scan.ranges >= 0) & (scan.ranges < np.inf)))
+    return fans and lengths and not _is_too_wide(scan.fov, scan.resolution)
 
 
 def beam_angles(scan: RangeScan) -> Floats:
@@ -160,17 +176,21 @@ def robot_facts(
     """Put together what a robot says of itself.
 
     Raises:
-        ClientError: If it has wheels that nobody can drive by.
+        ClientError: If it has wheels that nobody can drive by, or a hull of no size.
     """
     wheels = {
         "WheelRadius": geo.wheel_radius,
         "WheelSeparation": geo.wheel_separation,
         "MaxSpeed": conf.max_speed,
     }
+    least, most = WHEELS
     for key, value in wheels.items():
-        if not value > 0:
-            text = f"{key} {value} of robot {geo.name[:80]!r}"
-            raise ClientError(f"{text}, expected more than 0")
+        if not least <= value <= most:
+            text = f"{key} {value:g} of robot {geo.name[:80]!r}"
+            raise ClientError(f"{text}, expected {least:g} to {most:g}")
+    if not min(geo.dimensions) >= 0:
+        text = f"Dimensions {geo.dimensions} of robot {geo.name[:80]!r}"
+        raise ClientError(f"{text}, expected none below 0")
     length, width, height = hull(geo)
     scale = DRIVE_SCALES[drive_unit]
     return RobotFacts(
@@ -204,45 +224,87 @@ def hull(geo: RobotGeo) -> tuple[float, float, float]:
 class ScannersTold:
     """What a server tells of scanners, as it comes.
 
-    Servers differ in how much they answer; what a scan says is added at the end.
+    Servers differ in how much they answer; what a scan says is added at the end. Names
+    that differ in case only are those of one scanner.
     """
 
     def __init__(self) -> None:
+        self._names: dict[str, str] = {}  # as they came first; all keys are casefolded
         self._mounts: dict[str, Pose3] = {}
         self._limits: dict[str, ScannerLimits] = {}
 
     def take(self, report: Report) -> None:
         """Take in an answer; what is none of scanners changes nothing."""
         if isinstance(report, ItemGeo):
-            self._mounts |= dict(report.mounts)
+            for name, mount in report.mounts:
+                self._mounts[self._key(name)] = mount
         elif isinstance(report, ScannerConf):
             for name, *numbers in report.items:
-                self._limits[name] = ScannerLimits(*numbers)
+                self._limits[self._key(name)] = ScannerLimits(*numbers)
+
+    def _key(self, name: str) -> str:
+        key = name.casefold()
+        self._names.setdefault(key, name)
+        return key
 
     def names(self, scans: Iterable[str]) -> list[str]:
         """Give all names that occurred, given those that scans came of."""
-        return [*dict.fromkeys((*self._mounts, *self._limits, *scans))]
+        names = {name.casefold(): name for name in scans} | self._names
+        keys = (*self._mounts, *self._limits, *names)
+        return [names[key] for key in dict.fromkeys(keys)]
 
     def incomplete(self, scans: Iterable[str]) -> list[str]:
         """Give the names of those that have not told everything."""
         complete = self._mounts.keys() & self._limits.keys()
-        return [name for name in self.names(scans) if name not in complete]
+        return [name for name in self.names(scans) if name.casefold() not in complete]
 
     def facts(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerFacts, ...]:
         """Put all together; who says nothing of its beams is left out.
 
         Args:
             scans: By name; of the beams a scan tells best, since they can be counted.
+
+        Raises:
+            ClientError: If a scanner is told to be what none can be.
         """
+        seen = {name.casefold(): scan for name, scan in scans.items()}
         facts = []
         for name in self.names(scans):
-            limits = self._limits.get(name, UNLIMITED)
-            fan = _fan(limits, scans.get(name))
+            key = name.casefold()
+            limits = self._limits.get(key, UNLIMITED)
+            mount = self._mounts.get(key, NOWHERE)
+            _check_scanner(name, limits, mount)
+            scan = seen.get(key)
+            fan = _fan(limits, scan)
             if fan is not None:
-                mount = self._mounts.get(name, NOWHERE)
+                told = name if scan is None else scan.name
                 nearest, farthest = limits.min_range, limits.max_range
-                facts.append(ScannerFacts(name, mount, nearest, farthest, *fan))
+                facts.append(ScannerFacts(told, mount, nearest, farthest, *fan))
         return tuple(facts)
+
+
+def _check_scanner(name: str, limits: ScannerLimits, mount: Pose3) -> None:
+    far = math.hypot(mount.x, mount.y, mount.z)
+    wrong = ""
+    if limits.max_range <= 0:
+        wrong = f"MaxRange {limits.max_range:g}, expected more than 0"
+    elif limits.fov < 0 or _is_too_wide(limits.fov, limits.resolution):
+        wrong = f"FOV {limits.fov:g}, expected 0 to a whole turn in radians"
+    elif 0 < limits.resolution < limits.fov / MOST_BEAMS:
+        text = f"Resolution {limits.resolution:g} for FOV {limits.fov:g}"
+        wrong = f"{text}, expected at most {MOST_BEAMS} beams"
+    elif far > FARTHEST_MOUNT:
+        text = f"mount {far:g} m from the robot's centre"
+        wrong = f"{text}, expected at most {FARTHEST_MOUNT:g} m"
+    if wrong:
+        raise ClientError(f"scanner {name[:80]!r} has {wrong}")
+
+
+def _is_too_wide(fov: float, resolution: float) -> bool:
+    """Tell whether beams go round more than once, by more than one step."""
+    turn = 2 * math.pi
+    step = resolution if 0 < resolution < turn else 0.0  # it may be nonsense itself
+    return fov > turn + step + _PRINTED
 
 
 def _fan(

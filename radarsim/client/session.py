@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+from radarsim.client.facts import is_sound
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.asking import encode_command
@@ -95,6 +96,8 @@ class Session:
         report = None
         with suppress(MalformedMessage):
             report = decode_report(line)
+        if isinstance(report, RangeScan) and not is_sound(report):
+            report = None
         if report is None:
             self.unread += 1
         elif isinstance(report, Greeting):

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.client.facts import RobotFacts, ScannerFacts, beam_angles
+from radarsim.client.facts import RobotFacts, ScannerFacts, beam_angles, same_name
 from radarsim.geometry import Floats, Pose2, Pose3, wrap_angle
 from radarsim.navigation.sensed import from_centre
 from radarsim.protocol.reports import (
@@ -67,7 +67,7 @@ class Readings:
                 self.touched[name] = touched
             case Status(battery=battery):
                 self.battery = battery
-            case RangeScan(name=self.scanner.name):
+            case RangeScan(name=name) if same_name(name, self.scanner.name):
                 self.scan = report
                 self._scan_times.append(report.time)
             case _:

@@ -26,6 +26,7 @@ from radarsim.navigation.motion import STAND, Motion, Pace, bearing_of, distance
 from radarsim.navigation.sensed import Sensed
 
 TOLERANCE = 0.1  # m; as near as that is there
+GRAZE = 0.1  # m beyond the safety distance; what is nearer beside the way is in it
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 _LOST = 1.5  # circles without a boundary after which it is taken to be gone
 
@@ -99,6 +100,7 @@ class Bug:
         self._before: Pose2 | None = None
         self._lost = 0.0
         self._best_leave = math.inf
+        self._leaving = False  # whether it is still beside what it has left
         self._seen_from = math.inf  # m; how near the goal was when last seen
 
     @property
@@ -139,6 +141,14 @@ class Bug:
         ahead = bumpers.towards(sensed, bearing_of(pose, *self.goals[0]))
         return not ahead.blocked or self._is_beyond(sensed, ahead.distance)
 
+    def _is_faced(self, sensed: Sensed) -> bool:
+        """Tell whether the boundary that is followed is before the goal."""
+        goal = bearing_of(sensed.pose, *self.goals[0])
+        ahead = self._settings.bumpers.towards(sensed, goal)
+        if self._is_beyond(sensed, ahead.distance):
+            return False
+        return self._follower.faces(sensed, self._way, goal)
+
     def _is_beyond(self, sensed: Sensed, obstacle: float) -> bool:
         """Tell whether the goal comes before an obstacle in its direction."""
         goal = distance(sensed.pose, *self.goals[0])
@@ -149,7 +159,10 @@ class Bug:
         bumpers, pose = self._settings.bumpers, sensed.pose
         goal = bearing_of(pose, *self.goals[0])
         sides = (goal - bumpers.width, goal + bumpers.width)
-        return any(bumpers.towards(sensed, side).too_near for side in sides)
+        near = min(bumpers.towards(sensed, side).distance for side in sides)
+        self._leaving &= near < bumpers.safety_distance + GRAZE
+        # who has followed a boundary into a gap may go on in it
+        return near < bumpers.safety_distance + (0.0 if self._leaving else GRAZE)
 
     def _go(self, sensed: Sensed) -> Motion:
         left = distance(sensed.pose, *self.goals[0])
@@ -169,7 +182,7 @@ class Bug:
         else:
             assert self._start is not None
             line = (self._start, self.goals[0])
-            self._circling = AlongLine(hit, line, self._settings.give_up)
+            self._circling = AlongLine(hit, line, self._settings.give_up, reach)
 
     def _align(self, sensed: Sensed) -> Motion:
         obstacle = bearing_of(sensed.pose, *self.goals[0])
@@ -184,12 +197,13 @@ class Bug:
             return self._leave(sensed)
         direction = self._follower.tangent(sensed, self._way)
         before = self._circling.circuits
-        verdict = self._circling.step(
-            Step(sensed.pose, step, direction, self._is_free(sensed))
-        )
+        free = not self._is_faced(sensed)
+        verdict = self._circling.step(Step(sensed.pose, step, direction, free))
         self.circuits += self._circling.circuits - before
         if verdict is Verdict.NO_PATH or (
-            verdict is Verdict.LEAVE and self._is_no_nearer(sensed.pose)
+            verdict is Verdict.LEAVE
+            and not self._circling.missed
+            and self._is_no_nearer(sensed.pose)
         ):
             self.doing = Doing.NO_PATH
             return STAND
@@ -229,5 +243,5 @@ class Bug:
 
     def _leave(self, sensed: Sensed) -> Motion:
         self.leaves.append((sensed.pose.x, sensed.pose.y))
-        self.doing, self._circling = Doing.GOING, None
+        self.doing, self._circling, self._leaving = Doing.GOING, None, True
         return self._go(sensed)

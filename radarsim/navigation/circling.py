@@ -13,6 +13,7 @@ Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2;
 thesis on navigation with a radar in USARSim, section 5.1.
 """
 
+import math
 from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 from typing import Protocol
@@ -22,6 +23,8 @@ from radarsim.navigation.landmark import Landmark
 from radarsim.navigation.motion import distance
 
 LEAST_CIRCUIT = 1.5  # m; none is shorter, and so near its beginning is no end
+SPACING = 2.0  # m between marks on a boundary
+AT_LINE = 0.1  # m beside the line to the goal that are still on it
 LEAST_GAIN = 0.1  # m nearer to the goal that count as nearer
 
 
@@ -63,13 +66,41 @@ class Circling(Protocol):
 
     Attributes:
         circuits: How often it was gone round.
+        missed: Whether it leaves because the place to leave was not found again.
     """
 
     circuits: int
+    missed: bool
 
     def step(self, step: Step) -> Verdict:
         """Decide what to do next."""
         ...
+
+
+class Trail:
+    """Marks along a boundary, the hit point first, that end a circuit when met again.
+
+    The hit point itself may lie where only a robot gets that goes straight. Then the
+    circuit is closed by the first mark that lies on it.
+    """
+
+    def __init__(self, hit: Landmark, reach: float) -> None:
+        self._marks = [(0.0, hit)]
+        self._reach = reach
+
+    def closes(self, step: Step, travelled: float) -> float | None:
+        """Give after which way, m, the mark was left that is met again, or None.
+
+        Args:
+            step: To be told every one.
+            travelled: Way since the hit point, m.
+        """
+        met = [at for at, mark in self._marks if mark.passed(step.pose)]
+        if travelled - self._marks[-1][0] >= SPACING:
+            mark = Landmark(step.pose, step.direction, reach=self._reach)
+            self._marks.append((travelled, mark))
+        closing = [at for at in met if travelled - at >= LEAST_CIRCUIT]
+        return closing[0] if closing else None
 
 
 class AllRound:
@@ -77,15 +108,17 @@ class AllRound:
 
     def __init__(self, hit: Landmark, goal: tuple[float, float], reach: float) -> None:
         self.circuits = 0
-        self._hit = hit
+        self.missed = False
+        self._trail = Trail(hit, reach)
         self._goal = goal
         self._reach = reach
         self._travelled = 0.0
-        self._nearest = float("inf")
-        self._nearest_at = 0.0
+        self._seen: list[tuple[float, float, Pose2, float]] = []
         self._leave = hit
-        self._left_to_go = float("nan")
+        self._length = math.nan
+        self._left_to_go = math.nan
         self._onward = True
+        self._turned = False
 
     def step(self, step: Step) -> Verdict:
         """Decide what to do next."""
@@ -94,27 +127,43 @@ class AllRound:
 
     def _circle(self, step: Step) -> Verdict:
         near = distance(step.pose, *self._goal)
-        if near < self._nearest:
-            self._nearest, self._nearest_at = near, self._travelled
-            self._leave = Landmark(step.pose, step.direction, reach=self._reach)
-        passed = self._hit.passed(step.pose)
-        if not passed or self._travelled < LEAST_CIRCUIT:
+        self._seen.append((near, self._travelled, step.pose, step.direction))
+        began = self._trail.closes(step, self._travelled)
+        if began is None:
             return Verdict.ONWARD
         self.circuits = 1
-        back = self._travelled - self._nearest_at
-        self._onward = self._nearest_at <= back
-        self._left_to_go = min(self._nearest_at, back)
-        self._travelled = 0.0
+        _, at, pose, direction = min(
+            (seen for seen in self._seen if seen[1] >= began), key=lambda seen: seen[0]
+        )
+        self._leave = Landmark(pose, direction, reach=self._reach)
         self._leave.passed(step.pose)
+        self._length = self._travelled - began
+        back = self._travelled - at
+        self._onward = at - began <= back
+        self._left_to_go = min(at - began, back)
+        self._travelled = 0.0
         return Verdict.ONWARD if self._onward else Verdict.BACK
 
     def _return(self, step: Step) -> Verdict:
         passed = self._leave.passed(step.pose, onward=self._onward)
         slack = max(1.0, 0.2 * self._left_to_go)
         close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
-        if not (passed or close) or self._travelled < self._left_to_go - slack:
-            return Verdict.ONWARD
-        return Verdict.LEAVE if step.free else Verdict.NO_PATH
+        due = self._turned or self._travelled >= self._left_to_go - slack
+        if due and (passed or close):
+            return Verdict.LEAVE if step.free else Verdict.NO_PATH
+        if self._travelled > self._left_to_go + 2 * slack:
+            return self._missed()
+        return Verdict.ONWARD
+
+    def _missed(self) -> Verdict:
+        """Turn back once, all the way if need be; then go on from where it is."""
+        if self._turned:
+            self.missed = True
+            return Verdict.LEAVE
+        self._turned = True
+        self._onward = not self._onward
+        self._left_to_go, self._travelled = self._length, 0.0
+        return Verdict.BACK
 
 
 class AlongLine:
@@ -125,6 +174,7 @@ class AlongLine:
         hit: Landmark,
         line: tuple[Pose2, tuple[float, float]],
         give_up: GiveUp,
+        reach: float,
     ) -> None:
         """Begin at a hit point.
 
@@ -132,9 +182,12 @@ class AlongLine:
             hit: Where.
             line: Where it starts, and the goal.
             give_up: When to say that there is no path.
+            reach: How far beside a mark a way still counts, m.
         """
         self.circuits = 0
+        self.missed = False
         self._hit = hit
+        self._trail = Trail(hit, reach)
         self._start, self._goal = line
         self._give_up = give_up
         self._travelled = 0.0
@@ -144,23 +197,25 @@ class AlongLine:
     def step(self, step: Step) -> Verdict:
         """Decide what to do next."""
         self._travelled += step.moved
-        met, nearer = self._meets_line(step.pose)
-        again = self._hit.passed(step.pose) and self._travelled >= LEAST_CIRCUIT
+        met, crossed = self._meets_line(step.pose)
+        near = distance(step.pose, *self._goal)
+        nearer = near < self._from_hit - LEAST_GAIN
+        again = self._trail.closes(step, self._travelled) is not None
         if met and nearer and step.free:
             return Verdict.LEAVE
         if again:
             self.circuits += 1
             return Verdict.NO_PATH
-        if met and not nearer and self._give_up == GiveUp.LINE:
+        if crossed and not nearer and self._give_up == GiveUp.LINE:
             away = distance(step.pose, self._hit.x, self._hit.y)
             return Verdict.NO_PATH if away > LEAST_CIRCUIT / 2 else Verdict.ONWARD
         return Verdict.ONWARD
 
     def _meets_line(self, pose: Pose2) -> tuple[bool, bool]:
-        """Tell whether the last step crossed the line, and nearer to the goal."""
+        """Tell whether the robot is at the line, and whether it has just crossed it."""
         goal_x, goal_y = self._goal
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
         side = dx * (pose.y - self._start.y) - dy * (pose.x - self._start.x)
         before, self._side = self._side, side
-        met = before is not None and before * side <= 0
-        return met, distance(pose, goal_x, goal_y) < self._from_hit - LEAST_GAIN
+        crossed = before is not None and before * side <= 0
+        return crossed or abs(side) <= AT_LINE * math.hypot(dx, dy), crossed

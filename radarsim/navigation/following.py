@@ -26,6 +26,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.navigation.bumpers import Bumpers
@@ -37,7 +38,12 @@ MOST_LEAN = 0.8  # rad
 TRIED = math.radians(5.0)  # between directions that are tried
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
+CORNER = 0.15  # m farther than the nearest place of a boundary, and still at hand
+ASIDE = math.radians(10.0)  # on the other hand, and still on the boundary's
+OTHER = math.radians(15.0)  # from the way, where the other side of a gap may begin
+FACING = math.radians(60.0)  # from the boundary's direction: still towards it
 _SLACK = 0.1  # m beyond the band in which a boundary is not lost yet
+_ROUGH = 0.02  # m that a step may come nearer than is allowed
 _ALIKE = 0.05  # m within which places of the boundary count as equally near
 
 
@@ -147,13 +153,38 @@ class Follower:
         ahead = 0.0 if boundary is None else boundary.bearing - ABEAM
         return sensed.pose.yaw + way.bearing(ahead)
 
+    def faces(self, sensed: Sensed, way: Way, bearing: float) -> bool:
+        """Tell whether a direction leads into the boundary that is followed.
+
+        What is on the other side of a gap is another matter.
+
+        Args:
+            sensed: What is around.
+            way: How it is followed.
+            bearing: The direction, rad from the robot's front.
+        """
+        seen = way.seen(sensed)
+        boundary = self._boundary(seen)
+        if boundary is None:
+            return False
+        side = self._side(seen) & (seen.ranges <= boundary.distance + CORNER)
+        apart = seen.bearings[side] - way.bearing(bearing)  # they undo themselves
+        apart = np.remainder(apart + math.pi, 2 * math.pi) - math.pi
+        return bool((np.abs(apart) <= FACING).any())
+
+    def _side(self, seen: Sensed) -> NDArray[np.bool_]:
+        """Tell which beams look ahead or to the left, (N,)."""
+        left: NDArray[np.bool_] = seen.bearings >= -ASIDE
+        return left | (seen.bearings < self.bumpers.width / 2 - math.pi)
+
     def _sidelong(self, seen: Sensed, way: Way, obstacle: float) -> float:
         """Give the heading that brings the nearest of what is there abeam, rad."""
         centre = way.bearing(obstacle)  # turning and mirroring undo themselves
         apart = np.remainder(seen.bearings - centre + math.pi, 2 * math.pi) - math.pi
-        ranges = np.where(
-            np.abs(apart) <= 1.5 * self.bumpers.width, seen.ranges, math.inf
-        )
+        # what is ahead of the robot is what it hit; else it is beside its way
+        ahead = self.bumpers.towards(seen, centre).blocked
+        within = (0.5 if ahead else 1.5) * self.bumpers.width
+        ranges = np.where(np.abs(apart) <= within, seen.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
         nearest = ranges <= ranges.min() + _ALIKE
@@ -161,8 +192,7 @@ class Follower:
 
     def _boundary(self, seen: Sensed) -> Boundary | None:
         """Find what is nearest ahead or on the left."""
-        left = seen.bearings >= -self.bumpers.width / 2
-        left |= seen.bearings < -math.pi + self.bumpers.width / 2
+        left = self._side(seen)
         ranges, bearings = seen.ranges[left], seen.bearings[left]
         if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _SLACK:
             return None
@@ -171,30 +201,54 @@ class Follower:
 
     def _along(self, seen: Sensed, boundary: Boundary) -> float:
         """Give the heading that brings the boundary abeam, and to its distance."""
-        wanted = min(self.wanted, self._middle(seen, boundary))
-        lean = DISTANCE_GAIN * (boundary.distance - wanted)
+        half = max(self._gap(seen, boundary) / 2, self.bumpers.safety_distance)
+        lean = DISTANCE_GAIN * (boundary.distance - min(self.wanted, half))
         lean = max(-MOST_LEAN, min(MOST_LEAN, lean))
         return boundary.bearing - ABEAM + lean
 
-    def _middle(self, seen: Sensed, boundary: Boundary) -> float:
-        """Give half the width of the gap that the robot is in, m."""
-        right = self.bumpers.towards(seen, boundary.bearing - math.pi)
-        half = (boundary.distance + right.distance) / 2
-        return max(half, self.bumpers.safety_distance)
+    def _gap(self, seen: Sensed, boundary: Boundary) -> float:
+        """Give how far what is on the other side is from the boundary's place, m."""
+        apart = seen.bearings - boundary.bearing + ABEAM
+        apart = np.remainder(apart + math.pi, 2 * math.pi) - math.pi
+        other = (apart < OTHER) & (apart > ASIDE - math.pi) & np.isfinite(seen.ranges)
+        if not other.any():
+            return math.inf
+        x, y = _places(seen.bearings[other], seen.ranges[other])
+        x -= boundary.distance * math.cos(boundary.bearing)
+        y -= boundary.distance * math.sin(boundary.bearing)
+        return float(np.hypot(x, y).min())
 
     def _clear_heading(self, seen: Sensed, heading: float) -> float:
-        """Turn a heading away from the boundary until its front is off."""
-        for k in range(int(2 * math.pi / TRIED)):
-            tried = heading - k * TRIED
-            if not self.bumpers.towards(seen, tried).blocked:
-                return tried
-        return heading - ABEAM  # walled in: turn, and hope for a way out
+        """Turn a heading away from the boundary until the next step is clear.
+
+        Clear is a step after which nothing is nearer than the safety distance, or than
+        what is already too near.
+        """
+        near = seen.ranges < self.bumpers.pressed_below
+        if not near.any():
+            return heading
+        x, y = _places(seen.bearings[near], seen.ranges[near])
+        least = min(self.bumpers.safety_distance, float(seen.ranges[near].min()))
+        tried = heading - TRIED * np.arange(int(2 * math.pi / TRIED))
+        step = self.bumpers.band / 2
+        apart = np.hypot(
+            x - step * np.cos(tried)[:, None], y - step * np.sin(tried)[:, None]
+        )
+        clear = np.flatnonzero(apart.min(axis=1) >= least - _ROUGH)
+        if not len(clear):
+            return heading - ABEAM  # walled in: turn, and hope for a way out
+        return float(tried[clear[0]])
 
     def _move(self, seen: Sensed, heading: float) -> Motion:
         motion = self.pace.towards(max(-math.pi, min(math.pi, heading)))
         if self.bumpers.towards(seen, 0.0).too_near:
             return Motion(0.0, motion.turn)
         return motion
+
+
+def _places(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
+    """Give x and y of where beams ended, m, from the robot's centre."""
+    return ranges * np.cos(bearings), ranges * np.sin(bearings)
 
 
 def _mean_bearing(bearings: Floats) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from radarsim.client import Client, RobotFacts, ScannerFacts, beam_angles
+from radarsim.client.facts import same_name
 from radarsim.errors import ClientError, ClientTimeout
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Bug, Doing, Point
@@ -64,7 +65,8 @@ class Result:
     Attributes:
         outcome: ``reached``, ``no_path``, or ``failed`` when the time was up.
         path_length: m, by the poses that it was steered by.
-        time: s of the server, from the first scan to the last.
+        time: s of the server, from the first scan to the last; of the link if by its
+            clock more has passed, since some servers' time stamps stand still.
         hits: Hit points, map frame, m.
         leaves: Leave points.
         circuits: How often it went all round an obstacle.
@@ -87,17 +89,32 @@ class Result:
 class Eyes:
     """Puts scans and poses together as they come in."""
 
-    def __init__(self, scanner: ScannerFacts, source: PoseSource) -> None:
+    def __init__(
+        self, scanner: ScannerFacts, source: PoseSource, clock: Callable[[], float]
+    ) -> None:
+        """Begin.
+
+        Args:
+            scanner: Whose scans are wanted.
+            source: Where poses come from.
+            clock: Gives s; times all scans if the first one has no time stamp.
+        """
         self._scanner = scanner
         self._source = source
+        self._clock = clock
+        self._is_stamped: bool | None = None
         self._pose: Pose2 | None = None
         self._spawned: Pose2 | None = None
         self.missing = f"pose from {source.value}"
 
     def take(self, report: Report) -> Sensed | None:
-        """Take in a report; give what is known if it completes that."""
+        """Take in a report; give what is known if it completes that.
+
+        Raises:
+            ClientError: If a scan has so few beams that some bumper may see nothing.
+        """
         if isinstance(report, RangeScan):
-            if report.name != self._scanner.name or self._pose is None:
+            if self._pose is None or not same_name(report.name, self._scanner.name):
                 return None
             return self._sensed(report, self._pose)
         self._take_pose(report)
@@ -122,11 +139,19 @@ class Eyes:
         return self._source == PoseSource.ODOMETRY
 
     def _sensed(self, report: RangeScan, pose: Pose2) -> Sensed:
-        scanner = self._scanner
+        scanner, count = self._scanner, len(report.ranges)
+        if count < scanner.beams / 2:
+            text = f"scan of {count} ranges from {scanner.name[:80]!r}"
+            raise ClientError(f"{text}, expected {scanner.beams}")
         bearings, ranges = from_centre(
             report.ranges, beam_angles(report), scanner.mount, scanner.max_range
         )
-        return Sensed(report.time, pose, bearings, ranges)
+        return Sensed(self._time_of(report), pose, bearings, ranges)
+
+    def _time_of(self, scan: RangeScan) -> float:
+        if self._is_stamped is None:
+            self._is_stamped = math.isfinite(scan.time)
+        return scan.time if self._is_stamped else self._clock()
 
 
 class Pilot:
@@ -157,7 +182,7 @@ class Pilot:
         """
         self.client = client
         self.facts = facts
-        self._eyes = Eyes(scanner, source)
+        self._eyes = Eyes(scanner, source, client.link.time)
         self._timeout = timeout
 
     def run(
@@ -173,7 +198,7 @@ class Pilot:
         Args:
             bug: What decides.
             bumpers: What the observer is told the state of.
-            time_limit: s of the server.
+            time_limit: s, as the result's time is counted.
             observe: Called at every scan.
 
         Raises:
@@ -181,7 +206,8 @@ class Pilot:
                 told to stop if the connection still stood.
             NavigationError: If the robot does not move though it is told to.
         """
-        tally, push = _Tally(), Push()
+        clock = self.client.link.time
+        tally, push = _Tally(clock), Push(clock)
         try:
             for sensed in self._scans():
                 motion = bug.step(sensed)
@@ -234,21 +260,20 @@ class Pilot:
 class _Tally:
     """Adds up what a run tells of itself."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
         self.length = 0.0
         self.nearest = math.inf
+        self.time = 0.0  # s since the first scan
+        self._clock = clock
+        self._began = 0.0
         self._first: Sensed | None = None
         self._last: Sensed | None = None
 
-    @property
-    def time(self) -> float:
-        """Since the first scan, s."""
-        if self._first is None or self._last is None:
-            return 0.0
-        return self._last.time - self._first.time
-
     def add(self, sensed: Sensed) -> None:
-        self._first = self._first or sensed
+        if self._first is None:
+            self._first, self._began = sensed, self._clock()
+        by_stamps = sensed.time - self._first.time
+        self.time = max(self.time, by_stamps, self._clock() - self._began)
         if self._last is not None:
             self.length += moved(self._last.pose, sensed.pose)
         self._last = sensed

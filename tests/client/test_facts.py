@@ -90,13 +90,60 @@ def test_a_hull_that_nobody_tells_of_reaches_beyond_the_wheels(
             replace(GEO, wheel_separation=-1), CONF, "WheelSeparation", id="separation"
         ),
         pytest.param(GEO, replace(CONF, max_speed=0), "MaxSpeed", id="speed"),
+        pytest.param(replace(GEO, wheel_radius=1e-9), CONF, "WheelRadius", id="tiny"),
+        pytest.param(GEO, replace(CONF, max_speed=1e9), "MaxSpeed", id="fast"),
     ],
 )
 def test_wheels_that_nobody_can_drive_by_are_refused(
     geo: RobotGeo, conf: RobotConf, key: str
 ) -> None:
-    with pytest.raises(ClientError, match=rf"{key} .* 'P3AT', expected more than 0"):
+    with pytest.raises(ClientError, match=rf"{key} .* 'P3AT', expected 0.001 to"):
         robot_facts(geo, conf, (), "rad_per_s")
+
+
+def test_a_hull_of_less_than_nothing_is_refused() -> None:
+    with pytest.raises(ClientError, match=r"Dimensions .*, expected none below 0"):
+        robot_facts(replace(GEO, dimensions=(0.6, -1, 0.4)), CONF, (), "rad_per_s")
+
+
+@pytest.mark.parametrize(
+    ("limits", "text"),
+    [
+        pytest.param((0, 0, 0.01, 3), "MaxRange 0", id="sees nothing"),
+        pytest.param((-80, 0, 0.01, 3), "MaxRange -80", id="sees behind itself"),
+        pytest.param((80, 0, 1e-9, 3), "at most 100000 beams", id="many beams"),
+        pytest.param((80, 0, 0.01, -3), "FOV -3", id="negative"),
+        pytest.param((80, 0, 1, 180), "FOV 180", id="degrees"),
+        pytest.param((80, 0, 1e6, 1e6), "FOV 1e", id="all too wide"),
+    ],
+)
+def test_a_scanner_that_cannot_be_is_refused(
+    limits: tuple[float, float, float, float], text: str
+) -> None:
+    told = ScannersTold()
+    told.take(ScannerConf("RangeScanner", (("S", *limits),)))
+    with pytest.raises(ClientError, match=rf"scanner 'S' has .*{text}"):
+        told.facts({})
+
+
+def test_a_scanner_away_from_its_robot_is_refused() -> None:
+    told = ScannersTold()
+    told.take(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
+    with pytest.raises(
+        ClientError, match=r"mount 11\.3\d* m .*, expected at most 10 m"
+    ):
+        told.facts({})
+
+
+def test_names_in_any_case_are_one_scanner() -> None:
+    told = ScannersTold()
+    told.take(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
+    told.take(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
+    scans = {"LMS200": RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
+    assert told.names(scans) == ["lms200"]
+    assert told.incomplete(scans) == []
+    (facts,) = told.facts(scans)
+    assert facts == ScannerFacts("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
 
 
 def test_a_scanner_is_found_by_its_name_in_any_case() -> None:

@@ -85,6 +85,28 @@ def test_what_has_no_stamp_gets_the_newest_one() -> None:
     assert session.receive(line) == [Ins(3.5, "I", HERE)]
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [
+        pytest.param("{FOV 0} {Range 1,2}", id="two beams and no fan"),
+        pytest.param("{FOV -3.14} {Range 1,2}", id="negative fan"),
+        pytest.param("{FOV 180} {Range 1,2}", id="many turns"),
+        pytest.param("{FOV 3.14} {Range 1,-2}", id="negative range"),
+        pytest.param("{FOV 3.14} {Range 1,nan}", id="no number"),
+    ],
+)
+def test_a_scan_that_cannot_be_is_skipped(fields: str) -> None:
+    session = Session()
+    line = f"SEN {{Type RangeScanner}} {{Name S}} {{Resolution 0.1}} {fields}\r\n"
+    assert session.receive(line.encode()) == []
+    assert (session.unread, session.scans) == (1, {})
+
+
+def test_a_scan_of_one_beam_needs_no_fan() -> None:
+    line = b"SEN {Type RangeScanner} {Name S} {Resolution 0} {FOV 0} {Range 2}\r\n"
+    assert len(Session().receive(line)) == 1
+
+
 def test_what_is_not_understood_is_counted_and_the_last_line_kept() -> None:
     session = Session()
     lines = b"RES {Type Camera}\r\nSEN {Type INS} {Name I}\r\n}{\r\n\r\n  \r\nhello\n"

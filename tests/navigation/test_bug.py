@@ -225,3 +225,56 @@ def test_a_goal_that_is_too_near_to_something_ends_in_no_path_or_at_the_goal(
     assert len(walker.hits) < 8
     assert world.nearest > 0.38
     assert walker.doing in (Doing.NO_PATH, Doing.REACHED)
+
+
+def gate(width: float) -> list[shapely.Polygon]:
+    """A wall across, with a gap beside the line to the goal."""
+    return [
+        shapely.box(-0.1, -4, 0.1, -width / 2),
+        shapely.box(-0.1, width / 2, 0.1, 4),
+    ]
+
+
+@BOTH
+@HANDS
+@pytest.mark.parametrize("width", [1.1, 1.3, 1.5, 1.7, 1.9])
+def test_it_gets_past_two_obstacles_however_far_apart(
+    flatland: World, algorithm: Algorithm, on_left: bool, width: float
+) -> None:
+    first = shapely.box(-2.5, -1, -1.5, 1)
+    second = shapely.box(-1.5 + width, -1, -0.5 + width, 1)
+    world = flatland(first, second, at=Pose2(-5.0, 0.3))
+    walker = bug(algorithm, (4.0, 0.3), on_left=on_left)
+    world.run(walker)
+    assert walker.doing is Doing.REACHED
+    assert world.nearest > 0.42
+
+
+@BOTH
+@HANDS
+@pytest.mark.parametrize("width", [1.2, 1.5, 1.9])
+@pytest.mark.parametrize("start", [0.0, 1.5])
+def test_it_goes_through_gaps_wider_than_twice_the_safety_distance(
+    flatland: World, algorithm: Algorithm, on_left: bool, width: float, start: float
+) -> None:
+    room = shapely.box(-6, -4.1, 6, 4.1).exterior.buffer(0.1, cap_style="square")
+    world = flatland(room, *gate(width), at=Pose2(-4.0, start))
+    walker = bug(algorithm, (4.0, 1.0), on_left=on_left)
+    world.run(walker)
+    assert walker.doing is Doing.REACHED
+    assert world.nearest > 0.42
+
+
+@BOTH
+@HANDS
+def test_it_comes_back_out_of_a_dead_end(
+    flatland: World, algorithm: Algorithm, on_left: bool
+) -> None:
+    for width in (1.3, 1.7):
+        half = width / 2
+        walls = shapely.box(-3, -half - 0.1, 3, half + 0.1)
+        dead_end = walls.difference(shapely.box(-4, -half, 2.9, half))
+        world = flatland(dead_end, at=Pose2(-6.0, 0.1))
+        walker = bug(algorithm, (6.0, 0.1), on_left=on_left)
+        world.run(walker)
+        assert walker.doing is Doing.REACHED

@@ -61,7 +61,7 @@ def test_bug1_gives_up_where_the_nearest_place_is_not_free() -> None:
 
 
 def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> AlongLine:
-    return AlongLine(mark(0.0), (start, goal), give_up)
+    return AlongLine(mark(0.0), (start, goal), give_up, 0.7)
 
 
 def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
@@ -72,7 +72,7 @@ def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
             angle, step = walk(angle, 1)
             verdict = circling.step(Step(step.pose, step.moved, step.direction, free))
         assert verdict is (Verdict.LEAVE if free else Verdict.NO_PATH)
-        assert angle == pytest.approx(math.pi if free else 2 * math.pi, abs=0.02)
+        assert angle == pytest.approx(math.pi if free else 2 * math.pi, abs=0.04)
         assert circling.circuits == (not free)
 
 
@@ -86,5 +86,5 @@ def test_the_rules_of_giving_up_differ_where_the_line_is_met_farther_away() -> N
             verdict = circling.step(step)
         assert verdict is Verdict.NO_PATH
         ends[rule] = angle
-    assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.02)
+    assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.04)
     assert ends[GiveUp.HIT_POINT] == pytest.approx(2 * math.pi, abs=0.02)

@@ -37,6 +37,7 @@ class Ill:
         until: Until when.
         driven: When DRIVE was sent, and what.
         deaf: Whether no DRIVE arrives.
+        rewrite: What is made of all that comes, last.
     """
 
     host: Host
@@ -45,6 +46,7 @@ class Ill:
     until: float = NEVER
     deaf: bool = False
     driven: list[tuple[float, Drive]] = field(default_factory=list)
+    rewrite: Callable[[bytes], bytes] = bytes
 
     def __post_init__(self) -> None:
         self._link = HostLink(self.host)
@@ -73,7 +75,7 @@ class Ill:
                 self._link.close()
                 raise ConnectionError("the server closed the connection")
             self.host.step()
-            data = self._passing(self.host.take(self._link.number))
+            data = self.rewrite(self._passing(self.host.take(self._link.number)))
             if data:
                 return data
         raise TimeoutError
@@ -242,4 +244,64 @@ def test_whatever_goes_wrong_the_robot_is_told_to_stop(empty_room: Scene) -> Non
 
     with pytest.raises(KeyboardInterrupt):
         go(link, interrupt)
+    assert stops(link) == [link.driven[-1][0]]
+
+
+def without_stamps(data: bytes) -> bytes:
+    return re.sub(rb" \{Time [^}]*\}", b"", data)
+
+
+def with_one_stamp(data: bytes) -> bytes:
+    return re.sub(rb"\{Time [^}]*\}", b"{Time 7.00}", data)
+
+
+STAMPS = pytest.mark.parametrize(
+    "rewrite",
+    [
+        pytest.param(without_stamps, id="no stamps"),
+        pytest.param(with_one_stamp, id="always the same stamp"),
+    ],
+)
+
+
+@STAMPS
+def test_time_is_limited_at_a_server_without_a_clock(
+    empty_room: Scene, rewrite: Callable[[bytes], bytes]
+) -> None:
+    link = Ill(Host(empty_room), rewrite=rewrite)
+    moments: list[Moment] = []
+    result = go_with(link, time_limit=2.0, observe=moments.append)
+    assert result.outcome == "failed"
+    assert result.time == pytest.approx(2.1)
+    assert all(math.isfinite(moment.sensed.time) for moment in moments)
+
+
+@STAMPS
+def test_a_robot_that_stays_is_given_up_at_a_server_without_a_clock(
+    empty_room: Scene, rewrite: Callable[[bytes], bytes]
+) -> None:
+    link = Ill(Host(empty_room), deaf=True, rewrite=rewrite)
+    with pytest.raises(NavigationError, match="told to go 3 m"):
+        go_with(link, time_limit=60.0)
+
+
+def test_scans_are_known_by_their_name_in_any_case(empty_room: Scene) -> None:
+    seen: list[Moment] = []
+
+    def rewrite(data: bytes) -> bytes:
+        return data.replace(b"lms200", b"LMS200") if seen else data
+
+    link = Ill(Host(empty_room), rewrite=rewrite)
+    assert go_with(link, observe=seen.append).outcome == "reached"
+
+
+def test_a_scan_that_lost_most_of_its_beams_is_refused(empty_room: Scene) -> None:
+    seen: list[Moment] = []
+
+    def rewrite(data: bytes) -> bytes:
+        return re.sub(rb"\{Range [^}]*\}", b"{Range 5,5}", data) if seen else data
+
+    link = Ill(Host(empty_room), rewrite=rewrite)
+    with pytest.raises(ClientError, match=r"scan of 2 ranges from .*, expected \d+$"):
+        go_with(link, observe=seen.append)
     assert stops(link) == [link.driven[-1][0]]
