@@ -10,16 +10,19 @@ abeam.
 Along means that the nearest place of the boundary is abeam, and that its distance is
 the middle of the band. So the robot's way is the boundary, moved outward by that
 distance: around an outer corner or the end of a thin wall it is an arc about the
-nearest place, and in an inner corner the front bumper turns it from one wall to the
-next. In a gap in which both sides are pressed it keeps to the middle.
+nearest place, and in an inner corner it turns from one wall to the next. In a gap it
+keeps to the middle, as long as that is the safety distance from both sides.
 
 Rule 1: everything is computed for a boundary on the left and a robot that goes forward.
 For the other side the scan is mirrored, and for going backward it is turned round.
 Rule 2: the boundary is where the nearest beam ends, and not the nearest share of beams:
 the end of a thin wall has no more than one or two.
-Rule 3: the front bumper is asked for the direction that the robot is to take, not for
-the one that it faces: of all directions that leave the front off, the nearest to the
+Rule 3: what is ahead counts in the direction that the robot is to take, not in the one
+that it faces: of all directions in which the next step is clear, the nearest to the
 boundary's is taken. So it does not waver in corners.
+Rule 4: whoever heads for a goal must not get where a follower would not, or it might
+never come by its hit point again. So a follower goes through all gaps that are twice
+the safety distance wide, and 0.4 m for turning and noise.
 """
 
 import math
@@ -39,8 +42,7 @@ TRIED = math.radians(5.0)  # between directions that are tried
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
 CORNER = 0.15  # m farther than the nearest place of a boundary, and still at hand
-ASIDE = math.radians(10.0)  # on the other hand, and still on the boundary's
-OTHER = math.radians(15.0)  # from the way, where the other side of a gap may begin
+ASIDE = math.radians(10.0)  # from the way, where the other side of a gap begins
 FACING = math.radians(60.0)  # from the boundary's direction: still towards it
 _SLACK = 0.1  # m beyond the band in which a boundary is not lost yet
 _ROUGH = 0.02  # m that a step may come nearer than is allowed
@@ -210,7 +212,7 @@ class Follower:
         """Give how far what is on the other side is from the boundary's place, m."""
         apart = seen.bearings - boundary.bearing + ABEAM
         apart = np.remainder(apart + math.pi, 2 * math.pi) - math.pi
-        other = (apart < OTHER) & (apart > ASIDE - math.pi) & np.isfinite(seen.ranges)
+        other = (apart < -ASIDE) & (apart > ASIDE - math.pi) & np.isfinite(seen.ranges)
         if not other.any():
             return math.inf
         x, y = _places(seen.bearings[other], seen.ranges[other])
