@@ -150,7 +150,10 @@ class AllRound:
         close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
         due = self._turned or self._travelled >= self._left_to_go - slack
         if due and (passed or close):
-            return Verdict.LEAVE if step.free else Verdict.NO_PATH
+            # who went astray does not know which obstacle is before the goal here
+            self.missed = self._turned
+            given_up = not step.free and not self.missed
+            return Verdict.NO_PATH if given_up else Verdict.LEAVE
         if self._travelled > self._left_to_go + 2 * slack:
             return self._missed()
         return Verdict.ONWARD
