@@ -12,22 +12,9 @@ from typing import Annotated
 import typer
 
 from radarsim.cli.options import DriveUnit, JsonOption
+from radarsim.navigation.choices import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 
 TERMINATED = 143  # as shells call it
-
-
-class Algorithm(StrEnum):
-    """How a robot gets round what is in the way."""
-
-    BUG1 = "bug1"
-    BUG2 = "bug2"
-
-
-class Rule(StrEnum):
-    """When a bumper is pressed."""
-
-    SHARE = "share"
-    ALL = "all"
 
 
 class Side(StrEnum):
@@ -35,21 +22,6 @@ class Side(StrEnum):
 
     LEFT = "left"
     RIGHT = "right"
-
-
-class GiveUp(StrEnum):
-    """When Bug2 says that there is no path."""
-
-    HIT_POINT = "hit_point"
-    LINE = "line"
-
-
-class PoseFrom(StrEnum):
-    """What the pose is read from."""
-
-    INS = "ins"
-    ODOMETRY = "odometry"
-    GROUND_TRUTH = "ground_truth"
 
 
 def navigate(
@@ -73,7 +45,7 @@ def navigate(
     ] = None,
     robot: Annotated[
         str, typer.Option(help="Class; it has to see all around.")
-    ] = "P3AT_Radar360",
+    ] = ROBOT,
     scanner: Annotated[
         str | None, typer.Option(help="The one to steer by; the first by default.")
     ] = None,
@@ -109,8 +81,8 @@ def navigate(
         GiveUp, typer.Option(help="Where Bug2 says that there is no path.")
     ] = GiveUp.HIT_POINT,
     pose_from: Annotated[
-        PoseFrom, typer.Option(help="The reading to take the pose from.")
-    ] = PoseFrom.INS,
+        PoseSource, typer.Option(help="The reading to take the pose from.")
+    ] = PoseSource.INS,
     speed: Annotated[
         float,
         typer.Option(metavar="M_PER_S", help="At most, and the robot's own limit."),

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedCo
 from rich.table import Table
 
 from radarsim.errors import MapError, PresetError
-from radarsim.navigation.bug import Algorithm
+from radarsim.navigation.choices import Algorithm
 from radarsim.study.trials import (
     MAPS,
     Score,

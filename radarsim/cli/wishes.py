@@ -10,12 +10,10 @@ from radarsim.client import DriveUnit
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.navigation.bug import Algorithm, Point
-from radarsim.navigation.bumpers import Rule
-from radarsim.navigation.circling import GiveUp
+from radarsim.navigation.bug import Point
+from radarsim.navigation.choices import Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.mission import Mission
 from radarsim.navigation.motion import Pace
-from radarsim.navigation.pilot import PoseSource
 from radarsim.scene.mapfile import load_map
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.conditions import Conditions

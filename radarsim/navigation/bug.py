@@ -12,14 +12,8 @@ from enum import StrEnum
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.circling import (
-    AllRound,
-    AlongLine,
-    Circling,
-    GiveUp,
-    Step,
-    Verdict,
-)
+from radarsim.navigation.choices import Algorithm, GiveUp
+from radarsim.navigation.circling import AllRound, AlongLine, Circling, Step, Verdict
 from radarsim.navigation.following import Follower, Way, moved
 from radarsim.navigation.landmark import Landmark
 from radarsim.navigation.motion import STAND, Motion, Pace, bearing_of, distance
@@ -31,13 +25,6 @@ NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 _LOST = 1.5  # circles without a boundary after which it is taken to be gone
 
 Point = tuple[float, float]
-
-
-class Algorithm(StrEnum):
-    """Which of the two."""
-
-    BUG1 = "bug1"
-    BUG2 = "bug2"
 
 
 class Doing(StrEnum):

@@ -20,12 +20,12 @@ Source: a thesis on navigation with a radar in USARSim, section 5.2.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.navigation.choices import Rule
 from radarsim.navigation.sensed import Sensed
 
 BAND = 0.5  # m from too near to not pressed
@@ -37,13 +37,6 @@ EIGHT = (
     *("front", "front_left", "left", "back_left"),
     *("back", "back_right", "right", "front_right"),
 )
-
-
-class Rule(StrEnum):
-    """When a bumper is pressed."""
-
-    SHARE = "share"  # a share of its beams is nearer than the band's far end
-    ALL = "all"  # all of its beams are within the band, as the thesis has it
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,20 +155,6 @@ def nearest_share(ranges: Floats, share: float) -> float:
     """
     count = max(1, math.ceil(share * len(ranges) - 1e-9))
     return float(np.partition(ranges, count - 1)[count - 1])
-
-
-def least_safety_distance(
-    clearance: float, *, penetration_power: float = 0.0, density: float = math.inf
-) -> float:
-    """Give the least safety distance for a robot and what it may meet, m.
-
-    Args:
-        clearance: From the robot's centre to its farthest corner, m.
-        penetration_power: Of the radar; 0 for a laser.
-        density: The least of anything solid that the radar sees into, per metre.
-    """
-    depth = penetration_power / density if penetration_power else 0.0
-    return clearance + depth
 
 
 def pressed_names(bumpers: Sequence[Bumper]) -> tuple[str, ...]:

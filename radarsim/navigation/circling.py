@@ -1,13 +1,13 @@
 """What Bug1 and Bug2 do at a boundary: how long to follow it, and where to leave.
 
 Bug1 goes all the way round, notes where it is nearest to the goal, and goes back there
-the shorter way. If the goal's direction is blocked there, there is no path. Bug2 leaves
-where it meets the line from start to goal again, nearer to the goal than at the hit
-point and with a free way towards it.
+the shorter way. If the goal's direction leads into the obstacle there, there is no
+path. Bug2 leaves where it meets the line from start to goal again, nearer to the goal
+than at the hit point, unless the line leads into the obstacle there.
 
-When Bug2 gives up is a matter of choice. Choset and others: when it meets its hit point
-again. The thesis: already when it meets the line and is not nearer to the goal there,
-which gives up on maps that have a path.
+When Bug2 gives up is a matter of choice. Choset and others: when it meets its hit
+point, here also its own way, again. The thesis: already when it meets the line and is
+not nearer to the goal there, which gives up on maps that have a path.
 
 Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2; a
 thesis on navigation with a radar in USARSim, section 5.1.
@@ -15,10 +15,11 @@ thesis on navigation with a radar in USARSim, section 5.1.
 
 import math
 from dataclasses import dataclass
-from enum import Enum, StrEnum, auto
+from enum import Enum, auto
 from typing import Protocol
 
 from radarsim.geometry import Pose2
+from radarsim.navigation.choices import GiveUp
 from radarsim.navigation.landmark import Landmark
 from radarsim.navigation.motion import distance
 
@@ -37,13 +38,6 @@ class Verdict(Enum):
     NO_PATH = auto()
 
 
-class GiveUp(StrEnum):
-    """When Bug2 says that there is no path."""
-
-    HIT_POINT = "hit_point"  # it has come round to where it hit
-    LINE = "line"  # it is at the line, and not nearer
-
-
 @dataclass(frozen=True, slots=True)
 class Step:
     """One step along a boundary.
@@ -52,7 +46,8 @@ class Step:
         pose: Where the robot is.
         moved: Way since the step before, m.
         direction: Of the boundary, rad, map frame.
-        free: Whether the way towards the goal is free.
+        free: Whether the goal is not behind the boundary; what else is before it is
+            another obstacle.
     """
 
     pose: Pose2

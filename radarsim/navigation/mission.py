@@ -7,23 +7,12 @@ from dataclasses import dataclass, field
 from radarsim.client import Client, DriveUnit, RobotFacts, ScannerFacts
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import (
-    TOLERANCE,
-    Algorithm,
-    Bug,
-    BugSettings,
-    Point,
-)
-from radarsim.navigation.bumpers import (
-    LEAST_SHARE,
-    Bumpers,
-    Rule,
-)
-from radarsim.navigation.circling import GiveUp
+from radarsim.navigation.bug import TOLERANCE, Bug, BugSettings, Point
+from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
+from radarsim.navigation.choices import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.motion import Pace
-from radarsim.navigation.pilot import Moment, Pilot, PoseSource, Result
+from radarsim.navigation.pilot import Moment, Pilot, Result
 
-ROBOT = "P3AT_Radar360"
 MARGIN = 0.13  # m on top of what is needed at least, for noise and for the way to stop
 
 

@@ -8,7 +8,6 @@ given up a little later with a word on what was missing.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 
 from radarsim.client import Client, RobotFacts, ScannerFacts, beam_angles
 from radarsim.client.facts import same_name
@@ -16,6 +15,7 @@ from radarsim.errors import ClientError, ClientTimeout
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Bug, Doing, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
+from radarsim.navigation.choices import PoseSource
 from radarsim.navigation.following import moved
 from radarsim.navigation.motion import STAND, Motion
 from radarsim.navigation.pushing import Push
@@ -29,14 +29,6 @@ from radarsim.protocol.reports import (
 )
 
 STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
-
-
-class PoseSource(StrEnum):
-    """Which reading the pose is taken from."""
-
-    INS = "ins"
-    ODOMETRY = "odometry"
-    GROUND_TRUTH = "ground_truth"
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,8 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, MapError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.navigation.bug import Algorithm
-from radarsim.navigation.mission import ROBOT, Mission, carry_out
+from radarsim.navigation.choices import ROBOT, Algorithm
+from radarsim.navigation.mission import Mission, carry_out
 from radarsim.presets.robots import load_robot
 from radarsim.scene.mapfile import load_map
 from radarsim.scene.scene import Scene, Trial
@@ -209,7 +209,9 @@ def run_trial(entry: Entry) -> Score:
 def _prepared(map_: str) -> tuple[Scene, Trial, float | None]:
     """Load a map and find its shortest path, once in a process."""
     scene, trial = load_trial(map_)
-    start = next(s.pose for s in scene.starts if s.name == trial.start)
+    found_start = scene.start(trial.start)
+    assert found_start is not None  # the map was checked when it was read
+    start = found_start.pose
     model = load_robot(ROBOT)
     clearance = math.hypot(model.length, model.width) / 2
     found = shortest_path(scene, (start.x, start.y), trial.goal, clearance)

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Algorithm, Bug, BugSettings, Doing
-from radarsim.navigation.bumpers import Bumpers, Rule
-from radarsim.navigation.circling import GiveUp
+from radarsim.navigation.bug import Bug, BugSettings, Doing
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.choices import Algorithm, GiveUp, Rule
 from radarsim.navigation.motion import Pace
 
 

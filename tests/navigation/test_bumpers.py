@@ -6,14 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bumpers import (
-    Bumper,
-    Bumpers,
-    Rule,
-    least_safety_distance,
-    nearest_share,
-    pressed_names,
-)
+from radarsim.navigation.bumpers import Bumper, Bumpers, nearest_share, pressed_names
+from radarsim.navigation.choices import Rule
 from radarsim.navigation.sensed import Sensed
 
 BEARINGS = np.radians(np.arange(360) - 180.0)
@@ -157,15 +151,6 @@ def test_a_share_of_the_ranges_is_no_farther(ranges: list[float], share: float) 
     distance = nearest_share(values, share)
     assert np.mean(values <= distance) >= share - 1e-9
     assert np.mean(values < distance) < share
-
-
-def test_the_safety_distance_adds_the_depth_that_is_seen_into_foliage() -> None:
-    assert least_safety_distance(0.37) == 0.37
-    assert least_safety_distance(
-        0.37, penetration_power=1.0, density=0.5
-    ) == pytest.approx(2.37)
-    assert least_safety_distance(0.37, penetration_power=1.0) == 0.37
-    assert least_safety_distance(0.37, density=0.7) == 0.37
 
 
 def test_what_is_pressed_is_named() -> None:

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.circling import AllRound, AlongLine, GiveUp, Step, Verdict
+from radarsim.navigation.choices import GiveUp
+from radarsim.navigation.circling import AllRound, AlongLine, Step, Verdict
 from radarsim.navigation.landmark import Landmark
 
 RADIUS = 3.0

@@ -7,7 +7,7 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.navigation.bug import Algorithm
+from radarsim.navigation.choices import Algorithm
 from radarsim.navigation.mission import MARGIN, Mission, carry_out
 from radarsim.navigation.pilot import Moment, Result
 from radarsim.scene.scene import Scene

@@ -11,9 +11,10 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.navigation.bug import Algorithm, Doing
+from radarsim.navigation.bug import Doing
+from radarsim.navigation.choices import Algorithm, PoseSource
 from radarsim.navigation.mission import Mission, carry_out
-from radarsim.navigation.pilot import Moment, PoseSource, Result
+from radarsim.navigation.pilot import Moment, Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
 from radarsim.scene.scene import Scene

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Algorithm, Bug, BugSettings, Doing
+from radarsim.navigation.bug import Bug, BugSettings, Doing
 from radarsim.navigation.bumpers import Bumpers, pressed_names
+from radarsim.navigation.choices import Algorithm
 from radarsim.navigation.motion import STAND, Motion, Pace
 from radarsim.navigation.pilot import Moment
 from radarsim.navigation.record import CELL, Leg, Record

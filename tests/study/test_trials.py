@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -63,6 +64,21 @@ def test_the_same_trial_gives_the_same_score_and_another_seed_another() -> None:
     score, again = run_trial(QUICK), run_trial(QUICK)
     assert score == again
     assert score.path_length != run_trial(replace(QUICK, seed=1)).path_length
+
+
+def test_a_start_is_found_whatever_its_case(tmp_path: Path) -> None:
+    map_ = tmp_path / "yard.yaml"
+    map_.write_text(
+        """
+version: 1
+objects:
+  - {name: floor, box: [9, 9, 0.2], position: [0, 0, -0.1], material: concrete}
+starts:
+  - {name: RobotStart1, position: [0, 0, 0]}
+trial: {start: robotstart1, goal: [1, 0], safety_distance: 0.5}
+"""
+    )
+    assert run_trial(Entry(str(map_), "bug2", "laser", 0)).right
 
 
 @pytest.mark.slow
