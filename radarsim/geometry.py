@@ -35,6 +35,20 @@ class Pose2:
     y: float
     yaw: float = 0.0
 
+    def compose(self, inner: "Pose2") -> "Pose2":
+        """Express a pose that is given in this frame in the frame around it."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x = self.x + c * inner.x - s * inner.y
+        y = self.y + s * inner.x + c * inner.y
+        return Pose2(x, y, wrap_angle(self.yaw + inner.yaw))
+
+    def seen_from(self, other: "Pose2") -> "Pose2":
+        """Give this pose as told from another of the same frame."""
+        c, s = math.cos(other.yaw), math.sin(other.yaw)
+        dx, dy = self.x - other.x, self.y - other.y
+        turn = wrap_angle(self.yaw - other.yaw)
+        return Pose2(c * dx + s * dy, c * dy - s * dx, turn)
+
 
 @dataclass(frozen=True, slots=True)
 class Pose3:

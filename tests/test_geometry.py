@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.geometry import Pose3, rotation_matrix, wrap_angle
+from radarsim.geometry import Pose2, Pose3, rotation_matrix, wrap_angle
 
 angles = st.floats(-10, 10)
 lengths = st.floats(-100, 100)
 poses = st.builds(Pose3, lengths, lengths, lengths, angles, angles, angles)
+places = st.builds(Pose2, lengths, lengths, angles)
 
 
 @given(angle=st.floats(-1e3, 1e3))
@@ -37,6 +38,22 @@ def test_composing_poses_is_moving_points_twice(
     twice = outer.position() + outer.rotation() @ once
     moved = both.position() + both.rotation() @ np.array(point)
     assert moved == pytest.approx(twice, abs=1e-6)
+
+
+@given(outer=places, inner=places)
+def test_on_the_floor_poses_compose_as_in_space(outer: Pose2, inner: Pose2) -> None:
+    both = outer.compose(inner)
+    space = [Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw) for pose in (outer, inner)]
+    same = space[0].compose(space[1])
+    assert (both.x, both.y) == pytest.approx((same.x, same.y), abs=1e-9)
+    assert wrap_angle(both.yaw - same.yaw) == pytest.approx(0, abs=1e-9)
+
+
+@given(one=places, other=places)
+def test_what_is_seen_from_a_pose_leads_from_it(one: Pose2, other: Pose2) -> None:
+    again = other.compose(one.seen_from(other))
+    assert (again.x, again.y) == pytest.approx((one.x, one.y), abs=1e-9)
+    assert wrap_angle(again.yaw - one.yaw) == pytest.approx(0, abs=1e-9)
 
 
 def test_looking_straight_up_keeps_its_matrix() -> None:

@@ -15,7 +15,8 @@ import typer
 
 from radarsim import __version__
 from radarsim.cli.moving import navigate, trials
-from radarsim.cli.options import DriveUnit, JsonOption, SeedOption
+from radarsim.cli.options import DriveUnit, DriveUnitOption, JsonOption, SeedOption
+from radarsim.cli.signals import end_unfinished
 from radarsim.errors import RadarsimError
 
 app = typer.Typer(
@@ -252,9 +253,7 @@ def drive(
     speed: Annotated[
         float, typer.Option(metavar="M_PER_S", help="That the keys set; + and - too.")
     ] = 0.4,
-    drive_unit: Annotated[
-        DriveUnit, typer.Option(help="In which the server counts wheel speeds.")
-    ] = DriveUnit.RAD_PER_S,
+    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
 ) -> None:
     """Drive a robot from the keyboard, and see what it senses."""
     from radarsim.cli.driving import run_driver
@@ -274,6 +273,7 @@ def bench(
     as_json: JsonOption = False,
 ) -> None:
     """Measure the engine and the server on this machine, in under two minutes."""
+    end_unfinished()
     from radarsim.cli.benching import run_benchmarks
 
     run_benchmarks(as_json=as_json)

@@ -3,18 +3,29 @@
 Nothing heavy is imported before a command runs, as in ``commands``.
 """
 
-import signal
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from radarsim.cli.options import DriveUnit, JsonOption
+from radarsim.cli.options import (
+    DriveUnit,
+    DriveUnitOption,
+    HostOption,
+    JsonOption,
+    PortOption,
+    PoseOption,
+    PowerOption,
+    SafetyOption,
+    ServedSeedOption,
+    ServedSettingsOption,
+    StartOption,
+    TimeLimitOption,
+    TimeoutOption,
+)
+from radarsim.cli.signals import end_unfinished
 from radarsim.navigation.choices import ROBOT, Algorithm, GiveUp, PoseSource, Rule
-
-TERMINATED = 143  # as shells call it
 
 
 class Side(StrEnum):
@@ -31,32 +42,17 @@ def navigate(
         list[str] | None,
         typer.Option(metavar="X,Y", help="m, map frame; again for way points in turn."),
     ] = None,
-    host: Annotated[
-        str | None, typer.Option(help="Of the server.", show_default="127.0.0.1")
-    ] = None,
-    port: Annotated[
-        int | None, typer.Option(min=1, max=65535, show_default="3000")
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(help="A start of the map; its first by default.")
-    ] = None,
-    pose: Annotated[
-        str | None, typer.Option(metavar="X,Y,YAW_DEG", help="Where to start instead.")
-    ] = None,
+    host: HostOption = None,
+    port: PortOption = None,
+    start: StartOption = None,
+    pose: PoseOption = None,
     robot: Annotated[
         str, typer.Option(help="Class; it has to see all around.")
     ] = ROBOT,
     scanner: Annotated[
         str | None, typer.Option(help="The one to steer by; the first by default.")
     ] = None,
-    safety_distance: Annotated[
-        float | None,
-        typer.Option(
-            metavar="M",
-            help="From the robot's centre to what it sees; what the robot and"
-            " --foliage-density ask for by default.",
-        ),
-    ] = None,
+    safety_distance: SafetyOption = None,
     foliage_density: Annotated[
         float | None,
         typer.Option(
@@ -64,9 +60,7 @@ def navigate(
             help="Of the thinnest foliage that it may meet: the radar sees into it.",
         ),
     ] = None,
-    penetration_power: Annotated[
-        float, typer.Option(help="Of the radar, for --foliage-density.")
-    ] = 1.0,
+    penetration_power: PowerOption = 1.0,
     bumpers: Annotated[int, typer.Option(min=4, max=36, help="How many.")] = 8,
     share: Annotated[
         float, typer.Option(help="Of a bumper's beams that press it.")
@@ -87,15 +81,9 @@ def navigate(
         float,
         typer.Option(metavar="M_PER_S", help="At most, and the robot's own limit."),
     ] = 0.3,
-    drive_unit: Annotated[
-        DriveUnit, typer.Option(help="In which the server counts wheel speeds.")
-    ] = DriveUnit.RAD_PER_S,
-    timeout: Annotated[
-        float, typer.Option(metavar="S", help="Without a scan, then it gives up.")
-    ] = 2.0,
-    time_limit: Annotated[
-        float, typer.Option(metavar="S", help="Of the server's time for the whole run.")
-    ] = 3600.0,
+    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
+    timeout: TimeoutOption = 2.0,
+    time_limit: TimeLimitOption = 3600.0,
     as_json: JsonOption = False,
     trace: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CSV, a row for each scan.")
@@ -111,20 +99,11 @@ def navigate(
             " its trial says start, goal and safety distance where nothing else does.",
         ),
     ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Of the simulation of --serve.", show_default="0"),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="ITEM.KEY=VALUE",
-            help="Change a setting of an item of the robot of --serve.",
-        ),
-    ] = None,
+    seed: ServedSeedOption = None,
+    settings: ServedSettingsOption = None,
 ) -> None:
     """Drive a robot to a goal by its long-range bumpers; exits with 3 for no path."""
+    end_unfinished()
     from radarsim.cli.navigating import Files, run_navigator
     from radarsim.cli.wishes import MissionWish, ServerWish
 
@@ -151,8 +130,6 @@ def navigate(
         time_limit=time_limit,
     )
     files = Files(trace, plot)
-    # 0 would say that the goal is reached
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     raise typer.Exit(run_navigator(mission, server, files, as_json=as_json))
 
 
@@ -173,6 +150,7 @@ def trials(
     as_json: JsonOption = False,
 ) -> None:
     """Run and score navigation on maps, in lockstep and on all cores."""
+    end_unfinished()
     from radarsim.cli.trialling import run_and_print
 
     run_and_print(

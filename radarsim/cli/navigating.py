@@ -1,26 +1,21 @@
 """``radarsim navigate``."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import typer
 
+from radarsim.cli.files import check_place, write_file
 from radarsim.cli.outcomes import as_json as told_as_json
 from radarsim.cli.outcomes import as_text, title_of
 from radarsim.cli.running import Run
-from radarsim.cli.scanning import write_whole
 from radarsim.cli.wishes import MissionWish, ServerWish
-from radarsim.geometry import Floats
-from radarsim.robots.sections import section
-from radarsim.scene.scene import Scene
+from radarsim.study.floorplan import plan_of
 
 EXIT_CODES = {"reached": 0, "no_path": 3}
 FORMS = ("png", "svg", "pdf")
-PLAN_HEIGHT = 0.35  # m above the floor; that of a P3AT's scanner, and it bumps there
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +37,8 @@ class Files:
             typer.BadParameter: If a folder is not there, or a form is not known.
         """
         for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
-            if path is not None and (reason := _hindrance(path)):
-                text = f"cannot write {path}: {reason}"
-                raise typer.BadParameter(text, param_hint=hint)
+            if path is not None:
+                check_place(path, hint)
         if self.plot is not None and self.form not in FORMS:
             text = f"{str(self.plot)!r}, expected a name that ends in one of {FORMS}"
             raise typer.BadParameter(text, param_hint="--plot")
@@ -53,15 +47,6 @@ class Files:
     def form(self) -> str:
         """What the picture is to be."""
         return "" if self.plot is None else self.plot.suffix.lower().lstrip(".")
-
-
-def _hindrance(path: Path) -> str:
-    """Tell why a file cannot be written, as far as that shows before it is tried."""
-    if not path.parent.is_dir():
-        return "no such folder"
-    if path.is_dir():
-        return "a folder of that name"
-    return "" if os.access(path.parent, os.W_OK) else "the folder is read-only"
 
 
 def run_navigator(
@@ -107,9 +92,9 @@ def _written(run: Run, files: Files) -> Iterator[None]:
         yield
     finally:
         if files.trace is not None:
-            write_whole(files.trace, run.record.as_csv().encode(), "--trace")
+            write_file(files.trace, run.record.as_csv().encode(), "--trace")
         if files.plot is not None and run.record.rows:
-            write_whole(files.plot, _picture(run, files.form), "--plot")
+            write_file(files.plot, _picture(run, files.form), "--plot")
 
 
 def _picture(run: Run, form: str) -> bytes:
@@ -118,13 +103,5 @@ def _picture(run: Run, form: str) -> bytes:
         draw_run,
     )
 
-    plan = NO_LINES if run.scene is None else _plan(run.scene)
+    plan = NO_LINES if run.scene is None else plan_of(run.scene)
     return draw_run(run.record, title_of(run), plan=plan, form=form)
-
-
-def _plan(scene: Scene) -> Floats:
-    """Cut what is solid where robots bump into it, (S, 2, 2) m."""
-    height = PLAN_HEIGHT + (scene.starts[0].pose.z if scene.starts else 0.0)
-    solid = [part for part in scene.parts if part.material.solid]
-    cuts = [section(part.vertices, part.faces, height) for part in solid]
-    return np.concatenate([np.zeros((0, 2, 2)), *cuts])

@@ -5,14 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
-
+from radarsim.cli.living import Lines, living
 from radarsim.navigation.bug import Doing, Point
 from radarsim.navigation.record import AT_BOUNDARY, Record, Row
-
-_REFRESHES = 8  # a second
 
 
 class Teller(Protocol):
@@ -22,32 +17,23 @@ class Teller(Protocol):
         """Take notice of the moment that the record has got last."""
 
 
+class Nobody:
+    """Who tells nothing, since the line that lives knows it all by the record."""
+
+    def tell(self, row: Row) -> None:
+        """Take notice."""
+
+
 @contextmanager
 def progress(record: Record) -> Iterator[Teller]:
     """Tell of a run, by one living line on a terminal, else by a line per change."""
-    console = Console(stderr=True)
-    if not console.is_terminal or console.is_dumb_terminal:
-        yield Changes(console, record)
-        return
-    line = LiveLine(record)
-    live = Live(line, console=console, refresh_per_second=_REFRESHES, transient=True)
-    with live:
-        yield line
+    with living(lambda: now(record)) as lines:
+        yield Nobody() if lines is None else Changes(lines, record)
 
 
-class LiveLine:
-    """One line with the present state; it is put together only when it is drawn."""
-
-    def __init__(self, record: Record) -> None:
-        self._record = record
-
-    def tell(self, row: Row) -> None:
-        """Take notice; the record knows it all."""
-
-    def __rich__(self) -> Text:
-        rows = self._record.rows
-        text = present(self._record, rows[-1]) if rows else "waiting for a scan"
-        return Text(text, no_wrap=True, overflow="ellipsis")
+def now(record: Record) -> str:
+    """Say in one line how things stand."""
+    return present(record, record.rows[-1]) if record.rows else "waiting for a scan"
 
 
 def present(record: Record, row: Row) -> str:
@@ -68,8 +54,8 @@ def present(record: Record, row: Row) -> str:
 class Changes:
     """A line for every change of what the robot is at."""
 
-    def __init__(self, console: Console, record: Record) -> None:
-        self._console = console
+    def __init__(self, lines: Lines, record: Record) -> None:
+        self._lines = lines
         self._record = record
         self._before: tuple[Doing, Point | None] | None = None
 
@@ -80,7 +66,7 @@ class Changes:
             return
         line = f"{self._record.time:8.1f} s  {self._change(row)}"
         self._before = now
-        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+        self._lines.add(line)
 
     def _change(self, row: Row) -> str:
         doing, goal = self._before or (None, None)

@@ -4,16 +4,14 @@ import csv
 import io
 import json
 import math
-import os
-import stat
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import typer
 
+from radarsim.cli.files import write_file
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
@@ -108,7 +106,7 @@ def write_scans(
         text = scans_as_json(scans) if form == "json" else scans_as_csv(scans)
         data = text.encode()
     if output is not None:
-        write_whole(output, data)
+        write_file(output, data)
     elif form == "png" and sys.stdout.isatty():
         raise typer.BadParameter("a picture for a terminal, expected -o FILE")
     else:
@@ -133,54 +131,3 @@ def scans_as_csv(scans: list[Scan]) -> str:
         for beam, row in enumerate(rows):
             writer.writerow([number, beam, *row])
     return text.getvalue()
-
-
-def write_whole(path: Path, data: bytes, hint: str = "-o") -> None:
-    """Write a file so that it is there whole or not at all.
-
-    A link stays, and the file that it leads to is replaced. What is no file, such as a
-    device or a pipe, is written to and stays as well.
-
-    Args:
-        path: Where.
-        data: All of it.
-        hint: The option that asked for it.
-
-    Raises:
-        typer.BadParameter: If it cannot be written.
-    """
-    try:
-        if _is_no_file(path):
-            path.write_bytes(data)
-        else:
-            _replace(Path(os.path.realpath(path)), data)
-    except OSError as error:
-        raise typer.BadParameter(
-            f"cannot write {path}: {error.strerror}", param_hint=hint
-        ) from None
-
-
-def _is_no_file(path: Path) -> bool:
-    try:
-        return not stat.S_ISREG(path.stat().st_mode)
-    except FileNotFoundError:
-        return False
-
-
-def _replace(path: Path, data: bytes) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(name).chmod(0o666 & ~_umask())
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def _umask() -> int:
-    """Read the mask of new files, which can only be read by setting it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

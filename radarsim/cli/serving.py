@@ -8,6 +8,7 @@ from typing import Any
 
 import typer
 
+from radarsim.cli.signals import ending_at_once
 from radarsim.errors import PresetError
 from radarsim.host import Host
 from radarsim.presets.sensors import parse_setting
@@ -47,7 +48,8 @@ def run_server(
         held.check()
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
-    host = Host(load_map(map_), conditions=held, seed=seed)
+    with ending_at_once(terminated=0):
+        host = Host(load_map(map_), conditions=held, seed=seed)
     server = Server(host, speed=speed)
     return asyncio.run(serve_until_signal(server, *address, announce))
 

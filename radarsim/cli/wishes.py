@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import typer
 
 from radarsim.cli.serving import item_settings
+from radarsim.cli.signals import ending_at_once
 from radarsim.client import DriveUnit
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2
@@ -78,39 +80,96 @@ class ServerWish:
             conditions.check()
         except PresetError as error:
             raise typer.BadParameter(str(error), param_hint="--set") from None
-        return Host(load_map(self.map_), conditions=conditions, seed=self.seed or 0)
+        with ending_at_once():
+            scene = load_map(self.map_)
+            return Host(scene, conditions=conditions, seed=self.seed or 0)
+
+
+POSITIVE: Final = (
+    "safety_distance",
+    "foliage_density",
+    "penetration_power",
+    "speed",
+    "timeout",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MissionWish:
-    """What the robot is to do, unread; see ``Mission``.
+class DriveWish:
+    """What robots that drive by themselves are told, unread.
 
     Attributes:
-        goals: ``X,Y`` texts.
+        start: Name of a start, or None.
         pose: ``X,Y,YAW_DEG``, or None.
+        scanner: To steer by; None for the first.
+        safety_distance: m, or None.
         foliage_density: Power per metre that the thinnest foliage takes, or None.
         penetration_power: Of the radar.
+        speed: m/s at most.
+        drive_unit: Of the server.
+        timeout: s without a scan after which it gives up.
+        time_limit: s of the server.
     """
 
-    algorithm: str
-    goals: list[str]
     start: str | None
     pose: str | None
-    robot: str
     scanner: str | None
     safety_distance: float | None
     foliage_density: float | None
     penetration_power: float
+    speed: float
+    drive_unit: DriveUnit
+    timeout: float
+    time_limit: float
+
+    def check_numbers(self, *more: str) -> None:
+        """Find numbers that cannot be, and two places to start from.
+
+        Args:
+            more: More attributes that are to be above 0.
+
+        Raises:
+            typer.BadParameter: If there are any.
+        """
+        for name in (*POSITIVE, *more):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < math.inf:
+                text = f"{value!r}, expected above 0 and finite"
+                hint = "--" + name.replace("_", "-")
+                raise typer.BadParameter(text, param_hint=hint)
+        if not self.time_limit > 0:
+            text = f"{self.time_limit!r}, expected above 0"
+            raise typer.BadParameter(text, param_hint="--time-limit")
+        if self.start is not None and self.pose is not None:
+            raise typer.BadParameter("expected only one of --start and --pose")
+
+    @property
+    def depth(self) -> float:
+        """How far a radar sees into the thinnest foliage, m; 0 if none is told of."""
+        if self.foliage_density is None:
+            return 0.0
+        return self.penetration_power / self.foliage_density
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionWish(DriveWish):
+    """What the robot is to do, unread; see ``Mission``.
+
+    Attributes:
+        goals: ``X,Y`` texts.
+        robot: Its class.
+        bumpers: How many; share, rule, side and give_up are texts of options as well.
+    """
+
+    algorithm: str
+    goals: list[str]
+    robot: str
     bumpers: int
     share: float
     rule: str
     side: str
     give_up: str
     pose_from: str
-    speed: float
-    drive_unit: DriveUnit
-    timeout: float
-    time_limit: float
 
     def read(self, scene: Scene | None) -> Mission:
         """Read the texts, check the numbers, and take from a map's trial what is left.
@@ -128,7 +187,7 @@ class MissionWish:
             pose=None if self.pose is None else read_pose(self.pose),
             scanner=self.scanner,
             safety_distance=self._safety_distance(trial),
-            depth=self._depth(),
+            depth=self.depth,
             bumpers=self.bumpers,
             share=self.share,
             rule=Rule(self.rule),
@@ -142,28 +201,14 @@ class MissionWish:
         )
 
     def _check(self) -> None:
-        for hint, value in (
-            ("--safety-distance", self.safety_distance),
-            ("--foliage-density", self.foliage_density),
-            ("--penetration-power", self.penetration_power),
-            ("--speed", self.speed),
-            ("--timeout", self.timeout),
-        ):
-            if value is not None and not 0 < value < math.inf:
-                text = f"{value!r}, expected above 0 and finite"
-                raise typer.BadParameter(text, param_hint=hint)
-        if not self.time_limit > 0:
-            text = f"{self.time_limit!r}, expected above 0"
-            raise typer.BadParameter(text, param_hint="--time-limit")
+        self.check_numbers()
         if not 0 < self.share <= 1:
             text = f"{self.share!r}, expected above 0 and at most 1"
             raise typer.BadParameter(text, param_hint="--share")
-        if self.start is not None and self.pose is not None:
-            raise typer.BadParameter("expected only one of --start and --pose")
 
     def _goals(self, trial: Trial | None) -> tuple[Point, ...]:
         if self.goals:
-            return tuple(read_goal(text) for text in self.goals)
+            return tuple(read_place(text, "--goal") for text in self.goals)
         if trial is None:
             text = "nowhere to go, expected X,Y, or --serve with a map that has a trial"
             raise typer.BadParameter(text, param_hint="--goal")
@@ -174,10 +219,7 @@ class MissionWish:
             return self.start
         if self.start is None:
             return scene.trial.start if scene.trial else None
-        if scene.start(self.start) is None:
-            names = [start.name for start in scene.starts]
-            text = f"{self.start[:80]!r}, expected one of {names}"
-            raise typer.BadParameter(text, param_hint="--start")
+        check_start(self.start, scene)
         return self.start
 
     def _safety_distance(self, trial: Trial | None) -> float | None:
@@ -185,29 +227,45 @@ class MissionWish:
             return trial.safety_distance
         return self.safety_distance
 
-    def _depth(self) -> float:
-        if self.foliage_density is None:
-            return 0.0
-        return self.penetration_power / self.foliage_density
+
+def check_start(wanted: str | None, scene: Scene | None) -> None:
+    """Find a start that the map, if it is known, does not have.
+
+    Raises:
+        typer.BadParameter: If it is one.
+    """
+    if scene is None or wanted is None or scene.start(wanted) is not None:
+        return
+    names = [start.name for start in scene.starts]
+    text = f"{wanted[:80]!r}, expected one of {names}"
+    raise typer.BadParameter(text, param_hint="--start")
 
 
-def read_goal(text: str) -> Point:
+def read_place(text: str, hint: str) -> Point:
     """Read ``X,Y``.
+
+    Args:
+        text: To be read.
+        hint: The option that it is of.
 
     Raises:
         typer.BadParameter: If these are not two numbers.
     """
-    x, y = _numbers(text, "X,Y", "--goal")
+    x, y = _numbers(text, "X,Y", hint)
     return x, y
 
 
-def read_pose(text: str) -> Pose2:
+def read_pose(text: str, hint: str = "--pose") -> Pose2:
     """Read ``X,Y,YAW_DEG``.
+
+    Args:
+        text: To be read.
+        hint: The option that it is of.
 
     Raises:
         typer.BadParameter: If these are not three numbers.
     """
-    x, y, yaw_deg = _numbers(text, "X,Y,YAW_DEG", "--pose")
+    x, y, yaw_deg = _numbers(text, "X,Y,YAW_DEG", hint)
     return Pose2(x, y, math.radians(yaw_deg))
 
 

@@ -77,11 +77,17 @@ def carry_out(
         ClientError: If the server does not say what is needed.
         NavigationError: If the robot cannot do what is asked of it.
     """
-    start = None if mission.pose is not None else _start(client, mission.start)
+    start = None if mission.pose is not None else find_start(client, mission.start)
     client.spawn(mission.robot_class, start=start, pose=mission.pose)
     facts = client.facts(drive_unit=mission.drive_unit)
     scanner = facts.scanner(mission.scanner)
-    bumpers = _bumpers(facts, scanner, mission)
+    bumpers = Bumpers(
+        safety_distance=distance_to_keep(facts, mission.safety_distance, mission.depth),
+        count=mission.bumpers,
+        share=mission.share,
+        rule=mission.rule,
+    )
+    check_sight(bumpers, scanner)
     settings = BugSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
@@ -97,8 +103,19 @@ def carry_out(
     return pilot.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
 
 
-def _start(client: Client, wanted: str | None) -> str | None:
-    """Find a start among those of the map; some servers tell of none."""
+def find_start(client: Client, wanted: str | None) -> str | None:
+    """Find a start among those of the map; some servers tell of none.
+
+    Args:
+        client: A connection.
+        wanted: Its name; None for the first.
+
+    Returns:
+        A name, or None for the server's own choice.
+
+    Raises:
+        NavigationError: If the map has others.
+    """
     try:
         names = list(client.start_poses())
     except ClientTimeout:
@@ -110,27 +127,38 @@ def _start(client: Client, wanted: str | None) -> str | None:
     return wanted
 
 
-def _bumpers(facts: RobotFacts, scanner: ScannerFacts, mission: Mission) -> Bumpers:
-    least = facts.clearance + mission.depth
-    safety = mission.safety_distance
-    if safety is None:
-        safety = least + MARGIN
-    elif safety < least:
-        into = f" and {mission.depth:.2f} m seen into foliage" * bool(mission.depth)
+def distance_to_keep(facts: RobotFacts, wanted: float | None, depth: float) -> float:
+    """Give the safety distance of a robot, m.
+
+    Args:
+        facts: Of the robot.
+        wanted: m; None for what is needed and a margin.
+        depth: How far the sensor sees into foliage, m.
+
+    Raises:
+        NavigationError: If the wanted one is too small.
+    """
+    least = facts.clearance + depth
+    if wanted is None:
+        return least + MARGIN
+    if wanted < least:
+        into = f" and {depth:.2f} m seen into foliage" * bool(depth)
         raise NavigationError(
-            f"safety distance {safety:g} m, expected at least {least:.3f} m,"
+            f"safety distance {wanted:g} m, expected at least {least:.3f} m,"
             f" half the diagonal of {facts.name}{into}"
         )
-    bumpers = Bumpers(
-        safety_distance=safety,
-        count=mission.bumpers,
-        share=mission.share,
-        rule=mission.rule,
-    )
+    return wanted
+
+
+def check_sight(bumpers: Bumpers, scanner: ScannerFacts) -> None:
+    """Refuse a scanner that does not see all around.
+
+    Raises:
+        NavigationError: If some bumpers get none of its beams.
+    """
     if blind := bumpers.blind(scanner.angles + scanner.mount.yaw):
         raise NavigationError(
             f"scanner {scanner.name!r} sees {math.degrees(scanner.fov):.0f} degrees, so"
             f" the bumpers {', '.join(blind)} are blind;"
             f" expected a full circle, as {ROBOT} has it"
         )
-    return bumpers

@@ -1,25 +1,25 @@
 """A client that drives a robot by what a bug decides, and stops it when in doubt.
 
 Every scan of one scanner, together with the newest pose, is shown to the bug; what it
-wants goes out as a DRIVE command. Where scans stay away the robot is stopped first, and
-given up a little later with a word on what was missing.
+wants goes out as a DRIVE command.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from radarsim.client import Client, RobotFacts, ScannerFacts, beam_angles
 from radarsim.client.facts import same_name
-from radarsim.errors import ClientError, ClientTimeout
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Bug, Doing, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.choices import PoseSource
-from radarsim.navigation.following import moved
-from radarsim.navigation.motion import STAND, Motion
+from radarsim.navigation.course import Course
+from radarsim.navigation.helm import Helm, check_beams
+from radarsim.navigation.motion import Motion
 from radarsim.navigation.pushing import Push
 from radarsim.navigation.sensed import Sensed, from_centre
+from radarsim.navigation.stamps import Stamps
 from radarsim.protocol.reports import (
     GroundTruth,
     Ins,
@@ -27,8 +27,6 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
 )
-
-STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +55,8 @@ class Result:
     Attributes:
         outcome: ``reached``, ``no_path``, or ``failed`` when the time was up.
         path_length: m, by the poses that it was steered by.
-        time: s of the server, from the first scan to the last; of the link if by its
-            clock more has passed, since some servers' time stamps stand still.
+        time: s of the server, from the first scan to the last; by the link's clock
+            where its time stamps stand still.
         hits: Hit points, map frame, m.
         leaves: Leave points.
         circuits: How often it went all round an obstacle.
@@ -89,12 +87,11 @@ class Eyes:
         Args:
             scanner: Whose scans are wanted.
             source: Where poses come from.
-            clock: Gives s; times all scans if the first one has no time stamp.
+            clock: Gives s, where time stamps do not.
         """
         self._scanner = scanner
         self._source = source
-        self._clock = clock
-        self._is_stamped: bool | None = None
+        self._stamps = Stamps(clock)
         self._pose: Pose2 | None = None
         self._spawned: Pose2 | None = None
         self.missing = f"pose from {source.value}"
@@ -120,7 +117,7 @@ class Eyes:
             wanted = Ins if self._source == PoseSource.INS else GroundTruth
             pose = level if isinstance(report, wanted) else None
         elif isinstance(report, Odometry) and self._spawned is not None:
-            pose = _after(self._spawned, report.pose)
+            pose = self._spawned.compose(report.pose)
         if pose is None or isinstance(report, Odometry) != self._by_wheels:
             return
         self._pose = pose
@@ -131,19 +128,12 @@ class Eyes:
         return self._source == PoseSource.ODOMETRY
 
     def _sensed(self, report: RangeScan, pose: Pose2) -> Sensed:
-        scanner, count = self._scanner, len(report.ranges)
-        if count < scanner.beams / 2:
-            text = f"scan of {count} ranges from {scanner.name[:80]!r}"
-            raise ClientError(f"{text}, expected {scanner.beams}")
+        scanner = self._scanner
+        check_beams(len(report.ranges), scanner)
         bearings, ranges = from_centre(
             report.ranges, beam_angles(report), scanner.mount, scanner.max_range
         )
-        return Sensed(self._time_of(report), pose, bearings, ranges)
-
-    def _time_of(self, scan: RangeScan) -> float:
-        if self._is_stamped is None:
-            self._is_stamped = math.isfinite(scan.time)
-        return scan.time if self._is_stamped else self._clock()
+        return Sensed(self._stamps.time_of(report.time), pose, bearings, ranges)
 
 
 class Pilot:
@@ -174,8 +164,8 @@ class Pilot:
         """
         self.client = client
         self.facts = facts
-        self._eyes = Eyes(scanner, source, client.link.time)
-        self._timeout = timeout
+        eyes = Eyes(scanner, source, client.link.time)
+        self._helm = Helm(client, facts, eyes, timeout=timeout)
 
     def run(
         self,
@@ -198,85 +188,40 @@ class Pilot:
                 told to stop if the connection still stood.
             NavigationError: If the robot does not move though it is told to.
         """
-        clock = self.client.link.time
-        tally, push = _Tally(clock), Push(clock)
+        tally, push = _Tally(), Push()
         try:
-            for sensed in self._scans():
+            for sensed in self._helm.scans():
                 motion = bug.step(sensed)
                 tally.add(sensed)
                 goal = bug.goals[0] if bug.goals else None
                 pressed = pressed_names(bumpers.read(sensed))
                 observe(Moment(sensed, bug.doing, motion, pressed, goal))
-                if bug.is_done or tally.time > time_limit:
+                if bug.is_done or tally.course.time > time_limit:
                     break
                 push.check(sensed, motion)
-                self._drive(motion)
+                self._helm.drive(motion)
         finally:
             self.client.stop()
         return tally.result(bug, bumpers)
-
-    def _drive(self, motion: Motion) -> None:
-        self.client.drive(*self.facts.wheel_speeds(motion.speed, motion.turn))
-
-    def _scans(self) -> Iterator[Sensed]:
-        """Give what is known at every scan; stops the robot while none comes."""
-        while True:
-            yield self._next()
-
-    def _next(self) -> Sensed:
-        clock = self.client.link.time
-        began, stopped = clock(), False
-        came: set[str] = set()
-        while (waited := clock() - began) < self._timeout:
-            if waited >= STOP_AFTER and not stopped:
-                self._drive(STAND)
-                stopped = True
-            reports = self._read((self._timeout if stopped else STOP_AFTER) - waited)
-            newest = None
-            for report in reports:
-                newest = self._eyes.take(report) or newest
-                came.add(type(report).__name__)
-            if newest is not None:
-                return newest
-        told = f"what came: {', '.join(sorted(came))}" if came else "nothing came"
-        missing = f"no {self._eyes.missing} within {self._timeout:g} s"
-        raise ClientError(f"{missing}, {told}; the robot was told to stop")
-
-    def _read(self, timeout: float) -> list[Report]:
-        try:
-            return self.client.read(max(timeout, 0.001))
-        except ClientTimeout:
-            return []
 
 
 class _Tally:
     """Adds up what a run tells of itself."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.length = 0.0
+    def __init__(self) -> None:
+        self.course = Course()
         self.nearest = math.inf
-        self.time = 0.0  # s since the first scan
-        self._clock = clock
-        self._began = 0.0
-        self._first: Sensed | None = None
-        self._last: Sensed | None = None
 
     def add(self, sensed: Sensed) -> None:
-        if self._first is None:
-            self._first, self._began = sensed, self._clock()
-        by_stamps = sensed.time - self._first.time
-        self.time = max(self.time, by_stamps, self._clock() - self._began)
-        if self._last is not None:
-            self.length += moved(self._last.pose, sensed.pose)
-        self._last = sensed
+        self.course.add(sensed)
         if len(sensed.ranges):
             self.nearest = min(self.nearest, float(sensed.ranges.min()))
 
     def result(self, bug: Bug, bumpers: Bumpers) -> Result:
         return Result(
             outcome=bug.doing.value if bug.is_done else "failed",
-            path_length=self.length,
-            time=self.time,
+            path_length=self.course.length,
+            time=self.course.time,
             hits=tuple(bug.hits),
             leaves=tuple(bug.leaves),
             circuits=bug.circuits,
@@ -284,11 +229,3 @@ class _Tally:
             goals_left=len(bug.goals),
             safety_distance=bumpers.safety_distance,
         )
-
-
-def _after(start: Pose2, motion: Pose2) -> Pose2:
-    """Give where a motion, told from a start, leads on the map."""
-    c, s = math.cos(start.yaw), math.sin(start.yaw)
-    x = start.x + c * motion.x - s * motion.y
-    y = start.y + s * motion.x + c * motion.y
-    return Pose2(x, y, start.yaw + motion.yaw)

@@ -1,29 +1,25 @@
-"""When a robot pushes against something that it does not see."""
+"""When a robot gets nowhere: it pushes against what it does not see, or just stands."""
 
-from collections.abc import Callable
+from typing import Final
 
 from radarsim.errors import NavigationError
+from radarsim.geometry import Pose2, wrap_angle
 from radarsim.navigation.following import moved
 from radarsim.navigation.motion import Motion
 from radarsim.navigation.sensed import Sensed
 
 STUCK_AFTER = 3.0  # m that a robot was told to go while it stayed where it is
 _STAYS = 0.1  # m
+_TURNS = 0.3  # rad
+STOOD_FOR: Final = 60.0  # s
 
 
 class Push:
     """Compares where a robot is with how far it was told to go."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
-        """Begin.
-
-        Args:
-            clock: Gives s, for scans whose time stamps do not advance.
-        """
-        self._clock = clock
+    def __init__(self) -> None:
         self._since: Sensed | None = None
-        self._stamp = 0.0
-        self._read = 0.0
+        self._last = 0.0
         self._told = 0.0
 
     def check(self, sensed: Sensed, motion: Motion) -> None:
@@ -32,7 +28,7 @@ class Push:
         Raises:
             NavigationError: If it stays where it is.
         """
-        passed = self._passed(sensed.time)
+        passed, self._last = sensed.time - self._last, sensed.time
         if self._since is None or moved(self._since.pose, sensed.pose) > _STAYS:
             self._since, self._told = sensed, 0.0
         else:
@@ -45,9 +41,30 @@ class Push:
                 " and the safety distance too small"
             )
 
-    def _passed(self, stamp: float) -> float:
-        """Give s since the last scan."""
-        by_stamps, self._stamp = stamp - self._stamp, stamp
-        now = self._clock()
-        by_clock, self._read = now - self._read, now
-        return by_stamps if by_stamps > 0 else by_clock
+
+class Standstill:
+    """Notices that a robot neither goes nor turns any more, whatever the reason."""
+
+    def __init__(self) -> None:
+        self._since: Sensed | None = None
+
+    def check(self, sensed: Sensed) -> None:
+        """Take in a scan.
+
+        Raises:
+            NavigationError: If it has stood for a minute.
+        """
+        since = self._since
+        if since is None or _has_moved(since.pose, sensed.pose):
+            self._since = sensed
+        elif sensed.time - since.time > STOOD_FOR:
+            pose = sensed.pose
+            raise NavigationError(
+                f"the robot has stood at {pose.x:.2f} {pose.y:.2f} for {STOOD_FOR:g} s:"
+                " on all sides something is nearer than the safety distance"
+            )
+
+
+def _has_moved(before: Pose2, now: Pose2) -> bool:
+    turned = abs(wrap_angle(now.yaw - before.yaw))
+    return moved(before, now) > _STAYS or turned > _TURNS

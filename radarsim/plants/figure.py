@@ -47,7 +47,7 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
     polygons, colours, depths = [], [], []
     for name, (vertices, faces) in plant.pieces.items():
         corners = vertices[faces]
-        light = _light(corners)
+        light = brightness(corners)
         polygons.append(corners[:, :, [0, 2]])
         colours.append(light[:, None] * np.array(to_rgb(COLOURS[name])))
         depths.append(corners[:, :, 1].mean(axis=1))
@@ -67,7 +67,8 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
     axes.set_ylabel("z, m")
 
 
-def _light(corners: Floats) -> Floats:
+def brightness(corners: Floats) -> Floats:
+    """Give how bright triangles, (T, 3, 3) m, are in the sun: (T,) 0 to 1."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(SHADE + (1 - SHADE) * np.abs(normals @ SUN))

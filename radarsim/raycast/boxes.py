@@ -5,9 +5,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from radarsim.compiled import leaf
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.compiled import leaf
 
 # Columns of the boxes as they are laid out; the last but one is how far a corner is
 # from the middle, seen from above.

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from radarsim.raycast.compiled import leaf
+from radarsim.compiled import leaf
 
 CROSSING: Final = np.dtype([("t", "f8"), ("part", "i4"), ("turn", "i4")])
 

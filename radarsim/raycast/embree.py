@@ -34,9 +34,9 @@ from embreex.rtcore_scene import EmbreeScene as PlainScene
 from numba.np.numpy_support import carray
 from numpy.typing import ArrayLike, NDArray
 
+from radarsim.compiled import callback
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.compiled import callback
 from radarsim.raycast.embree_library import open_library
 from radarsim.raycast.line import TINY
 from radarsim.raycast.nearby import meet_nearby

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from radarsim.compiled import compiled, leaf
 from radarsim.raycast.boxes import box_incidence, meet_boxes
-from radarsim.raycast.compiled import compiled, leaf
 from radarsim.raycast.crossings import sort_crossings
 from radarsim.raycast.penetration import (
     BEFORE,

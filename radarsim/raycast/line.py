@@ -23,7 +23,7 @@ grazing line finds a crossing outside the triangle.
 
 from typing import Any, Final
 
-from radarsim.raycast.compiled import leaf
+from radarsim.compiled import leaf
 
 LINE_SIZE: Final = 6  # numbers that say where a line is
 AXES_SIZE: Final = 3  # which axis of space is the line's first, second, third

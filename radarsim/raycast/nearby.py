@@ -13,7 +13,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from radarsim.raycast.compiled import compiled, predicate
+from radarsim.compiled import compiled, predicate
 from radarsim.raycast.query import OPAQUE, pointer
 
 # One block of memory: Embree's query (32 bytes), its context, and the three numbers

@@ -31,8 +31,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.compiled import compiled, leaf
 from radarsim.geometry import Floats
-from radarsim.raycast.compiled import compiled, leaf
 
 ROUNDING: Final = 1e-12  # share of a power that may be left of it by rounding
 

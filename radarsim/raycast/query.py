@@ -13,8 +13,8 @@ from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
+from radarsim.compiled import callback, compiled, leaf
 from radarsim.geometry import Floats
-from radarsim.raycast.compiled import callback, compiled, leaf
 from radarsim.raycast.line import AXES_SIZE, LINE_SIZE, aim, cross
 
 BEHIND: Final = -5e-324  # m, the greatest number below 0

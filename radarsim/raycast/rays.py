@@ -8,9 +8,9 @@ from typing import Any, Final, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.compiled import leaf
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.compiled import leaf
 from radarsim.raycast.penetration import EventKind
 
 RADAR: Final = 0

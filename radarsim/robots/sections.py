@@ -1,9 +1,13 @@
 """Cutting triangles with level planes."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.robots.footprint import NO_SEGMENTS
+from radarsim.scene.scene import Part
 
 
 def section(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
@@ -32,3 +36,17 @@ def section(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats
     share = (height - first[..., 2:]) / (others[..., 2:] - first[..., 2:])
     ends = (first + share * (others - first))[..., :2]
     return np.ascontiguousarray(ends)
+
+
+def outlines(parts: Iterable[Part], height: float) -> Floats:
+    """Cut parts of a scene at one height.
+
+    Args:
+        parts: All of them, solid or not.
+        height: z of the plane, m, map frame.
+
+    Returns:
+        The sections one after the other, (S, 2, 2) m: x and y of both ends.
+    """
+    cuts = [section(part.vertices, part.faces, height) for part in parts]
+    return np.concatenate([NO_SEGMENTS, *cuts])

@@ -29,6 +29,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.compiled import compiled
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.divergence import (
     METRES_PER_UNIT,
@@ -36,7 +37,6 @@ from radarsim.presets.divergence import (
     two_way_deviation,
 )
 from radarsim.presets.settings import SensorSettings
-from radarsim.raycast.compiled import compiled
 
 Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]

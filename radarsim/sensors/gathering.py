@@ -24,9 +24,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.compiled import compiled, leaf
 from radarsim.geometry import Floats
 from radarsim.presets.settings import SensorSettings
-from radarsim.raycast.compiled import compiled, leaf
 from radarsim.raycast.penetration import EventKind, Outcome
 from radarsim.raycast.rays import Traces
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from radarsim.raycast.compiled import compiled, leaf
+from radarsim.compiled import compiled, leaf
 from radarsim.sensors.gathering import Columns
 
 LAST, FIRST, STRONGEST = 0, 1, 2

@@ -25,11 +25,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.compiled import compiled, leaf
 from radarsim.geometry import Floats
 from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.raindrops import rain_reflectivity
 from radarsim.presets.settings import SensorSettings
-from radarsim.raycast.compiled import compiled, leaf
 from radarsim.raycast.penetration import EventKind
 from radarsim.raycast.tracer import Tracer
 from radarsim.sensors.gathering import ENTER, LEAVE, START_INSIDE, Columns

@@ -2,14 +2,10 @@
 
 import asyncio
 import logging
-import os
-import signal
 from collections.abc import Callable
-from contextlib import suppress
-from types import FrameType
 from typing import Any
 
-from radarsim.errors import ServerError
+from radarsim.foreground import exit_code_of_signal, listen
 from radarsim.host import Host
 from radarsim.server.connection import Connection
 from radarsim.simulation.clock import TICK
@@ -52,23 +48,11 @@ class Server:
         Raises:
             ServerError: If the port is taken, or the address is none of ours.
         """
-        loop = asyncio.get_running_loop()
-        try:
-            self._listener = await loop.create_server(
-                lambda: Connection(self._host, self._connections, MOST_CLIENTS),
-                address,
-                port,
-                reuse_address=True,
-            )
-        except OSError as error:
-            number = error.errno or 0  # asyncio says the address again in strerror
-            reason = os.strerror(number) if number > 0 else error.strerror or error
-            text = f"cannot listen on {address}:{port}: {reason}"
-            raise ServerError(text) from error
-        if not self._listener.sockets:
-            raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
-        name = self._listener.sockets[0].getsockname()
-        self.address = (name[0], name[1])
+        self._listener, self.address = await listen(
+            lambda: Connection(self._host, self._connections, MOST_CLIENTS),
+            address,
+            port,
+        )
         self._ticking = asyncio.create_task(self._tick_for_ever())
 
     async def stop(self) -> None:
@@ -137,42 +121,16 @@ async def serve(
     Raises:
         ServerError: If it cannot listen.
     """
-    loop = asyncio.get_running_loop()
-    ended: asyncio.Future[int] = loop.create_future()
-
-    def end(code: int) -> None:
-        if not ended.done():
-            ended.set_result(code)
-
-    # Not the loop's own handlers: these leave none behind, and a second signal would
-    # kill the process while it ends.
-    before = {
-        number: signal.signal(number, _calls(loop, end, code))
-        for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 0))
-    }
-    try:
-        await server.start(address, port)
-        announce(server.address)
-        failed = asyncio.ensure_future(server.failed())
-        both: set[asyncio.Future[Any]] = {ended, failed}
-        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
-        if failed.done():
-            failed.result()
-        failed.cancel()
-        return ended.result()
-    finally:
-        await server.stop()
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _calls(
-    loop: asyncio.AbstractEventLoop, end: Callable[[int], None], code: int
-) -> Callable[[int, FrameType | None], None]:
-    """Make what a signal calls; it is silent once the loop is closed."""
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        with suppress(RuntimeError):
-            loop.call_soon_threadsafe(end, code)
-
-    return handle
+    with exit_code_of_signal() as ended:
+        try:
+            await server.start(address, port)
+            announce(server.address)
+            failed = asyncio.ensure_future(server.failed())
+            both: set[asyncio.Future[Any]] = {ended, failed}
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            if failed.done():
+                failed.result()
+            failed.cancel()
+            return ended.result()
+        finally:
+            await server.stop()

@@ -17,12 +17,13 @@ from shapely import Geometry, MultiPoint, MultiPolygon, Point, Polygon
 from radarsim.geometry import Floats
 from radarsim.robots.footprint import NO_SEGMENTS
 from radarsim.robots.obstacles import BUMPER_HEIGHTS, Obstacles
-from radarsim.robots.sections import section
+from radarsim.robots.sections import outlines, section
 from radarsim.scene.scene import Part, Scene
 
 Place: TypeAlias = tuple[float, float]  # x, y in m, map frame
 
 QUARTER = 16  # chords for a quarter of a circle: 0.04 % shorter than the arc
+PLAN_HEIGHT = 0.35  # m above the floor; that of a P3AT's scanner, and it bumps there
 _DIGITS = 6  # to which ends of lines are rounded, so that those that meet are the same
 _OUTSIDE = 10.0  # m of floor around what is grown
 
@@ -59,6 +60,17 @@ def is_connected(scene: Scene, start: Place, goal: Place, distance: float) -> bo
     return piece is not None and piece.intersects(Point(goal))
 
 
+def plan_of(scene: Scene) -> Floats:
+    """Give the lines of what is solid where robots bump into it, (S, 2, 2) m."""
+    solid = (part for part in scene.parts if part.material.solid)
+    return outlines(solid, _floor_of(scene) + PLAN_HEIGHT)
+
+
+def _floor_of(scene: Scene) -> float:
+    """Give the height of the floor that robots start on, m."""
+    return scene.starts[0].pose.z if scene.starts else 0.0
+
+
 def _extent(scene: Scene, places: Sequence[Place], beyond: float) -> Floats:
     """Give the lower and upper x, y of all that there is, and m beyond, (4,)."""
     starts = [(start.pose.x, start.pose.y) for start in scene.starts]
@@ -72,7 +84,7 @@ def _extent(scene: Scene, places: Sequence[Place], beyond: float) -> Floats:
 @lru_cache(maxsize=8)
 def _solids(scene: Scene) -> tuple[Geometry, ...]:
     """Give what robots cannot be in: areas, and lines of open surfaces and rooms."""
-    floor = scene.starts[0].pose.z if scene.starts else 0.0
+    floor = _floor_of(scene)
     starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
     return tuple(
         solid

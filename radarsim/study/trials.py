@@ -5,13 +5,10 @@ where it really is, what it touches, and how long the shortest path is.
 """
 
 import math
-import signal
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
-from multiprocessing import active_children, get_context
 from typing import Any
 
 from radarsim.client import Client
@@ -26,6 +23,7 @@ from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.conditions import Conditions
 from radarsim.study.judge import shortest_path
 from radarsim.study.lockstep import HostLink
+from radarsim.study.workers import worker_pool
 
 MAPS = (
     *("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"),
@@ -235,22 +233,8 @@ def run_trials(wanted: Sequence[Entry], *, workers: int) -> Iterator[Score]:
     if workers == 1 or len(wanted) == 1:
         yield from map(run_trial, wanted)
         return
-    others = {*active_children()}
-    # a fresh interpreter each: threads of this one would not survive a fork
-    pool = ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=_leave_interrupts
-    )
-    try:
+    with worker_pool(workers) as pool:
         yield from pool.map(run_trial, wanted)
-    finally:
-        for worker in {*active_children()} - others:
-            worker.terminate()  # who wants no more does not want to wait either
-        pool.shutdown(cancel_futures=True)
-
-
-def _leave_interrupts() -> None:
-    """Let only the process in charge hear of Ctrl-C; it ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _check(wanted: Sequence[Entry]) -> None:

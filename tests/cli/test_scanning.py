@@ -2,8 +2,6 @@ import csv
 import io
 import json
 import math
-import os
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-
-from radarsim.cli.scanning import write_whole
 
 Command = Callable[..., Any]
 START = ("--start", "RobotStart1")
@@ -169,33 +165,3 @@ def test_a_wrong_option_is_usage(
     assert run.code == 2
     assert text in " ".join(run.err.replace("│", " ").split())
     assert "Traceback" not in run.err
-
-
-def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
-    folder = tmp_path / "folder"
-    folder.mkdir()
-    link, file = tmp_path / "link", folder / "file"
-    link.symlink_to(file)
-    for data in (b"new", b"newer"):
-        write_whole(link, data)
-        assert link.is_symlink()
-        assert file.read_bytes() == data
-        assert list(folder.iterdir()) == [file]
-
-
-def test_a_device_stays(tmp_path: Path) -> None:
-    link = tmp_path / "null"
-    link.symlink_to(os.devnull)
-    write_whole(link, b"lost")
-    assert Path(os.devnull).is_char_device()
-    assert link.is_symlink()
-
-
-def test_a_pipe_is_written_to(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    writer = threading.Thread(target=write_whole, args=(pipe, b"through"))
-    writer.start()
-    assert pipe.read_bytes() == b"through"
-    writer.join()
-    assert pipe.is_fifo()

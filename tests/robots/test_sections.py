@@ -6,7 +6,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.robots.sections import section
+from radarsim.robots.sections import outlines, section
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
 corners = st.lists(
@@ -65,3 +67,13 @@ def test_every_end_of_a_closed_meshs_section_is_shared(
 def test_no_faces_no_lines() -> None:
     empty = np.zeros((0, 3), dtype=np.int32)
     assert section(np.zeros((0, 3)), empty, 0.5).shape == (0, 2, 2)
+
+
+def test_outlines_are_the_sections_of_all_parts_in_order() -> None:
+    vertices, faces = cube()
+    stone, away = Material("stone"), np.array([3.0, 0.0, 0.0])
+    parts = [Part("cube", stone, vertices + k * away, faces) for k in (0, 1)]
+    one = section(vertices, faces, 0.5)
+    both = np.concatenate([one, one + away[:2]])
+    np.testing.assert_array_equal(outlines(parts, 0.5), both)
+    assert outlines([], 0.5).shape == (0, 2, 2)

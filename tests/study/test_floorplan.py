@@ -9,7 +9,7 @@ from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose, Trial
 from radarsim.scene.shapes import box, cylinder, sphere
-from radarsim.study.floorplan import free_space, is_connected, piece_around
+from radarsim.study.floorplan import free_space, is_connected, piece_around, plan_of
 
 STONE = Material("stone")
 LEAF = Material("leaf", 0.7)
@@ -129,3 +129,17 @@ def test_places_that_are_too_near_to_something_are_not_connected() -> None:
     assert is_connected(scene, (-3, 0), (3, 0), 1.9)
     assert not is_connected(scene, (-3, 0), (3, 0), 2.1)
     assert not is_connected(scene, (-9, 0), (3, 0), 2.1)
+
+
+def test_a_plan_shows_what_robots_bump_into_above_the_floor_they_start_on() -> None:
+    low, high = block(0, 0, (2, 1), high=0.4, z=0.2), block(5, 0, (2, 1), high=2.0)
+    cloud = Part("cloud", SMOKE, *sphere(2.0))
+    for floor, shown in ((0.0, [low, high]), (0.3, [high])):
+        scene = hall(low, high, cloud, start=Pose3(9, 9, floor))
+        sides = shapely.multilinestrings(shapely.linestrings(plan_of(scene)))
+        boxes = [
+            shapely.box(*part.vertices[:, :2].min(0), *part.vertices[:, :2].max(0))
+            for part in shown
+        ]
+        outline = shapely.union_all([box.exterior for box in boxes])
+        assert sides.hausdorff_distance(outline) == pytest.approx(0)

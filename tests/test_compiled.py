@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from radarsim.raycast.compiled import compiled, leaf
+from radarsim.compiled import compiled, leaf
 
 
 @pytest.mark.parametrize("decorate", [compiled, leaf])

@@ -1,0 +1,41 @@
+"""Commands that signals end before they have begun, and before they are done."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from radarsim.cli.signals import ending_at_once
+
+# What a compiler does: it is called back from C, where exceptions are lost.
+SCRIPT = """
+import ctypes, os, signal
+from radarsim.cli.signals import ending_at_once
+with ending_at_once({terminated}):
+    ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.{name}))()
+    print("goes on")
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "terminated", "code"),
+    [
+        pytest.param("SIGINT", "", 130, id="interrupted"),
+        pytest.param("SIGTERM", "", 143, id="told to end"),
+        pytest.param("SIGTERM", "0", 0, id="server told to end"),
+    ],
+)
+def test_what_is_not_begun_ends_at_once(name: str, terminated: str, code: int) -> None:
+    script = SCRIPT.format(name=name, terminated=terminated)
+    words = (sys.executable, "-c", script)
+    run = subprocess.run(words, check=False, capture_output=True)
+    assert (run.returncode, run.stdout, run.stderr) == (code, b"", b"")
+
+
+def test_what_is_begun_ends_as_before() -> None:
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    with pytest.raises(ValueError, match="broken"), ending_at_once():
+        raise ValueError("broken")
+    assert [signal.getsignal(number) for number in numbers] == before
