@@ -1,0 +1,22 @@
+"""A tap between clients and a server: every byte passes, and a copy is listened to.
+
+``Tap`` forwards between sockets and does nothing else. A ``Listener`` takes its copy in
+a thread of its own; ``Overheard`` is what a connection has told so far, and ``Choice``
+gives the reports of one robot to whoever makes something of them, such as a map.
+"""
+
+from radarsim.tap.choice import Choice, Consumer
+from radarsim.tap.listening import Listener
+from radarsim.tap.overheard import Given, Overheard
+from radarsim.tap.running import forward_until_signal
+from radarsim.tap.tap import Tap
+
+__all__ = [
+    "Choice",
+    "Consumer",
+    "Given",
+    "Listener",
+    "Overheard",
+    "Tap",
+    "forward_until_signal",
+]

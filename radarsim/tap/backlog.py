@@ -1,0 +1,116 @@
+"""Lines that were overheard and wait to be understood; the oldest scans give way.
+
+Who puts lines in is never kept waiting. Who takes them out may be slow: then scans are
+left out whole, with the echoes before them, and everything between them stays.
+"""
+
+from collections import deque
+from threading import Condition
+from typing import Final
+
+from radarsim.protocol.framing import LineBuffer
+from radarsim.tap.lines import Line, Side, read_line
+
+MOST_SCANS: Final = 20
+MOST_CHARACTERS: Final = 2**24  # of all lines
+
+
+class Backlog:
+    """Takes pieces of streams in one thread, and gives lines in another.
+
+    Attributes:
+        dropped: How many scans were left out.
+    """
+
+    def __init__(
+        self, most_scans: int = MOST_SCANS, most_characters: int = MOST_CHARACTERS
+    ) -> None:
+        """Begin with none.
+
+        Args:
+            most_scans: That wait, at least 1.
+            most_characters: That wait; then the oldest lines give way, of any kind.
+        """
+        self.dropped = 0
+        self._most_scans = most_scans
+        self._most_characters = most_characters
+        self._buffers: dict[tuple[int, Side], LineBuffer] = {}
+        self._lines: deque[Line] = deque()
+        self._scans = 0
+        self._characters = 0
+        self._only: int | None = None
+        self._ended = False
+        self._changed = Condition()
+
+    def put(self, number: int, side: Side, data: bytes) -> None:
+        """Take a piece of what one side says on one connection; never raises."""
+        texts = self._cut(number, side, data)
+        lines = [read_line(number, side, text) for text in texts]
+        with self._changed:
+            if self._ended or self._only not in (None, number):
+                return
+            for line in lines:
+                self._append(line)
+            if lines:
+                self._changed.notify()
+
+    def take(self) -> Line | None:
+        """Wait for the next line; None if there is none, and none will come."""
+        with self._changed:
+            while not self._lines and not self._ended:
+                self._changed.wait()
+            return self._pop() if self._lines else None
+
+    def end(self) -> None:
+        """Take no more; what is there can still be had."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+
+    def keep_only(self, number: int) -> None:
+        """From now on take nothing of other connections."""
+        with self._changed:
+            self._only = number
+            kept = [line for line in self._lines if line.number == number]
+            self._lines.clear()
+            self._scans = self._characters = 0
+            for line in kept:
+                self._append(line)
+
+    def _cut(self, number: int, side: Side, data: bytes) -> list[str]:
+        """Give the lines that a piece completes; what is too long is left out."""
+        if self._only not in (None, number):
+            self._buffers.pop((number, side), None)
+            return []
+        lines = []
+        for piece in data.splitlines(keepends=True):
+            buffer = self._buffers.setdefault((number, side), LineBuffer())
+            lines += buffer.feed(piece)
+            if buffer.overflow is not None:
+                del self._buffers[number, side]
+        return lines
+
+    def _append(self, line: Line) -> None:
+        self._lines.append(line)
+        self._scans += line.part == "ranges"
+        self._characters += len(line.text)
+        if self._scans > self._most_scans:
+            self._leave_out_a_scan()
+        while self._characters > self._most_characters:
+            self.dropped += self._pop().part == "ranges"
+
+    def _pop(self) -> Line:
+        line = self._lines.popleft()
+        self._scans -= line.part == "ranges"
+        self._characters -= len(line.text)
+        return line
+
+    def _leave_out_a_scan(self) -> None:
+        """Remove the oldest scan, and all echoes before it."""
+        kept: list[Line] = []
+        while (line := self._pop()).part != "ranges":
+            if line.part is None:
+                kept.append(line)
+        self.dropped += 1
+        self._lines.extendleft(reversed(kept))
+        self._characters += sum(len(line.text) for line in kept)
