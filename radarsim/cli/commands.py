@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from radarsim import __version__
+from radarsim.cli.mapping import map_
 from radarsim.cli.moving import navigate, trials
 from radarsim.cli.options import DriveUnit, DriveUnitOption, JsonOption, SeedOption
 from radarsim.cli.signals import end_unfinished
@@ -265,6 +266,7 @@ def drive(
 
 app.command()(navigate)
 app.command()(trials)
+app.command("map")(map_)
 
 
 @app.command()

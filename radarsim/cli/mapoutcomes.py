@@ -1,0 +1,160 @@
+"""What is said of a map once it is made."""
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from radarsim.mapping.grid import CLOUD, FREE, OBSTACLE, THICKET
+from radarsim.mapping.mapper import Mapper
+from radarsim.mapping.trajectory import trajectory_errors
+from radarsim.navigation.course import Course
+from radarsim.study.mapjudge import MapScore
+from radarsim.study.trials import Referee
+
+CLASSES: Final = {
+    "free": FREE,
+    "obstacle": OBSTACLE,
+    "foliage": THICKET,
+    "smoke": CLOUD,
+}
+ENDINGS: Final = {
+    "time_limit": "time is up",
+    "broken_off": "broken off",
+    "overheard": "mapped what passed",
+}
+
+
+@dataclass(slots=True)
+class MapRun:
+    """One map: how it was made, and what came of it.
+
+    Attributes:
+        strategy: Its name; None where another client drove.
+        seed_from: What told the robot's motion.
+        course: How far the robot came.
+        mapper: Has the map; None if nothing was ever known of the robot.
+        outcome: How it ended.
+        left_out: Places of a way that it could not get to, m.
+        safety_distance: That was kept, m; None where another client drove.
+        referee: Watched the true robot, if that could be.
+        score: What a judge says who has the map file, if there is one.
+        files: That were written.
+        error: What went wrong; empty if nothing did.
+    """
+
+    strategy: str | None
+    seed_from: str
+    course: Course = field(default_factory=Course)
+    mapper: Mapper | None = None
+    outcome: str = "broken_off"
+    left_out: tuple[tuple[float, float], ...] = ()
+    safety_distance: float | None = None
+    referee: Referee | None = None
+    score: MapScore | None = None
+    files: tuple[Path, ...] = ()
+    error: str = ""
+
+
+def summary(run: MapRun) -> dict[str, Any]:
+    """Give all that is known, for JSON; lengths to mm, except those of errors.
+
+    A run that broke off is told of as far as it came.
+    """
+    told: dict[str, Any] = {
+        "outcome": run.outcome,
+        "strategy": run.strategy,
+        "seed_from": run.seed_from,
+        "time": round(run.course.time, 3),
+        "path_length": round(run.course.length, 3),
+        "left_out": [list(place) for place in run.left_out],
+        "safety_distance": _number(run.safety_distance, 3),
+        "scans": 0 if run.mapper is None else run.mapper.scans,
+        "cells": _cells(run.mapper),
+        "pose_errors": _pose_errors(run.mapper),
+        "files": [str(file) for file in run.files],
+        "error": run.error or None,
+    }
+    if run.referee is not None:
+        told["judge"] = {
+            "path_length": round(run.referee.path_length, 3),
+            "collisions": run.referee.collisions,
+        }
+        if run.score is not None:
+            told["judge"] |= run.score.to_dict()
+    return told
+
+
+def as_json(run: MapRun) -> str:
+    """Give that as one line."""
+    return json.dumps(summary(run), allow_nan=False)
+
+
+def as_text(run: MapRun) -> list[str]:
+    """Give that for people, in lines."""
+    told = summary(run)
+    ending = ENDINGS.get(run.outcome, run.outcome)
+    by = "" if run.strategy is None else f" by {run.strategy}"
+    path = f"{told['path_length']:.2f} m in {told['time']:.1f} s"
+    lines = [f"{ending}{by}: {path}, {told['scans']} scans"]
+    if cells := told["cells"]:
+        area = cells["resolution"] ** 2
+        parts = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
+        lines.append(f"map      {', '.join(parts)}")
+    if errors := told["pose_errors"]:
+        lines.append(
+            f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
+            f" at most {errors['ate_max']:.3f} m and {errors['yaw_max_deg']:.2f}"
+        )
+    if run.left_out:
+        places = ", ".join(f"{x:g} {y:g}" for x, y in run.left_out)
+        lines.append(f"left out {places}: no way there")
+    if judge := told.get("judge"):
+        lines.append(f"in truth {_verdict(judge)}")
+    if run.files:
+        names = (f"{file.name}" for file in run.files)
+        lines.append(f"files    {', '.join(names)} in {run.files[0].parent}")
+    return lines
+
+
+def _verdict(judge: dict[str, Any]) -> str:
+    parts = [f"{judge['path_length']:.2f} m"]
+    if judge.get("coverage") is not None:
+        near = f"{judge['near_coverage']:.1%} at short range"
+        parts.append(f"{judge['coverage']:.1%} of the floor sensed, {near}")
+    if judge.get("hidden_coverage") is not None:
+        parts.append(f"{judge['hidden_coverage']:.1%} of what it cannot get to")
+    if "right" in judge:
+        parts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
+    parts.append(f"collisions: {judge['collisions']}")
+    return ", ".join(parts)
+
+
+def _cells(mapper: Mapper | None) -> dict[str, float] | None:
+    if mapper is None or not mapper.scans:
+        return None
+    counts = np.bincount(mapper.grid.classes().ravel(), minlength=5)
+    told = {name: int(counts[number]) for name, number in CLASSES.items()}
+    return {"resolution": mapper.grid.lattice.resolution, **told}
+
+
+def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
+    """Compare the poses with the true ones, as far as the server tells these."""
+    if mapper is None:
+        return None
+    try:
+        found = asdict(trajectory_errors(mapper.trajectory, mapper.truth))
+    except ValueError:
+        return None
+    for name in ("yaw", "yaw_max", "rpe_yaw"):
+        found[f"{name}_deg"] = math.degrees(found.pop(name))
+    return {name: _number(value, 5) for name, value in found.items()}
+
+
+def _number(value: float | None, digits: int) -> float | None:
+    if value is None or not math.isfinite(value):
+        return None
+    return round(value, digits)

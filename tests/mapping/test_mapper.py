@@ -1,0 +1,257 @@
+"""Reports in, map and trajectory out."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.client import ScannerFacts
+from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.mapping.grid import FREE, OBSTACLE, THICKET, UNKNOWN
+from radarsim.mapping.mapper import Mapper, MapperSettings
+from radarsim.mapping.scan import Scan2
+from radarsim.mapping.slam import SlamSettings
+from radarsim.protocol.reports import (
+    EchoLine,
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    Report,
+    Seen,
+    Status,
+)
+
+FAR = 20.0
+BEAMS = 9
+FOV = math.radians(80)
+SCANNER = ScannerFacts(
+    "lms200", Pose3(0.2, 0.0, 0.2), 0.1, FAR, math.radians(10), FOV, BEAMS
+)
+AHEAD = 4  # the beam straight ahead
+
+
+def scan(time: float, ahead: float, name: str = "lms200") -> RangeScan:
+    ranges = np.full(BEAMS, FAR)
+    ranges[AHEAD] = ahead
+    return RangeScan(time, name, math.radians(10), FOV, ranges)
+
+
+def echoes(time: float, *events: tuple[float, str], **wish: Any) -> EchoLine:
+    """Tell what the beam ahead meets of a bush, in line ``line`` of ``lines``."""
+    count = len(events)
+    seen = Seen(
+        wish.get("object", "bush"),
+        wish.get("material", "leaves"),
+        0.7,
+        0.3,
+        False,
+        wish.get("passes", False),
+        np.full(count, AHEAD),
+        np.array([range_ for range_, _ in events]),
+        tuple(kind for _, kind in events),
+        np.ones(count),
+        np.ones(count),
+    )
+    name = wish.get("name", "lms200")
+    return EchoLine(time, name, wish.get("line", 1), wish.get("lines", 1), seen)
+
+
+def no_echoes(time: float) -> EchoLine:
+    return EchoLine(time, "lms200", 0, 0, None)
+
+
+def ins(time: float, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Ins:
+    return Ins(time, "InsTest", Pose3(x, y, 0.0, yaw=yaw))
+
+
+def truth(time: float, x: float = 0.0) -> GroundTruth:
+    return GroundTruth(time, "GndTruth", Pose3(x, 0.0, 0.0))
+
+
+def mapper(**wish: Any) -> Mapper:
+    seed = wish.pop("seed", "ins")
+    return Mapper(SCANNER, MapperSettings(slam=SlamSettings(seed=seed), **wish))
+
+
+def fed(maker: Mapper, *reports: Report) -> list[Any]:
+    return [maker.take(report) for report in reports]
+
+
+def class_at(maker: Mapper, x: float, y: float) -> int:
+    cell = maker.grid.lattice.cell(x, y)
+    return UNKNOWN if cell is None else int(maker.grid.classes()[cell])
+
+
+def test_ranges_and_a_pose_make_a_map() -> None:
+    maker = mapper(echo_wait=0.0)
+    fed(maker, ins(0.1, 1.0, 2.0, math.pi / 2), scan(0.1, 3.0))
+    assert class_at(maker, 1.0, 2.0 + 0.2 + 3.0) == OBSTACLE
+    assert class_at(maker, 1.0, 4.0) == FREE
+    assert class_at(maker, 1.0, 6.0) == UNKNOWN
+    assert maker.trajectory.poses == [Pose2(1.0, 2.0, math.pi / 2)]
+    assert maker.trajectory.times == [0.1]
+    assert maker.scans == 1
+
+
+def test_echoes_tell_foliage_from_walls() -> None:
+    maker = mapper()
+    fed(
+        maker,
+        ins(0.1),
+        echoes(0.1, (2.0, "enter"), (3.0, "leave"), line=1, lines=2),
+        echoes(0.1, (5.0, "hit"), object="wall", material="brick", line=2, lines=2),
+        scan(0.1, 5.0),
+    )
+    assert class_at(maker, 2.7, 0.0) == THICKET
+    assert class_at(maker, 4.0, 0.0) == FREE
+    assert class_at(maker, 5.2, 0.0) == OBSTACLE
+
+
+def test_what_is_around_is_what_robots_cannot_enter() -> None:
+    maker = mapper()
+    reports: list[Report] = [
+        ins(0.1),
+        echoes(0.1, (1.0, "enter"), (1.5, "leave"), passes=True, line=1, lines=2),
+        echoes(0.1, (2.0, "enter"), (3.0, "spent"), object="b", line=2, lines=2),
+        scan(0.1, 3.0),
+    ]
+    *nothing, sensed = fed(maker, *reports)
+    assert nothing == [None, None, None]
+    assert sensed.time == 0.1
+    assert sensed.pose == Pose2(0.0, 0.0)
+    assert sensed.ranges[AHEAD] == pytest.approx(2.2)  # of the centre
+    assert sensed.bearings[AHEAD] == pytest.approx(0.0)
+    assert np.isinf(np.delete(sensed.ranges, AHEAD)).all()
+
+
+def test_scans_wait_for_echoes_that_may_come() -> None:
+    maker = mapper(echo_wait=0.5)
+    assert fed(maker, ins(0.1), scan(0.1, 3.0)) == [None, None]
+    assert "echoes" in maker.missing
+    assert maker.scans == 0
+    (_, sensed) = fed(maker, no_echoes(0.2), scan(0.2, FAR))
+    assert sensed is not None
+    assert len(maker.trajectory) == 2  # for the pose all scans count
+    # one without is left out, for it may be that a line was lost
+    assert fed(maker, scan(0.3, 3.0)) == [None]
+    assert fed(maker, echoes(0.4, (2.0, "hit"), lines=2), scan(0.4, 2.0))[1] is None
+    assert maker.scans == 1
+    # but not for ever
+    assert fed(maker, scan(0.71, 3.0))[0] is not None
+
+
+def test_where_none_come_ranges_count_after_a_while() -> None:
+    maker = mapper(echo_wait=1.0)
+    taken = [fed(maker, ins(t), scan(t, 3.0))[1] for t in (0.0, 0.5, 0.95, 1.0, 1.1)]
+    assert [sensed is not None for sensed in taken] == [False, False, False, True, True]
+
+
+def test_echoes_of_another_time_or_scanner_are_not_of_this_scan() -> None:
+    maker = mapper(echo_wait=9.0)
+    fed(maker, ins(0.1), echoes(0.1, (2.0, "hit")))
+    assert fed(maker, scan(0.2, 2.0)) == [None]
+    other = echoes(0.3, (2.0, "hit"), name="another")
+    assert fed(maker, other, scan(0.3, 2.0)) == [None, None]
+
+
+def test_lines_may_come_in_any_order_and_twice() -> None:
+    maker = mapper()
+    one = echoes(0.1, (2.0, "hit"), line=1, lines=2)
+    two = echoes(0.1, (2.0, "rain"), object="air", line=2, lines=2)
+    assert fed(maker, ins(0.1), two, one, two, scan(0.1, 2.0))[-1] is not None
+
+
+def test_other_scanners_and_reports_change_nothing() -> None:
+    maker = mapper(echo_wait=0.0)
+    fed(maker, ins(0.1), scan(0.1, 3.0, "hokuyo"), Status(0.1, 99, False))
+    assert maker.scans == len(maker.trajectory) == 0
+
+
+@pytest.mark.parametrize(
+    ("seed", "useless", "useful"),
+    [
+        pytest.param("ins", Odometry(0.0, "O", Pose2(0, 0)), ins(0.1), id="ins"),
+        pytest.param("odometry", ins(0.0), Odometry(0.1, "O", Pose2(0, 0)), id="odo"),
+    ],
+)
+def test_without_its_seed_no_scan_counts(
+    seed: str, useless: Report, useful: Report
+) -> None:
+    maker = mapper(seed=seed, echo_wait=0.0)
+    assert maker.missing == f"pose from {seed}"
+    fed(maker, useless, scan(0.0, 3.0))
+    assert maker.scans == 0
+    fed(maker, useful, scan(0.1, 3.0))
+    assert maker.scans == 1
+
+
+@pytest.mark.parametrize("seed", ["odometry", "none"])
+def test_whatever_the_seed_the_map_begins_where_the_robot_was_spawned(
+    seed: str,
+) -> None:
+    maker = mapper(seed=seed, echo_wait=0.0)
+    fed(maker, truth(0.0, 4.0), Odometry(0.0, "O", Pose2(0, 0)), scan(0.0, 3.0))
+    assert maker.trajectory.poses == [Pose2(4.0, 0.0)]
+
+
+def test_where_nobody_tells_the_map_begins_at_the_origin() -> None:
+    maker = mapper(seed="none", echo_wait=0.0)
+    fed(maker, scan(0.0, 3.0))
+    assert maker.trajectory.poses == [Pose2(0.0, 0.0)]
+
+
+def test_true_poses_are_kept_as_often_as_scans_come_and_not_more() -> None:
+    maker = mapper()
+    fed(maker, *(truth(0.01 * k, 0.1 * k) for k in range(101)))
+    assert maker.truth.times == pytest.approx([0.05 * k for k in range(21)])
+    assert maker.truth.poses[-1].x == pytest.approx(10.0)
+
+
+def test_a_server_that_tells_no_time_and_no_limits_is_mapped_too() -> None:
+    facts = ScannerFacts("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
+    maker = Mapper(facts, MapperSettings(echo_wait=0.0))
+    fed(maker, ins(math.nan), scan(math.nan, 3.0))
+    assert class_at(maker, 3.0, 0.0) == OBSTACLE
+    fed(maker, ins(math.nan), scan(math.nan, 1e9))  # nothing is that far away
+    assert max(maker.grid.lattice.shape) < 9000
+
+
+def test_the_floor_under_the_robot_is_free() -> None:
+    maker = mapper(echo_wait=0.0, body=0.25)
+    fed(maker, ins(0.0), scan(0.0, 3.0))
+    assert class_at(maker, 0.0, 0.2) == class_at(maker, -0.2, 0.0) == FREE
+    assert class_at(maker, 0.0, 0.35) == UNKNOWN
+
+
+@pytest.fixture
+def drive(look: Callable[..., Scan2], room: Floats) -> Iterator[Report]:
+    """Give what comes of a robot that goes round in a room."""
+    return _drive(look, room)
+
+
+def _drive(look: Callable[..., Scan2], room: Floats) -> Iterator[Report]:
+    for k in range(400):
+        t = 0.1 * k
+        pose = Pose2(0.5 * math.cos(t / 5), 1 + 0.5 * math.sin(t / 5), t / 5)
+        yield GroundTruth(t, "G", Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw))
+        yield ins(t, pose.x, pose.y, pose.yaw)
+        seen = look(room, pose)
+        fov = float(seen.angles[-1] - seen.angles[0])
+        yield RangeScan(t, "lms200", math.radians(1), fov, seen.reach)
+
+
+def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) -> None:
+    """The map and what poses are found by grow with the room, and not with time."""
+    facts = ScannerFacts("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
+    maker = Mapper(facts, MapperSettings(echo_wait=0.0))
+    sizes = []
+    for report in drive:
+        maker.take(report)
+        sizes.append((maker.grid.lattice.shape, len(maker.slam._map)))
+    grids, points = zip(*sizes, strict=True)
+    assert grids[100] == grids[-1]
+    assert points[-1] < 1.15 * points[len(points) // 2]
+    assert maker.scans == len(maker.trajectory) == len(maker.truth) == 400

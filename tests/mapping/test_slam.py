@@ -1,0 +1,181 @@
+"""Drives through a flat world whose truth is known."""
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.mapping.scan import Scan2
+from radarsim.mapping.slam import SeedKind, Slam, SlamSettings
+from radarsim.mapping.trajectory import Trajectory, TrajectoryErrors, trajectory_errors
+from radarsim.randomness import generator_for
+
+Look = Callable[..., Scan2]
+START = Pose2(-4.0, 0.5, 0.3)
+STEP = 0.08  # m between two scans
+
+
+def drive() -> Iterator[Pose2]:
+    """Go once around the boxes, turning on the spot, and stand still at first."""
+    x, y, yaw = START.x, START.y, START.yaw
+    for _ in range(3):
+        yield Pose2(x, y, yaw)
+    for goal_x, goal_y in [(0, 3), (4, 2.5), (4.5, -2.5), (0, -2), (-4.5, 0), (-4, 1)]:
+        while math.hypot(goal_x - x, goal_y - y) > STEP:
+            bearing = math.atan2(goal_y - y, goal_x - x)
+            turn = math.remainder(bearing - yaw, 2 * math.pi)
+            yaw += max(-0.12, min(turn, 0.12))
+            if abs(turn) < 0.2:
+                x, y = x + STEP * math.cos(yaw), y + STEP * math.sin(yaw)
+            yield Pose2(x, y, yaw)
+
+
+def drifting(path: list[Pose2], share: float) -> list[Pose2]:
+    """Give what an INS makes of a path, which errs by a share of way and turn."""
+    rng = generator_for(5, "drift")
+    rows = np.array([[pose.x, pose.y, pose.yaw] for pose in path])
+    steps = np.diff(rows, axis=0)
+    steps[:, 2] = np.arctan2(np.sin(steps[:, 2]), np.cos(steps[:, 2]))
+    way = np.hypot(steps[:, 0], steps[:, 1])
+    size = np.column_stack([way, way, np.abs(steps[:, 2])])
+    steps += share * size * rng.standard_normal(steps.shape)
+    return [
+        Pose2(*row) for row in np.vstack([rows[:1], rows[0] + steps.cumsum(axis=0)])
+    ]
+
+
+def errors(path: list[Pose2], found: list[Pose2]) -> TrajectoryErrors:
+    truth, estimate = Trajectory(), Trajectory()
+    for i, (pose, other) in enumerate(zip(path, found, strict=True)):
+        truth.add(float(i), pose)
+        estimate.add(float(i), other)
+    return trajectory_errors(estimate, truth)
+
+
+@pytest.fixture(scope="module")
+def path() -> list[Pose2]:
+    return list(drive())
+
+
+@pytest.fixture(scope="module")
+def scans(look: Look, room: Floats, path: list[Pose2]) -> list[Scan2]:
+    return [look(room, pose, time=0.1 * i) for i, pose in enumerate(path)]
+
+
+def matched(scans: list[Scan2], seeds: list[Pose2 | None], kind: SeedKind) -> Slam:
+    slam = Slam(SlamSettings(seed=kind), START)
+    for scan, seed in zip(scans, seeds, strict=True):
+        slam.step(scan, seed)
+    return slam
+
+
+def test_matching_takes_most_of_the_drift_away(
+    scans: list[Scan2], path: list[Pose2]
+) -> None:
+    ins = drifting(path, 0.15)
+    drift = errors(path, ins)
+    slam = matched(scans, [*ins], "ins")
+    found = errors(path, slam.trajectory.poses)
+    assert drift.ate > 0.1
+    assert drift.yaw > 0.04
+    assert found.ate_max < 0.03
+    assert found.yaw_max < math.radians(0.5)
+    assert slam.trajectory.times == pytest.approx([0.1 * i for i in range(len(path))])
+
+
+def test_odometry_may_count_from_anywhere(
+    scans: list[Scan2], path: list[Pose2]
+) -> None:
+    """It counts from where it was switched on, on axes of its own."""
+    c, s = math.cos(START.yaw), math.sin(START.yaw)
+    own = [
+        Pose2(
+            c * (pose.x - START.x) + s * (pose.y - START.y),
+            c * (pose.y - START.y) - s * (pose.x - START.x),
+            pose.yaw - START.yaw,
+        )
+        for pose in path
+    ]
+    slam = matched(scans, [*own], "odometry")
+    assert errors(path, slam.trajectory.poses).ate_max < 0.03
+
+
+def test_without_a_seed_the_scans_are_enough(
+    scans: list[Scan2], path: list[Pose2]
+) -> None:
+    slam = matched(scans, [None] * len(path), "none")
+    found = errors(path, slam.trajectory.poses)
+    assert found.ate_max < 0.05
+    assert found.yaw_max < math.radians(0.5)
+
+
+def test_a_seed_that_stops_telling_does_no_harm(
+    scans: list[Scan2], path: list[Pose2]
+) -> None:
+    seeds = [pose if i % 7 else None for i, pose in enumerate(path)]
+    slam = matched(scans, seeds, "ins")
+    assert errors(path, slam.trajectory.poses).ate_max < 0.05
+
+
+def test_spinning_wheels_do_not_move_a_robot_that_sees_walls(
+    look: Look, room: Floats
+) -> None:
+    scan = look(room, START)
+    slam = Slam(SlamSettings(seed="odometry"), START)
+    for i in range(100):
+        slam.step(scan, Pose2(STEP * i, 0.0, 0.0))
+    assert math.hypot(slam.pose.x - START.x, slam.pose.y - START.y) < 0.05
+
+
+places = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1, 3.1))
+
+
+@given(seeds=st.lists(places, min_size=1, max_size=20))
+def test_in_the_open_an_ins_is_followed_on_the_axes_of_the_map(
+    look: Look, nowhere: Floats, seeds: list[Pose2]
+) -> None:
+    slam = Slam(SlamSettings(seed="ins"), START)
+    scan = look(nowhere, START)
+    for seed in seeds:
+        pose = slam.step(scan, seed)
+        assert pose.x == pytest.approx(START.x + seed.x - seeds[0].x)
+        assert pose.y == pytest.approx(START.y + seed.y - seeds[0].y)
+        turn = pose.yaw - START.yaw - (seed.yaw - seeds[0].yaw)
+        assert math.remainder(turn, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(seeds=st.lists(places, min_size=1, max_size=20))
+def test_in_the_open_odometry_is_followed_on_the_axes_of_the_robot(
+    look: Look, nowhere: Floats, seeds: list[Pose2]
+) -> None:
+    slam = Slam(SlamSettings(seed="odometry"), START)
+    scan = look(nowhere, START)
+    turn = START.yaw - seeds[0].yaw
+    c, s = math.cos(turn), math.sin(turn)
+    for seed in seeds:
+        pose = slam.step(scan, seed)
+        dx, dy = seed.x - seeds[0].x, seed.y - seeds[0].y
+        assert pose.x == pytest.approx(START.x + c * dx - s * dy, abs=1e-6)
+        assert pose.y == pytest.approx(START.y + s * dx + c * dy, abs=1e-6)
+
+
+def test_in_the_open_with_no_seed_the_robot_stands(look: Look, nowhere: Floats) -> None:
+    slam = Slam(SlamSettings(seed="none"), START)
+    for _ in range(5):
+        assert slam.step(look(nowhere, START)) == START
+
+
+def test_without_a_start_the_first_seed_is_the_start(look: Look, room: Floats) -> None:
+    assert Slam().step(look(room, START), START) == START
+    assert Slam().step(look(room, START)) == Pose2(0.0, 0.0)
+
+
+def test_the_same_scans_give_the_same_poses(
+    scans: list[Scan2], path: list[Pose2]
+) -> None:
+    one, other = (matched(scans, [*path], "ins") for _ in range(2))
+    assert one.trajectory.poses == other.trajectory.poses
