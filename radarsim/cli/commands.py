@@ -270,6 +270,24 @@ app.command("map")(map_)
 
 
 @app.command()
+def figures(
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT", help="A folder; made if it is not there.")
+    ],
+    *,
+    seed: SeedOption = 0,
+    only: Annotated[
+        str | None, typer.Option(metavar="N,...", help="Figures; all by default.")
+    ] = None,
+) -> None:
+    """Draw the thesis' figures from runs of the program, and a page with all."""
+    end_unfinished()
+    from radarsim.cli.figuring import make_figures
+
+    make_figures(out, seed=seed, only=only)
+
+
+@app.command()
 def bench(
     *,
     as_json: JsonOption = False,

@@ -1,0 +1,1 @@
+"""The thesis' figures, drawn from runs of the program itself."""

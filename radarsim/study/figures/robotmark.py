@@ -1,0 +1,55 @@
+"""A robot seen from above."""
+
+import math
+from typing import Final
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import RobotModel, load_robot
+from radarsim.robots.footprint import Footprint
+
+HULL: Final = "#d9dde2"
+EDGE: Final = "#333333"
+_TYRE: Final = 0.09  # m, as wide as it is
+
+
+def draw_robot(axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5) -> None:
+    """Draw hull, wheels and a wedge that points ahead.
+
+    Args:
+        axes: In m, map frame.
+        class_name: Of a preset.
+        pose: Of the robot.
+        zorder: Of the hull; what belongs to it lies a little higher.
+    """
+    model = load_robot(class_name)
+    hull = Footprint(model.length, model.width)
+    _patch(axes, hull, pose, HULL, zorder)
+    for wheel in _wheels(model, pose):
+        tyre = Footprint(2 * model.wheel_radius, _TYRE)
+        _patch(axes, tyre, wheel, EDGE, zorder + 0.1)
+    x, y = model.length / 2, model.width / 5
+    corners = [_at(pose, *place) for place in ((x, 0.0), (x / 2, y), (x / 2, -y))]
+    axes.add_patch(Polygon(corners, facecolor=EDGE, zorder=zorder + 0.2))
+
+
+def _patch(
+    axes: Axes, shape: Footprint, pose: Pose2, colour: str, zorder: float
+) -> None:
+    corners = shape.outline(pose)[:, 0]
+    patch = Polygon(corners, facecolor=colour, edgecolor=EDGE, linewidth=0.8)
+    patch.set_zorder(zorder)
+    axes.add_patch(patch)
+
+
+def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
+    ahead, aside = model.wheel_base / 2, model.wheel_separation / 2
+    places = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
+    return [Pose2(*_at(pose, *place), pose.yaw) for place in places]
+
+
+def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    return pose.x + c * ahead - s * aside, pose.y + s * ahead + c * aside
