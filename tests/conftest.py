@@ -1,6 +1,7 @@
 """Scenes that many tests look at; they are read once, and nothing changes them."""
 
 import os
+import signal
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -17,6 +18,10 @@ settings.register_profile(
     derandomize=os.environ.get("CI") == "true",
 )
 settings.load_profile("radarsim")
+
+# In the background of a shell script interrupts are ignored, by whom we start as well.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _ready(name: str) -> Scene:

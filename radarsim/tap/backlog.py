@@ -5,11 +5,15 @@ left out whole, with the echoes before them, and everything between them stays.
 """
 
 from collections import deque
+from itertools import count
+from operator import itemgetter
 from threading import Condition
-from typing import Final
+from typing import Final, TypeAlias
 
 from radarsim.protocol.framing import LineBuffer
 from radarsim.tap.lines import Line, Side, read_line
+
+_Numbered: TypeAlias = deque[tuple[int, Line]]
 
 MOST_SCANS: Final = 20
 MOST_CHARACTERS: Final = 2**24  # of all lines
@@ -35,7 +39,10 @@ class Backlog:
         self._most_scans = most_scans
         self._most_characters = most_characters
         self._buffers: dict[tuple[int, Side], LineBuffer] = {}
-        self._lines: deque[Line] = deque()
+        # apart, so that a scan is left out without looking through all else
+        self._of_scans: _Numbered = deque()
+        self._others: _Numbered = deque()
+        self._numbers = count()
         self._scans = 0
         self._characters = 0
         self._only: int | None = None
@@ -57,9 +64,9 @@ class Backlog:
     def take(self) -> Line | None:
         """Wait for the next line; None if there is none, and none will come."""
         with self._changed:
-            while not self._lines and not self._ended:
+            while not self._waits and not self._ended:
                 self._changed.wait()
-            return self._pop() if self._lines else None
+            return self._pop() if self._waits else None
 
     def end(self) -> None:
         """Take no more; what is there can still be had."""
@@ -71,9 +78,11 @@ class Backlog:
         """From now on take nothing of other connections."""
         with self._changed:
             self._only = number
-            kept = [line for line in self._lines if line.number == number]
-            self._lines.clear()
-            self._scans = self._characters = 0
+            kept: list[Line] = []
+            while self._waits:
+                line = self._pop()
+                if line.number == number:
+                    kept.append(line)
             for line in kept:
                 self._append(line)
 
@@ -90,8 +99,13 @@ class Backlog:
                 del self._buffers[number, side]
         return lines
 
+    @property
+    def _waits(self) -> bool:
+        return bool(self._of_scans or self._others)
+
     def _append(self, line: Line) -> None:
-        self._lines.append(line)
+        lines = self._others if line.part is None else self._of_scans
+        lines.append((next(self._numbers), line))
         self._scans += line.part == "ranges"
         self._characters += len(line.text)
         if self._scans > self._most_scans:
@@ -100,17 +114,19 @@ class Backlog:
             self.dropped += self._pop().part == "ranges"
 
     def _pop(self) -> Line:
-        line = self._lines.popleft()
+        """Take the oldest line."""
+        fronts = (lines[0] for lines in (self._of_scans, self._others) if lines)
+        _, oldest = min(fronts, key=itemgetter(0))
+        return self._pop_from(self._others if oldest.part is None else self._of_scans)
+
+    def _pop_from(self, lines: _Numbered) -> Line:
+        _, line = lines.popleft()
         self._scans -= line.part == "ranges"
         self._characters -= len(line.text)
         return line
 
     def _leave_out_a_scan(self) -> None:
         """Remove the oldest scan, and all echoes before it."""
-        kept: list[Line] = []
-        while (line := self._pop()).part != "ranges":
-            if line.part is None:
-                kept.append(line)
+        while self._pop_from(self._of_scans).part != "ranges":
+            pass
         self.dropped += 1
-        self._lines.extendleft(reversed(kept))
-        self._characters += sum(len(line.text) for line in kept)
