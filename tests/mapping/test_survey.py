@@ -53,17 +53,6 @@ def test_a_room_is_explored(empty_room: Scene) -> None:
     assert made.safety_distance == pytest.approx(0.5, abs=0.01)
 
 
-@pytest.mark.slow
-def test_a_long_way_leaves_no_drift(empty_room: Scene) -> None:
-    made = run(empty_room, time_limit=240.0)
-    assert made.outcome is Outcome.EXPLORED
-    assert made.mapper is not None
-    assert made.course.length > 50
-    errors = trajectory_errors(made.mapper.trajectory, made.mapper.truth)
-    assert errors.ate < 0.05
-    assert math.degrees(errors.yaw) < 1
-
-
 def test_when_the_time_is_up_the_map_so_far_is_there(foliage_room: Scene) -> None:
     moments: list[SurveyMoment] = []
     made = survey(time_limit=5.0)
@@ -237,7 +226,7 @@ def test_a_course_adds_up_what_is_more_than_noise() -> None:
 def test_no_strategy_drives_into_foliage(
     foliage_room: Scene, name: StrategyName
 ) -> None:
-    made = run(foliage_room, strategy=name, time_limit=300.0)
+    made = run(foliage_room, strategy=name, time_limit=100.0)
     assert made.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
     assert made.mapper is not None
     assert max(pose.x for pose in made.mapper.trajectory.poses) < 0.0
