@@ -68,5 +68,9 @@ class ClientTimeout(ClientError):
     """A server did not say in time what was needed; the connection still stands."""
 
 
+class MappingError(RadarsimError):
+    """A map cannot be made of what a server tells."""
+
+
 class NavigationError(RadarsimError):
     """A robot cannot do what is asked of it."""

@@ -67,8 +67,8 @@ class OccupancyGrid:
             scan: Any.
 
         Raises:
-            ValueError: If the map gets larger than 32768 cells on a side, or a beam
-                has no direction or no end.
+            MappingError: If the map gets too large.
+            ValueError: If a beam has no direction or no end.
         """
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         x = pose.x + c * scan.mount.x - s * scan.mount.y

@@ -12,12 +12,14 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.errors import MappingError
 from radarsim.geometry import Floats
 
 T = TypeVar("T", bound=np.generic)
 
 STEP: Final = 64  # cells; growing by more at once is growing more seldom
 MOST: Final = 1 << 15  # cells on a side
+MOST_CELLS: Final = 1 << 26
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +75,17 @@ class Lattice:
             high: North-east corner, m.
 
         Raises:
-            ValueError: If it would have more than 32768 cells on a side.
+            MappingError: If it would have more than 32768 cells on a side, or 67
+                million in all, which take 0.3 GB.
         """
         column, columns = _reach(self.column, self.columns, low[0], high[0], self)
         row, rows = _reach(self.row, self.rows, low[1], high[1], self)
-        if max(columns, rows) > MOST:
-            raise ValueError(
-                f"a map of {columns} by {rows} cells, expected at most {MOST} on a side"
+        if max(columns, rows) > MOST or columns * rows > MOST_CELLS:
+            across, up = columns * self.resolution, rows * self.resolution
+            raise MappingError(
+                f"a map of {across:.0f} by {up:.0f} m in cells of"
+                f" {self.resolution:g} m, expected at most {MOST} cells on a side and {MOST_CELLS:.3g} in all;"
+                " the place of the robot may be wrong, or the cells are too small"
             )
         return Lattice(self.resolution, column, row, columns, rows)
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from radarsim.client import Client, DriveUnit, RobotFacts
-from radarsim.errors import ClientError, NavigationError
+from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.mapping.choices import StrategyName
 from radarsim.mapping.exploring import Habits, Strategy
@@ -143,12 +143,13 @@ class Survey:
 
         Raises:
             ClientError: If the server does not say what is needed.
+            MappingError: If no map can be made of what it says.
             NavigationError: If the robot cannot do what is asked of it.
         """
         try:
             helm, strategy = self._prepare(client)
             self._explore(helm, strategy, observe)
-        except ClientError:
+        except (ClientError, MappingError):
             self.outcome = Outcome.FAILED
             raise
         except NavigationError:

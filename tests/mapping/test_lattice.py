@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.errors import MappingError
 from radarsim.mapping.lattice import STEP, Lattice
 
 SIZE = 0.05
@@ -72,5 +73,13 @@ def test_outside_there_is_no_cell() -> None:
 
 @pytest.mark.parametrize("far", [1e4, math.inf, math.nan])
 def test_a_place_too_far_away_is_an_error(far: float) -> None:
-    with pytest.raises((ValueError, OverflowError)):
+    with pytest.raises((MappingError, ValueError, OverflowError)):
         Lattice(SIZE).grown((0.0, 0.0), (far, 0.0))
+
+
+def test_an_area_too_large_is_an_error() -> None:
+    side = SIZE * 8000
+    lattice = Lattice(SIZE).grown((0.0, 0.0), (side, side))
+    assert lattice.shape > (8000, 8000)
+    with pytest.raises(MappingError, match=r"in cells of 0\.\d+ m, expected at most"):
+        lattice.grown((-side, 0.0), (0.0, 0.0))

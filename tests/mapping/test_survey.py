@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim.client import Client
-from radarsim.errors import ClientError, NavigationError
+from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.mapping.choices import StrategyName
@@ -155,6 +155,29 @@ def test_time_passes_by_the_clock_where_stamps_stand_still(empty_room: Scene) ->
     assert made.course.time == pytest.approx(5.1)
     assert made.mapper is not None
     assert made.mapper.scans == 52
+
+
+class Jumping(HostLink):
+    """A server whose INS is suddenly a kilometre away."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        return re.sub(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", data)
+
+
+def test_a_map_of_two_places_far_apart_is_refused(empty_room: Scene) -> None:
+    made = survey(echoes=False)
+    host = Host(empty_room)
+    with (
+        Client(Jumping(host)) as client,
+        pytest.raises(MappingError, match="the place of the robot may be wrong"),
+    ):
+        made.run(client)
+    assert made.outcome is Outcome.FAILED
+    assert made.mapper is not None
+    assert made.mapper.scans > 10
 
 
 class Narrowing(HostLink):
