@@ -84,7 +84,8 @@ class Lattice:
             across, up = columns * self.resolution, rows * self.resolution
             raise MappingError(
                 f"a map of {across:.0f} by {up:.0f} m in cells of"
-                f" {self.resolution:g} m, expected at most {MOST} cells on a side and {MOST_CELLS:.3g} in all;"
+                f" {self.resolution:g} m, expected at most {MOST} cells on a side and"
+                f" {MOST_CELLS:.3g} in all;"
                 " the place of the robot may be wrong, or the cells are too small"
             )
         return Lattice(self.resolution, column, row, columns, rows)
