@@ -69,7 +69,7 @@ def _followed(path: Path) -> Path:
 
 def _beside(place: Path) -> Path:
     """Give a name in the same folder that no other process takes."""
-    return place.with_name(f".{place.name}.{secrets.token_hex(4)}.part")
+    return place.with_name(f".{secrets.token_hex(8)}.part")
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -90,7 +90,11 @@ def _check(path: Path) -> None:
 def _page(out: Path, made: Sequence[Made]) -> str:
     """Put the new figures on the page, beside those that are there from before."""
     page = out / FILE
-    before = blocks_in(page.read_text(encoding="utf-8")) if page.exists() else {}
+    before = (
+        blocks_in(page.read_text(encoding="utf-8", errors="replace"))
+        if page.exists()
+        else {}
+    )
     blocks = before | {figure.number: block_of(figure) for figure in made}
     return page_of(
         blocks[entry.number]

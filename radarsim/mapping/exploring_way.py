@@ -1,7 +1,10 @@
 """From place to place, for a way that somebody has chosen."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
+
+import numpy as np
 
 from radarsim.mapping.exploring import Habits, Walker
 from radarsim.mapping.exploring_nearest import LEAST_SCANS
@@ -62,8 +65,10 @@ class AlongWay:
         floor = self._walker.floor
         assert floor is not None
         tiles = floor.nearest(floor.reachable(sensed.pose), *self._places[0])
-        leads_there = floor.within(*self._places[0], THERE)
-        is_here = floor.within(sensed.pose.x, sensed.pose.y, THERE)
-        if not (tiles & (leads_there | ~is_here)).any():
-            return False
-        return self._walker.plan(sensed, tiles)
+        across, up = floor.middles()
+        for row, column in np.argwhere(tiles):
+            left = math.dist((across[column], up[row]), self._places[0])
+            gain = distance(sensed.pose, *self._places[0]) - left
+            if left < THERE or gain > THERE:
+                return self._walker.plan(sensed, tiles)
+        return False

@@ -16,7 +16,7 @@ class Gathering:
 
     def take(self, line: EchoLine) -> None:
         """Take in a line; one of another time begins anew."""
-        if line.time != self._time:
+        if not _is_same(line.time, self._time):
             self._time, self._lines = line.time, {}
         self._count = line.lines
         if line.seen is not None and 0 < line.line <= line.lines:
@@ -24,6 +24,12 @@ class Gathering:
 
     def of(self, scan: RangeScan) -> Sequence[Seen] | None:
         """Give all echoes of a scan; None where none, or not all, were told."""
-        if scan.time != self._time or len(self._lines) != self._count:
+        if not _is_same(scan.time, self._time) or len(self._lines) != self._count:
             return None
-        return list(self._lines.values())
+        seen, self._lines, self._count = list(self._lines.values()), {}, -1
+        return seen
+
+
+def _is_same(one: float, other: float) -> bool:
+    """Compare time stamps; some servers send none."""
+    return one == other or (math.isnan(one) and math.isnan(other))

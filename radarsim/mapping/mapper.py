@@ -32,6 +32,7 @@ from radarsim.protocol.reports import (
     Report,
 )
 
+STALE: Final = 50  # scans without a word on the motion; it is not known any more
 FARTHEST: Final = 200.0  # m; a beam is not followed farther, whatever a server says
 TRUTH_EVERY: Final = 0.05  # s; true poses in between are not kept
 
@@ -94,6 +95,7 @@ class Mapper:
         self._echoes_due = math.nan
         self._spawned: Pose2 | None = None
         self._seed: Pose2 | None = None
+        self._since_seed = 0  # scans
         seed = self.settings.slam.seed
         self.missing = f"scan of {scanner.name!r}"
         if seed != "none":
@@ -127,7 +129,7 @@ class Mapper:
         if not isinstance(report, Odometry):
             self._spawned = self._spawned or pose
         if told_by.get(type(report)) == self.settings.slam.seed:
-            self._seed = pose
+            self._seed, self._since_seed = pose, 0
             self.missing = f"scan of {self.scanner.name!r}"
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
@@ -136,7 +138,8 @@ class Mapper:
 
     def _take_scan(self, report: RangeScan) -> Sensed | None:
         settings = self.settings
-        if settings.slam.seed != "none" and self._seed is None:
+        if settings.slam.seed != "none" and not self._is_seeded():
+            self.missing = f"pose from {settings.slam.seed}"
             return None
         time = self._stamps.time_of(report.time)
         if not len(self.trajectory):
@@ -158,6 +161,11 @@ class Mapper:
             return None
         self._draw(pose, scan)
         return self._sensed(pose, scan)
+
+    def _is_seeded(self) -> bool:
+        """Tell whether the motion until this scan is known."""
+        self._since_seed += 1
+        return self._seed is not None and self._since_seed <= STALE
 
     def _start(self) -> Pose2 | None:
         """Give where the map begins, for a seed that counts from anywhere."""

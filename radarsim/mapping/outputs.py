@@ -22,6 +22,7 @@ OCCUPIED_FROM: Final = 0.65
 FREE_BELOW: Final = 0.196
 
 
+_PLANE: Final = 0xFFFF  # the last letter that JSON escapes by itself
 MARK: Final = "radarsim map"
 HEAD: Final = 64  # bytes, within which a file says so
 
@@ -73,7 +74,7 @@ def nav_map(
     corner = x + columns.start * size, y + rows.start * size
     lines = [
         f"# {MARK}",
-        f"image: {json.dumps(image)}",
+        f"image: {_quoted(image)}",
         f"mode: {mode}",
         f"resolution: {size:.6g}",
         f"origin: [{corner[0]:.6f}, {corner[1]:.6f}, 0.0]",
@@ -82,6 +83,15 @@ def nav_map(
         f"free_thresh: {FREE_BELOW}",
     ]
     return {image: data, f"{name}.yaml": ("\n".join(lines) + "\n").encode()}
+
+
+def _quoted(name: str) -> str:
+    """Write a name in ASCII as YAML reads it; JSON's pairs of surrogates are none."""
+    letters = (
+        f"\\U{ord(one):08X}" if ord(one) > _PLANE else json.dumps(one)[1:-1]
+        for one in name
+    )
+    return f'"{"".join(letters)}"'
 
 
 def _encoded(pixels: NDArray[np.uint8], form: str) -> bytes:

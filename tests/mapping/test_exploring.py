@@ -399,3 +399,14 @@ def test_a_place_near_by_is_gone_to_and_not_left_out(world: Make) -> None:
         here.run(strategy)
         assert strategy.left_out == []
         assert math.dist((here.pose.x, here.pose.y), place) < THERE
+
+
+@pytest.mark.parametrize("far", [8.0, 100.0, 1e6, 1e300])
+def test_a_place_outside_is_left_out_once_it_gets_no_nearer(
+    world: Make, far: float
+) -> None:
+    here = world(HALL, -3.0)
+    strategy = AlongWay(HABITS, [(far, 0.0), (0.0, 0.0)])
+    here.run(strategy, steps=800)
+    assert strategy.left_out == [(far, 0.0)]
+    assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < THERE

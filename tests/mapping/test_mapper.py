@@ -10,7 +10,7 @@ import pytest
 from radarsim.client import ScannerFacts
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.mapping.grid import FREE, OBSTACLE, THICKET, UNKNOWN
-from radarsim.mapping.mapper import Mapper, MapperSettings
+from radarsim.mapping.mapper import STALE, Mapper, MapperSettings
 from radarsim.mapping.scan import Scan2
 from radarsim.mapping.slam import SlamSettings
 from radarsim.protocol.reports import (
@@ -255,3 +255,23 @@ def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) ->
     assert grids[100] == grids[-1]
     assert points[-1] < 1.15 * points[len(points) // 2]
     assert maker.scans == len(maker.trajectory) == len(maker.truth) == 400
+
+
+def test_a_motion_that_nobody_tells_of_any_more_is_missed() -> None:
+    maker = mapper(echo_wait=0.0)
+    fed(maker, ins(0.0))
+    seen = fed(maker, *[scan(0.1 * k, 5.0) for k in range(STALE + 3)])
+    assert [one is not None for one in seen] == [True] * STALE + [False] * 3
+    assert maker.missing == "pose from ins"
+    fed(maker, ins(9.0))
+    assert maker.take(scan(9.0, 5.0)) is not None
+
+
+def test_echoes_belong_to_scans_without_time_stamps_too() -> None:
+    maker = mapper()
+    for k in range(3):
+        near = 2.0 + 0.1 * k
+        fed(maker, ins(math.nan), echoes(math.nan, (near, "enter"), (4.0, "spent")))
+        fed(maker, scan(math.nan, 4.0))
+    assert maker.scans == 3
+    assert class_at(maker, 0.2 + 3.0, 0.0) == THICKET

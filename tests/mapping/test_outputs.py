@@ -201,3 +201,15 @@ def test_a_map_that_has_seen_nothing_is_one_unknown_cell() -> None:
     grid.add(HERE, blind)
     cells, _ = loaded(grid, "trinary")
     assert cells.tolist() == [[NAV_UNKNOWN]]
+
+
+@pytest.mark.parametrize(
+    "name", ["yard", 'my "yard": #1', "garten\u2028\x85", "\U0001f332"]
+)
+def test_the_yaml_names_its_image_whatever_that_is_called(
+    mapped: OccupancyGrid, name: str
+) -> None:
+    files = nav_map(mapped, name)
+    head = YAML(typ="safe").load(files[f"{name}.yaml"].decode("ascii"))
+    assert head["image"] == f"{name}.pgm"
+    assert head["image"] in files
