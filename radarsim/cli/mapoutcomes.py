@@ -2,12 +2,14 @@
 
 import json
 import math
+import sys
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from radarsim.cli.mapfiles import MapFiles, reason
 from radarsim.mapping.grid import CLOUD, FREE, OBSTACLE, THICKET
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.trajectory import trajectory_errors
@@ -57,6 +59,16 @@ class MapRun:
     score: MapScore | None = None
     files: tuple[Path, ...] = ()
     error: str = ""
+
+
+def keep(run: MapRun, files: MapFiles) -> None:
+    """Write what there is of a map; say on stderr why that cannot be."""
+    try:
+        run.files = files.write(run.mapper)
+    except OSError as error:
+        fault = reason(error)
+        sys.stderr.write(f"radarsim: {fault}\n")
+        run.error = f"{run.error}; {fault}" if run.error else fault
 
 
 def summary(run: MapRun) -> dict[str, Any]:

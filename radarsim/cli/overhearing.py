@@ -6,8 +6,8 @@ import time
 
 import typer
 
-from radarsim.cli.mapfiles import MapFiles, reason
-from radarsim.cli.mapoutcomes import MapRun
+from radarsim.cli.mapfiles import MapFiles
+from radarsim.cli.mapoutcomes import MapRun, keep
 from radarsim.cli.mapprogress import Teller, progress
 from radarsim.cli.mapwishes import MapWish
 from radarsim.cli.signals import ending_at_once
@@ -95,13 +95,10 @@ def overhear(wish: MapWish, server: ServerWish, files: MapFiles) -> tuple[MapRun
         finally:
             finished = listener.finish()
     run.mapper = making.mapper if finished else None
-    try:
-        run.files = files.write(run.mapper)
+    keep(run, files)
+    if not run.error:
         run.error = _fault(listener, finished=finished, is_written=bool(run.files))
-    except OSError as error:
-        run.error = reason(error)
-    if run.error:
-        sys.stderr.write(f"radarsim: {run.error}\n")
+        sys.stderr.write(f"radarsim: {run.error}\n" if run.error else "")
     return run, 1 if run.error else code
 
 

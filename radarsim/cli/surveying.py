@@ -1,18 +1,16 @@
 """``radarsim map``."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from typing import Final
 
 import typer
 
-from radarsim.cli.mapfiles import MapFiles, reason
-from radarsim.cli.mapoutcomes import MapRun, as_json, as_text
+from radarsim.cli.mapfiles import MapFiles
+from radarsim.cli.mapoutcomes import MapRun, as_json, as_text, keep
 from radarsim.cli.mapprogress import progress
 from radarsim.cli.mapwishes import MapWish
 from radarsim.cli.signals import ending_at_once
 from radarsim.cli.wishes import ServerWish
 from radarsim.client import Client
-from radarsim.errors import RadarsimError
 from radarsim.host import Host
 from radarsim.mapping.outputs import NavMode
 from radarsim.mapping.survey import Outcome, Survey, SurveyMoment, SurveyPlan
@@ -21,6 +19,8 @@ from radarsim.randomness import generator_for
 from radarsim.study.lockstep import HostLink
 from radarsim.study.mapjudge import judge_mapper
 from radarsim.study.trials import Referee
+
+INTERRUPTED: Final = "interrupted"
 
 
 def run_survey(
@@ -55,24 +55,15 @@ def run_survey(
     run = MapRun("way" if plan.way else plan.strategy.value, plan.seed)
     survey = Survey(plan, generator_for(wish.seed or 0, "exploring"))
     try:
-        with _kept(run, survey, files):
-            _explore(survey, _connect(run, host, server))
-    except OSError as error:
-        run.error = reason(error)
-        typer.echo(f"radarsim: {run.error}", err=True)
-    except RadarsimError as error:
-        run.error = str(error)
-        if survey.outcome is Outcome.BROKEN_OFF:
-            run.outcome = Outcome.FAILED.value
+        _explore(survey, _connect(run, host, server))
+    except BaseException as error:
+        run.error = str(error) if isinstance(error, Exception) else INTERRUPTED
+        raise
+    finally:  # however it ends, what there is of the map is kept and told of
+        _take_stock(run, survey)
+        keep(run, files)
         _judge(run, host, plan)
         _tell(run, told_as_json=told_as_json)
-        raise
-    except BaseException:
-        run.error = "interrupted"
-        _tell(run, told_as_json=told_as_json)
-        raise
-    _judge(run, host, plan)
-    _tell(run, told_as_json=told_as_json)
     return int(bool(run.error))
 
 
@@ -107,16 +98,13 @@ def _explore(survey: Survey, client: Client) -> None:
         survey.run(client, observe)
 
 
-@contextmanager
-def _kept(run: MapRun, survey: Survey, files: MapFiles) -> Iterator[None]:
-    """Write what there is in the end, however that comes, and note how it was."""
-    try:
-        yield
-    finally:
-        run.outcome, run.course = survey.outcome.value, survey.course
-        run.mapper, run.safety_distance = survey.mapper, survey.safety_distance
-        run.left_out = survey.left_out
-        run.files = files.write(run.mapper)
+def _take_stock(run: MapRun, survey: Survey) -> None:
+    """Note how a survey went, as far as it came."""
+    run.outcome, run.course = survey.outcome.value, survey.course
+    run.mapper, run.safety_distance = survey.mapper, survey.safety_distance
+    run.left_out = survey.left_out
+    if run.error not in ("", INTERRUPTED) and survey.outcome is Outcome.BROKEN_OFF:
+        run.outcome = Outcome.FAILED.value
 
 
 def _judge(run: MapRun, host: Host | None, plan: SurveyPlan) -> None:

@@ -18,6 +18,7 @@ from radarsim.mapping.grid import RESOLUTION
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.slam import SeedKind, SlamSettings
 from radarsim.mapping.strategies import strategy_named
+from radarsim.mapping.warming import warm_up
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.choices import ROBOT
 from radarsim.navigation.course import Course
@@ -146,6 +147,7 @@ class Survey:
             MappingError: If no map can be made of what it says.
             NavigationError: If the robot cannot do what is asked of it.
         """
+        warm_up()  # who compiles while the robot moves lets it go on blindly
         try:
             helm, strategy = self._prepare(client)
             self._explore(helm, strategy, observe)

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Protocol, TypeGuard
 
+from radarsim.client.facts import same_name
 from radarsim.protocol.reports import RangeScan, Report
 from radarsim.tap.overheard import Overheard
 
@@ -79,7 +80,7 @@ class Choice:
     def _is_wanted(self, report: Report) -> TypeGuard[RangeScan]:
         if not isinstance(report, RangeScan):
             return False
-        return self._scanner is None or report.name == self._scanner
+        return self._scanner is None or same_name(report.name, self._scanner)
 
     def _choose(self, overheard: Overheard, first: RangeScan) -> None:
         self.chosen, self._first = overheard, first

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.client import ScannerFacts, Session
-from radarsim.client.facts import NOWHERE, ScannersTold
+from radarsim.client.facts import NOWHERE, ScannersTold, same_name
 from radarsim.client.session import SCANNERS
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
@@ -102,7 +102,8 @@ class Overheard:
 
     def is_described(self, scanner: str) -> bool:
         """Tell whether the server has told a scanner's place and its limits."""
-        return scanner in self._mounts and scanner in self._settings
+        key = scanner.casefold()
+        return key in self._mounts and key in self._settings
 
     def scanner(
         self, name: str | None = None, given: Given = NOTHING_GIVEN
@@ -121,10 +122,15 @@ class Overheard:
         if scan is None:
             return None
         told = ScannersTold()
-        told.take(self._mounts.get(scan.name) or _supposed_mount(scan, given))
-        told.take(self._settings.get(scan.name) or self._supposed_limit(scan, given))
+        told.take(
+            self._mounts.get(scan.name.casefold()) or _supposed_mount(scan, given)
+        )
+        told.take(
+            self._settings.get(scan.name.casefold())
+            or self._supposed_limit(scan, given)
+        )
         all_told = told.facts({scan.name: scan})
-        return next(facts for facts in all_told if facts.name == scan.name)
+        return next(facts for facts in all_told if same_name(facts.name, scan.name))
 
     def _note_order(self, order: SetItem) -> None:
         is_of_scanners = order.type.lower() == SCANNERS.lower()
@@ -141,9 +147,9 @@ class Overheard:
         if isinstance(report, RobotGeo):
             self.geometry = report
         elif isinstance(report, ItemGeo):
-            self._mounts |= {name: report for name, _ in report.mounts}
+            self._mounts |= {name.casefold(): report for name, _ in report.mounts}
         elif isinstance(report, ScannerConf):
-            self._settings |= {name: report for name, *_ in report.items}
+            self._settings |= {name.casefold(): report for name, *_ in report.items}
         elif isinstance(report, RangeScan):
             self._look_for_a_limit(report)
 

@@ -157,3 +157,15 @@ def test_echoes_are_expected_of_a_scanner_that_was_told_to_send_them(
     for order in orders:
         overheard.hear_client(f"SET {{Type RangeScanner}} {order}")
     assert overheard.asks_for_echoes("LMS200") is echoes
+
+
+def test_names_are_the_same_in_any_case(scan_line: ScanLine) -> None:
+    heard = Overheard(1)
+    heard.hear_server(
+        "GEO {Type RangeScanner} {Name LMS200 Location 0.2,0,0 Orientation 0,0,0"
+        " Mount HARD}"
+    )
+    heard.hear_server(scan_line(1.0))
+    facts = heard.scanner("lms200")
+    assert facts is not None
+    assert facts.mount.x == 0.2

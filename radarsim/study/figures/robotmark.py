@@ -1,6 +1,5 @@
 """A robot seen from above."""
 
-import math
 from typing import Final
 
 from matplotlib.axes import Axes
@@ -51,5 +50,5 @@ def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
 
 
 def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
-    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    return pose.x + c * ahead - s * aside, pose.y + s * ahead + c * aside
+    place = pose.compose(Pose2(ahead, aside))
+    return place.x, place.y
