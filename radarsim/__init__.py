@@ -14,24 +14,23 @@ if TYPE_CHECKING:
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
     from radarsim.host import Host
-    from radarsim.randomness import generator_for
-    from radarsim.raycast.penetration import EventKind
-    from radarsim.scene.mapfile import load_map
-    from radarsim.scene.mapnames import shipped_maps
+    from radarsim.raycast.attenuation import EventKind
+    from radarsim.rng import generator_for
+    from radarsim.scene.map_file import load_map, shipped_maps
     from radarsim.scene.material import Material
     from radarsim.scene.scene import Part, Scene, StartPose
     from radarsim.sensors.echoes import Echoes, Target
     from radarsim.sensors.range_scanner import RangeScanner, load_sensor
     from radarsim.sensors.scan import Scan
-    from radarsim.simulation.conditions import Conditions
+    from radarsim.simulation.config import Conditions
 
 __version__ = "0.1.0"
 
 # Imported when asked for, so that the command line answers at once.
 _HOMES = {
-    "Conditions": "radarsim.simulation.conditions",
+    "Conditions": "radarsim.simulation.config",
     "Echoes": "radarsim.sensors.echoes",
-    "EventKind": "radarsim.raycast.penetration",
+    "EventKind": "radarsim.raycast.attenuation",
     "Host": "radarsim.host",
     "MapError": "radarsim.errors",
     "Material": "radarsim.scene.material",
@@ -45,10 +44,10 @@ _HOMES = {
     "Scene": "radarsim.scene.scene",
     "StartPose": "radarsim.scene.scene",
     "Target": "radarsim.sensors.echoes",
-    "generator_for": "radarsim.randomness",
-    "load_map": "radarsim.scene.mapfile",
+    "generator_for": "radarsim.rng",
+    "load_map": "radarsim.scene.map_file",
     "load_sensor": "radarsim.sensors.range_scanner",
-    "shipped_maps": "radarsim.scene.mapnames",
+    "shipped_maps": "radarsim.scene.map_file",
 }
 
 __all__ = [

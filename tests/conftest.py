@@ -6,7 +6,7 @@ import signal
 import pytest
 from hypothesis import HealthCheck, settings
 
-from radarsim.scene.mapfile import load_map
+from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.simulation.simulation import Simulation
 

@@ -12,11 +12,11 @@ from shapely import LineString, Point, Polygon
 from shapely.geometry.polygon import orient
 from shapely.ops import substring
 
+from radarsim.evaluation.bug_bounds import bug_bounds, shortest_path
+from radarsim.evaluation.free_space import Place, free_space, is_connected, piece_around
 from radarsim.presets.robots import load_robot
-from radarsim.scene.mapfile import load_map, load_variants
+from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.scene import Scene
-from radarsim.study.floorplan import Place, free_space, is_connected, piece_around
-from radarsim.study.judge import bug_bounds, shortest_path
 
 OPAQUE = ("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze")
 MAPS = (*OPAQUE, "foliage_room", "hedge_garden")

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.scene.mapfile import load_map
-from radarsim.scene.mapnames import shipped_maps
+from radarsim.scene.map_file import load_map, shipped_maps
 from radarsim.scene.scene import Part, Scene
 
 SENSOR = np.array([-8 + 0.2085, 0.0, 0.346])  # on a P3AT at RobotStart1

@@ -11,8 +11,8 @@ import radarsim
 from radarsim import Pose2, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.presets.robots import load_robot
-from radarsim.randomness import generator_for
-from radarsim.raycast.penetration import EventKind
+from radarsim.raycast.attenuation import EventKind
+from radarsim.rng import generator_for
 from radarsim.simulation.simulation import Simulation
 
 NAME: Final = "marulan_trial"

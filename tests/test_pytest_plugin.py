@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from radarsim.pytest_plugin import DEFAULTS, UsarsimClient, UsarsimServer
-from radarsim.pytest_plugin.running import ServerThread, make_host
+from radarsim.pytest_plugin.server_thread import ServerThread, make_host
 
 pytest_plugins = ["pytester"]
 

@@ -4,6 +4,6 @@ Exit codes: 0 done, 1 failed, 2 usage, 130 interrupted; after SIGTERM 0 for what
 143 for what has not done its work.
 """
 
-from radarsim.cli.commands import app, main
+from radarsim.cli.app import app, main
 
 __all__ = ["app", "main"]

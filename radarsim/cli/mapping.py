@@ -23,7 +23,7 @@ from radarsim.cli.options import (
     TimeoutOption,
 )
 from radarsim.cli.signals import end_unfinished
-from radarsim.mapping.choices import StrategyName
+from radarsim.exploration.options import StrategyName
 
 
 class SeedFrom(StrEnum):
@@ -156,9 +156,9 @@ def map_(
     map_server, and the way of the robot as OUT.tum.
     """
     end_unfinished()
-    from radarsim.cli.mapwishes import MapWish
-    from radarsim.cli.surveying import run_survey
-    from radarsim.cli.wishes import ServerWish
+    from radarsim.cli.map import run_survey
+    from radarsim.cli.map_options import MapWish
+    from radarsim.cli.navigate_options import ServerWish
 
     served = None if serve is None else seed
     server = ServerWish(host, port, serve, served, settings or [], drive_unit.value)

@@ -25,7 +25,7 @@ from radarsim.cli.options import (
     TimeoutOption,
 )
 from radarsim.cli.signals import end_unfinished
-from radarsim.navigation.choices import ROBOT, Algorithm, GiveUp, PoseSource, Rule
+from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 
 
 class Side(StrEnum):
@@ -104,8 +104,8 @@ def navigate(
 ) -> None:
     """Drive a robot to a goal by its long-range bumpers; exits with 3 for no path."""
     end_unfinished()
-    from radarsim.cli.navigating import Files, run_navigator
-    from radarsim.cli.wishes import MissionWish, ServerWish
+    from radarsim.cli.navigate import Files, run_navigator
+    from radarsim.cli.navigate_options import MissionWish, ServerWish
 
     server = ServerWish(host, port, serve, seed, settings or [], drive_unit.value)
     mission = MissionWish(
@@ -151,7 +151,7 @@ def trials(
 ) -> None:
     """Run and score navigation on maps, in lockstep and on all cores."""
     end_unfinished()
-    from radarsim.cli.trialling import run_and_print
+    from radarsim.cli.trials import run_and_print
 
     run_and_print(
         (maps, algorithms, sensors), seeds=seeds, workers=workers, as_json=as_json

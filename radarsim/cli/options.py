@@ -3,10 +3,14 @@
 Nothing heavy is imported here: ``radarsim --help`` answers at once.
 """
 
+import os
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from radarsim.atomic_write import write_whole
 
 
 class DriveUnit(StrEnum):
@@ -64,3 +68,48 @@ ServedSettingsOption = Annotated[
         help="Change a setting of an item of the robot of --serve.",
     ),
 ]
+
+
+# Section from cli.files.
+# The files that options name.
+
+
+def check_place(path: Path, hint: str) -> None:
+    """Find out what would keep a file from being written, as far as that shows before.
+
+    Args:
+        path: Where it is to be.
+        hint: The option that asks for it.
+
+    Raises:
+        typer.BadParameter: If there is no such folder, or no right to write there.
+    """
+    if reason := _hindrance(path):
+        text = f"cannot write {path}: {reason}"
+        raise typer.BadParameter(text, param_hint=hint)
+
+
+def _hindrance(path: Path) -> str:
+    if not path.parent.is_dir() or not Path(os.path.realpath(path)).parent.is_dir():
+        return "no such folder"
+    if path.is_dir():
+        return "a folder of that name"
+    return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no right to"
+
+
+def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
+    """Write a file whole or not at all, as ``write_whole`` does.
+
+    Args:
+        path: Where.
+        data: All of it.
+        hint: The option that asks for it.
+
+    Raises:
+        typer.BadParameter: If it cannot be written.
+    """
+    try:
+        write_whole({path: data})
+    except OSError as error:
+        text = f"cannot write {path}: {error.strerror}"
+        raise typer.BadParameter(text, param_hint=hint) from None

@@ -1,23 +1,70 @@
-"""What a person is told on stderr while a robot finds its way."""
+"""A line on stderr that tells how things stand, for as long as they go on."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Final, Protocol
 
-from radarsim.cli.living import Lines, living
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
 from radarsim.navigation.bug import Doing, Point
-from radarsim.navigation.record import AT_BOUNDARY, Record, Row
+from radarsim.navigation.run_log import AT_BOUNDARY, Record, Row
+
+REFRESHES: Final = 8  # a second
 
 
-class Teller(Protocol):
+class Lines:
+    """Lines for where no line can live, one below the other."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def add(self, line: str) -> None:
+        """Print one."""
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def living(present: Callable[[], str]) -> Iterator[Lines | None]:
+    """Show how things stand by one line, if stderr is a terminal that can.
+
+    Args:
+        present: Says it; called only when the line is drawn.
+
+    Yields:
+        Where to tell of changes if it cannot.
+    """
+    console = Console(stderr=True)
+    if not console.is_terminal or console.is_dumb_terminal:
+        yield Lines(console)
+        return
+    line = _Line(present)
+    with Live(line, console=console, refresh_per_second=REFRESHES, transient=True):
+        yield None
+
+
+class _Line:
+    def __init__(self, present: Callable[[], str]) -> None:
+        self._present = present
+
+    def __rich__(self) -> Text:
+        return Text(self._present(), no_wrap=True, overflow="ellipsis")
+
+
+# Section from cli.progress.
+# What a person is told on stderr while a robot finds its way.
+
+
+class ProgressReporter(Protocol):
     """Tells of a run as it goes on."""
 
     def tell(self, row: Row) -> None:
         """Take notice of the moment that the record has got last."""
 
 
-class Nobody:
+class NullReporter:
     """Who tells nothing, since the line that lives knows it all by the record."""
 
     def tell(self, row: Row) -> None:
@@ -25,18 +72,22 @@ class Nobody:
 
 
 @contextmanager
-def progress(record: Record) -> Iterator[Teller]:
+def progress(record: Record) -> Iterator[ProgressReporter]:
     """Tell of a run, by one living line on a terminal, else by a line per change."""
-    with living(lambda: now(record)) as lines:
-        yield Nobody() if lines is None else Changes(lines, record)
+    with living(lambda: describe_latest(record)) as lines:
+        yield NullReporter() if lines is None else ChangeLogger(lines, record)
 
 
-def now(record: Record) -> str:
+def describe_latest(record: Record) -> str:
     """Say in one line how things stand."""
-    return present(record, record.rows[-1]) if record.rows else "waiting for a scan"
+    return (
+        describe_progress(record, record.rows[-1])
+        if record.rows
+        else "waiting for a scan"
+    )
 
 
-def present(record: Record, row: Row) -> str:
+def describe_progress(record: Record, row: Row) -> str:
     """Say in one line how things stand."""
     nearest = f"{row.nearest:5.2f} m" if math.isfinite(row.nearest) else "   none"
     return "  ".join(
@@ -51,7 +102,7 @@ def present(record: Record, row: Row) -> str:
     ).rstrip()
 
 
-class Changes:
+class ChangeLogger:
     """A line for every change of what the robot is at."""
 
     def __init__(self, lines: Lines, record: Record) -> None:
@@ -61,11 +112,11 @@ class Changes:
 
     def tell(self, row: Row) -> None:
         """Print a line if something has changed."""
-        now = (row.doing, row.goal)
-        if now == self._before:
+        describe_latest = (row.doing, row.goal)
+        if describe_latest == self._before:
             return
         line = f"{self._record.time:8.1f} s  {self._change(row)}"
-        self._before = now
+        self._before = describe_latest
         self._lines.add(line)
 
     def _change(self, row: Row) -> str:

@@ -5,11 +5,11 @@ and understand is the same code, which knows no sockets. Reports are those of
 ``radarsim.protocol.reports``: metres, radians and REP-103, whatever is on the wire.
 """
 
-from radarsim.client.asynchronous import AsyncClient
-from radarsim.client.blocking import Client
-from radarsim.client.facts import DriveUnit, RobotFacts, ScannerFacts, beam_angles
-from radarsim.client.link import Link, SocketLink
+from radarsim.client.aio import AsyncClient
+from radarsim.client.robot_info import DriveUnit, RobotFacts, ScannerFacts, beam_angles
 from radarsim.client.session import Question, Session
+from radarsim.client.sync import Client
+from radarsim.client.transport import Link, SocketLink
 from radarsim.errors import ClientError, ClientTimeout
 
 __all__ = [

@@ -10,10 +10,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from radarsim.client.facts import is_sound
+from radarsim.client.robot_info import is_sound
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.asking import encode_command
 from radarsim.protocol.commands import (
     Command,
     Drive,
@@ -22,8 +21,9 @@ from radarsim.protocol.commands import (
     GetStartPoses,
     Init,
     SetItem,
+    encode_command,
 )
-from radarsim.protocol.decoding import decode_report
+from radarsim.protocol.decode import decode_report
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.reports import (
     EncoderConf,
@@ -32,6 +32,7 @@ from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,
     RangeScan,
+    Reading,
     Report,
     RobotConf,
     RobotGeo,
@@ -40,7 +41,6 @@ from radarsim.protocol.reports import (
     Status,
     TouchConf,
 )
-from radarsim.protocol.words import Reading
 
 ROBOT = "Robot"  # the type by which clients ask about the robot itself
 SCANNERS = "RangeScanner"

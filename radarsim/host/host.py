@@ -18,13 +18,12 @@ beyond that waits for the next ticks (``is_busy``), so that a flood delays nobod
 How the bytes were cut on their way changes nothing.
 """
 
-from radarsim.host.client import Client
-from radarsim.host.notices import Notice
-from radarsim.host.orders import Orders
-from radarsim.protocol.encoding import encode_report, to_bytes
+from radarsim.host.commands import Orders
+from radarsim.host.connection import Client, Notice
+from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.reports import Greeting, Report
 from radarsim.scene.scene import Scene
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 from radarsim.simulation.simulation import Simulation, Told
 
 COMMANDS_A_TICK = 20  # clients in the field send a few; answers cost most of a tick

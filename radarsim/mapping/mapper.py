@@ -1,28 +1,20 @@
-"""Reports of a robot put together to a map, as they come in from any connection.
-
-A mapper is shown every report of a robot: echoes, ranges, and what tells where it is.
-Of each scan it finds the pose (``slam``), and lays it into the grid. Where a server
-tells echoes, a scan whose own are missing, in whole or in part, is good for finding the
-pose but not for the map: a radar's range alone does not tell foliage from a wall.
-"""
+"""The echoes of one scan, which come in several lines before it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from radarsim.client import ScannerFacts
-from radarsim.client.facts import same_name
+from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
-from radarsim.mapping.gathering import Gathering
-from radarsim.mapping.grid import RESOLUTION, OccupancyGrid
+from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
 from radarsim.mapping.scan import SMOKE, Scan2, read_scan
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
-from radarsim.navigation.sensed import Sensed, from_centre
-from radarsim.navigation.stamps import Stamps
+from radarsim.navigation.observation import Sensed, Stamps, from_centre
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -30,7 +22,48 @@ from radarsim.protocol.reports import (
     Odometry,
     RangeScan,
     Report,
+    Seen,
 )
+
+
+class Gathering:
+    """Collects the lines that belong together; holds those of one scan at a time."""
+
+    def __init__(self) -> None:
+        self._time = math.nan
+        self._lines: dict[int, Seen] = {}
+        self._count = -1
+
+    def take(self, line: EchoLine) -> None:
+        """Take in a line; one of another time begins anew."""
+        if not _is_same(line.time, self._time):
+            self._time, self._lines = line.time, {}
+        self._count = line.lines
+        if line.seen is not None and 0 < line.line <= line.lines:
+            self._lines[line.line] = line.seen
+
+    def of(self, scan: RangeScan) -> Sequence[Seen] | None:
+        """Give all echoes of a scan; None where none, or not all, were told."""
+        if not _is_same(scan.time, self._time) or len(self._lines) != self._count:
+            return None
+        seen, self._lines, self._count = list(self._lines.values()), {}, -1
+        return seen
+
+
+def _is_same(one: float, other: float) -> bool:
+    """Compare time stamps; some servers send none."""
+    return one == other or (math.isnan(one) and math.isnan(other))
+
+
+# Section from mapping.mapper.
+# Reports of a robot put together to a map, as they come in from any connection.
+#
+# A mapper is shown every report of a robot: echoes, ranges, and what tells where it
+# is.
+# Of each scan it finds the pose (``slam``), and lays it into the grid. Where a server
+# tells echoes, a scan whose own are missing, in whole or in part, is good for finding
+# the
+# pose but not for the map: a radar's range alone does not tell foliage from a wall.
 
 STALE: Final = 50  # scans without a word on the motion; it is not known any more
 FARTHEST: Final = 200.0  # m; a beam is not followed farther, whatever a server says

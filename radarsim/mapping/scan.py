@@ -18,8 +18,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.compiled import compiled
 from radarsim.geometry import Floats, Pose2
+from radarsim.jit import compiled
 from radarsim.protocol.reports import RangeScan, Seen
 
 # What ended a beam. UNSURE is a range without echoes, AIR a drop of rain.

@@ -21,9 +21,9 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.mapping.matching import Points, best_start, fit
-from radarsim.mapping.pointmap import PointMap
+from radarsim.mapping.point_map import PointMap
 from radarsim.mapping.scan import Scan2
+from radarsim.mapping.scan_matching import Points, best_start, fit
 from radarsim.mapping.trajectory import Trajectory
 
 SeedKind: TypeAlias = Literal["ins", "odometry", "none"]

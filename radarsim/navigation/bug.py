@@ -11,13 +11,19 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from radarsim.geometry import Pose2
+from radarsim.navigation.boundary_policy import (
+    AllRound,
+    AlongLine,
+    Circling,
+    Landmark,
+    Step,
+    Verdict,
+)
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.choices import Algorithm, GiveUp
-from radarsim.navigation.circling import AllRound, AlongLine, Circling, Step, Verdict
-from radarsim.navigation.following import Follower, Way, moved
-from radarsim.navigation.landmark import Landmark
-from radarsim.navigation.motion import STAND, Motion, Pace, bearing_of, distance
-from radarsim.navigation.sensed import Sensed
+from radarsim.navigation.control import STAND, Motion, Pace, bearing_of, distance, moved
+from radarsim.navigation.observation import Sensed
+from radarsim.navigation.options import Algorithm, GiveUp
+from radarsim.navigation.wall_following import Follower, Way
 
 TOLERANCE = 0.1  # m; as near as that is there
 GRAZE = 0.1  # m beyond the safety distance; what is nearer beside the way is in it

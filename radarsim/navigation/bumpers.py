@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.navigation.choices import Rule
-from radarsim.navigation.sensed import Sensed
+from radarsim.navigation.observation import Sensed
+from radarsim.navigation.options import Rule
 
 BAND = 0.5  # m from too near to not pressed
 LEAST_SHARE = 0.1

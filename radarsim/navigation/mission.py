@@ -9,9 +9,9 @@ from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import TOLERANCE, Bug, BugSettings, Point
 from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
-from radarsim.navigation.choices import ROBOT, Algorithm, GiveUp, PoseSource, Rule
-from radarsim.navigation.motion import Pace
-from radarsim.navigation.pilot import Moment, Pilot, Result
+from radarsim.navigation.control import Pace
+from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
+from radarsim.navigation.runner import Moment, Pilot, Result
 
 MARGIN = 0.13  # m on top of what is needed at least, for noise and for the way to stop
 

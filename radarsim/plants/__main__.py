@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from radarsim.plants.comparison import (
+from radarsim.plants.calibration import (
     RAYS,
     Comparison,
     compare_shapes,
     wanted_transmission,
 )
-from radarsim.plants.meshfiles import SEED, plant_files, write_all
+from radarsim.plants.plant import SEED, plant_files, write_all
 
 
 def make(

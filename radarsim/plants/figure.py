@@ -12,11 +12,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Floats
-from radarsim.plants.comparison import Comparison
-from radarsim.plants.forms import LEAVES, WOOD
-from radarsim.plants.readings import BEFORE, HEIGHT, WALL, Reading
-from radarsim.plants.shrub import Plant
-from radarsim.robots.sections import section
+from radarsim.plants.calibration import BEFORE, HEIGHT, WALL, Comparison, Reading
+from radarsim.plants.growth import LEAVES, WOOD
+from radarsim.plants.plant import Plant
+from radarsim.robots.obstacles import section
 
 COLOURS: Final = {WOOD: "#7a4a21", LEAVES: "#3f8f3a"}
 SUN: Final = np.array([0.45, -0.55, 0.7])  # where light comes from

@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import rotation_matrix
-from radarsim.plants.forms import SHRUB
-from radarsim.plants.joining import Mesh
-from radarsim.plants.shrub import Plant, make_shrubs
-from radarsim.randomness import generator_for
+from radarsim.plants.growth import SHRUB
+from radarsim.plants.mesh import Mesh
+from radarsim.plants.plant import Plant, make_shrubs
+from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box

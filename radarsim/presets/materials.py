@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict
 from ruamel.yaml import YAML
 
 from radarsim.errors import PresetError
-from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.hydrometeors import PowerLaw, rain_attenuation
+from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.presets.sensors import Number
 
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]

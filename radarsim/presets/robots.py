@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
-from radarsim.yamlfile import read_yaml
+from radarsim.yaml_reader import read_yaml
 
 ItemType: TypeAlias = Literal[
     "RangeScanner",

@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from radarsim.errors import PresetError
-from radarsim.presets.settings import SensorSettings
+from radarsim.presets.sensor_settings import SensorSettings
 
 
 class Number(BaseModel):

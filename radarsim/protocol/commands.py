@@ -5,18 +5,28 @@ whole or refused whole, so that a bad number in one field never leaves half of i
 Fields come in any order, unknown ones are ignored, and an empty one is a missing one.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, singledispatch
 from typing import TypeAlias
+
+import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
-from radarsim.protocol.axes import Triple, pose_from_wire
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.fields import needed, read_if_there, read_turned
-from radarsim.protocol.numbers import read_flag, read_number, read_numbers
-from radarsim.protocol.wire import Message, decode_message
+from radarsim.protocol.message import (
+    Message,
+    Triple,
+    decode_message,
+    needed,
+    pose_from_wire,
+    read_if_there,
+    read_turned,
+    turn_over,
+)
+from radarsim.protocol.numbers import LARGEST_READ, read_flag, read_number, read_numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,3 +216,117 @@ _UNSUPPORTED = frozenset(
         *("GOTO", "MISPKG", "MOVE", "MULTIDRIVE", "PAUSE", "PING", "TEST", "TRACE"),
     )
 )
+
+
+# Section from protocol.asking.
+# Commands to lines: what a client says, so that ``parse_command`` reads it back.
+#
+# Numbers are written with all their digits and without an exponent, vectors with
+# commas,
+# and truth values in small letters, which servers of all generations read.
+
+PACKAGE = "USARBot."  # of robot classes
+
+
+def encode_command(command: Command) -> str:
+    """Write a command as one line, without its end.
+
+    Raises:
+        ValueError: If a number in it is not finite or too large to be read, or a text
+            has line ends, braces or what is not ASCII.
+    """
+    return _line(command)
+
+
+@singledispatch
+def _line(command: object) -> str:
+    raise TypeError(f"{command!r}, expected a command")
+
+
+@_line.register
+def _(command: Init) -> str:
+    class_name = command.class_name
+    if "." not in class_name:
+        class_name = PACKAGE + class_name
+    location, rotation = command.position, command.rotation
+    return _format_line(
+        "INIT",
+        ("ClassName", class_name),
+        ("Name", command.name),
+        ("Start", command.start),
+        ("Location", None if location is None else _format_vector(turn_over(location))),
+        ("Rotation", None if rotation is None else _format_vector(turn_over(rotation))),
+    )
+
+
+@_line.register
+def _(command: Drive) -> str:
+    return _format_line(
+        "DRIVE",
+        ("Left", _number_if_given(command.left)),
+        ("Right", _number_if_given(command.right)),
+        ("Normalized", _flag_if_given(command.normalized)),
+        ("Light", _flag_if_given(command.light)),
+        ("Flip", _flag_if_given(command.flip)),
+    )
+
+
+@_line.register
+def _(_: GetStartPoses) -> str:
+    return _format_line("GETSTARTPOSES")
+
+
+@_line.register
+def _(command: GetGeo) -> str:
+    return _format_line("GETGEO", ("Type", command.type), ("Name", command.name))
+
+
+@_line.register
+def _(command: GetConf) -> str:
+    return _format_line("GETCONF", ("Type", command.type), ("Name", command.name))
+
+
+@_line.register
+def _(command: SetItem) -> str:
+    return _format_line(
+        "SET",
+        ("Type", command.type),
+        ("Name", command.name),
+        ("Opcode", command.opcode),
+        ("Params", command.params or None),
+    )
+
+
+@_line.register
+def _(command: Unsupported) -> str:
+    return _format_line(command.verb)
+
+
+def _format_line(verb: str, *fields: tuple[str, str | None]) -> str:
+    given = tuple((key, _checked(text)) for key, text in fields if text is not None)
+    return Message(verb, given).encode()
+
+
+def _checked(text: str) -> str:
+    """Give a text back if a line can hold it: another's line must not be in it."""
+    if text.isascii() and text.isprintable() and not {*text} & {"{", "}"}:
+        return text
+    raise ValueError(f"text {text[:80]!r}, expected printable ASCII without braces")
+
+
+def _number_if_given(value: float | None) -> str | None:
+    return None if value is None else _format_number(value)
+
+
+def _flag_if_given(value: bool | None) -> str | None:
+    return None if value is None else str(value).lower()
+
+
+def _format_vector(values: Iterable[float]) -> str:
+    return ",".join([_format_number(value) for value in values])
+
+
+def _format_number(value: float) -> str:
+    if not math.isfinite(value) or abs(value) > LARGEST_READ:
+        raise ValueError(f"number {value!r}, expected at most {LARGEST_READ:g} in size")
+    return np.format_float_positional(value + 0.0, trim="0")

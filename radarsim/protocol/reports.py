@@ -1,12 +1,12 @@
 """What the server tells a client, as values in the frames of the simulation.
 
 Poses are REP-103, numbers are SI and unrounded: axes, digits and the order of the
-fields on the wire belong to ``radarsim.protocol.encoding``. Times are simulated s.
+fields on the wire belong to ``radarsim.protocol.encode``. Times are simulated s.
 A ``type`` that a client asked for is echoed as it spelt it.
 """
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -274,3 +274,31 @@ Report: TypeAlias = (
     | TouchConf
     | NameConf
 )
+
+
+# Section from protocol.words.
+# The words that tell reports apart, for who writes and for who reads them.
+
+VEHICLE: Final = "GroundVehicle"  # the type of a robot that drives
+VEHICLES: Final = frozenset((VEHICLE, "LeggedRobot", "NauticVehicle", "AerialVehicle"))
+
+Reading: TypeAlias = (
+    RangeScan | EchoLine | GroundTruth | Ins | Odometry | Tachometer | Encoder | Touch
+)
+Settings: TypeAlias = IntervalConf | EncoderConf | TouchConf
+
+READING_TYPES: Final[dict[type[Reading], str]] = {
+    RangeScan: "RangeScanner",
+    EchoLine: "Echoes",
+    GroundTruth: "GroundTruth",
+    Ins: "INS",
+    Odometry: "Odometry",
+    Tachometer: "Tachometer",
+    Encoder: "Encoder",
+    Touch: "Touch",
+}
+SETTING_KEYS: Final[dict[type[Settings], str]] = {
+    IntervalConf: "ScanInterval",
+    TouchConf: "Diameter",
+    EncoderConf: "Resolution",
+}

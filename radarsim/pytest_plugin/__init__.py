@@ -92,7 +92,7 @@ def usarsim_server(
 ) -> Iterator[UsarsimServer]:
     """A USARSim server that runs while the test does, on a free port of 127.0.0.1."""
     # Imported only now, so that pytest starts fast where no test wants a server.
-    from radarsim.pytest_plugin.running import ServerThread, make_host  # noqa: PLC0415
+    from radarsim.pytest_plugin.server_thread import ServerThread, make_host  # noqa: PLC0415
 
     options = _options(request.node, usarsim_map)
     try:

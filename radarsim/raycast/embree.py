@@ -1,31 +1,11 @@
-"""The one door to Embree: a sealed set of triangles, and all that a ray meets there.
-
-Theory of operation
-===================
-embreex brings Embree 4's own shared library in its wheel; ctypes opens that file and
-builds the scene. Rays go from compiled code straight to ``rtcIntersect1``, with no
-Python between two rays.
-
-Embree computes in float32, which at 1 km is off by more than a foliage's edge is
-thick: a grazing ray gains or loses a chord of centimetres. So Embree only says which
-triangles a ray may meet: to Embree they are boxes, wider than the triangles by more
-than float32 can err. For each box on its way a callback crosses the triangle itself,
-in float64, see ``line``. What is penetrable goes on a list; what is opaque shortens
-the ray. So one traversal, from one origin, gives *all* surfaces up to the first opaque
-one, and no ray is ever restarted behind a hit. Restarts with a shifted origin lose
-thin exits, restarts at the next float lose surfaces that coincide; a list loses
-neither.
-
-Rule 1: a scene is sealed when it is made. Embree would ignore what is added later.
-Rule 2: what goes in is checked: shapes, finite vertices, indices in range. Embree
-reads past arrays and drops whole meshes in silence.
-Rule 3: far from the scene nothing is cast: a ray that starts outside is taken to the
-sphere around the scene first, so that Embree sees no larger numbers than the scene's.
-"""
+"""Embree's shared library: where it is, what it must be, and its functions' types."""
 
 import ctypes
+import functools
+import importlib.metadata
 import weakref
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -34,13 +14,121 @@ from embreex.rtcore_scene import EmbreeScene as PlainScene
 from numba.np.numpy_support import carray
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.compiled import callback
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.embree_library import open_library
-from radarsim.raycast.line import TINY
-from radarsim.raycast.nearby import meet_nearby
-from radarsim.raycast.query import meet, pointer
+from radarsim.jit import callback
+from radarsim.raycast.crossings import TINY
+from radarsim.raycast.intersect import meet, meet_nearby, pointer
+
+PROPERTY_VERSION: Final = 0
+PROPERTY_USER_GEOMETRY: Final = 100
+
+_POINTER, _NUMBER, _COUNT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
+_TRUTH = ctypes.c_bool
+SIGNATURES: Final[dict[str, tuple[Any, list[Any]]]] = {
+    "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _NUMBER]),
+    "rtcGetDeviceError": (_NUMBER, [_POINTER]),
+    "rtcReleaseDevice": (None, [_POINTER]),
+    "rtcNewScene": (_POINTER, [_POINTER]),
+    "rtcCommitScene": (None, [_POINTER]),
+    "rtcReleaseScene": (None, [_POINTER]),
+    "rtcNewGeometry": (_POINTER, [_POINTER, _NUMBER]),
+    "rtcSetGeometryUserPrimitiveCount": (None, [_POINTER, _COUNT]),
+    "rtcSetGeometryUserData": (None, [_POINTER, _POINTER]),
+    "rtcSetGeometryBoundsFunction": (None, [_POINTER, _POINTER, _POINTER]),
+    "rtcSetGeometryIntersectFunction": (None, [_POINTER, _POINTER]),
+    "rtcCommitGeometry": (None, [_POINTER]),
+    "rtcAttachGeometry": (_COUNT, [_POINTER, _POINTER]),
+    "rtcReleaseGeometry": (None, [_POINTER]),
+    "rtcPointQuery": (_TRUTH, [_POINTER] * 5),
+    "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
+}
+
+
+@functools.cache
+def open_library() -> ctypes.CDLL:
+    """Open the Embree 4 that embreex brings.
+
+    Raises:
+        EngineError: If there is none, or one of another version or build.
+    """
+    try:
+        files = importlib.metadata.files("embreex") or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    return load_library([Path(str(f.locate())) for f in files if "embree4" in f.name])
+
+
+def load_library(paths: list[Path]) -> ctypes.CDLL:
+    """Open the one library there is to be among files, and see that it is Embree 4.
+
+    Raises:
+        EngineError: If it is not.
+    """
+    if len(paths) != 1:
+        names = [path.name for path in paths]
+        raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
+    try:
+        library = ctypes.CDLL(str(paths[0]))
+        # Unsaid, ctypes would cut pointers to 32 bits.
+        for name, (result, arguments) in SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise EngineError(f"cannot use {paths[0]}: {error}") from error
+    expect_version(library)
+    return library
+
+
+def expect_version(library: ctypes.CDLL) -> None:
+    """Refuse another version than 4, and a build without user geometries.
+
+    Raises:
+        EngineError: If it is one.
+    """
+    device = library.rtcNewDevice(None)
+    if not device:
+        raise EngineError("Embree made no device, expected one with its defaults")
+    version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
+    boxes = library.rtcGetDeviceProperty(device, PROPERTY_USER_GEOMETRY)
+    library.rtcReleaseDevice(device)
+    if version // 10000 != 4 or not boxes:
+        raise EngineError(
+            f"Embree {version}, user geometries {bool(boxes)}, expected 4xxxx and True"
+        )
+
+
+# Section from raycast.embree.
+# The one door to Embree: a sealed set of triangles, and all that a ray meets there.
+#
+# Theory of operation
+# ===================
+# embreex brings Embree 4's own shared library in its wheel; ctypes opens that file
+# and
+# builds the scene. Rays go from compiled code straight to ``rtcIntersect1``, with no
+# Python between two rays.
+#
+# Embree computes in float32, which at 1 km is off by more than a foliage's edge is
+# thick: a grazing ray gains or loses a chord of centimetres. So Embree only says
+# which
+# triangles a ray may meet: to Embree they are boxes, wider than the triangles by more
+# than float32 can err. For each box on its way a callback crosses the triangle
+# itself,
+# in float64, see ``line``. What is penetrable goes on a list; what is opaque shortens
+# the ray. So one traversal, from one origin, gives *all* surfaces up to the first
+# opaque
+# one, and no ray is ever restarted behind a hit. Restarts with a shifted origin lose
+# thin exits, restarts at the next float lose surfaces that coincide; a list loses
+# neither.
+#
+# Rule 1: a scene is sealed when it is made. Embree would ignore what is added later.
+# Rule 2: what goes in is checked: shapes, finite vertices, indices in range. Embree
+# reads past arrays and drops whole meshes in silence.
+# Rule 3: far from the scene nothing is cast: a ray that starts outside is taken to
+# the
+# sphere around the scene first, so that Embree sees no larger numbers than the
+# scene's.
 
 # How much wider than its triangle a box is, for each metre of the scene's radius.
 # float32 rounds what Embree compares to 6e-8 of it, some eight times over.

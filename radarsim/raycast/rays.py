@@ -8,10 +8,10 @@ from typing import Any, Final, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.compiled import leaf
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.penetration import EventKind
+from radarsim.jit import leaf
+from radarsim.raycast.attenuation import EventKind
 
 RADAR: Final = 0
 LASER: Final = 1

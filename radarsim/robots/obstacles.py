@@ -1,4 +1,4 @@
-"""The lines on the floor that a robot cannot cross: sections of all solid things."""
+"""Cutting triangles with level planes."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,8 +11,53 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
-from radarsim.robots.sections import section
 from radarsim.scene.scene import Part, Scene
+
+
+def section(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
+    """Cut a mesh at one height.
+
+    Args:
+        vertices: (V, 3) m.
+        faces: (F, 3) rows of vertex numbers.
+        height: z of the plane, m. A vertex in the plane counts as above it, so that
+            the section of a closed mesh is closed, and a mesh that stands on the plane
+            leaves no line.
+
+    Returns:
+        Line segments, (S, 2, 2) m: x and y of both ends; where the plane only grazes
+        a corner, the ends are the same.
+    """
+    corners = vertices[faces]  # (F, 3, 3)
+    above = corners[:, :, 2] >= height
+    cut = above.any(axis=1) & ~above.all(axis=1)
+    corners, above = corners[cut], above[cut]
+    # the corner that is alone on its side goes first
+    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
+    order = (alone[:, None] + np.arange(3)) % 3
+    corners = np.take_along_axis(corners, order[:, :, None], axis=1)
+    first, others = corners[:, :1], corners[:, 1:]
+    share = (height - first[..., 2:]) / (others[..., 2:] - first[..., 2:])
+    ends = (first + share * (others - first))[..., :2]
+    return np.ascontiguousarray(ends)
+
+
+def outlines(parts: Iterable[Part], height: float) -> Floats:
+    """Cut parts of a scene at one height.
+
+    Args:
+        parts: All of them, solid or not.
+        height: z of the plane, m, map frame.
+
+    Returns:
+        The sections one after the other, (S, 2, 2) m: x and y of both ends.
+    """
+    cuts = [section(part.vertices, part.faces, height) for part in parts]
+    return np.concatenate([NO_SEGMENTS, *cuts])
+
+
+# Section from robots.obstacles.
+# The lines on the floor that a robot cannot cross: sections of all solid things.
 
 # m above the floor: the lowest is that of a P3AT's bumpers, the highest the top of what
 # it carries. Something level and thin between two of them is not met.

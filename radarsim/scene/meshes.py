@@ -18,9 +18,13 @@ from urllib.parse import unquote
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.scene.emptiness import count_empty
 from radarsim.scene.shapes import Faces
-from radarsim.scene.shells import count_open_edges, merge_vertices, orient
+from radarsim.scene.topology import (
+    count_empty,
+    count_open_edges,
+    merge_vertices,
+    orient,
+)
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 

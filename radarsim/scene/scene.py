@@ -10,7 +10,7 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.shapes import Faces
-from radarsim.scene.shells import Labels, is_closed, split_shells
+from radarsim.scene.topology import Labels, is_closed, split_shells
 
 
 @dataclass(frozen=True, eq=False)

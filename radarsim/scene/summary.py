@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from radarsim.presets.bands import BANDS_GHZ
+from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene, StartPose, Trial
 

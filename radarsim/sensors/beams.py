@@ -1,26 +1,4 @@
-"""Where the rays of a scan point, and which of a beam's rays are cast.
-
-Theory of operation
-===================
-A beam has several rays, its nodes. Three of them, right, centre and left, stand for the
-edges and the middle of a beam that diverges, N Unreal units apart. A cone has as many
-as one likes, over a beam that is wide across and up and down.
-
-The power of a beam falls off with the angle like a Gaussian, on the way out and once
-more on the way back: if ``w`` is the angle between the half-power points on one way,
-both ways together have the standard deviation w / (4 sqrt(ln 2)) = 0.3003 w. The nodes
-of a quadrature are those of Gauss and Hermite, a grid of them where the beam is wide in
-both directions. Three across stand at 0 and 0.5201 w with weights 2/3 and 1/6: the main
-ray and two side rays. Over what is smooth, n nodes in a row are exact to the order
-2n - 1; over an edge three are off by at most 1/3 of the beam, where the edge runs
-through the main ray, and more by less. Random rays are spread by that Gaussian and
-weigh the same.
-
-Either one ray of each beam is drawn, by the nodes' weights, or all are cast.
-
-Source: the noise model of a thesis on navigation with a radar in USARSim, section 4.3;
-and, for the cone, what it proposes in section 7.
-"""
+"""What the rays of a sensor are to a scene."""
 
 import math
 from dataclasses import dataclass
@@ -29,14 +7,59 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.compiled import compiled
 from radarsim.geometry import Floats, Pose3
+from radarsim.jit import compiled
 from radarsim.presets.divergence import (
     METRES_PER_UNIT,
     offset_angle,
     two_way_deviation,
 )
-from radarsim.presets.settings import SensorSettings
+from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
+from radarsim.raycast.rays import LASER, RADAR, Kind
+
+
+def kind_of(settings: SensorSettings) -> Kind:
+    """Tell what the rays of a sensor have in common."""
+    radar = settings.medium == "radar"
+    return Kind(
+        RADAR if radar else LASER,
+        BANDS_GHZ.index(settings.band_ghz) if radar else 0,
+        settings.power_per_db,
+        settings.max_bounces,
+    )
+
+
+# Section from sensors.beams.
+# Where the rays of a scan point, and which of a beam's rays are cast.
+#
+# Theory of operation
+# ===================
+# A beam has several rays, its nodes. Three of them, right, centre and left, stand for
+# the
+# edges and the middle of a beam that diverges, N Unreal units apart. A cone has as
+# many
+# as one likes, over a beam that is wide across and up and down.
+#
+# The power of a beam falls off with the angle like a Gaussian, on the way out and
+# once
+# more on the way back: if ``w`` is the angle between the half-power points on one
+# way,
+# both ways together have the standard deviation w / (4 sqrt(ln 2)) = 0.3003 w. The
+# nodes
+# of a quadrature are those of Gauss and Hermite, a grid of them where the beam is
+# wide in
+# both directions. Three across stand at 0 and 0.5201 w with weights 2/3 and 1/6: the
+# main
+# ray and two side rays. Over what is smooth, n nodes in a row are exact to the order
+# 2n - 1; over an edge three are off by at most 1/3 of the beam, where the edge runs
+# through the main ray, and more by less. Random rays are spread by that Gaussian and
+# weigh the same.
+#
+# Either one ray of each beam is drawn, by the nodes' weights, or all are cast.
+#
+# Source: the noise model of a thesis on navigation with a radar in USARSim, section
+# 4.3;
+# and, for the cone, what it proposes in section 7.
 
 Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]

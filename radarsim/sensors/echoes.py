@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.presets.settings import SensorSettings
-from radarsim.raycast.penetration import EventKind
-from radarsim.raycast.tolls import cost_of
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.material_table import cost_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.sensors.kinds import kind_of
+from radarsim.sensors.beams import kind_of
 
 ROBOT = Material("robot")  # opaque to everything
 KINDS = {

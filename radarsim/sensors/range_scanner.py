@@ -15,17 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Pose3
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.presets.settings import SensorSettings
-from radarsim.raycast.boxes import Boxes
-from radarsim.raycast.penetration import Outcome
+from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
-from radarsim.raycast.tracer import Tracer
-from radarsim.raycast.tracers import tracer_of
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import BeamPattern, Drawn, Sides
-from radarsim.sensors.kinds import kind_of
-from radarsim.sensors.reading import Plan, Reader
+from radarsim.sensors.beams import BeamPattern, Drawn, Sides, kind_of
+from radarsim.sensors.measurement import Plan, Reader
 from radarsim.sensors.scan import Scan
 
 NONE: Final = np.zeros(0)

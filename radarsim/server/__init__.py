@@ -1,5 +1,5 @@
 """The shell around the host: sockets, signals, and the wall clock."""
 
-from radarsim.server.server import Server, serve
+from radarsim.server.tcp_server import Server, serve
 
 __all__ = ["Server", "serve"]

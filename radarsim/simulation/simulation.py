@@ -13,21 +13,20 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.reports import EchoLine, RangeScan, Report, Status
-from radarsim.randomness import generator_for
-from radarsim.raycast.boxes import Boxes
-from radarsim.raycast.penetration import EventKind
+from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
-from radarsim.raycast.tracers import tracer_of
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
-from radarsim.sensors.casting import take_together
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
-from radarsim.simulation.clock import TICK, seconds
-from radarsim.simulation.conditions import Conditions
-from radarsim.simulation.echoing import echo_lines
+from radarsim.sensors.scan_batch import take_together
+from radarsim.simulation.config import TICK, Conditions, seconds
+from radarsim.simulation.echo_lines import echo_lines
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around a place that is taken

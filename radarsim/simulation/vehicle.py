@@ -8,13 +8,11 @@ import numpy as np
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.protocol.reports import Report, Status
-from radarsim.randomness import generator_for
-from radarsim.robots.battery import Battery
-from radarsim.robots.robot import Robot
+from radarsim.rng import generator_for
+from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.clock import seconds, ticks_of
-from radarsim.simulation.conditions import DEFAULT_INTERVAL, Conditions
-from radarsim.simulation.instruments import (
+from radarsim.simulation.config import DEFAULT_INTERVAL, Conditions, seconds, ticks_of
+from radarsim.simulation.items import (
     INSTRUMENTS,
     InsInstrument,
     Instrument,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import radarsim.cli.commands
+import radarsim.cli.app
 from radarsim.cli import main
 from radarsim.errors import ServerError
 
@@ -57,7 +57,7 @@ def test_how_a_command_ends(
     def run() -> None:
         raise error
 
-    monkeypatch.setattr(radarsim.cli.commands, "app", run)
+    monkeypatch.setattr(radarsim.cli.app, "app", run)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as ended:
         main()

@@ -10,7 +10,7 @@ from radarsim.client import session as asking
 from radarsim.client.session import Question, Session
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT
-from radarsim.protocol.encoding import encode_report, to_bytes
+from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.reports import (
     Greeting,
     GroundTruth,

@@ -21,7 +21,7 @@ from radarsim.geometry import Floats
 from radarsim.host import Host, Notice
 from radarsim.scene.scene import Scene
 from radarsim.server import Server
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 
 ONE_READ = 4096
 GROUND = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")

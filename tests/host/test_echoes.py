@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from radarsim.host import Host
-from radarsim.host.orders import SPAWN_TICKS
+from radarsim.host.commands import SPAWN_TICKS
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.wire import Message, decode_message
+from radarsim.protocol.message import Message, decode_message
 from radarsim.scene.scene import Scene
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
 BOTH = b"INIT {ClassName USARBot.P3AT_Compare} {Name R1} {Start RobotStart1}\r\n"

@@ -9,11 +9,11 @@ import pytest
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
 from radarsim.host import Host
+from radarsim.host.commands import SPAWN_TICKS, SPAWNS_A_TICK, VAIN_SPAWN_TICKS
 from radarsim.host.host import COMMANDS_A_TICK
-from radarsim.host.orders import SPAWN_TICKS, SPAWNS_A_TICK, VAIN_SPAWN_TICKS
 from radarsim.presets.robots import robot_names
 from radarsim.scene.scene import Scene, StartPose
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 STARTS = (

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from radarsim.host import Host
 from radarsim.protocol.dialect import UDK
 from radarsim.scene.scene import Scene
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 
 INITS = (
     b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n",

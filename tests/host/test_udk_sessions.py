@@ -8,7 +8,7 @@ import pytest
 from radarsim.host import Host
 from radarsim.protocol.dialect import UDK
 from radarsim.scene.scene import Scene
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Location -8,0,0}\r\n"
 

@@ -9,8 +9,8 @@ import pytest
 
 from radarsim.client import ScannerFacts
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.mapping.grid import FREE, OBSTACLE, THICKET, UNKNOWN
 from radarsim.mapping.mapper import STALE, Mapper, MapperSettings
+from radarsim.mapping.occupancy_grid import FREE, OBSTACLE, THICKET, UNKNOWN
 from radarsim.mapping.scan import Scan2
 from radarsim.mapping.slam import SlamSettings
 from radarsim.protocol.reports import (

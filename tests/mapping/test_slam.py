@@ -12,7 +12,7 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.scan import Scan2
 from radarsim.mapping.slam import SeedKind, Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory, TrajectoryErrors, trajectory_errors
-from radarsim.randomness import generator_for
+from radarsim.rng import generator_for
 
 Look = Callable[..., Scan2]
 START = Pose2(-4.0, 0.5, 0.3)

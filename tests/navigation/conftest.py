@@ -10,8 +10,8 @@ import shapely
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import Bug
-from radarsim.navigation.motion import Motion
-from radarsim.navigation.sensed import Sensed
+from radarsim.navigation.control import Motion
+from radarsim.navigation.observation import Sensed
 
 BEARINGS: Floats = np.radians(np.arange(360.0) - 180.0)
 STEP = 0.1  # s between two scans

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Bug, BugSettings, Doing
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.choices import Algorithm, GiveUp, Rule
-from radarsim.navigation.motion import Pace
+from radarsim.navigation.control import Pace
+from radarsim.navigation.options import Algorithm, GiveUp, Rule
 
 
 class World(Protocol):

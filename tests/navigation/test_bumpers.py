@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumper, Bumpers, nearest_share, pressed_names
-from radarsim.navigation.choices import Rule
-from radarsim.navigation.sensed import Sensed
+from radarsim.navigation.observation import Sensed
+from radarsim.navigation.options import Rule
 
 BEARINGS = np.radians(np.arange(360) - 180.0)
 HERE = Pose2(0.0, 0.0)

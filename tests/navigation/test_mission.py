@@ -7,12 +7,12 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.navigation.choices import Algorithm
+from radarsim.host.lockstep import HostLink
 from radarsim.navigation.mission import MARGIN, Mission, carry_out
-from radarsim.navigation.pilot import Moment, Result
+from radarsim.navigation.options import Algorithm
+from radarsim.navigation.runner import Moment, Result
 from radarsim.scene.scene import Scene
-from radarsim.simulation.conditions import Conditions
-from radarsim.study.lockstep import HostLink
+from radarsim.simulation.config import Conditions
 
 HALF_DIAGONAL = 0.371  # m, of a P3AT
 

@@ -6,21 +6,19 @@ import numpy as np
 import pytest
 
 from radarsim.plants.calibration import (
+    Comparison,
     bundle,
     calibrate,
-    transmission,
-    transmission_of_ball,
-)
-from radarsim.plants.comparison import (
-    Comparison,
     compare_shapes,
     foliage_material,
+    transmission,
+    transmission_of_ball,
     wanted_transmission,
 )
-from radarsim.plants.forms import SHRUB
-from radarsim.plants.shrub import SHAPES
-from radarsim.randomness import generator_for
+from radarsim.plants.growth import SHRUB
+from radarsim.plants.plant import SHAPES
 from radarsim.raycast.rays import Rays
+from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box, cylinder, sphere

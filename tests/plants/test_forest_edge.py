@@ -8,10 +8,10 @@ import pytest
 import radarsim
 from radarsim.geometry import Floats, Pose2
 from radarsim.plants.calibration import bundle, transmission
-from radarsim.plants.forms import SHRUB
-from radarsim.plants.shrub import SHAPES
+from radarsim.plants.growth import SHRUB
+from radarsim.plants.plant import SHAPES
 from radarsim.presets.robots import load_robot
-from radarsim.randomness import generator_for
+from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.scene.scene import Part, Scene

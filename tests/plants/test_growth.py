@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.plants.forms import SHRUB, TREE, YOUNG_TREE, PlantForm
-from radarsim.plants.growth import Skeleton, grow
-from radarsim.plants.joining import join
-from radarsim.plants.tubes import ball, bark, tube
-from radarsim.randomness import generator_for
+from radarsim.plants.growth import SHRUB, TREE, YOUNG_TREE, PlantForm, Skeleton, grow
+from radarsim.plants.mesh import ball, bark, join, tube
+from radarsim.rng import generator_for
 from radarsim.scene.shapes import Faces
-from radarsim.scene.shells import is_closed, split_shells
+from radarsim.scene.topology import is_closed, split_shells
 
 FORMS = [
     pytest.param(SHRUB, id="shrub"),

@@ -1,7 +1,7 @@
 import pytest
 
+from radarsim.plants.plant import make_shrubs
 from radarsim.plants.scenes import STEP, leaf_scene
-from radarsim.plants.shrub import make_shrubs
 
 
 @pytest.mark.parametrize("triangles", [1, 60_000, 200_000])

@@ -4,7 +4,6 @@ from typing import get_args
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.presets.bands import BANDS_GHZ
 from radarsim.presets.materials import (
     AMOUNTS,
     Substance,
@@ -13,7 +12,7 @@ from radarsim.presets.materials import (
     library_material,
     library_names,
 )
-from radarsim.presets.settings import SensorSettings
+from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 
 PLANTS = (
     *("sparse_foliage", "twigs", "woodland", "foliage", "dense_foliage"),

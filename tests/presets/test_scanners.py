@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import SensorPreset, load_settings, sensor_presets
-from radarsim.presets.settings import SensorSettings
 
 THESIS = {"radar", "thesis"}
 NAVTECH = {

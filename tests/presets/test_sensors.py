@@ -4,8 +4,8 @@ from typing import Any
 import pytest
 
 from radarsim.errors import PresetError
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings, parse_setting
-from radarsim.presets.settings import SensorSettings
 
 
 @pytest.mark.parametrize(

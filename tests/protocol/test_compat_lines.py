@@ -6,7 +6,7 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT
-from radarsim.protocol.encoding import encode_report
+from radarsim.protocol.encode import encode_report
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,

@@ -5,7 +5,7 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
-from radarsim.protocol.encoding import encode_report
+from radarsim.protocol.encode import encode_report
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,

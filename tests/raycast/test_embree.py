@@ -9,9 +9,8 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.crossings import CROSSING
-from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh
-from radarsim.raycast.embree_library import open_library
-from radarsim.raycast.query import (
+from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh, open_library
+from radarsim.raycast.intersect import (
     BEHIND,
     LISTED,
     OPAQUE,

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.boxes import Boxes
 from radarsim.raycast.rays import Rays
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.boxes import Boxes
-from radarsim.raycast.penetration import EventKind, Outcome
+from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import LASER, RADAR, Kind, Rays
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

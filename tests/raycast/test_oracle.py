@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.penetration import Outcome
+from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.boxes import Boxes
-from radarsim.raycast.penetration import EventKind, Outcome
+from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import FIRST_ROOM, Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import MapError
-from radarsim.scene.mapfile import load_map, load_variants
+from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.scene import Trial
 
 HEAD = """\

@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import MapError
-from radarsim.scene.mapfile import load_map, load_variants
-from radarsim.scene.mapmaterials import from_library
+from radarsim.scene.build import from_library
+from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.material import Material
 
 YARD = """\

@@ -17,7 +17,7 @@ from radarsim.scene.meshes import (
     read_surfaces,
 )
 from radarsim.scene.shapes import box
-from radarsim.scene.shells import is_closed, split_shells
+from radarsim.scene.topology import is_closed, split_shells
 
 CORNERS, TRIANGLES = box(1, 1, 1)
 

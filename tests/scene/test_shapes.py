@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
 from radarsim.scene.shapes import Faces, box, cylinder, sphere
-from radarsim.scene.shells import is_closed, split_shells
+from radarsim.scene.topology import is_closed, split_shells
 
 Mesh = tuple[Floats, Faces]
 SIZE = st.floats(1e-3, 1e3)

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.divergence import offset_units, side_ray_at, two_way_deviation
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.presets.settings import SensorSettings
-from radarsim.randomness import generator_for
+from radarsim.rng import generator_for
 from radarsim.sensors.beams import BeamPattern, Drawn, Fan, Sides, beam_angles
 
 HERE = Pose3(1.0, -2.0, 0.5)

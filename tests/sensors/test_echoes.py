@@ -8,10 +8,10 @@ import pytest
 import radarsim
 from radarsim import Echoes, Material, Part, Pose3, Scan, Scene
 from radarsim.presets.sensors import load_settings
-from radarsim.randomness import generator_for
-from radarsim.raycast.boxes import Boxes
-from radarsim.raycast.penetration import EventKind
-from radarsim.raycast.tracers import tracer_of
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import generator_for
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.echoes import Target
 

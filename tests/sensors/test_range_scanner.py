@@ -6,7 +6,7 @@ import pytest
 import radarsim
 from radarsim import Material, Part, Pose3, Scene, StartPose
 from radarsim.geometry import Floats
-from radarsim.randomness import generator_for
+from radarsim.rng import generator_for
 from radarsim.scene.shapes import box, sphere
 from radarsim.sensors.range_scanner import sensor_pose
 
@@ -201,7 +201,7 @@ def test_a_scene_keeps_its_tracer_only_while_it_lives() -> None:
     import gc
     import weakref
 
-    from radarsim.raycast.tracers import tracer_of
+    from radarsim.raycast.tracer import tracer_of
 
     scene = room()
     tracer = weakref.ref(tracer_of(scene))

@@ -20,7 +20,7 @@ from radarsim.protocol.reports import (
     Touch,
 )
 from radarsim.scene.scene import Scene
-from radarsim.simulation.conditions import Conditions
+from radarsim.simulation.config import Conditions
 from radarsim.simulation.simulation import Simulation, Told
 from radarsim.simulation.vehicle import Vehicle
 

@@ -1,0 +1,254 @@
+"""Benchmarks of the ray engine: rows a to d."""
+
+import importlib
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from radarsim.benchmark.measurement import Row, compare, measure
+from radarsim.benchmark.scenes import (
+    SENSOR,
+    bumpy_room,
+    curtains,
+    foliage_wall,
+    hall_of_mirrors,
+)
+from radarsim.geometry import Pose2, Pose3
+from radarsim.plants.scenes import leaf_scene
+from radarsim.presets.robots import load_robot
+from radarsim.raycast.embree import FirstHits, Mesh
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import generator_for
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
+from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import take_together
+from radarsim.simulation.simulation import Simulation
+
+BATCH = 100
+# Most times as long as a raw first-hit call; of the foliage wall alone.
+LIMITS = {"361 beams": 3.2, "1801 beams": 2.9, "100 scans of 361 beams": 2.9}
+
+
+def radar_with(beams: int) -> RangeScanner:
+    """Make a radar with so many beams over half a circle."""
+    return load_sensor("radar", resolution_deg=180 / (beams - 1))
+
+
+def scans_against_first_hits(seconds: float) -> Iterator[Row]:
+    """Measure whole scans, beam making and drawing included, by raw first-hit calls."""
+    for scene, limits in ((foliage_wall(), LIMITS), (load_map("foliage_room"), {})):
+        meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
+        for name, scan, rays in _workloads(scene):
+            first = FirstHits(meshes, rays.origins, rays.directions)
+            result = compare(scan, first.run, seconds=seconds)
+            note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
+            title = f"{scene.name}, {name}"
+            yield Row("a", title, result.ratio, "x", limits.get(name), note)
+
+
+def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]:
+    """Give a name, what makes the scans, and rays like theirs."""
+    tracer, pose = tracer_of(scene), sensor_pose(scene, SENSOR)
+    rng = generator_for(0, "bench")
+    for beams in (361, 1801):
+        radar = radar_with(beams)
+        rays = radar.plan(tracer, pose, rng).rays
+        yield f"{beams} beams", partial(radar.scan, scene, pose, rng), rays
+    radar = radar_with(361)
+    plans = [radar.plan(tracer, pose, rng) for _ in range(BATCH)]
+    yield (
+        f"{BATCH} scans of 361 beams",
+        lambda: scan_batch(scene, [(radar, pose, rng)] * BATCH),
+        Rays.joined([plan.rays for plan in plans]),
+    )
+
+
+def scan_batch(
+    scene: Scene, wanted: list[tuple[RangeScanner, Pose3, np.random.Generator]]
+) -> list[Scan]:
+    """Take many scans in one cast, as the simulation does."""
+    tracer = tracer_of(scene)
+    planned = [
+        (scanner, scanner.plan(tracer, pose, rng)) for scanner, pose, rng in wanted
+    ]
+    return take_together(tracer, planned)
+
+
+def against_open3d(seconds: float) -> Iterator[Row]:
+    """Measure scans by Open3D's list of all hits, where Open3D is installed."""
+    try:
+        open3d: Any = importlib.import_module("open3d")
+    except (ImportError, OSError):  # it lacks system libraries on many machines
+        return
+
+    scene = foliage_wall()
+    o3d = open3d.t.geometry.RaycastingScene(nthreads=1)
+    for part in scene.parts:
+        o3d.add_triangles(
+            part.vertices.astype(np.float32), part.faces.astype(np.uint32)
+        )
+    for name, scan, rays in _workloads(scene):
+        both = np.hstack([rays.origins, rays.directions]).astype(np.float32)
+        tensor = open3d.core.Tensor(both)
+        hits = partial(o3d.list_intersections, tensor)
+        result = compare(scan, hits, seconds=seconds)
+        note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
+        yield Row("b", f"{scene.name}, {name}", result.ratio, "x", 1.0, note)
+
+
+def throughput(seconds: float) -> Iterator[Row]:
+    """Measure scans per second on one core, and two threads against one."""
+    scene, beams = foliage_wall(), 361
+    tracer, pose = tracer_of(scene), sensor_pose(scene, SENSOR)
+    radar, rng = radar_with(beams), generator_for(0, "bench")
+    one = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
+    yield Row("c", f"scans of {beams} beams, one core", 1 / one, "1/s")
+    rays = Rays.joined([radar.plan(tracer, pose, rng).rays for _ in range(BATCH)])
+    with ThreadPoolExecutor(2) as pool:
+        result = compare(
+            lambda: [tracer.trace(rays) for _ in range(2)],
+            lambda: list(pool.map(lambda _: tracer.trace(rays), range(2))),
+            seconds=seconds,
+        )
+    yield Row("c", "two threads, times as fast as one", result.ratio, "x")
+
+
+def growth(seconds: float) -> Iterator[Row]:
+    """Measure one scan in scenes of growing size."""
+    radar = radar_with(361)
+    for triangles in (10**3, 10**4, 10**5, 10**6):
+        yield _scan_row(bumpy_room(triangles), radar, f"{triangles} triangles", seconds)
+    for crossings in (0, 2, 10, 30):
+        scene = curtains(crossings // 2)
+        yield _scan_row(scene, radar, f"{crossings} crossings a ray", seconds)
+    scene = foliage_wall()
+    for beams in (10, 10**2, 10**3, 10**4, 10**5):
+        yield _scan_row(scene, radar_with(beams), f"{beams} beams", seconds)
+    for robots in (1, 10, 50, 100, 200):
+        yield _robots_row(robots, seconds)
+
+
+def _scan_row(scene: Scene, radar: RangeScanner, name: str, seconds: float) -> Row:
+    pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
+    taken = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
+    return Row("d", f"{scene.name}, {name}", taken * 1e6, "us")
+
+
+def _robots_row(robots: int, seconds: float) -> Row:
+    """Measure a tenth of a second of simulated time, one scan of each robot."""
+    simulation = Simulation(load_map("empty_room"))
+    model = load_robot("P3AT")
+    for i in range(robots):
+        row, column = divmod(i, 20)
+        simulation.spawn(f"R{i}", model, Pose2(-9.0 + column * 0.95, -5.0 + row))
+
+    def tenth() -> None:
+        for _ in range(10):
+            simulation.step()
+            simulation.tell()
+
+    taken = measure(tenth, seconds=seconds)
+    count = len(simulation.vehicles)
+    return Row("d", f"{count} robots, 0.1 s simulated", taken * 1e3, "ms")
+
+
+# Section from study.benchbeams.
+# Benchmarks of beams with many rays and many echoes: row g.
+
+STEP = {"resolution_deg": 0.5}  # 361 beams
+CONE = {"side_mode": "cone", "beamwidth_az_deg": 2, "beamwidth_el_deg": 2}
+# What is measured, its settings, and how many rays a beam has.
+KINDS: dict[str, tuple[dict[str, Any], int]] = {
+    "echoes of the drawn ray": ({"return_mode": "all", "ray_choice": "drawn"}, 1),
+    "echoes of all three rays": ({"return_mode": "all"}, 3),
+    "incidence weights": ({"incidence_weights": True}, 3),
+    "cone of 16": ({**CONE, "cone_rays": 16, "ray_choice": "together"}, 16),
+    "cone of 16 random rays": (
+        {
+            **CONE,
+            "cone_rays": 16,
+            "ray_choice": "together",
+            "cone_sampling": "random",
+        },
+        16,
+    ),
+}
+
+
+PLAIN = {"return_mode": "last", "incidence_weights": False, "ray_choice": "drawn"}
+
+
+def beams_against_rays(seconds: float) -> Iterator[Row]:
+    """Measure scans of many rays by as many scans that each draw one of these rays."""
+    scene = foliage_wall()
+    pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
+    for name, (settings, rays) in KINDS.items():
+        sensor = load_sensor("radar", **STEP, **settings)
+        plain = load_sensor("radar", **STEP, **{**settings, **PLAIN})
+        draw = partial(plain.scan, scene, pose, rng)
+        result = compare(
+            partial(sensor.scan, scene, pose, rng),
+            partial(_repeat, draw, rays),
+            seconds=seconds,
+        )
+        note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
+        yield Row("g", name, result.ratio, "x", 1.0 if rays > 1 else None, note)
+
+
+def _repeat(run: Callable[[], object], times: int) -> None:
+    for _ in range(times):
+        run()
+
+
+# Section from study.benchsurfaces.
+# Benchmarks of mirrors and of leaves: row h.
+
+BOUNCES = 2
+TRIANGLES = 1_000_000
+
+
+def mirrors_and_leaves(seconds: float) -> Iterator[Row]:
+    """Measure rays of three legs, and rays through single leaves."""
+    yield _mirrors(seconds)
+    yield _leaves(seconds)
+
+
+def _mirrors(seconds: float) -> Row:
+    """Measure rays that two mirrors turn round by rays that end at the first.
+
+    Their power is unlimited, so that none ends in the foliage.
+    """
+    scene = hall_of_mirrors()
+    pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
+    turned, plain = (
+        load_sensor("radar", **STEP, max_bounces=bounces, penetration_power=math.inf)
+        for bounces in (BOUNCES, 0)
+    )
+    result = compare(
+        partial(turned.scan, scene, pose, rng),
+        partial(plain.scan, scene, pose, rng),
+        seconds=seconds,
+    )
+    note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
+    name = f"{BOUNCES} bounces in a hall of mirrors, by none"
+    return Row("h", name, result.ratio, "x", BOUNCES + 1.0, note)
+
+
+def _leaves(seconds: float) -> Row:
+    scene = leaf_scene(TRIANGLES)
+    pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
+    radar = load_sensor("radar", **STEP)
+    rays = radar.plan(tracer_of(scene), pose, rng).rays
+    meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
+    first = FirstHits(meshes, rays.origins, rays.directions)
+    result = compare(partial(radar.scan, scene, pose, rng), first.run, seconds=seconds)
+    note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
+    name = f"leaves of {scene.triangles} triangles, by one raw first-hit call"
+    return Row("h", name, result.ratio, "x", None, note)

@@ -1,0 +1,128 @@
+"""Benchmarks of the running program: rows e and f."""
+
+import os
+import re
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from radarsim.benchmark.measurement import Row
+
+PROGRAM = (sys.executable, "-m", "radarsim")
+ROBOTS = 100
+HIGHEST_P99 = 20.0  # ms late
+SLOWEST_HELP, SLOWEST_SERVE = 0.5, 1.5  # s
+SCAN = re.compile(rb"SEN \{Time ([0-9.]+)\} \{Type RangeScanner\}")
+
+
+def lateness(robots: int, seconds: float) -> Iterator[Row]:
+    """Measure when scans of many robots arrive at a client process.
+
+    A scan is late by how much longer it takes from its simulated time to its arrival
+    than the quickest one of the run.
+    """
+    with served("empty_room") as (process, address):
+        before = _resident(process.pid)
+        sockets = [_spawn(address, i) for i in range(robots)]
+        _listen(sockets, 1.0)  # all have settled
+        started, used = time.monotonic(), _cpu_seconds(process.pid)
+        delays = _listen(sockets, seconds)
+        used, elapsed = _cpu_seconds(process.pid) - used, time.monotonic() - started
+        grown = _resident(process.pid) - before
+        for sock in sockets:
+            sock.close()
+    late = (np.array(delays) - min(delays)) * 1e3
+    name = f"{robots} robots at 10 Hz, 181 beams"
+    rate = len(delays) / robots / elapsed
+    yield Row("e", f"{name}: scans per second and robot", rate, "1/s")
+    yield Row("e", f"{name}: late, median", float(np.median(late)), "ms")
+    p99 = float(np.quantile(late, 0.99))
+    limit = HIGHEST_P99 if robots == ROBOTS else None
+    yield Row("e", f"{name}: late, 99th percentile", p99, "ms", limit)
+    yield Row("e", f"{name}: late, worst", float(late.max()), "ms")
+    yield Row("e", f"{name}: CPU per robot", 100 * used / elapsed / robots, "%")
+    yield Row("e", f"{name}: memory per robot", grown / robots / 2**20, "MiB")
+
+
+def start_up(times: int = 5) -> Iterator[Row]:
+    """Measure how long it takes until the program answers, best of a few."""
+    help_ = min(_help_seconds() for _ in range(times))
+    yield Row("f", "radarsim --help", help_ * 1e3, "ms", SLOWEST_HELP * 1e3)
+    listening = min(_serve_seconds() for _ in range(times))
+    limit = SLOWEST_SERVE * 1e3
+    yield Row("f", "serve foliage_room, listening", listening * 1e3, "ms", limit)
+
+
+@contextmanager
+def served(map_: str) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]:
+    """Run the server in a process of its own, on a free port."""
+    process = subprocess.Popen(
+        [*PROGRAM, "serve", map_, "--port", "0"], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    try:
+        host, port = process.stdout.readline().split()[-1].rsplit(":", 1)
+        yield process, (host, int(port))
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.stdout.close()
+        process.wait(timeout=10)
+
+
+def _spawn(address: tuple[str, int], number: int) -> socket.socket:
+    sock = socket.create_connection(address, timeout=10)
+    row, column = divmod(number, 20)
+    place = f"{-9 + 0.95 * column:.2f},{-5 + 1.0 * row:.2f},0"
+    init = (
+        f"INIT {{ClassName USARBot.P3AT}} {{Name R{number}}} {{Location {place}}}\r\n"
+    )
+    sock.sendall(init.encode())
+    sock.setblocking(False)
+    return sock
+
+
+def _listen(sockets: list[socket.socket], seconds: float) -> list[float]:
+    """Read everything for a while; give arrival less simulated time of all scans, s."""
+    delays = []
+    with selectors.DefaultSelector() as selector:
+        for sock in sockets:
+            selector.register(sock, selectors.EVENT_READ)
+        end = time.monotonic() + seconds
+        while (now := time.monotonic()) < end:
+            for key, _ in selector.select(end - now):
+                data = key.fileobj.recv(65536)  # type: ignore[union-attr]
+                arrived = time.monotonic()
+                delays += [arrived - float(text) for text in SCAN.findall(data)]
+    return delays
+
+
+def _help_seconds() -> float:
+    start = time.perf_counter()
+    subprocess.run([*PROGRAM, "--help"], stdout=subprocess.DEVNULL, check=True)
+    return time.perf_counter() - start
+
+
+def _serve_seconds() -> float:
+    start = time.perf_counter()
+    with served("foliage_room"):
+        return time.perf_counter() - start
+
+
+def _cpu_seconds(pid: int) -> float:
+    """Give the CPU time that a process has used, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _resident(pid: int) -> int:
+    """Give the memory of a process, bytes."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")

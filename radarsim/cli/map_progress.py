@@ -1,0 +1,86 @@
+"""What a person is told on stderr while a map is made."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+import numpy as np
+
+from radarsim.cli.progress import Lines, living
+from radarsim.mapping.mapper import Mapper
+from radarsim.navigation.runner import Course
+
+
+class Mapping(Protocol):
+    """A map in the making."""
+
+    @property
+    def mapper(self) -> Mapper | None:
+        """Has the map; None before the first scan."""
+
+    @property
+    def course(self) -> Course:
+        """How far the robot has come."""
+
+
+class Teller(Protocol):
+    """Tells of a map as it grows."""
+
+    def tell(self, doing: str) -> None:
+        """Take notice of a scan, and of what the robot is at."""
+
+
+@contextmanager
+def progress(mapping: Mapping) -> Iterator[Teller]:
+    """Tell of a map, by one living line on a terminal, else by a line per change."""
+    now = Now(mapping)
+    with living(now.present) as lines:
+        yield now if lines is None else Changes(lines, mapping)
+
+
+class Now:
+    """Knows what the robot is at, for a line that lives."""
+
+    def __init__(self, mapping: Mapping) -> None:
+        self._mapping = mapping
+        self._doing = "waiting for a scan"
+
+    def tell(self, doing: str) -> None:
+        """Take notice."""
+        self._doing = doing
+
+    def present(self) -> str:
+        """Say how things stand."""
+        return present(self._mapping, self._doing)
+
+
+class Changes:
+    """A line for every change of what the robot is at."""
+
+    def __init__(self, lines: Lines, mapping: Mapping) -> None:
+        self._lines = lines
+        self._mapping = mapping
+        self._before = ""
+
+    def tell(self, doing: str) -> None:
+        """Print a line if something has changed."""
+        if doing == self._before:
+            return
+        self._before = doing
+        self._lines.add(present(self._mapping, doing))
+
+
+def present(mapping: Mapping, doing: str) -> str:
+    """Say in one line how things stand."""
+    mapper, course = mapping.mapper, mapping.course
+    if mapper is None or not mapper.scans:
+        return doing
+    area = f"sensed {sensed_area(mapper):7.1f} m²"
+    path = f"path {course.length:6.2f} m"
+    return f"{course.time:8.1f} s  {doing:9}  {path}  {area}"
+
+
+def sensed_area(mapper: Mapper) -> float:
+    """Give the area that beams have been in, m²."""
+    cells = int(np.count_nonzero(mapper.grid.sensed_cells()))
+    return cells * mapper.grid.lattice.resolution**2

@@ -1,0 +1,271 @@
+"""The files that ``radarsim map`` writes."""
+
+import json
+import math
+import os
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import typer
+
+from radarsim.atomic_write import write_whole
+from radarsim.cli.options import check_place
+from radarsim.evaluation.map_score import MapScore
+from radarsim.evaluation.trials import Referee
+from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
+from radarsim.mapping.mapper import Mapper
+from radarsim.mapping.occupancy_grid import CLOUD, FREE, OBSTACLE, THICKET
+from radarsim.mapping.trajectory import trajectory_errors, tum_text
+from radarsim.navigation.runner import Course
+
+IN_FOLDER: Final = "map"  # what names begin with in a folder
+FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
+
+
+@dataclass(frozen=True, slots=True)
+class MapFiles:
+    """Where a map is to be.
+
+    Attributes:
+        out: A folder, or what the names of the files begin with; with an ending of
+            one of the files, or without.
+        mode: What the map for nav2 tells.
+    """
+
+    out: str
+    mode: NavMode
+
+    @property
+    def stem(self) -> Path:
+        """The path that all files begin with."""
+        path = Path(self.out)
+        if path.is_dir() or self.out.endswith(("/", os.sep)):
+            return path / IN_FOLDER
+        return path.with_suffix("") if path.suffix in FILE_SUFFIXES else path
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files: the picture, the image for nav2 and its YAML, the trajectory."""
+        stem = self.stem
+        name, image = stem.name, ".pgm"
+        if self.mode == "scale":
+            name, image = f"{name}_scale", ".png"
+        names = (f"{stem.name}.png", name + image, f"{name}.yaml", f"{stem.name}.tum")
+        return tuple(stem.with_name(each) for each in names)
+
+    def check(self, served: str | None = None) -> None:
+        """Find out before the robot drives what could not be written after it.
+
+        A folder that is not there is made if its name ends in a slash.
+
+        Args:
+            served: The map that is simulated, or None.
+
+        Raises:
+            typer.BadParameter: If there is no such folder, no right to write there, or
+                a file of somebody else's in the way.
+        """
+        stem = self.stem
+        try:
+            if self.out.endswith(("/", os.sep)):
+                stem.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            text = f"cannot make {stem.parent}: {error.strerror}"
+            raise typer.BadParameter(text, param_hint="OUT") from None
+        for path in self.paths:
+            check_place(path, "OUT")
+            if path.is_file() and not _may_go(path, served):
+                text = f"{path} is no map of radarsim's, expected another OUT"
+                raise typer.BadParameter(text, param_hint="OUT")
+
+    def write(self, mapper: Mapper | None) -> tuple[Path, ...]:
+        """Write what there is of a map; gives the files, none if there is nothing.
+
+        Raises:
+            OSError: If that cannot be; then nothing has changed.
+        """
+        if mapper is None or not mapper.scans:
+            return ()
+        paths, grid = self.paths, mapper.grid
+        image, words = nav_map(grid, paths[2].stem, mode=self.mode).values()
+        way = tum_text(mapper.trajectory).encode()
+        data = (commander_png(grid), image, words, way)
+        write_whole(dict(zip(paths, data, strict=True)))
+        return paths
+
+
+def _may_go(path: Path, served: str | None) -> bool:
+    """Tell whether a file may be replaced."""
+    try:
+        with path.open("rb") as file:
+            ours = is_ours(file.read(HEAD))
+        return ours and not (served is not None and path.samefile(served))
+    except OSError:  # of a map that is shipped, and has no path
+        return True
+
+
+def reason(error: OSError) -> str:
+    """Say why a map is not there."""
+    name = "the map" if error.filename is None else error.filename
+    return f"cannot write {name}: {error.strerror or error}"
+
+
+# Section from cli.mapoutcomes.
+# What is said of a map once it is made.
+
+CLASSES: Final = {
+    "free": FREE,
+    "obstacle": OBSTACLE,
+    "foliage": THICKET,
+    "smoke": CLOUD,
+}
+ENDINGS: Final = {
+    "time_limit": "time is up",
+    "broken_off": "broken off",
+    "overheard": "mapped what passed",
+}
+
+
+@dataclass(slots=True)
+class MapRun:
+    """One map: how it was made, and what came of it.
+
+    Attributes:
+        strategy: Its name; None where another client drove.
+        seed_from: What told the robot's motion.
+        course: How far the robot came.
+        mapper: Has the map; None if nothing was ever known of the robot.
+        outcome: How it ended.
+        left_out: Places of a way that it could not get to, m.
+        safety_distance: That was kept, m; None where another client drove.
+        referee: Watched the true robot, if that could be.
+        score: What a judge says who has the map file, if there is one.
+        files: That were written.
+        error: What went wrong; empty if nothing did.
+    """
+
+    strategy: str | None
+    seed_from: str
+    course: Course = field(default_factory=Course)
+    mapper: Mapper | None = None
+    outcome: str = "broken_off"
+    left_out: tuple[tuple[float, float], ...] = ()
+    safety_distance: float | None = None
+    referee: Referee | None = None
+    score: MapScore | None = None
+    files: tuple[Path, ...] = ()
+    error: str = ""
+
+
+def keep(run: MapRun, files: MapFiles) -> None:
+    """Write what there is of a map; say on stderr why that cannot be."""
+    try:
+        run.files = files.write(run.mapper)
+    except OSError as error:
+        fault = reason(error)
+        sys.stderr.write(f"radarsim: {fault}\n")
+        run.error = f"{run.error}; {fault}" if run.error else fault
+
+
+def summary(run: MapRun) -> dict[str, Any]:
+    """Give all that is known, for JSON; lengths to mm, except those of errors.
+
+    A run that broke off is told of as far as it came.
+    """
+    told: dict[str, Any] = {
+        "outcome": run.outcome,
+        "strategy": run.strategy,
+        "seed_from": run.seed_from,
+        "time": round(run.course.time, 3),
+        "path_length": round(run.course.length, 3),
+        "left_out": [list(place) for place in run.left_out],
+        "safety_distance": _number(run.safety_distance, 3),
+        "scans": 0 if run.mapper is None else run.mapper.scans,
+        "cells": _cells(run.mapper),
+        "pose_errors": _pose_errors(run.mapper),
+        "files": [str(file) for file in run.files],
+        "error": run.error or None,
+    }
+    if run.referee is not None:
+        told["judge"] = {
+            "path_length": round(run.referee.path_length, 3),
+            "collisions": run.referee.collisions,
+        }
+        if run.score is not None:
+            told["judge"] |= run.score.to_dict()
+    return told
+
+
+def as_json(run: MapRun) -> str:
+    """Give that as one line."""
+    return json.dumps(summary(run), allow_nan=False)
+
+
+def as_text(run: MapRun) -> list[str]:
+    """Give that for people, in lines."""
+    told = summary(run)
+    ending = ENDINGS.get(run.outcome, run.outcome)
+    by = "" if run.strategy is None else f" by {run.strategy}"
+    path = f"{told['path_length']:.2f} m in {told['time']:.1f} s"
+    lines = [f"{ending}{by}: {path}, {told['scans']} scans"]
+    if cells := told["cells"]:
+        area = cells["resolution"] ** 2
+        parts = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
+        lines.append(f"map      {', '.join(parts)}")
+    if errors := told["pose_errors"]:
+        lines.append(
+            f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
+            f" at most {errors['ate_max']:.3f} m and {errors['yaw_max_deg']:.2f}"
+        )
+    if run.left_out:
+        places = ", ".join(f"{x:g} {y:g}" for x, y in run.left_out)
+        lines.append(f"left out {places}: no way there")
+    if judge := told.get("judge"):
+        lines.append(f"in truth {_verdict(judge)}")
+    if run.files:
+        names = (f"{file.name}" for file in run.files)
+        lines.append(f"files    {', '.join(names)} in {run.files[0].parent}")
+    return lines
+
+
+def _verdict(judge: dict[str, Any]) -> str:
+    parts = [f"{judge['path_length']:.2f} m"]
+    if judge.get("coverage") is not None:
+        near = f"{judge['near_coverage']:.1%} at short range"
+        parts.append(f"{judge['coverage']:.1%} of the floor sensed, {near}")
+    if judge.get("hidden_coverage") is not None:
+        parts.append(f"{judge['hidden_coverage']:.1%} of what it cannot get to")
+    if "right" in judge:
+        parts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
+    parts.append(f"collisions: {judge['collisions']}")
+    return ", ".join(parts)
+
+
+def _cells(mapper: Mapper | None) -> dict[str, float] | None:
+    if mapper is None or not mapper.scans:
+        return None
+    counts = np.bincount(mapper.grid.classes().ravel(), minlength=5)
+    told = {name: int(counts[number]) for name, number in CLASSES.items()}
+    return {"resolution": mapper.grid.lattice.resolution, **told}
+
+
+def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
+    """Compare the poses with the true ones, as far as the server tells these."""
+    if mapper is None:
+        return None
+    try:
+        found = asdict(trajectory_errors(mapper.trajectory, mapper.truth))
+    except ValueError:
+        return None
+    for name in ("yaw", "yaw_max", "rpe_yaw"):
+        found[f"{name}_deg"] = math.degrees(found.pop(name))
+    return {name: _number(value, 5) for name, value in found.items()}
+
+
+def _number(value: float | None, digits: int) -> float | None:
+    if value is None or not math.isfinite(value):
+        return None
+    return round(value, digits)

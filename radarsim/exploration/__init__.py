@@ -1,0 +1,1 @@
+"""Exploration: a robot decides by the map so far where to drive next."""

@@ -1,0 +1,150 @@
+"""From the start outward in a spiral, where no border is."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radarsim.exploration.path_follower import LEAST_SCANS, Habits, Walker
+from radarsim.exploration.traversability import Point
+from radarsim.geometry import Pose2, wrap_angle
+from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
+from radarsim.navigation.control import STAND, Motion, distance
+from radarsim.navigation.observation import Sensed
+
+APART: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
+STRIDE: Final = 1.0  # m between two places on the spiral
+THERE: Final = 0.8  # m
+
+
+class CentreOut:
+    """Goes round its start in ever wider turns; what is in the way is left out.
+
+    Attributes:
+        doing: Always ``spiral``.
+        is_done: Whether it has got as far as it is to, or nothing of a whole turn can
+            be got to.
+    """
+
+    doing = "spiral"
+
+    def __init__(self, habits: Habits) -> None:
+        self.is_done = False
+        self._habits = habits
+        self._walker = Walker(habits)
+        self._start: Pose2 | None = None
+        self._angle = 0.0
+        self._left_out = 0.0
+        self._scans = 0
+
+    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+        """Take in a scan and the map with it, and decide how to move until the next."""
+        self._start = self._start or sensed.pose
+        self._scans += 1
+        if self.is_done or self._scans < LEAST_SCANS:
+            return STAND
+        there = distance(sensed.pose, *self._place()) < THERE
+        if self._walker.look(sensed, grid) or there:
+            self._choose(sensed, there=there)
+        return self._walker.walk(sensed)
+
+    def _choose(self, sensed: Sensed, *, there: bool) -> None:
+        """Find the next place on the spiral that can be got to."""
+        floor = self._walker.floor
+        assert floor is not None
+        reachable = floor.reachable(sensed.pose)
+        if there:
+            self._left_out = 0.0
+            self._go_on()
+        while not self.is_done:
+            targets = reachable & floor.within(*self._place(), STRIDE / 2)
+            if self._walker.plan(sensed, targets):
+                return
+            self._left_out += self._go_on()
+            self.is_done |= self._left_out > 2 * math.pi
+
+    def _place(self) -> Point:
+        assert self._start is not None
+        radius = APART * self._angle / (2 * math.pi)
+        angle = self._start.yaw + self._angle
+        return (
+            self._start.x + radius * math.cos(angle),
+            self._start.y + radius * math.sin(angle),
+        )
+
+    def _go_on(self) -> float:
+        """Go to the next place on the spiral; gives the angle to it, rad."""
+        radius = APART * self._angle / (2 * math.pi)
+        step = STRIDE / max(radius, STRIDE)
+        self._angle += step
+        self.is_done = radius > self._habits.radius
+        return step
+
+
+# Section from mapping.exploring_turning.
+# Straight on, and off in another direction at every wall, as a simple vacuum robot.
+
+LEAST_TURN: Final = math.radians(30.0)
+FACING: Final = math.radians(8.0)
+LEGS: Final = 12  # that may show nothing new before it is enough
+NEWS: Final = 1.0  # m² that count as something new
+_TRIED: Final = math.radians(10.0)
+
+
+class TurnAway:
+    """Turns away at walls, by chance.
+
+    Attributes:
+        doing: ``straight`` or ``turning``.
+        is_done: Whether all floor that it can get to was seen at short range, or the
+            last legs have shown nothing new.
+    """
+
+    def __init__(self, habits: Habits, rng: np.random.Generator) -> None:
+        self.doing = "straight"
+        self.is_done = False
+        self._habits = habits
+        self._rng = rng
+        self._heading: float | None = None
+        self._unvisited = math.inf
+        self._idle = 0
+
+    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+        """Take in a scan and the map with it, and decide how to move until the next."""
+        habits, yaw = self._habits, sensed.pose.yaw
+        if self._heading is None:
+            self._heading = yaw
+        if self.doing == "turning" and abs(wrap_angle(self._heading - yaw)) < FACING:
+            self.doing = "straight"
+        ahead = habits.bumpers.towards(sensed, wrap_angle(self._heading - yaw))
+        if self.doing == "straight" and ahead.blocked:
+            self._judge(sensed.pose, grid)
+            self._heading = yaw + self._turn(sensed)
+            self.doing = "turning"
+        if self.is_done:
+            return STAND
+        motion = habits.pace.towards(wrap_angle(self._heading - yaw))
+        if self.doing == "turning":
+            return Motion(0.0, motion.turn)
+        return habits.careful(sensed, motion)
+
+    def _turn(self, sensed: Sensed) -> float:
+        """Draw a turn to where nothing is in the way, rad; right about if that is not.
+
+        The bumper that has stopped it is some way off, so there is room to turn in.
+        """
+        turns = np.arange(LEAST_TURN, 2 * math.pi - LEAST_TURN, _TRIED)
+        bumpers = self._habits.bumpers
+        free = [turn for turn in turns if not bumpers.towards(sensed, turn).blocked]
+        return float(self._rng.choice(free)) if free else math.pi
+
+    def _judge(self, pose: Pose2, grid: OccupancyGrid) -> None:
+        """Find out at a wall whether it goes on."""
+        floor = self._habits.floor(grid)
+        left = floor.area(floor.unvisited & floor.reachable(pose))
+        shown = self._unvisited - left
+        self._idle = 0 if shown > NEWS else self._idle + 1
+        self._unvisited = (
+            min(self._unvisited, left) if shown > NEWS else self._unvisited
+        )
+        self.is_done = left == 0 or self._idle >= LEGS

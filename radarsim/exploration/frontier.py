@@ -1,0 +1,94 @@
+"""To the nearest place that is worth it, again and again, until there is none.
+
+The next frontier is where floor that is sensed and drivable meets what no beam has been
+in. Who looks for frontiers turns round once first, so that what lies between two beams
+of one scan is seen by another. To fill is to see all floor at short range: what a radar
+sees of it from afar, and through foliage, it sees with wide gaps between its beams.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from radarsim.exploration.path_follower import LEAST_SCANS, Habits, Walker
+from radarsim.exploration.traversability import Floor
+from radarsim.geometry import wrap_angle
+from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.navigation.control import STAND, Motion
+from radarsim.navigation.observation import Sensed
+
+FULL: Final = 2 * math.pi
+STAYS: Final = 1.5  # m around a target where more of it is worth staying
+
+Choice = Callable[[Floor], Mask]
+
+
+class ToNearest:
+    """Goes to the nearest of what a choice leaves on the floor.
+
+    Attributes:
+        doing: A word for it.
+        is_done: Whether nothing is left that can be got to.
+    """
+
+    def __init__(
+        self, habits: Habits, choice: Choice, doing: str, *, turn: float = 0.0
+    ) -> None:
+        """Get ready.
+
+        Args:
+            habits: How the robot goes.
+            choice: What to go to.
+            doing: A word for it.
+            turn: How far to turn on the spot first, rad.
+        """
+        self.doing = doing
+        self.is_done = False
+        self._turn = turn
+        self._yaw = math.nan
+        self._pace = habits.pace
+        self._choice = choice
+        self._walker = Walker(habits)
+        self._scans = 0
+
+    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+        """Take in a scan and the map with it, and decide how to move until the next."""
+        self._scans += 1
+        if self.is_done or self._scans < LEAST_SCANS:
+            return STAND
+        if self._turn > 0:
+            return self._look_around(sensed)
+        if self._walker.look(sensed, grid):
+            assert self._walker.floor is not None
+            targets = self._choice(self._walker.floor)
+            self.is_done = not self._walker.plan(sensed, self._kept(targets))
+        return self._walker.walk(sensed)
+
+    def _look_around(self, sensed: Sensed) -> Motion:
+        if not math.isnan(self._yaw):
+            self._turn -= abs(wrap_angle(sensed.pose.yaw - self._yaw))
+        self._yaw = sensed.pose.yaw
+        return Motion(0.0, self._pace.turn)
+
+    def _kept(self, targets: Mask) -> Mask:
+        """Stay with what is around the last target as long as anything is."""
+        floor, end = self._walker.floor, self._walker.end
+        assert floor is not None
+        if end is None:
+            return targets
+        around = targets & floor.within(*end, STAYS)
+        return around if around.any() else targets
+
+
+def _frontiers(floor: Floor) -> Mask:
+    return floor.frontiers
+
+
+def to_frontiers(habits: Habits, choice: Choice = _frontiers) -> ToNearest:
+    """Explore by going to the nearest frontier, of all or of some."""
+    return ToNearest(habits, choice, "frontier", turn=FULL)
+
+
+def to_fill(habits: Habits) -> ToNearest:
+    """Explore by going to the nearest floor that was not seen at short range."""
+    return ToNearest(habits, lambda floor: floor.unvisited, "filling")

@@ -1,0 +1,129 @@
+"""The strategies by name, and the one that chooses among the others.
+
+``auto`` looks at what is sensed and what is not. Where less than half of all directions
+end at something there is no border: it goes from the centre out, and then to frontiers
+no farther from its start than that has led. Otherwise it goes to frontiers. With walls
+all round and nothing unknown that it can get to, it goes along the walls and fills the
+interior.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from radarsim.exploration.contour import Contour
+from radarsim.exploration.coverage import CentreOut, TurnAway
+from radarsim.exploration.frontier import to_frontiers
+from radarsim.exploration.options import StrategyName
+from radarsim.exploration.path_follower import LEAST_SCANS, LOOK_EVERY, Habits, Strategy
+from radarsim.exploration.traversability import Floor
+from radarsim.geometry import Pose2
+from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.navigation.control import STAND, Motion
+from radarsim.navigation.observation import Sensed
+
+BORDERED: Final = 0.5  # share of directions that end at something
+
+
+_CHOICES: Final[dict[StrategyName, Callable[[Habits], Strategy]]] = {
+    StrategyName.CONTOUR: Contour,
+    StrategyName.CENTRE_OUT: CentreOut,
+    StrategyName.FRONTIERS: to_frontiers,
+}
+
+
+def strategy_named(
+    name: StrategyName, habits: Habits, rng: np.random.Generator
+) -> Strategy:
+    """Make a strategy.
+
+    Args:
+        name: Which.
+        habits: How the robot goes.
+        rng: For the one that goes by chance.
+    """
+    if name == StrategyName.TURN_AWAY:
+        return TurnAway(habits, rng)
+    return Auto(habits) if name == StrategyName.AUTO else _CHOICES[name](habits)
+
+
+class Auto:
+    """Chooses a strategy, and another one when that is done or does not fit any more.
+
+    Attributes:
+        is_done: Whether there is nothing more to choose.
+        chosen: Those that it has chosen so far.
+    """
+
+    def __init__(self, habits: Habits) -> None:
+        self.is_done = False
+        self.chosen: list[StrategyName] = []
+        self._habits = habits
+        self._now: Strategy | None = None
+        self._start: Pose2 | None = None
+        self._looked = math.nan
+        self._scans = 0
+
+    @property
+    def doing(self) -> str:
+        """What the chosen one is at."""
+        return "looking" if self._now is None else self._now.doing
+
+    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+        """Take in a scan and the map with it, and decide how to move until the next."""
+        self._scans += 1
+        self._start = self._start or sensed.pose
+        if self.is_done or self._scans < LEAST_SCANS:
+            return STAND
+        if self._now is None or self._now.is_done or self._is_elsewhere(sensed):
+            self._choose(sensed, grid)
+        return STAND if self._now is None else self._now.step(sensed, grid)
+
+    def _is_elsewhere(self, sensed: Sensed) -> bool:
+        """Tell whether a border has turned up where none was, or the other way."""
+        if sensed.time < self._looked + LOOK_EVERY:
+            return False
+        self._looked = sensed.time
+        last = self.chosen[-1]
+        if last == StrategyName.CENTRE_OUT:
+            return is_bordered(sensed)
+        is_new = StrategyName.CENTRE_OUT not in self.chosen
+        return is_new and last == StrategyName.FRONTIERS and not is_bordered(sensed)
+
+    def _choose(self, sensed: Sensed, grid: OccupancyGrid) -> None:
+        name = self._best(sensed, grid)
+        self.is_done, self._now = name is None, None
+        if name is None:
+            return
+        self.chosen.append(name)
+        self._looked = sensed.time
+        if name == StrategyName.FRONTIERS:
+            self._now = to_frontiers(self._habits, self._frontiers)
+        else:
+            self._now = _CHOICES[name](self._habits)
+
+    def _best(self, sensed: Sensed, grid: OccupancyGrid) -> StrategyName | None:
+        """Choose one that fits, each no more often than makes sense."""
+        floor, bordered = self._habits.floor(grid), is_bordered(sensed)
+        left = self._frontiers(floor) & floor.reachable(sensed.pose)
+        for name, fits, often in (
+            (StrategyName.CENTRE_OUT, not bordered, 1),
+            (StrategyName.FRONTIERS, bool(left.any()), 2),
+            (StrategyName.CONTOUR, bordered, 1),
+        ):
+            if fits and self.chosen.count(name) < often:
+                return name
+        return None
+
+    def _frontiers(self, floor: Floor) -> Mask:
+        if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:
+            return floor.frontiers
+        start, radius = self._start, self._habits.radius
+        return floor.frontiers & floor.within(start.x, start.y, radius)
+
+
+def is_bordered(sensed: Sensed) -> bool:
+    """Tell whether most directions end at something."""
+    return bool(np.isfinite(sensed.ranges).mean() > BORDERED)

@@ -1,0 +1,122 @@
+"""Figures 13 and 14: Bug1 and Bug2, success and failure, from real runs."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from radarsim.client import Client
+from radarsim.evaluation.free_space import plan_of
+from radarsim.evaluation.trials import Referee, load_trial
+from radarsim.figures.figure import Plate
+from radarsim.figures.scan_spec import ROBOT
+from radarsim.host import Host
+from radarsim.host.lockstep import HostLink
+from radarsim.navigation.mission import Mission, carry_out
+from radarsim.navigation.options import Algorithm
+from radarsim.navigation.run_log import Record
+from radarsim.navigation.runner import Moment
+from radarsim.plotting.runs import figure_of
+
+OPEN: Final = "bug_u_trap"  # a goal that can be reached
+CLOSED: Final = "bug_closed_box"  # and one that cannot
+ENDINGS: Final = {"reached": "goal reached", "no_path": "no path"}
+LIMIT: Final = 600.0  # s of simulated time
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run, by what the robot knows and by what is true.
+
+    Attributes:
+        map: Name of the map.
+        algorithm: Of the two.
+        record: What the robot believes.
+        outcome: ``reached``, ``no_path`` or ``failed``.
+        circuits: How often it went all round an obstacle.
+        collisions: How often it began to touch something, in truth.
+        length: True way, m.
+        off: True distance to the goal at the end, m.
+    """
+
+    map: str
+    algorithm: Algorithm
+    record: Record
+    outcome: str
+    circuits: int
+    collisions: int
+    length: float
+    off: float
+
+
+def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
+    """Let a robot try to reach the goal of a map's trial."""
+    scene, trial = load_trial(map_)
+    host = Host(scene, seed=seed)
+    referee, record = Referee(host), Record()
+    mission = Mission(
+        algorithm=algorithm,
+        goals=(trial.goal,),
+        start=trial.start,
+        safety_distance=trial.safety_distance,
+        time_limit=LIMIT,
+    )
+
+    def observe(moment: Moment) -> None:
+        record.add(moment)
+
+    with Client(HostLink(host, after_tick=referee.watch)) as client:
+        result = carry_out(client, mission, observe)
+    return Run(
+        map_,
+        algorithm,
+        record,
+        result.outcome,
+        result.circuits,
+        referee.collisions,
+        referee.path_length,
+        referee.distance(trial.goal),
+    )
+
+
+def draw_bug(seed: int, *, algorithm: Algorithm) -> Plate:
+    """Draw a run that gets to the goal above one that finds that it cannot."""
+    runs = [run(map_, algorithm, seed) for map_ in (OPEN, CLOSED)]
+    plans = [plan_of(load_trial(each.map)[0]) for each in runs]
+    drawings = tuple(
+        figure_of(each.record, _title(each), plan)
+        for each, plan in zip(runs, plans, strict=True)
+    )
+    ways = [f"--serve {each.map} --algorithm {algorithm.value}" for each in runs]
+    commands = tuple(f"radarsim navigate {way} --seed {seed}" for way in ways)
+    return Plate(drawings, _caption(*runs), commands)
+
+
+def _caption(above: Run, below: Run) -> str:
+    how = {
+        Algorithm.BUG1: "all round its boundary, then back to the point of it that is"
+        " nearest to the goal",
+        Algorithm.BUG2: "along its boundary until that crosses the line to the goal,"
+        " nearer to it than where it was met",
+    }[above.algorithm]
+    name, touches = above.algorithm.value, above.collisions + below.collisions
+    return (
+        f"{name.capitalize()} drives a {ROBOT} by the eight bumpers of its radar: in a"
+        " straight line towards the goal (G) until something is in the way (H),"
+        f" {how} (L), and on from there. Above: {_ending(above)}. Below, where the goal"
+        f" is in a closed box: {_ending(below)}. It touched something {touches} times."
+        " Ways are where the robot believes to be, by its drifting INS; grey is where"
+        " its beams ended, black the map that it does not know."
+    )
+
+
+def _ending(run: Run) -> str:
+    rounds = f"{run.circuits} time{'s' * (run.circuits != 1)}"
+    ending = ENDINGS.get(run.outcome, run.outcome)
+    return (
+        f"{ending} after {run.length:.1f} m, {rounds} all round an obstacle, in truth"
+        f" {run.off:.2f} m from the goal"
+    )
+
+
+def _title(run: Run) -> str:
+    ending = ENDINGS.get(run.outcome, run.outcome)
+    return f"{run.algorithm.value.capitalize()} in {run.map}: {ending}"

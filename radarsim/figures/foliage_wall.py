@@ -1,0 +1,215 @@
+"""Figures 7 to 10: what the Hokuyo and the radar read of the test map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from radarsim.figures.figure import Plate
+from radarsim.figures.scan_spec import Shot, answers_of, ends_of
+from radarsim.plotting import figure_of
+from radarsim.presets.divergence import METRES_PER_UNIT
+from radarsim.rng import generator_for
+from radarsim.scene.scene import Part, Scene
+from radarsim.sensors.range_scanner import load_sensor
+from radarsim.sensors.scan import Scan
+
+MAP: Final = "foliage_room"
+BUSHES: Final = "foliage"  # the material
+FAR: Final = 80.0  # m, that the Hokuyo is given to see
+COUNT: Final = 20  # scans of figures 9 and 10
+STEP: Final = 0.2  # m; a range that differs by more is another one
+HIDDEN: Final = "#fff6d6"
+_PLACES: Final = (np.arange(-9.5, -1.4, 1.0), np.arange(-5.5, 5.6, 1.0))  # x, y in m
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Where the beams of a scan end.
+
+    Attributes:
+        beams: How many there are.
+        behind: Those that end behind the bushes.
+        inside: Those that end in a bush, or at one.
+        things: What stands behind the bushes and is read, by name.
+    """
+
+    beams: int
+    behind: int
+    inside: int
+    things: tuple[str, ...]
+
+
+class Changes(NamedTuple):
+    """How many beams read something else from scan to scan, by why.
+
+    Attributes:
+        jumping: Those that read now one thing, now another.
+        slanting: Those that read always the same solid thing.
+        deep: Those that end always in bushes.
+    """
+
+    jumping: int
+    slanting: int
+    deep: int
+
+
+def bushes_of(scene: Scene) -> list[Part]:
+    """Give the bushes."""
+    return [part for part in scene.parts if part.material.name == BUSHES]
+
+
+def far_side(scene: Scene) -> float:
+    """Give the x, m, at which the bushes end; what is hidden begins there."""
+    return max(float(bush.vertices[:, 0].max()) for bush in bushes_of(scene))
+
+
+def things_behind(scene: Scene) -> list[Part]:
+    """Give one part of each thing that is hidden behind the bushes."""
+    side = far_side(scene)
+    hidden = (part for part in scene.parts if part.vertices[:, 0].min() > side)
+    parts = {part.object_name: part for part in hidden}
+    return [part for name, part in parts.items() if "wall" not in name]
+
+
+def count_ends(scene: Scene, scan: Scan) -> Counts:
+    """Tell where the beams of a scan ended in truth."""
+    behind = ends_of(scan)[:, 0] > far_side(scene)
+    echoes, told = scan.echoes, scan.echoes.targets
+    inside, things = 0, set()
+    for part, target in told.items():
+        beams = echoes.beams[echoes.parts == part]
+        inside += len(beams) if target.material == BUSHES else 0
+        if behind[beams].any():
+            things.add(target.object)
+    return Counts(len(behind), int(behind.sum()), inside, tuple(sorted(things)))
+
+
+def count_everywhere(shot: Shot) -> tuple[int, int, int]:
+    """Scan from places all over the near side of the bushes.
+
+    Returns:
+        How many places, how many beams, and how many of these end behind the bushes.
+    """
+    scene, scanner = shot.scene, shot.scanner
+    rng = generator_for(shot.seed, shot.sensor)
+    poses = [(x, y, 0.0) for x in _PLACES[0] for y in _PLACES[1]]
+    scans = [scanner.scan(scene, pose, rng) for pose in poses]
+    counts = [count_ends(scene, scan) for scan in scans]
+    return (
+        len(poses),
+        sum(count.beams for count in counts),
+        sum(count.behind for count in counts),
+    )
+
+
+def hokuyo(seed: int) -> Shot:
+    """Give the scan of figure 7."""
+    return Shot(MAP, "hokuyo", seed, (("max_range", FAR),))
+
+
+def radar(seed: int, offset: int) -> Shot:
+    """Give the scan of figures 8 to 10, with side rays so many UU away."""
+    if offset:
+        return Shot(MAP, "radar", seed, (("side_offset_uu", offset),))
+    # all three rays coincide, and the pictures show the centre one
+    settings = (("side_offset_uu", 0), ("ray_weights", (0, 1, 0)))
+    return Shot(MAP, "radar", seed, settings)
+
+
+def draw_hokuyo(seed: int) -> Plate:
+    """Figure 7: the Hokuyo sees nothing behind the bushes."""
+    shot = hokuyo(seed)
+    (scan,) = shot.take()
+    counts = count_ends(shot.scene, scan)
+    own = load_sensor(shot.sensor).settings.max_range
+    caption = (
+        f"To the Hokuyo the bushes are a wall. {counts.inside} of its {counts.beams}"
+        f" beams end at their near side and {counts.behind} behind them, where it is"
+        f" yellow; the others meet the walls on this side. {_everywhere(shot)} Its own"
+        f" range of {own:g} m would not even reach the bushes from here, so that it is"
+        f" given {FAR:g} m."
+    )
+    return Plate((_draw(shot, [scan]),), caption, (shot.command,))
+
+
+def draw_radar(seed: int) -> Plate:
+    """Figure 8: the radar sees holes in the wall of bushes."""
+    shot = radar(seed, 0)
+    (scan,) = shot.take()
+    counts = count_ends(shot.scene, scan)
+    things = ", ".join(counts.things)
+    caption = (
+        f"To the radar there are holes. {counts.behind} of its {counts.beams} beams go"
+        " through the thin edges of the bushes and end behind them, where it is yellow:"
+        f" at {things}. {counts.inside} are spent inside a bush (crosses), between its"
+        " near and its far side: its middle is too thick. A ray is the paler the less"
+        f" power it has left. {_everywhere(shot)} N is 0 here: there is no noise."
+    )
+    return Plate((_draw(shot, [scan]),), caption, (shot.command,))
+
+
+def draw_noise(seed: int, *, offset: int) -> Plate:
+    """Figures 9 and 10: one scan with side rays, and the readings of many."""
+    shot = radar(seed, offset)
+    many = replace(shot, count=COUNT)
+    scans = many.take()
+    moved = count_moved(scans[0], seed)
+    changes = count_changes(shot.scene, scans)
+    beams = len(scans[0].ranges)
+    caption = (
+        f"Each beam is one of three rays {offset * METRES_PER_UNIT:g} m apart, drawn by"
+        f" chance: left (red), centre (grey), right (blue). Above is one scan: {moved}"
+        f" of {beams} beams read more than {100 * STEP:g} cm off what they read in"
+        " figure 8. A reading is placed along its beam, wherever its ray has been, so"
+        f" that walls fray. Below are the readings of {COUNT} scans from the same"
+        f" place: {sum(changes)} beams change by more than {100 * STEP:g} cm."
+        f" {changes.jumping} of them jump from one thing to another, most at the edge"
+        f" of a bush, {changes.slanting} meet the same solid thing at a slant, and"
+        f" {changes.deep} end more or less deep in the bushes."
+    )
+    drawings = (_draw(shot, scans[:1]), _draw(many, scans))
+    return Plate(drawings, caption, (shot.command, many.command))
+
+
+def count_moved(scan: Scan, seed: int) -> int:
+    """Tell how many beams read something else than without side rays."""
+    (still,) = radar(seed, 0).take()
+    return int((np.abs(scan.ranges - still.ranges) > STEP).sum())
+
+
+def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
+    """Tell which beams changed from scan to scan, by what they read."""
+    ranges = np.array([scan.ranges for scan in scans])
+    changed = np.ptp(ranges, axis=0) > STEP
+    answers = np.array([answers_of(scan) for scan in scans])
+    answers[np.isin(answers, [bush.object_name for bush in bushes_of(scene)])] = BUSHES
+    same = (answers == answers[0]).all(axis=0)
+    bushes = answers[0] == BUSHES
+    return Changes(
+        int((changed & ~same).sum()),
+        int((changed & same & ~bushes).sum()),
+        int((changed & same & bushes).sum()),
+    )
+
+
+def _everywhere(shot: Shot) -> str:
+    places, beams, behind = count_everywhere(shot)
+    return (
+        f"From {places} places all over this side, {behind} of {beams} beams end behind"
+        " the bushes."
+    )
+
+
+def _draw(shot: Shot, scans: Sequence[Scan]) -> Figure:
+    """Draw scans, and what of the map is behind the bushes in yellow."""
+    drawing = figure_of(shot.scene, scans)
+    axes = drawing.axes[0]
+    side, end = far_side(shot.scene), float(shot.scene.bounds[1, 0])
+    axes.axvspan(side, end, color=HIDDEN, zorder=0)
+    top = float(shot.scene.bounds[1, 1])
+    place = side + 0.3 * (end - side), top - 1.3  # where hardly a ray gets to
+    axes.text(*place, "behind the bushes", ha="center", color="#8a6d00")
+    return drawing

@@ -1,0 +1,185 @@
+"""Views of whole scenes: every triangle in the colour of what it is made of.
+
+What is nearer is painted over what is farther away (painter's algorithm), by the
+middles of the triangles; large ones are cut first, so that their middles say enough.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Polygon
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.plants.figure import brightness
+from radarsim.plotting.style import material_colours
+from radarsim.presets.robots import RobotModel, load_robot
+from radarsim.robots.footprint import Footprint
+from radarsim.scene.scene import Part, Scene
+
+# As things look; what is not here has its colour of other pictures.
+NATURAL: Final = {
+    "concrete": "#b9b6ae",
+    "wood": "#a5713c",
+    "foliage": "#4c9a45",
+    "soil": "#d9c9a3",
+    "painted_steel": "#5b7fa6",
+    "hedge": "#3f7d3a",
+    "shrub_cloud": "#6aa84f",
+    "shrub_leaves": "#6aa84f",
+    "tree_leaves": "#7fb85c",
+    "robot": "#b5342c",
+}
+_LARGEST: Final = 2.0  # m, of sides of triangles that are painted as they are
+_PALER: Final = 0.65  # share of white in the colour of the ground
+_FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """From where a scene is seen, from far away.
+
+    Attributes:
+        azimuth: Of the viewer, rad counter-clockwise from the map's x.
+        elevation: Of the viewer, rad above the horizon.
+    """
+
+    azimuth: float
+    elevation: float
+
+    def project(self, points: Floats) -> Floats:
+        """Give right, up and towards the viewer, (..., 3) m, of points (..., 3) m."""
+        c, s = math.cos(self.azimuth), math.sin(self.azimuth)
+        low, high = math.cos(self.elevation), math.sin(self.elevation)
+        axes = np.array(
+            [[-s, c, 0.0], [-high * c, -high * s, low], [low * c, low * s, high]]
+        )
+        return np.asarray(points @ axes.T)
+
+
+ABOVE: Final = View(-math.pi / 2, math.pi / 2)  # x to the right, y up
+
+
+def natural_colours(scene: Scene) -> dict[str, str]:
+    """Give each material of a scene a colour that it might have."""
+    return {**material_colours(scene), **NATURAL}
+
+
+def ground_colour(scene: Scene) -> Floats:
+    """Give the colour of the floor, (3,) red, green, blue, as it is painted."""
+    colour = natural_colours(scene)[_ground_and_rest(scene)[0][0].material.name]
+    level = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    lit = brightness(level)[0] * np.array(to_rgb(colour))
+    return np.asarray(_PALER + (1 - _PALER) * lit)
+
+
+def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
+    """Paint a scene: first its floor, then what stands on it."""
+    colours = natural_colours(scene)
+    ground, rest = _ground_and_rest(scene)
+    if ground:
+        axes.add_collection(_painting(ground, colours, view, _PALER, zorder=0))
+    axes.add_collection(_painting(rest, colours, view, 0.0, zorder=1))
+    axes.set_aspect("equal")
+
+
+def _ground_and_rest(scene: Scene) -> tuple[list[Part], list[Part]]:
+    flat = min((start.pose.z for start in scene.starts), default=0.0) + _FLAT
+    ground = [part for part in scene.parts if _top(part) <= flat]
+    return ground, [part for part in scene.parts if _top(part) > flat]
+
+
+def _top(part: Part) -> float:
+    return float(part.vertices[:, 2].max(initial=-math.inf))
+
+
+def _painting(
+    parts: Sequence[Part],
+    colours: Mapping[str, str],
+    view: View,
+    paler: float,
+    *,
+    zorder: int,
+) -> PolyCollection:
+    """Make the picture of parts; ``paler`` is the share of white in its colours."""
+    corners = [_cut(part.vertices[part.faces]) for part in parts]
+    shades = [
+        brightness(triangles)[:, None] * np.array(to_rgb(colours[part.material.name]))
+        for part, triangles in zip(parts, corners, strict=True)
+    ]
+    seen = view.project(np.concatenate(corners))
+    order = np.argsort(seen[:, :, 2].mean(axis=1), kind="stable")
+    paint = paler + (1 - paler) * np.concatenate(shades)[order]
+    return PolyCollection(
+        list(seen[order][:, :, :2]),
+        facecolors=paint,
+        edgecolors=paint,
+        linewidths=0.3,
+        zorder=zorder,
+    )
+
+
+def _cut(corners: Floats) -> Floats:
+    """Cut triangles, (T, 3, 3) m, in four until all of their sides are short."""
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    large = sides.max(axis=1) > _LARGEST
+    if not large.any():
+        return corners
+    a, b, c = np.swapaxes(corners[large], 0, 1)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    pieces = np.concatenate([np.stack(one, axis=1) for one in quarters])
+    return np.concatenate([corners[~large], _cut(pieces)])
+
+
+# Section from study.figures.robotmark.
+# A robot seen from above.
+
+HULL: Final = "#d9dde2"
+EDGE: Final = "#333333"
+_TYRE: Final = 0.09  # m, as wide as it is
+
+
+def draw_robot(axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5) -> None:
+    """Draw hull, wheels and a wedge that points ahead.
+
+    Args:
+        axes: In m, map frame.
+        class_name: Of a preset.
+        pose: Of the robot.
+        zorder: Of the hull; what belongs to it lies a little higher.
+    """
+    model = load_robot(class_name)
+    hull = Footprint(model.length, model.width)
+    _patch(axes, hull, pose, HULL, zorder)
+    for wheel in _wheels(model, pose):
+        tyre = Footprint(2 * model.wheel_radius, _TYRE)
+        _patch(axes, tyre, wheel, EDGE, zorder + 0.1)
+    x, y = model.length / 2, model.width / 5
+    corners = [_at(pose, *place) for place in ((x, 0.0), (x / 2, y), (x / 2, -y))]
+    axes.add_patch(Polygon(corners, facecolor=EDGE, zorder=zorder + 0.2))
+
+
+def _patch(
+    axes: Axes, shape: Footprint, pose: Pose2, colour: str, zorder: float
+) -> None:
+    corners = shape.outline(pose)[:, 0]
+    patch = Polygon(corners, facecolor=colour, edgecolor=EDGE, linewidth=0.8)
+    patch.set_zorder(zorder)
+    axes.add_patch(patch)
+
+
+def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
+    ahead, aside = model.wheel_base / 2, model.wheel_separation / 2
+    places = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
+    return [Pose2(*_at(pose, *place), pose.yaw) for place in places]
+
+
+def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
+    place = pose.compose(Pose2(ahead, aside))
+    return place.x, place.y

@@ -1,0 +1,217 @@
+"""Figures 1 and 6: the maps, as they look."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+
+from radarsim.figures.figure import Plate
+from radarsim.figures.foliage_wall import bushes_of, things_behind
+from radarsim.figures.scan_spec import ROBOT, START, Shot, scene_of
+from radarsim.figures.scene_view import (
+    ABOVE,
+    View,
+    draw_robot,
+    draw_solids,
+    ground_colour,
+    natural_colours,
+)
+from radarsim.geometry import Floats, Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.robots.obstacles import outlines
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+from radarsim.scene.shapes import box
+from radarsim.sensors.range_scanner import load_sensor
+
+TRIAL: Final = "marulan_trial"
+ROOM: Final = "foliage_room"
+GROUND: Final = frozenset({"ground", "floor"})
+OBLIQUE: Final = View(math.radians(-155), math.radians(22))
+_EDGE: Final = 1.2  # m around what is shown
+_HALO: Final = withStroke(linewidth=2.5, foreground="white")
+_SMALL: Final = 8.0  # points
+
+
+def draw_trial_scene(seed: int) -> Plate:
+    """Figure 1: the trial scene, obliquely and from above."""
+    scene = scene_of(TRIAL)
+    drawing = Figure(figsize=(13, 4.9), dpi=110, layout="constrained")
+    oblique, plan = drawing.subplots(1, 2, width_ratios=[1.5, 1])
+    draw_solids(oblique, _with_robot(scene), OBLIQUE)
+    _show(oblique, OBLIQUE.project(_corners(scene))[:, :2])
+    oblique.set_facecolor(ground_colour(scene))
+    oblique.set_xticks([])
+    oblique.set_yticks([])
+    oblique.spines[:].set_visible(False)
+    _draw_plan(plan, scene)
+    _label(plan, things_of(scene), letter=0.38)
+    plan.set_xlim(right=plan.get_xlim()[1] + 4.5)  # for the names
+    caption = _trial_caption(scene, Shot(TRIAL, "radar", seed).pose)
+    return Plate((drawing,), caption, (f"radarsim check {TRIAL}",))
+
+
+def draw_test_map(seed: int) -> Plate:
+    """Figure 6: the test map from above."""
+    scene = scene_of(ROOM)
+    drawing = Figure(figsize=(12, 8.1), dpi=110, layout="compressed")
+    plan = drawing.subplots()
+    _draw_plan(plan, scene)
+    things = [part for part in things_of(scene) if "wall" not in part.object_name]
+    _label(plan, things, letter=0.15)
+    _legend(plan, scene)
+    caption = _map_caption(scene, Shot(ROOM, "radar", seed).pose)
+    return Plate((drawing,), caption, (f"radarsim check {ROOM}",))
+
+
+def things_of(scene: Scene) -> list[Part]:
+    """Give one part of each object that stands on the ground."""
+    parts = {part.object_name: part for part in scene.parts}
+    return [part for name, part in parts.items() if name not in GROUND]
+
+
+def _trial_caption(scene: Scene, sensor: Pose3) -> str:
+    parts = things_of(scene)
+    counts = Counter(_kind(part.object_name) for part in parts)
+    told = ", ".join(f"{counts[kind]} {kind}" for kind in ("poles", "boxes"))
+    places = [part.vertices[:, :2] - sensor.position()[:2] for part in parts]
+    away = [float(np.hypot(*place.T).min()) for place in places]
+    return (
+        f"What figures 2 to 5 are readings of: {told} and {counts['plants']} plants on"
+        f" open ground, {min(away):.0f} to {max(away):.0f} m from the sensor of a"
+        f" {ROBOT}, which is the red box on the left. Nothing else is there, so a beam"
+        " that passes all of them does not come back. The scene is made after the"
+        " static trial of the Marulan data sets."
+    )
+
+
+def _kind(name: str) -> str:
+    """Tell what sort of thing has a name."""
+    stem = re.sub(r"_\d+$", "", name)
+    kinds = {"pole": "poles", "post": "poles"}
+    boxes = {"block": "boxes", "crate": "boxes", "cabinet": "boxes"}
+    return {**kinds, **boxes}.get(stem, "plants")
+
+
+def _map_caption(scene: Scene, sensor: Pose3) -> str:
+    (wide, tall), bushes = _inside(scene), bushes_of(scene)
+    cuts = [outlines([bush], sensor.z).reshape(-1, 2) for bush in bushes]
+    thick = max(float(np.ptp(cut[:, 0])) for cut in cuts)
+    hidden = len(things_behind(scene))
+    depth = load_sensor("radar").settings.penetration_power / bushes[0].material.density
+    return (
+        f"A room of {wide:.1f} by {tall:.1f} m. A wall of {len(bushes)} spherical"
+        f" bushes parts it from side to side; behind it stand {hidden} things to"
+        " discover. The spheres overlap at the height of the sensor, so that every"
+        " straight line goes through leaves: next to none at their edges,"
+        f" {thick:.2f} m in the middle of the largest. The radar's beams get through"
+        f" {depth:.2f} m. To a laser it is a solid wall."
+    )
+
+
+def _inside(scene: Scene) -> tuple[float, float]:
+    """Give how wide and deep a room is between its walls, m."""
+    parts = {part.object_name: part.vertices for part in scene.parts}
+    wide = parts["east_wall"][:, 0].min() - parts["west_wall"][:, 0].max()
+    deep = parts["north_wall"][:, 1].min() - parts["south_wall"][:, 1].max()
+    return float(wide), float(deep)
+
+
+def _with_robot(scene: Scene) -> Scene:
+    """Leave the ground out, and put a box for a robot at the first start."""
+    model, pose = load_robot(ROBOT), Shot(scene.name, "radar", 0).robot
+    vertices, faces = box(*model.dimensions)
+    place = np.array([pose.x, pose.y, model.height / 2])
+    hull = Part("robot", Material("robot"), vertices + place, faces)
+    things = [part for part in scene.parts if part.object_name not in GROUND]
+    return replace(scene, parts=(*things, hull))
+
+
+def _draw_plan(axes: Axes, scene: Scene) -> None:
+    """Draw a scene from above, with a robot at its first start."""
+    draw_solids(axes, scene, ABOVE)
+    pose = Shot(scene.name, "radar", 0).robot
+    draw_robot(axes, ROBOT, pose)
+    _show(axes, _corners(scene)[:, :2])
+    front = pose.x + load_robot(ROBOT).length / 2
+    _name(axes, f"{ROBOT} at {START}", front, pose.y)
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+
+
+def _corners(scene: Scene) -> Floats:
+    """Give the corners of the boxes around all things and the first start, (C, 3) m."""
+    points = [np.array([[start.pose.x, start.pose.y, 0] for start in scene.starts[:1]])]
+    for part in things_of(scene):
+        low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+        grid = np.meshgrid(*np.stack([low, high], axis=1))
+        points.append(np.stack([axis.ravel() for axis in grid], axis=1))
+    return np.concatenate(points)
+
+
+def _show(axes: Axes, points: Floats) -> None:
+    """Show points, (P, 2) m, and a little around them."""
+    low, high = points.min(axis=0) - _EDGE, points.max(axis=0) + _EDGE
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+
+
+def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
+    """Write names beside things, on the left where another one is on the right.
+
+    Args:
+        axes: Of a plan.
+        parts: The things.
+        letter: As wide as a letter is, m.
+    """
+    boxes = [_box(part) for part in parts]
+    for part, (west, south, east, north) in zip(parts, boxes, strict=True):
+        text, middle = part.object_name, (south + north) / 2
+        end, up, down = east + letter * len(text), middle + letter, middle - letter
+        covered = any(
+            east <= box[0] <= end and box[1] <= up and box[3] >= down for box in boxes
+        )
+        _name(axes, text, west if covered else east, middle, on_left=covered)
+
+
+def _box(part: Part) -> tuple[float, float, float, float]:
+    """Give the x and y, m, at which a part begins, and those at which it ends."""
+    low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -> None:
+    """Write on the right or left of a place."""
+    axes.annotate(
+        text,
+        (x, y),
+        xytext=(-3 if on_left else 3, 0),
+        textcoords="offset points",
+        ha="right" if on_left else "left",
+        va="center",
+        fontsize=_SMALL,
+        path_effects=[_HALO],
+        zorder=6,
+    )
+
+
+def _legend(axes: Axes, scene: Scene) -> None:
+    colours = natural_colours(scene)
+    names = dict.fromkeys(part.material.name for part in scene.parts)
+    samples = [Patch(color=colours[name], label=name) for name in names]
+    axes.legend(
+        handles=samples,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=len(samples),
+        fontsize=_SMALL,
+        frameon=False,
+    )

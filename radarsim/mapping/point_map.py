@@ -1,0 +1,172 @@
+"""A map of points that answers what shape they have around a place.
+
+Theory of operation
+===================
+Points are not kept, only their moments: number, sum and sum of squares, in square cells
+of five sizes from 0.1 to 1.6 m. Around a place the moments of three by three cells are
+added up, weighted by how near they are (the quadratic B-spline, which is smooth in the
+place), and say where the points are and along which line they lie. The finest size that
+has enough of them answers: where points are dense, as on a bush near by, a small
+window follows the shape; on a far fence, where each scan leaves one point in half a
+metre, a long one averages the noise out. Cells are kept in a hash table, as few of them
+hold anything.
+"""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.jit import compiled, leaf
+
+FINEST: Final = 0.1  # m
+LEVELS: Final = 5
+ENOUGH: Final = 2.0  # weighted points; eight or so
+_SMALLEST: Final = 1 << 12  # rows of the table
+_MIDDLE: Final = 1 << 27  # makes numbers of cells positive
+_STIR: Final = np.uint64(0x9E3779B97F4A7C15)
+_SHIFT: Final = np.uint64(29)
+
+
+class Table(NamedTuple):
+    """Cells by number.
+
+    Attributes:
+        keys: (C,) size and number of a cell; 0 where nothing is.
+        moments: (C, 6) sums over the cell's points: 1, x, y, x x, x y, y y, as seen
+            from its middle, m.
+    """
+
+    keys: NDArray[np.int64]
+    moments: Floats
+
+
+class PointMap:
+    """Points of all scans so far, as moments.
+
+    Attributes:
+        table: What compiled functions read.
+    """
+
+    def __init__(self) -> None:
+        self.table = _new_table(_SMALLEST)
+        self._used = 0
+
+    def __len__(self) -> int:
+        """Give how many cells hold points."""
+        return self._used
+
+    def add(self, points: Floats) -> None:
+        """Take in points, (K, 2) m, map frame."""
+        room = 2 * (self._used + LEVELS * len(points))
+        if room > len(self.table.keys):
+            table = _new_table(1 << (2 * room - 1).bit_length())
+            _move(self.table, table)
+            self.table = table
+        self._used += _add(self.table, points)
+
+
+def _new_table(rows: int) -> Table:
+    return Table(np.zeros(rows, np.int64), np.zeros((rows, 6)))
+
+
+@leaf
+def _key(level: Any, column: Any, row: Any) -> Any:
+    return ((level + 1) << 56) | ((column + _MIDDLE) << 28) | (row + _MIDDLE)
+
+
+@leaf
+def _find(keys: Any, key: Any) -> Any:
+    """Give the row of a cell, or the empty one where it would be."""
+    mask = len(keys) - 1
+    row = np.int64((np.uint64(key) * _STIR) >> _SHIFT) & mask
+    while keys[row] != 0 and keys[row] != key:
+        row = (row + 1) & mask
+    return row
+
+
+@compiled
+def _move(table: Any, other: Any) -> None:
+    for i in range(len(table.keys)):
+        if table.keys[i] != 0:
+            row = _find(other.keys, table.keys[i])
+            other.keys[row] = table.keys[i]
+            other.moments[row] = table.moments[i]
+
+
+@compiled
+def _add(table: Any, points: Any) -> Any:
+    """Add points; give how many cells are new."""
+    new = 0
+    for i in range(len(points)):
+        size = FINEST
+        for level in range(LEVELS):
+            column = np.int64(np.floor(points[i, 0] / size))
+            line = np.int64(np.floor(points[i, 1] / size))
+            key = _key(level, column, line)
+            row = _find(table.keys, key)
+            if table.keys[row] == 0:
+                table.keys[row] = key
+                new += 1
+            x, y = (
+                points[i, 0] - (column + 0.5) * size,
+                points[i, 1] - (line + 0.5) * size,
+            )
+            sums = table.moments[row]
+            sums[0] += 1.0
+            sums[1] += x
+            sums[2] += y
+            sums[3] += x * x
+            sums[4] += x * y
+            sums[5] += y * y
+            size *= 2.0
+    return new
+
+
+@leaf
+def _nearness(step: Any, t: Any) -> Any:
+    """Weigh a cell ``step`` cells away from that of a place ``t`` off its middle."""
+    return 0.75 - t * t if step == 0 else 0.5 * (0.5 + step * t) ** 2
+
+
+@leaf
+def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
+    """Add up the moments of the cells around a place, as seen from it."""
+    column, line = np.int64(np.floor(x / size)), np.int64(np.floor(y / size))
+    tx, ty = x / size - column - 0.5, y / size - line - 0.5
+    n, a, b, aa, ab, bb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            row = _find(table.keys, _key(level, column + i, line + j))
+            if table.keys[row] == 0:
+                continue
+            f = _nearness(i, tx) * _nearness(j, ty)
+            u, v = (i - tx) * size, (j - ty) * size
+            sums = table.moments[row]
+            m, p, q = f * sums[0], f * sums[1], f * sums[2]
+            n += m
+            a += p + m * u
+            b += q + m * v
+            aa += f * sums[3] + 2.0 * u * p + m * u * u
+            ab += f * sums[4] + u * q + v * p + m * u * v
+            bb += f * sums[5] + 2.0 * v * q + m * v * v
+    return n, a, b, aa, ab, bb
+
+
+@leaf
+def shape_around(table: Any, x: Any, y: Any) -> Any:
+    """Describe the points around a place, m.
+
+    Returns:
+        Whether there are enough; the way from the place to their mean, x and y; their
+        covariance, xx, xy and yy.
+    """
+    size = FINEST
+    for level in range(LEVELS):
+        n, a, b, aa, ab, bb = _window(table, level, size, x, y)
+        if n >= ENOUGH:
+            a, b = a / n, b / n
+            return True, a, b, aa / n - a * a, ab / n - a * b, bb / n - b * b
+        size *= 2.0
+    return False, 0.0, 0.0, 0.0, 0.0, 0.0

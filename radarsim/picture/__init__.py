@@ -1,5 +1,0 @@
-"""Pictures of scans over a plan of the map."""
-
-from radarsim.picture.drawing import draw_scans, figure_of
-
-__all__ = ["draw_scans", "figure_of"]

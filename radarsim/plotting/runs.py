@@ -1,0 +1,245 @@
+"""Pictures of runs: the way, what was met on it, and where it was to lead."""
+
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+
+from radarsim.geometry import Floats
+from radarsim.navigation.bug import Doing, Point
+from radarsim.navigation.run_log import Record
+
+FORMS: Final = ("png", "svg", "pdf")
+AROUND: Final = 3.0  # m around the way that are shown
+NO_LINES: Final = np.zeros((0, 2, 2))
+LIGHTEST: Final = 0.95  # grey of what was sensed once
+DARKEST: Final = 0.35  # of what was sensed most often
+_MARGIN = 0.6  # m
+_LONGEST = 9.5  # inches of the longer side
+_TOGETHER = 0.35  # m; marks that are nearer share a label
+_HALO = withStroke(linewidth=3, foreground="white")
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """How the way looks while the robot is at something."""
+
+    text: str
+    colour: str
+    width: float
+    zorder: float
+
+
+GOING: Final = Stroke("going to the goal", "#0072b2", 2.0, 4.0)
+FOLLOWING: Final = Stroke("following a boundary", "#e69f00", 2.6, 3.0)
+RETURNING: Final = Stroke("returning to the leave point", "#7b3294", 1.2, 3.5)
+STROKES: Final = {
+    Doing.ALIGNING: FOLLOWING,
+    Doing.FOLLOWING: FOLLOWING,
+    Doing.RETURNING: RETURNING,
+}
+
+
+def draw_run(
+    record: Record, title: str, *, plan: Floats = NO_LINES, form: str = "png"
+) -> bytes:
+    """Draw a run.
+
+    Args:
+        record: At least one moment.
+        title: Above the picture.
+        plan: Lines of the map, (S, 2, 2) m.
+        form: One of ``FORMS``.
+
+    Returns:
+        A file of that form; the same for the same run.
+    """
+    dates = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
+    data = io.BytesIO()
+    with rc_context({"svg.hashsalt": "radarsim"}):
+        canvas = FigureCanvasAgg(figure_of(record, title, plan))
+        told = {dates[form]: None}
+        canvas.print_figure(data, format=form, metadata=told)
+    return data.getvalue()
+
+
+def figure_of(record: Record, title: str, plan: Floats = NO_LINES) -> Figure:
+    """Draw a run; arguments as in ``draw_run``."""
+    low, high = _extent(record)
+    wide, tall = (high - low) * _LONGEST / max(high - low)
+    layout = ConstrainedLayoutEngine(compress=True, w_pad=0.12, h_pad=0.1)
+    size = (max(wide, 4.0) + 2.9, max(tall, 3.0) + 0.9)
+    figure = Figure(figsize=size, dpi=110, layout=layout)
+    axes = figure.add_subplot()
+    rows = [
+        *_draw_surroundings(axes, record, plan),
+        *_draw_way(axes, record),
+        *_draw_marks(axes, record),
+    ]
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    axes.set_title(title, fontsize="medium", parse_math=False)
+    figure.legend(
+        handles=rows, loc="outside right upper", fontsize="small", frameon=False
+    )
+    return figure
+
+
+def _extent(record: Record) -> tuple[Floats, Floats]:
+    """Give the corners of what is shown: the way, and what was sensed near it."""
+    ends = [end for leg in record.legs for end in (leg.start, leg.goal)]
+    way = np.concatenate([record.way, np.array(ends).reshape(-1, 2)])
+    low, high = way.min(axis=0), way.max(axis=0)
+    sensed = record.sensed[:, :2]
+    near = (sensed >= low - AROUND).all(axis=1) & (sensed <= high + AROUND).all(axis=1)
+    shown = np.concatenate([way, sensed[near]])
+    return shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
+
+
+def _draw_surroundings(axes: Axes, record: Record, plan: Floats) -> list[Line2D]:
+    rows = []
+    if len(plan):
+        lines = LineCollection(list(plan), colors="black", linewidths=1.5, zorder=1.5)
+        axes.add_collection(lines)
+        rows.append(Line2D([], [], color="black", linewidth=1.5, label="map"))
+    x, y, counts = record.sensed.T
+    often = np.log1p(counts) / np.log1p(counts.max(initial=1.0))
+    shades = LIGHTEST + (DARKEST - LIGHTEST) * often
+    style: dict[str, Any] = {"cmap": "gray", "vmin": 0.0, "vmax": 1.0}
+    axes.scatter(x, y, 3.0, shades, marker=".", **style, zorder=1.0)
+    dots: dict[str, Any] = {"color": "0.45", "marker": ".", "linestyle": "none"}
+    rows.append(Line2D([], [], **dots, markersize=5, label="sensed (darker: often)"))
+    for leg in record.legs:
+        ends = np.array([leg.start, leg.goal])
+        axes.plot(*ends.T, "--", color="0.3", linewidth=1.0, zorder=2.0)
+    dashes: dict[str, Any] = {"color": "0.3", "linestyle": "--", "linewidth": 1.0}
+    rows.append(Line2D([], [], **dashes, label="line to the goal"))
+    return rows
+
+
+def _draw_way(axes: Axes, record: Record) -> list[Line2D]:
+    """Draw the way in the colours of what the robot was at; give the legend's rows."""
+    way = record.way
+    doings = [row.doing for row in record.rows]
+    strokes = [STROKES.get(doing, GOING) for doing in doings]
+    steps = np.stack([way[:-1], way[1:]], axis=1)
+    rows = []
+    for stroke in (GOING, FOLLOWING, RETURNING):
+        chosen = np.array([one is stroke for one in strokes[:-1]], dtype=np.bool_)
+        if not chosen.any():
+            continue
+        style: dict[str, Any] = {"colors": stroke.colour, "linewidths": stroke.width}
+        lines = LineCollection(_chains(steps[chosen]), **style, zorder=stroke.zorder)
+        axes.add_collection(lines)
+        sample: dict[str, Any] = {"color": stroke.colour, "linewidth": stroke.width}
+        rows.append(Line2D([], [], **sample, label=stroke.text))
+    return rows
+
+
+def _chains(steps: Floats) -> list[Floats]:
+    """Join steps that follow each other, (S, 2, 2), so that lines have no gaps."""
+    breaks = np.nonzero((steps[1:, 0] != steps[:-1, 1]).any(axis=1))[0] + 1
+    return [
+        np.concatenate([chain[:1, 0], chain[:, 1]]) for chain in np.split(steps, breaks)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """How places of a kind look.
+
+    Attributes:
+        text: In the legend.
+        letter: Before their numbers.
+        marker: Of matplotlib.
+        colour: Its own.
+        size: In points.
+        offset: Of the label from the place, points.
+    """
+
+    text: str
+    letter: str
+    marker: str
+    colour: str
+    size: float
+    offset: tuple[float, float]
+
+
+START: Final = Mark("start", "S", "o", "#009e73", 8.0, (-9, -14))
+GOAL: Final = Mark("goal", "G", "*", "#d55e00", 14.0, (8, -15))
+HIT: Final = Mark("hit point", "H", "v", "#cc0000", 7.0, (-9, -15))
+LEAVE: Final = Mark("leave point", "L", "^", "#006d2c", 7.0, (9, 8))
+END: Final = Mark("end, goal not reached", "", "X", "black", 9.0, (0, 0))
+
+
+def _draw_marks(axes: Axes, record: Record) -> list[Line2D]:
+    last = record.rows[-1]
+    ends = [] if last.goal is None else [(last.x, last.y)]
+    return [
+        *_draw_mark(axes, START, [leg.start for leg in record.legs[:1]]),
+        *_draw_mark(axes, HIT, record.hits),
+        *_draw_mark(axes, LEAVE, record.leaves),
+        *_draw_mark(axes, GOAL, [leg.goal for leg in record.legs]),
+        *_draw_mark(axes, END, ends),
+    ]
+
+
+def _draw_mark(axes: Axes, mark: Mark, places: Sequence[Point]) -> list[Line2D]:
+    if not places:
+        return []
+    style: dict[str, Any] = {
+        "color": mark.colour,
+        "marker": mark.marker,
+        "markersize": mark.size,
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.8,
+        "linestyle": "none",
+    }
+    axes.plot(*np.array(places).T, **style, zorder=5.0)
+    numbered = mark in (HIT, LEAVE) or len(places) > 1
+    for place, numbers in _groups(places):
+        text = ", ".join(f"{mark.letter}{n if numbered else ''}" for n in numbers)
+        if mark.letter:
+            _label(axes, text, place, mark)
+    return [Line2D([], [], **style, label=mark.text)]
+
+
+def _label(axes: Axes, text: str, place: Point, mark: Mark) -> None:
+    axes.annotate(
+        text,
+        place,
+        xytext=mark.offset,
+        textcoords="offset points",
+        ha="right" if mark.offset[0] < 0 else "left",
+        color=mark.colour,
+        fontweight="bold",
+        path_effects=[_HALO],
+        zorder=6.0,
+        annotation_clip=True,
+    )
+
+
+def _groups(places: Iterable[Point]) -> list[tuple[Point, list[int]]]:
+    """Number places from 1, and put those together that lie close to each other."""
+    groups: list[tuple[Point, list[int]]] = []
+    for number, place in enumerate(places, 1):
+        for first, numbers in groups:
+            if np.hypot(first[0] - place[0], first[1] - place[1]) < _TOGETHER:
+                numbers.append(number)
+                break
+        else:
+            groups.append((place, [number]))
+    return groups

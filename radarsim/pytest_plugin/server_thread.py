@@ -1,0 +1,116 @@
+"""A server in a thread of its own.
+
+Kept apart from the fixtures because it imports what serves: numba, Embree, shapely.
+"""
+
+import asyncio
+import math
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from radarsim.host import Host
+from radarsim.protocol.dialect import dialect_named
+from radarsim.scene.map_file import load_map
+from radarsim.server import Server
+from radarsim.simulation.config import Conditions
+
+MOST_STOP = 5.0  # s; it takes some milliseconds
+
+
+def make_host(options: dict[str, Any]) -> Host:
+    """Make what is served.
+
+    Raises:
+        RadarsimError: If the map or the settings are wrong.
+        ValueError: If another option is.
+    """
+    seed, speed = options["seed"], options["speed"]
+    if seed < 0:
+        raise ValueError(f"seed {seed}, expected at least 0")
+    if not 0 < speed < math.inf:
+        raise ValueError(f"speed {speed}, expected above 0")
+    dialect = dialect_named(options["dialect"])
+    scene = load_map(options["map"])
+    conditions = Conditions(dialect, item_settings=options["settings"])
+    return Host(scene, conditions=conditions, seed=seed)
+
+
+class ServerThread(threading.Thread):
+    """Runs a server in a loop of its own, and keeps what goes wrong there."""
+
+    def __init__(self, host: Host, *, speed: float) -> None:
+        super().__init__(name="usarsim_server", daemon=True)
+        self._host = host
+        self._speed = speed
+        self._address = ("", 0)
+        self._errors: list[Exception] = []
+        self._up = threading.Event()
+        self._end: Callable[[], object] = lambda: None
+
+    def begin(self) -> tuple[str, int]:
+        """Start, and wait until clients can connect.
+
+        Returns:
+            The address that it listens on.
+
+        Raises:
+            ExceptionGroup: Of what came in between.
+        """
+        self.start()
+        self._up.wait()
+        if self._errors:
+            self.finish()
+        return self._address
+
+    def finish(self) -> None:
+        """Close the port and all connections, and end.
+
+        Raises:
+            ExceptionGroup: Of what went wrong since the start.
+        """
+        with suppress(RuntimeError):  # its loop is closed if it has failed
+            self._end()
+        self.join(MOST_STOP)
+        if self.is_alive():
+            late = f"the thread runs on, expected its end within {MOST_STOP:g} s"
+            self._errors.append(TimeoutError(late))
+        if self._errors:
+            raise ExceptionGroup("usarsim_server failed", self._errors)
+
+    def run(self) -> None:
+        """Serve until ``finish`` is called, or an error."""
+        try:
+            with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+                runner.run(self._serve())
+        except Exception as error:  # noqa: BLE001 - the test is told
+            self._errors.append(error)
+        finally:
+            self._up.set()
+
+    async def _serve(self) -> None:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._note)
+        task = asyncio.current_task()
+        assert task is not None
+        self._end = partial(loop.call_soon_threadsafe, task.cancel)
+        server = Server(self._host, speed=self._speed)
+        try:
+            await server.start(port=0)
+            self._address = server.address
+            self._up.set()
+            await server.failed()
+        except asyncio.CancelledError:
+            pass  # the end that was asked for
+        finally:
+            await server.stop()
+
+    def _note(self, _: object, context: dict[str, Any]) -> None:
+        """Keep an error of a callback, and end: no client shall wait in vain."""
+        error = context.get("exception")
+        if not isinstance(error, Exception):
+            error = RuntimeError(context["message"])
+        self._errors.append(error)
+        self._end()

@@ -1,0 +1,327 @@
+"""What a map file may say, one model for each kind of entry.
+
+The models look at one key at a time; that of a material is in materialmodel.py. What
+concerns several keys of an entry is in mapchecks.py, and names that must not stand
+twice where the whole file is read.
+"""
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, TypeAlias
+
+from annotated_types import Ge, Gt, Le, Len, MaxLen
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    PlainValidator,
+    Strict,
+    ValidationInfo,
+    field_validator,
+)
+
+from radarsim.presets.materials import library_names
+from radarsim.presets.sensor_settings import BANDS_GHZ
+from radarsim.scene.material import OPAQUE
+from radarsim.scene.meshes import MeshError, find_inside
+from radarsim.yaml_reader import shown
+
+MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
+MAX_COPIES = 10_000
+MAX_NAME = 200  # of an object or a level
+MAX_START_NAME = 40  # so that many fit into the one line that lists them
+
+START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
+
+
+def _name(value: str) -> str:
+    if not value.strip() or not value.isprintable() or re.search(r"[{}]", value):
+        raise ValueError(f"{shown(value)}, expected printable text without braces")
+    return value
+
+
+def _level(value: str) -> str:
+    if not re.fullmatch(r"[!-z|~]+", value):  # all of ASCII that is seen, no braces
+        expected = "expected ASCII without blanks and braces"
+        raise ValueError(f"{shown(value)}, {expected}")
+    return value
+
+
+def _start_name(value: str) -> str:
+    if not START_NAME.fullmatch(value):
+        expected = "expected Robot, Player or ComSt, then letters, then digits"
+        raise ValueError(f"{shown(value)}, {expected}")
+    return value
+
+
+def _ordered(value: list[Any]) -> list[Any]:
+    for low, high in zip(*value, strict=True):
+        if low > high:
+            raise ValueError(f"{shown(value)}, expected the lower corner first")
+    return value
+
+
+def _known_material(value: str, info: ValidationInfo) -> str:
+    context: Any = info.context
+    own = context["materials"]
+    if value not in own and value not in library_names():
+        raise ValueError(unknown_material(value, own))
+    return value
+
+
+def unknown_material(value: str, own: Iterable[str]) -> str:
+    """Say that a material is neither one of the map's own nor in the library."""
+    library = f"or of the library, {list(library_names())}"
+    return f"{shown(value)}, expected one of {sorted(own)}, {library}"
+
+
+def _variant(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", value):
+        expected = "expected letters, digits, '_' and '-'"
+        raise ValueError(f"{shown(value)}, {expected}")
+    return value
+
+
+def _mesh_file(value: str, info: ValidationInfo) -> str:
+    context: Any = info.context
+    folder = context["folder"]
+    try:
+        find_inside(folder, folder, value)
+    except MeshError as error:
+        raise ValueError(str(error)) from error
+    return value
+
+
+Real: TypeAlias = Annotated[float, Strict()]
+Coordinate: TypeAlias = Annotated[Real, Ge(-MAX_EXTENT), Le(MAX_EXTENT)]
+Size: TypeAlias = Annotated[Real, Gt(0), Le(MAX_EXTENT)]
+Vector: TypeAlias = Annotated[list[Coordinate], Len(3, 3)]
+Corner: TypeAlias = Annotated[list[Coordinate], Len(2, 2)]
+Text: TypeAlias = Annotated[str, Strict()]
+Whole: TypeAlias = Annotated[int, Strict()]
+MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
+MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
+VariantName: TypeAlias = Annotated[Text, AfterValidator(_variant)]
+
+
+class Entry(BaseModel):
+    """An entry of a map file; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Header(Entry):
+    """What the top of a map file may say; the entries are looked at one by one."""
+
+    version: Literal[1]
+    level: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_level)]
+    materials: dict[Text, Any] | None = None
+    objects: list[Any] | None = None
+    starts: list[Any] | None = None
+    trial: Any = None
+    air: Text | None = None
+    variants: dict[VariantName, Any] | None = None
+
+
+class VariantEntry(Entry):
+    """What is different in a variant of the map.
+
+    Attributes:
+        materials: More of them, or others of the same names.
+        objects: More of them.
+        air: Another one; None for none.
+    """
+
+    materials: dict[Text, Any] | None = None
+    objects: list[Any] | None = None
+    air: Text | None = None
+
+
+class RepeatEntry(Entry):
+    """Copies along a line: ``count`` of them, each ``step`` after the one before."""
+
+    count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
+    step: Vector
+
+
+class ScatterEntry(Entry):
+    """Copies at random places of a rectangle on the floor.
+
+    Attributes:
+        area: Its lower and its upper corner, m.
+        min_distance: Between any two of the places, m.
+        scale: The smallest and the largest factor that a copy's size is drawn from.
+    """
+
+    count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
+    area: Annotated[list[Corner], Len(2, 2), AfterValidator(_ordered)]
+    seed: Annotated[Whole, Ge(0)]
+    min_distance: Annotated[Real, Ge(0)] = 0.0
+    scale: Annotated[list[Size], Len(2, 2)] = [1.0, 1.0]
+
+    @field_validator("scale")
+    @classmethod
+    def _low_first(cls, value: list[float]) -> list[float]:
+        if value[0] > value[1]:
+            raise ValueError(f"{shown(value)}, expected the smaller one first")
+        return value
+
+
+class ObjectEntry(Entry):
+    """An object.
+
+    Validated with the context ``{"materials": names, "folder": the map's own}``.
+
+    Attributes:
+        box: Lengths along x, y, z, m.
+        sphere: Radius, m.
+        cylinder: Radius and height, m.
+        mesh: The path of a file in the map's folder.
+        up_axis: Which axis of the mesh file points up.
+        scale: Metres for each unit of the mesh file.
+        material: The one material of it all.
+        materials: For a mesh, the material for each name in its file.
+        position: The centre of a primitive, a mesh's own origin, m.
+    """
+
+    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
+    box: Annotated[list[Size], Len(3, 3)] | None = None
+    sphere: Size | None = None
+    cylinder: Annotated[list[Size], Len(2, 2)] | None = None
+    mesh: MeshFile | None = None
+    up_axis: Literal["y", "z"] = "z"
+    scale: Size = 1.0
+    material: MaterialName | None = None
+    materials: dict[Text, MaterialName] | None = None
+    position: Vector = [0.0, 0.0, 0.0]
+    yaw_deg: Real = 0.0
+    rotation_deg: Annotated[list[Real], Len(3, 3)] | None = None
+    repeat: RepeatEntry | None = None
+    scatter: ScatterEntry | None = None
+
+    def angles(self) -> tuple[float, float, float]:
+        """Give roll, pitch and yaw, rad."""
+        degrees = self.rotation_deg or [0.0, 0.0, self.yaw_deg]
+        roll, pitch, yaw = (math.radians(angle) for angle in degrees)
+        return roll, pitch, yaw
+
+    @property
+    def material_names(self) -> list[str]:
+        """What it is made of, by the map's names."""
+        one = [] if self.material is None else [self.material]
+        return [*one, *(self.materials or {}).values()]
+
+    @property
+    def copies(self) -> int | None:
+        """The number of copies; None if it is neither repeated nor scattered."""
+        several = self.repeat or self.scatter
+        return several.count if several else None
+
+
+class StartEntry(Entry):
+    """A place where robots start, on the floor."""
+
+    name: Annotated[Text, MaxLen(MAX_START_NAME), AfterValidator(_start_name)]
+    position: Vector
+    yaw_deg: Real = 0.0
+
+
+class TrialEntry(Entry):
+    """What a robot that finds its way is to do on the map.
+
+    Attributes:
+        start: The name of a start, in any case.
+        goal: x and y of a place on the floor, m.
+        safety_distance: The one that the map is made for, m.
+    """
+
+    start: Text
+    goal: Corner
+    safety_distance: Size
+
+
+# Section from scene.materialmodel.
+# What a map file may say of a material.
+
+MAX_DB = 1e6  # in a metre; what takes more is opaque
+MAX_AMOUNT = 1000.0  # mm/h, g/m^3
+
+Bands: TypeAlias = tuple[float, float, float]
+_BAND_KEYS = [str(band) for band in BANDS_GHZ]
+
+
+def _density(value: object) -> float:
+    number = OPAQUE if value == "opaque" else _number(value)
+    if number is None:
+        raise ValueError(f"{shown(value)}, expected 'opaque' or a number, at least 0")
+    return number
+
+
+def _absorption(value: object) -> float:
+    number = math.inf if value == "all" else _number(value, MAX_DB)
+    if number is None:
+        expected = f"expected 'all' or a number from 0 to {MAX_DB:g}"
+        raise ValueError(f"{shown(value)}, {expected}")
+    return number
+
+
+def _bands(value: object) -> Bands:
+    """Take a number for all bands, or one for each."""
+    given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
+    first, second, third = (_number(given.get(key), MAX_DB) for key in _BAND_KEYS)
+    if first is None or second is None or third is None or len(given) > 3:
+        expected = f"expected a number from 0 to {MAX_DB:g}, or one for each of"
+        raise ValueError(f"{shown(value)}, {expected} {', '.join(_BAND_KEYS)}")
+    return first, second, third
+
+
+def _number(value: object, most: float = math.inf) -> float | None:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    return float(value) if 0 <= value <= most else None
+
+
+def _in_library(value: str) -> str:
+    if value not in library_names():
+        raise ValueError(f"{shown(value)}, expected one of {list(library_names())}")
+    return value
+
+
+Density: TypeAlias = Annotated[float, PlainValidator(_density)]
+Decibels: TypeAlias = Annotated[Real, Ge(0), Le(MAX_DB)]
+BandDecibels: TypeAlias = Annotated[Bands, PlainValidator(_bands)]
+Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
+Amount: TypeAlias = Annotated[Real, Ge(0), Le(MAX_AMOUNT)]
+LibraryName: TypeAlias = Annotated[Text, AfterValidator(_in_library)]
+
+
+class MaterialEntry(Entry):
+    """A material; what it does not say is as in the one that it is based on.
+
+    Attributes:
+        based_on: A material of the library.
+        density: Power lost per metre inside; does not count beside a ``sheet_loss``.
+        laser_density: The same for a laser beam.
+        db_per_m: What radar waves lose inside, one way, in each band.
+        laser_db_per_m: The same for light.
+        sheet_loss: Power that a radar beam loses at each surface, and nowhere else.
+        absorption_db: What an opaque surface keeps of a radar wave.
+        laser_absorption_db: The same of light.
+        mirror: What an opaque surface reflects like a mirror.
+        g_per_m3: Of what the library's material has so much of.
+        mm_per_h: The same of rain.
+    """
+
+    based_on: LibraryName | None = None
+    density: Density | None = None
+    laser_density: Density | None = None
+    db_per_m: BandDecibels | None = None
+    laser_db_per_m: Decibels | None = None
+    solid: Annotated[bool, Strict()] | None = None
+    sheet_loss: Annotated[Real, Ge(0)] | None = None
+    absorption_db: Absorption | None = None
+    laser_absorption_db: Absorption | None = None
+    mirror: Literal["radar", "laser", "both", "none"] | None = None
+    g_per_m3: Amount | None = None
+    mm_per_h: Amount | None = None

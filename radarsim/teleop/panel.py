@@ -1,0 +1,128 @@
+"""What is written beside the view."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radarsim.geometry import Pose2, wrap_angle
+from radarsim.protocol.reports import GroundTruth, Ins, Odometry
+from radarsim.teleop.robot_state import Readings
+from radarsim.teleop.view import Fragments, ink_of
+
+WIDTH: Final = 31  # columns
+WARNING: Final = "class:warning"
+QUIET: Final = 0.6  # s without a word from the server, which says something every 0.2 s
+HELP: Final = (
+    "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"  # fits 64
+)
+POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth))
+
+
+def panel_lines(
+    readings: Readings,
+    *,
+    speed: float,
+    ordered: tuple[float, float],
+    silence: float,
+) -> list[Fragments]:
+    """Write what is known of the robot.
+
+    Args:
+        readings: What it has told.
+        speed: That keys set, m/s.
+        ordered: The motion that it was told last: m/s ahead, rad/s counter-clockwise.
+        silence: Since the last word from the server, s of the wall clock.
+
+    Returns:
+        Lines, none wider than ``WIDTH`` for numbers of a usual size.
+    """
+    head = f"{readings.facts.name}, {readings.scanner.name}"
+    plain = [
+        readings.level[:WIDTH],
+        head[:WIDTH],
+        "",
+        f"time     {_number(readings.time, 10, 2)} s",
+        f"scans    {_number(readings.scan_rate(), 10, 1)} /s",
+        f"battery  {_battery(readings.battery)}",
+        "",
+        f"speed    {speed:10.2f} m/s",
+        f"ordered  {_motion(ordered)}",
+        f"measured {_motion(readings.motion())}",
+        "",
+        f"{'pose':9}{'x':>7}{'y':>7}{'yaw':>7}",
+        *(f"{name:9}{_pose(readings.poses.get(kind))}" for name, kind in POSE_ROWS),
+        "",
+    ]
+    lines: list[Fragments] = [[("", line)] for line in plain]
+    lines += [[("", "touch    "), _touch(readings)]]
+    lines += [[("", "nearest  "), nearest(readings)], []]
+    return lines + [[(WARNING, text)] for text in warnings(readings, silence)]
+
+
+def nearest(readings: Readings) -> tuple[str, str]:
+    """Tell how near the nearest obstacle is, and in which direction, in its ink."""
+    points = readings.points()
+    if not len(points):
+        return "", "nothing seen"
+    distances = np.hypot(points[:, 0], points[:, 1])
+    i = int(distances.argmin())
+    text = f"{distances[i]:.2f} m, {bearing(math.atan2(points[i, 1], points[i, 0]))}"
+    return ink_of(float(distances[i]), readings.facts.clearance), text
+
+
+def bearing(angle: float) -> str:
+    """Give a direction in words, from rad counter-clockwise from the front.
+
+    >>> bearing(-0.7), bearing(3.14)
+    ('40° right', 'behind')
+    """
+    degrees = math.degrees(wrap_angle(angle))
+    size = round(abs(degrees))
+    if size == 0:
+        return "ahead"
+    if size == 180:
+        return "behind"
+    return f"{size}° {'left' if degrees > 0 else 'right'}"
+
+
+def warnings(readings: Readings, silence: float) -> list[str]:
+    """Give what a driver should know at once."""
+    texts = []
+    if silence > QUIET:
+        texts.append(f"server silent for {silence:.1f} s")
+    if readings.scan is None:
+        texts.append("no scan yet")
+    elif readings.is_blind():
+        texts.append("scanner blinded: reads 0")
+    if readings.battery == 0:
+        texts.append("battery empty")
+    return texts
+
+
+def _touch(readings: Readings) -> tuple[str, str]:
+    if not readings.touched:
+        return "", "-"
+    return (WARNING, "TOUCHING") if any(readings.touched.values()) else ("", "no")
+
+
+def _pose(pose: Pose2 | None) -> str:
+    if pose is None:
+        return f"{'-':>7}{'-':>7}{'-':>7}"
+    return f"{pose.x:7.2f}{pose.y:7.2f}{math.degrees(wrap_angle(pose.yaw)):6.0f}°"
+
+
+def _motion(motion: tuple[float, float] | None) -> str:
+    if motion is None:
+        return f"{'-':>10}"
+    # Adding 0 makes -0 a 0; one without a sign is quieter to look at.
+    speed, turn = round(motion[0], 2) + 0.0, round(math.degrees(motion[1])) + 0
+    return f"{speed:10.2f} m/s{turn:4d}°/s"
+
+
+def _number(value: float, width: int, digits: int) -> str:
+    return f"{'-':>{width}}" if math.isnan(value) else f"{value:{width}.{digits}f}"
+
+
+def _battery(seconds: int | None) -> str:
+    return f"{'-':>10}" if seconds is None else f"{seconds:10d} s"

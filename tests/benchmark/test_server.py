@@ -1,0 +1,15 @@
+from radarsim.benchmark.server import lateness, start_up
+
+
+def test_a_few_robots_get_all_their_scans() -> None:
+    rows = {row.name.partition(": ")[2]: row for row in lateness(3, 1.0)}
+    assert 9 < rows["scans per second and robot"].value < 11
+    late = [rows[f"late, {name}"].value for name in ("median", "99th percentile")]
+    assert 0 <= late[0] <= late[1] <= rows["late, worst"].value
+    assert rows["late, 99th percentile"].limit is None
+
+
+def test_the_program_starts() -> None:
+    help_, serve = start_up(times=1)
+    assert help_.value > 0
+    assert serve.value > 0

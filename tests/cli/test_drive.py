@@ -1,0 +1,174 @@
+"""The command at a terminal: a pseudo-terminal, where there is such a thing."""
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from radarsim.host import Host
+from radarsim.pytest_plugin.server_thread import ServerThread
+from radarsim.scene.scene import Scene
+
+Command = Callable[..., Any]
+
+needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="needs a pty")
+UP = b"\x1b[A"
+
+
+class Terminal:
+    """A pseudo-terminal of 80 by 24 whose output is read and thrown away."""
+
+    def __init__(self) -> None:
+        import fcntl
+        import struct
+        import termios
+
+        self.user, self.program = os.openpty()
+        size = struct.pack("HHHH", 24, 80, 0, 0)
+        fcntl.ioctl(self.program, termios.TIOCSWINSZ, size)
+        self.shown = b""
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def attributes(self) -> list[Any]:
+        import termios
+
+        return termios.tcgetattr(self.program)
+
+    def type(self, keys: bytes) -> None:
+        os.write(self.user, keys)
+
+    def close(self) -> None:
+        os.close(self.program)  # whoever reads at the other end gets no more
+        self._thread.join(5)
+        os.close(self.user)
+
+    def _read(self) -> None:
+        with contextlib.suppress(OSError):
+            while data := os.read(self.user, 65536):
+                self.shown += data
+
+
+@pytest.fixture
+def terminal() -> Iterator[Terminal]:
+    made = Terminal()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def host(empty_room: Scene) -> Host:
+    return Host(empty_room)
+
+
+@pytest.fixture
+def port(host: Host) -> Iterator[int]:
+    thread = ServerThread(host, speed=1.0)
+    yield thread.begin()[1]
+    thread.finish()
+
+
+def start(terminal: Terminal, *options: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        (sys.executable, "-m", "radarsim", "drive", *options),
+        stdin=terminal.program,
+        stdout=terminal.program,
+        stderr=terminal.program,
+        start_new_session=True,
+        env={**os.environ, "TERM": "xterm-256color"},
+    )
+
+
+def until(true: Callable[[], bool], patience: float = 10.0) -> None:
+    end = time.monotonic() + patience
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@needs_pty
+def test_a_person_drives_and_has_the_terminal_back(
+    terminal: Terminal, host: Host, port: int
+) -> None:
+    before = terminal.attributes()
+    with start(terminal, "--port", str(port)) as process:
+        until(lambda: b"lms200" in terminal.shown)
+        assert terminal.attributes() != before
+        ((vehicle,)) = host.simulation.vehicles
+        began = vehicle.robot.pose.x
+        for _ in range(10):
+            terminal.type(UP)
+            time.sleep(0.05)
+        until(lambda: vehicle.robot.pose.x > began + 0.1)
+        time.sleep(1.0)  # no key comes, for longer than any key holds
+        stopped = vehicle.robot.pose
+        time.sleep(0.2)
+        assert vehicle.robot.pose == stopped
+        terminal.type(b"q")
+        assert process.wait(timeout=10) == 0
+    assert terminal.attributes() == before
+    assert b"\x1b[?1049l" in terminal.shown, "the screen as it was before"
+    shown = terminal.shown
+    assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l"), "with its cursor"
+
+
+@needs_pty
+def test_a_server_that_hangs_up_is_a_sentence_on_a_terminal_as_it_was(
+    terminal: Terminal, host: Host
+) -> None:
+    before = terminal.attributes()
+    thread = ServerThread(host, speed=1.0)
+    with start(terminal, "--port", str(thread.begin()[1])) as process:
+        until(lambda: b"lms200" in terminal.shown)
+        thread.finish()
+        assert process.wait(timeout=10) == 1
+    assert terminal.attributes() == before
+    until(lambda: b"radarsim: " in terminal.shown.rpartition(b"\x1b[?1049l")[2])
+
+
+@needs_pty
+def test_a_terminal_that_cannot_place_text_is_no_place_to_drive(
+    terminal: Terminal,
+    radarsim: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TERM", "dumb")
+    with (
+        os.fdopen(os.dup(terminal.program), "r") as keys,
+        os.fdopen(os.dup(terminal.program), "w") as screen,
+    ):
+        monkeypatch.setattr(sys, "stdin", keys)
+        monkeypatch.setattr(sys, "stdout", screen)
+        run = radarsim("drive")
+    assert run.code == 2
+    assert "'dumb'" in run.err
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        pytest.param([], "stdin is no terminal, expected a terminal", id="no terminal"),
+        pytest.param(["--speed", "0"], "expected above 0", id="speed zero"),
+        pytest.param(["--speed", "inf"], "expected above 0", id="speed infinite"),
+        pytest.param(["--port", "0"], "--port", id="port"),
+        pytest.param(["--drive-unit", "knots"], "knots", id="unit"),
+    ],
+)
+def test_a_wrong_use_is_said(
+    radarsim: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    options: list[str],
+    text: str,
+) -> None:
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        run = radarsim("drive", *options)
+    assert run.code == 2
+    assert text in run.err

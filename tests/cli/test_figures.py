@@ -1,0 +1,165 @@
+import json
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.figures import beam_scatter as scatter
+from radarsim.figures import bug_runs as bugs
+from radarsim.figures import clear_and_dust as readings
+from radarsim.figures import foliage_wall as foliage
+from radarsim.figures import mapping_drives as explored
+from radarsim.figures import offset_rays as offsets
+from radarsim.figures.catalogue import FIGURES, NUMBERS
+from radarsim.figures.figure import is_ours
+from radarsim.figures.page import blocks_in
+from radarsim.figures.scan_spec import Shot
+from radarsim.mapping.export import commander_png
+from radarsim.navigation.options import Algorithm
+
+Command = Callable[..., Any]
+SHOTS = {
+    "7": foliage.hokuyo(5),
+    "8": foliage.radar(5, 0),
+    "10": foliage.radar(5, 100),
+    "3": readings.shot_of(readings.RADAR, "dust", 5),
+    "5b": scatter.shot_of(5),
+    "11": offsets.shot_of(5, 50, 1),
+}
+
+
+def figures_on(page: Path) -> list[str]:
+    return re.findall(r'<figure id="figure-(\w+)">', page.read_text())
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_figures_that_are_wanted_are_written_with_a_page(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    out = tmp_path / "a" / "b"
+    run = radarsim("figures", str(out), "--only", "06,5B")
+    assert run.code == 0
+    assert run.text == f"{out / 'index.html'}\n"
+    assert sorted(contents(out)) == ["figure_05b.png", "figure_06.png", "index.html"]
+    assert figures_on(out / "index.html") == ["5b", "6"]
+    assert all(is_ours((out / f"figure_{n}.png").read_bytes()) for n in ("05b", "06"))
+
+
+def test_a_folder_is_used_again_and_what_is_not_ours_stays(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    radarsim("figures", str(tmp_path), "--only", "6,7")
+    before = contents(tmp_path)
+    assert radarsim("figures", str(tmp_path), "--only", "11").code == 0
+    after = contents(tmp_path)
+    assert figures_on(tmp_path / "index.html") == ["6", "7", "11"]
+    same = set(before) - {"index.html"}
+    assert {name: after[name] for name in same} == {n: before[n] for n in same}
+    (tmp_path / "figure_07.png").unlink()
+    radarsim("figures", str(tmp_path), "--only", "6")
+    assert figures_on(tmp_path / "index.html") == ["6", "11"]
+    assert contents(tmp_path)["figure_06.png"] == before["figure_06.png"]
+
+
+@pytest.mark.parametrize("name", ["index.html", "figure_06.png"])
+def test_files_of_others_are_not_overwritten(
+    radarsim: Command, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("<p>not by this program</p>")
+    before = contents(tmp_path)
+    run = radarsim("figures", str(tmp_path), "--only", "6")
+    assert run.code == 2
+    assert "is not by radarsim" in " ".join(run.err.replace("│", " ").split())
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("only", ["16", "", "7,x", "7,,8"])
+def test_numbers_that_are_not_there_are_refused(
+    radarsim: Command, tmp_path: Path, only: str
+) -> None:
+    run = radarsim("figures", str(tmp_path / "out"), "--only", only)
+    assert run.code == 2
+    assert "expected some of" in run.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_is_no_folder(radarsim: Command, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    run = radarsim("figures", str(tmp_path / "out"), "--only", "6")
+    assert run.code == 2
+    assert "cannot write" in run.err
+
+
+@pytest.mark.parametrize("number", SHOTS)
+def test_commands_in_captions_take_the_same_scans(
+    radarsim: Command, number: str
+) -> None:
+    shot: Shot = SHOTS[number]
+    told = json.loads(radarsim(*shlex.split(shot.command)[1:]).text)
+    scans = [told] if shot.count == 1 else told
+    for scan, one in zip(shot.take(), scans, strict=True):
+        ranges = [np.inf if r is None else r for r in one["ranges"]]
+        assert scan.ranges.tolist() == ranges
+
+
+def test_commands_in_captions_drive_the_same_way(radarsim: Command) -> None:
+    run = bugs.run(bugs.CLOSED, Algorithm.BUG2, 1)
+    words = f"navigate --serve {bugs.CLOSED} --algorithm bug2 --seed 1 --json"
+    told = json.loads(radarsim(*words.split()).text)
+    assert told["path_length"] == pytest.approx(run.record.length, abs=1e-3)
+    assert told["judge"]["goal_distance"] == pytest.approx(run.off, abs=1e-3)
+
+
+def test_commands_in_captions_make_the_same_maps(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    drive = explored.hokuyo(1, ((-6.0, 0.0), (-6.0, -1.0)))
+    run = drive.explore()
+    words = shlex.split(drive.command.replace(" OUT ", f" {tmp_path}/map "))
+    told = json.loads(radarsim(*words[1:], "--json").text)
+    assert told["judge"]["path_length"] == pytest.approx(run.length, abs=1e-3)
+    assert told["judge"]["right"] == run.score.right
+    assert (tmp_path / "map.png").read_bytes() == commander_png(run.grid)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_all_figures_are_on_one_page(radarsim: Command, tmp_path: Path) -> None:
+    assert radarsim("figures", str(tmp_path)).code == 0
+    page = tmp_path / "index.html"
+    assert figures_on(page) == list(NUMBERS)
+    assert sorted(contents(tmp_path)) == [*(e.file for e in FIGURES), "index.html"]
+    for number, block in blocks_in(page.read_text(encoding="utf-8")).items():
+        _, caption = re.findall(r"<p>(.*?)</p>", block, re.DOTALL)
+        assert len(caption) > 150
+        assert caption.endswith(".")
+        assert f"radarsim figures OUT --only {number} --seed 0" in block
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+def test_who_interrupts_finds_whole_files_alone(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "radarsim", "figures", str(tmp_path)]
+    words += ["--only", "2,3,4,5,6,7,8,9,10,11,12"]
+    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as process:
+        deadline = time.monotonic() + 60
+        while not any(tmp_path.iterdir()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 130
+    found = contents(tmp_path)
+    assert 0 < len(found) < len(FIGURES)
+    assert all(data.endswith(b"IEND\xaeB`\x82") for data in found.values())
+    assert set(found) <= {entry.file for entry in FIGURES}

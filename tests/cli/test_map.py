@@ -1,0 +1,434 @@
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from radarsim.client import Client
+from radarsim.pytest_plugin import UsarsimServer
+from radarsim.scene.map_file import shipped_maps
+
+Command = Callable[..., Any]
+FOLIAGE = ("--serve", "foliage_room", "--time-limit", "3")
+SEEN = ("--serve", "empty_room", "--strategy", "frontiers")  # seen from the start
+FILES = ["map.pgm", "map.png", "map.tum", "map.yaml"]
+fast_server = pytest.mark.usarsim(map="empty_room", speed=4)
+
+
+def test_a_map_is_made_and_told_of_in_lines(radarsim: Command, tmp_path: Path) -> None:
+    run = radarsim("map", str(tmp_path), *FOLIAGE)
+    assert run.code == 0
+    assert re.fullmatch(
+        r"time is up by auto: 0\.\d\d m in 3\.1 s, 32 scans\n"
+        r"map      \d+\.\d\d m² free, \d\.\d\d m² obstacle, \d+\.\d\d m² foliage,"
+        r" 0\.00 m² smoke\n"
+        r"pose     0\.0\d\d m and 0\.\d\d degrees off, at most 0\.0\d\d m and"
+        r" 0\.\d\d\n"
+        r"in truth 0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
+        r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
+        r" \d+ wrong, collisions: 0\n"
+        rf"files    map\.png, map\.pgm, map\.yaml, map\.tum in {tmp_path}\n",
+        run.text,
+    )
+    told = [line.split(" s  ")[1] for line in run.err.splitlines()]
+    assert [line.split()[0] for line in told] == ["looking", "seeking"]
+    assert re.search(r"path +0\.\d\d m +sensed +\d+\.\d m²$", told[-1])
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+def test_a_way_is_driven_and_what_cannot_be_got_to_is_told(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
+    run = radarsim("map", str(tmp_path), "--serve", "foliage_room", *way, "--json")
+    told = json.loads(run.text)
+    assert (told["outcome"], told["strategy"]) == ("explored", "way")
+    assert told["left_out"] == [[0.5, 0.0]]  # in the middle of a bush
+    assert told["judge"]["collisions"] == 0
+    assert told["path_length"] > 5
+    run = radarsim("map", str(tmp_path), "--serve", "foliage_room", "--way=9,9")
+    assert "left out 9 9: no way there" in run.text
+
+
+def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
+    run = radarsim("map", str(tmp_path / "room"), *FOLIAGE, "--json", "--seed", "3")
+    told = json.loads(run.text)
+    assert list(told) == [
+        *("outcome", "strategy", "seed_from", "time", "path_length"),
+        *("left_out", "safety_distance", "scans", "cells", "pose_errors", "files"),
+        "error",
+        "judge",
+    ]
+    assert (told["outcome"], told["strategy"]) == ("time_limit", "auto")
+    assert (told["seed_from"], told["error"]) == ("ins", None)
+    assert told["cells"]["foliage"] > 1000
+    assert told["cells"]["resolution"] == 0.05
+    assert list(told["pose_errors"]) == [
+        *("poses", "length", "ate", "ate_max", "rpe", "rpe_over"),
+        *("yaw_deg", "yaw_max_deg", "rpe_yaw_deg"),
+    ]
+    assert 0 < told["pose_errors"]["ate"] < 0.02
+    assert told["pose_errors"]["rpe"] is None  # for less than 1 m
+    assert told["judge"]["collisions"] == 0
+    assert 0.2 < told["judge"]["hidden_coverage"] < 1
+    assert told["judge"]["right"] > 1000 * told["judge"]["wrong"]
+    assert told["judge"]["unknown"] > 1000
+    assert [Path(file).name for file in told["files"]] == [
+        *("room.png", "room.pgm", "room.yaml", "room.tum")
+    ]
+
+
+def test_a_seed_gives_the_same_map_and_another_another(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
+        radarsim("map", str(tmp_path / name), *SEEN, "--seed", seed)
+    for ending in (".png", ".pgm", ".tum"):
+        one, same, other = (
+            (tmp_path / name).with_suffix(ending).read_bytes() for name in "abc"
+        )
+        assert one == same
+        assert one != other
+
+
+def test_the_pictures_are_in_the_colours_of_usarcommander(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    radarsim("map", str(tmp_path), *FOLIAGE)
+    with Image.open(tmp_path / "map.png") as image:
+        colours = {colour for _, colour in image.convert("RGB").getcolors() or ()}
+    assert colours == {(0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)}
+    with Image.open(tmp_path / "map.pgm") as image:
+        assert {*np.unique(np.asarray(image))} == {0, 205, 254}
+
+
+def test_a_map_of_probabilities_is_a_picture_beside_the_other(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    run = radarsim("map", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
+    assert run.code == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        *("a.png", "a.tum", "a_scale.png", "a_scale.yaml")
+    ]
+    assert 'image: "a_scale.png"' in (tmp_path / "a_scale.yaml").read_text()
+
+
+def test_settings_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> None:
+    run = radarsim(
+        *("map", f"{tmp_path}/new/", "--serve", "empty_room", "--json"),
+        *("--strategy", "centre_out", "--radius", "2", "--speed", "0.6"),
+        *("--pose", "-7,1,90", "--seed-from", "odometry", "--no-echoes"),
+        *("--foliage-density", "5", "--penetration-power", "2", "--resolution", "0.1"),
+        *("--set", "lms200.max_range=15", "--drive-unit", "rev_per_s"),
+        *("--scanner", "lms200", "--timeout", "1"),
+    )
+    told = json.loads(run.text)
+    assert (run.code, told["outcome"]) == (0, "explored")
+    assert told["strategy"] == "centre_out"
+    assert told["seed_from"] == "odometry"
+    assert told["safety_distance"] == pytest.approx(0.37 + 0.4 + 0.13, abs=0.01)
+    assert told["cells"]["resolution"] == 0.1
+    assert told["path_length"] / told["time"] > 0.2
+    lines = (tmp_path / "new" / "map.tum").read_text().splitlines()
+    assert lines[1].split()[1:3] == ["-7.000000", "1.000000"]
+
+
+@pytest.mark.parametrize(
+    ("options", "texts"),
+    [
+        pytest.param(["--seed", "1"], ["--seed", "--serve"], id="seed"),
+        pytest.param(
+            ["--through", "3456", "--port", "3456"], ["--through", "3456"], id="loop"
+        ),
+        pytest.param(["--set", "a.b=1"], ["--set", "--serve"], id="set"),
+        pytest.param([*SEEN, "--port", "3000"], ["--port", "no --serve"], id="port"),
+        pytest.param([*SEEN, "--set", "x.y=1"], ["--set", "'x'"], id="item"),
+        pytest.param([*SEEN, "--start", "R9"], ["'R9'", "RobotStart1"], id="start"),
+        pytest.param(
+            [*SEEN, "--pose", "1,2,3", "--start", "RobotStart1"],
+            ["only one of"],
+            id="start and pose",
+        ),
+        pytest.param([*SEEN, "--pose", "1,2"], ["X,Y,YAW_DEG"], id="pose"),
+        pytest.param([*SEEN, "--speed", "-1"], ["--speed"], id="speed"),
+        pytest.param([*SEEN, "--radius", "inf"], ["--radius"], id="radius"),
+        pytest.param([*SEEN, "--time-limit", "0"], ["--time-limit"], id="limit"),
+        pytest.param([*SEEN, "--resolution", "9"], ["--resolution"], id="resolution"),
+        pytest.param(
+            [*SEEN, "--way=1,2", "--strategy", "auto"], ["only one of"], id="two ways"
+        ),
+        pytest.param([*FOLIAGE, "--way", "1;2"], ["--way", "X,Y"], id="way"),
+        pytest.param([*SEEN, "--mount", "0,0,0"], ["--mount"], id="mount"),
+        pytest.param([*SEEN, "--max-range", "9"], ["--max-range"], id="range"),
+        pytest.param(
+            ["--through", "0", "--mount", "0,0"], ["--mount"], id="mount of two"
+        ),
+        pytest.param(
+            ["--through", "0", "--max-range", "0"], ["--max-range"], id="no range"
+        ),
+        pytest.param(["--strategy", "luck"], ["--strategy"], id="strategy"),
+        pytest.param(["--through", "0", "--serve", "x"], ["--through"], id="through"),
+        pytest.param(["--through", "0", "--way", "1,2"], ["--way"], id="whose way"),
+        pytest.param(
+            ["--through", "0", "--strategy", "auto"], ["--strategy"], id="who drives"
+        ),
+    ],
+)
+def test_a_wrong_option_is_usage(
+    radarsim: Command, tmp_path: Path, options: list[str], texts: list[str]
+) -> None:
+    run = radarsim("map", str(tmp_path), *options)
+    assert (run.code, run.out) == (2, b"")
+    for text in texts:
+        assert text in run.err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_where_nothing_can_be_written_nothing_is_driven(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    run = radarsim("map", str(tmp_path / "no" / "map"), *SEEN)
+    assert (run.code, run.out) == (2, b"")
+    assert "no such folder" in run.err
+    (tmp_path / "file").touch()
+    run = radarsim("map", f"{tmp_path}/file/", *SEEN)
+    assert run.code == 2
+    assert "cannot make" in run.err
+
+
+def test_a_folder_in_a_files_place_is_found_before(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    (tmp_path / "map.yaml").mkdir()
+    run = radarsim("map", str(tmp_path), *SEEN)
+    assert (run.code, run.out) == (2, b"")
+    assert "afolderofthatname" in re.sub(r"[\s│]+", "", run.err)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_rights_is_usage(radarsim: Command, tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    run = radarsim("map", str(tmp_path), *SEEN)
+    tmp_path.chmod(0o700)
+    assert run.code == 2
+    assert "no right to" in run.err
+
+
+def test_what_there_is_of_a_run_that_got_stuck_is_written(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    run = radarsim(
+        *("map", str(tmp_path), "--serve", "foliage_room", "--no-echoes", "--json"),
+        *("--strategy", "contour", "--pose", "-2,3.9,0"),
+    )
+    told = json.loads(run.text)
+    assert (run.code, told["outcome"]) == (1, "stuck")
+    assert told["error"].startswith("the robot stays at -0.")
+    assert told["judge"]["wrong"] > 0
+    assert f"radarsim: {told['error']}\n" in run.err
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+def test_what_cannot_be_is_said_and_nothing_written(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    run = radarsim("map", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
+    told = json.loads(run.text)
+    assert (run.code, told["outcome"]) == (1, "failed")
+    assert "sees 180 degrees" in told["error"]
+    assert told["cells"] is told["pose_errors"] is None
+    assert told["files"] == []
+    run = radarsim("map", str(tmp_path), *SEEN, "--robot", "P3AT")
+    assert (run.code, run.out) == (1, b"")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_where_no_server_is_that_is_said(radarsim: Command, tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    run = radarsim("map", str(tmp_path), "--port", str(port), "--json")
+    assert (run.code, json.loads(run.text)["outcome"]) == (1, "failed")
+    assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
+
+
+def test_on_a_terminal_one_line_lives(
+    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    run = radarsim("map", str(tmp_path), *SEEN)
+    assert "frontier   path   0.00 m  sensed" in run.err
+
+
+@fast_server
+def test_a_room_is_mapped_over_tcp(
+    radarsim: Command, usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    port = str(usarsim_server.address[1])
+    run = radarsim("map", str(tmp_path), "--port", port, "--time-limit", "6", "--json")
+    told = json.loads(run.text)
+    assert (run.code, told["outcome"]) == (0, "time_limit")
+    assert told["pose_errors"]["ate"] < 0.05
+    assert "judge" not in told
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+@fast_server
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        pytest.param(signal.SIGINT, 130, id="interrupted"),
+        pytest.param(signal.SIGTERM, 143, id="told to end"),
+    ],
+)
+def test_whoever_ends_it_has_the_map_so_far(
+    usarsim_server: UsarsimServer, tmp_path: Path, number: int, code: int
+) -> None:
+    port = str(usarsim_server.address[1])
+    command = (sys.executable, "-m", "radarsim", "map", str(tmp_path), "--port", port)
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stderr is not None
+        process.stderr.readline()  # it has got a scan
+        time.sleep(0.3)
+        process.send_signal(number)
+        out, errors = process.communicate(timeout=20)
+    assert process.returncode == code
+    assert out.startswith(b"broken off by auto: ")
+    assert b"Traceback" not in errors
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+def test_nothing_of_somebody_elses_is_overwritten(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    for ending in (".png", ".pgm", ".yaml", ".tum"):
+        (tmp_path / f"map{ending}").write_text("mine\n")
+        run = radarsim("map", str(tmp_path), *FOLIAGE)
+        assert run.code == 2
+        told = re.sub(r"[\s│]+", "", run.err)  # a long name is wrapped
+        assert f"map{ending}isnomapofradarsim's" in told
+        (tmp_path / f"map{ending}").unlink()
+    assert radarsim("map", str(tmp_path), *FOLIAGE).code == 0
+    assert radarsim("map", str(tmp_path), *FOLIAGE).code == 0  # its own may go
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+def test_the_map_that_is_simulated_is_not_overwritten(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
+    (tmp_path / "yard.yaml").write_text(text)
+    yard = str(tmp_path / "yard.yaml")
+    run = radarsim("map", str(tmp_path / "yard"), "--serve", yard, "--time-limit", "1")
+    assert run.code == 2
+    assert (tmp_path / "yard.yaml").read_text() == text
+
+
+def test_chance_has_a_seed_on_any_server(
+    usarsim_server: UsarsimServer, radarsim: Command, tmp_path: Path
+) -> None:
+    port = str(usarsim_server.address[1])
+    words = ("--port", port, "--strategy", "turn_away", "--seed", "3")
+    run = radarsim("map", str(tmp_path), *words, "--time-limit", "0.5")
+    assert (run.code, run.err.count("expected")) == (0, 0)
+
+
+def test_a_full_disk_is_told_in_json_too(radarsim: Command, tmp_path: Path) -> None:
+    (tmp_path / "map.pgm").symlink_to("/dev/full")
+    run = radarsim("map", str(tmp_path), *FOLIAGE, "--json")
+    told = json.loads(run.text)
+    assert run.code == 1
+    why = "No space left on device"
+    assert told["error"] == f"cannot write {tmp_path / 'map.pgm'}: {why}"
+    assert (told["outcome"], told["files"]) == ("time_limit", [])
+    assert told["judge"]["right"] > 1000
+    assert "map.pgm: No space left on device" in run.err
+    assert [file.name for file in tmp_path.iterdir()] == ["map.pgm"]
+
+
+def test_json_tells_of_who_was_interrupted(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    port = str(usarsim_server.address[1])
+    words = ("map", str(tmp_path), "--port", port, "--json")
+    with subprocess.Popen(
+        (sys.executable, "-m", "radarsim", *words),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stderr is not None
+        process.stderr.readline()  # it has got a scan
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=20)
+    told = json.loads(out)
+    assert process.returncode == 130
+    assert (told["outcome"], told["error"]) == ("broken_off", "interrupted")
+    assert len(told["files"]) == 4
+
+
+class Through:
+    """``radarsim map --through`` in a process of its own."""
+
+    def __init__(self, folder: Path, server: int, *options: str) -> None:
+        command = (sys.executable, "-m", "radarsim", "map", str(folder))
+        through = ("--through", "0", "--port", str(server), *options)
+        self.process = subprocess.Popen(
+            (*command, *through), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        assert self.process.stderr is not None
+        line = self.process.stderr.readline().decode()
+        assert line.startswith("radarsim: listening on 127.0.0.1:")
+        self.port = int(line.rpartition(":")[2])
+
+    def end(self) -> tuple[int, str, str]:
+        self.process.send_signal(signal.SIGINT)
+        out, errors = self.process.communicate(timeout=30)
+        return self.process.returncode, out.decode(), errors.decode()
+
+
+@fast_server
+@pytest.mark.parametrize("echoes", [True, False])
+def test_what_another_client_drives_is_mapped(
+    usarsim_server: UsarsimServer, tmp_path: Path, echoes: bool
+) -> None:
+    tap = Through(tmp_path, usarsim_server.address[1], "--json")
+    with Client.connect("127.0.0.1", tap.port) as client:
+        client.spawn("P3AT_Radar360", start="RobotStart1")
+        facts = client.facts()
+        if echoes:
+            client.echoes(facts.scanner().name)
+        client.drive(*facts.wheel_speeds(0.5, 0.0))
+        deadline, began = time.monotonic() + 10, client.session.time
+        while client.session.time < began + 4 and time.monotonic() < deadline:
+            client.read()
+    code, out, _ = tap.end()
+    told = json.loads(out)
+    assert code == 130
+    assert (told["outcome"], told["strategy"]) == ("overheard", None)
+    assert told["safety_distance"] is None
+    assert told["path_length"] > 1
+    assert told["pose_errors"]["ate"] < 0.05
+    assert told["cells"]["free"] > 50_000
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+@fast_server
+def test_where_nothing_passes_there_is_no_map(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    code, _, errors = Through(tmp_path, usarsim_server.address[1]).end()
+    assert code == 1
+    assert "radarsim: no map: no scan has passed\n" in errors
+    assert not [*tmp_path.iterdir()]

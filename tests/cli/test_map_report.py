@@ -1,0 +1,63 @@
+"""What is said of maps that little is known of."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from radarsim.cli.map_report import MapRun, as_json, as_text
+from radarsim.client import ScannerFacts
+from radarsim.evaluation.map_score import MapScore
+from radarsim.evaluation.trials import Referee
+from radarsim.geometry import Pose3
+from radarsim.host import Host
+from radarsim.mapping.mapper import Mapper, MapperSettings
+from radarsim.mapping.slam import SlamSettings
+from radarsim.protocol.reports import RangeScan
+from radarsim.scene.scene import Scene
+
+
+@pytest.fixture
+def mapper() -> Mapper:
+    """Map one scan of a server that tells no poses."""
+    facts = ScannerFacts("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
+    settings = MapperSettings(slam=SlamSettings(seed="none"), echo_wait=0.0)
+    mapper = Mapper(facts, settings)
+    ranges = np.full(181, 3.0)
+    assert mapper.take(RangeScan(1.0, "lms200", math.radians(1), math.pi, ranges))
+    return mapper
+
+
+def test_nothing_is_said_of_what_is_not_known(mapper: Mapper) -> None:
+    first, cells = as_text(MapRun(None, "none", mapper=mapper, outcome="overheard"))
+    assert first == "mapped what passed: 0.00 m in 0.0 s, 1 scans"
+    assert cells.startswith("map      ")
+    told = json.loads(as_json(MapRun(None, "none", mapper=mapper)))
+    assert told["pose_errors"] is None
+    assert told["strategy"] is None
+
+
+def test_a_map_of_nothing_has_no_cells() -> None:
+    assert as_text(MapRun("auto", "ins")) == [
+        "broken off by auto: 0.00 m in 0.0 s, 0 scans"
+    ]
+
+
+def test_in_the_open_a_judge_knows_no_share_of_the_floor(empty_room: Scene) -> None:
+    run = MapRun("auto", "ins", referee=Referee(Host(empty_room)))
+    assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
+    run.score = MapScore(
+        right=3,
+        wrong=1,
+        unknown=None,
+        coverage=None,
+        near_coverage=None,
+        hidden_coverage=None,
+        obstacles=0,
+        within_one_cell=None,
+        within_two_cells=None,
+        false_obstacles=0.0,
+        told_apart=None,
+    )
+    assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"

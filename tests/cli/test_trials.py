@@ -1,0 +1,90 @@
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from radarsim.cli.trials import _fault
+from radarsim.evaluation.trials import Score
+
+Command = Callable[..., Any]
+QUICK = ("trials", "--maps", "bug_box", "--seeds", "1", "--workers", "1")
+
+
+def test_a_row_for_each_kind_of_trial_and_the_time_they_took(radarsim: Command) -> None:
+    run = radarsim(*QUICK)
+    assert run.code == 0
+    head, *rows = run.text.splitlines()
+    assert head.split() == [
+        *("map", "algorithm", "sensor", "success", "path", "m", "ratio", "touches"),
+        *("time", "s", "circuits"),
+    ]
+    one, two, _, last = rows
+    assert one.split()[:4] == ["bug_box", "bug1", "radar", "1/1"]
+    assert two.split()[:4] == ["bug_box", "bug2", "radar", "1/1"]
+    assert float(one.split()[4]) > float(two.split()[4])
+    assert re.fullmatch(r"2 trials in \d+\.\d s by 1 process", last)
+    assert max(map(len, rows)) <= 80
+
+
+def test_json_is_a_list_of_scores(radarsim: Command) -> None:
+    options = ("--algorithms", "bug2", "--sensors", "laser", "--json")
+    (told,) = json.loads(radarsim(*QUICK, *options).text)
+    assert {key: told[key] for key in ("map", "algorithm", "sensor", "seed")} == {
+        "map": "bug_box",
+        "algorithm": "bug2",
+        "sensor": "laser",
+        "seed": 0,
+    }
+    assert told["outcome"] == "reached"
+    assert told["collisions"] == 0
+    assert told["shortest_path"] < told["path_length"] < told["time"]
+
+
+@pytest.mark.parametrize(
+    ("options", "texts"),
+    [
+        pytest.param(["--maps", "bug_bx"], ["bug_bx", "bug_spiral"], id="map"),
+        pytest.param(["--maps", "empty_room"], ["no 'trial'"], id="no trial"),
+        pytest.param(["--maps", "bug_box,"], ["names with commas"], id="empty"),
+        pytest.param(["--algorithms", "bug3"], ["'bug3'", "'bug2'"], id="algorithm"),
+        pytest.param(["--sensors", "sonar"], ["'sonar'", "'laser'"], id="sensor"),
+        pytest.param(["--seeds", "0"], ["--seeds"], id="seeds"),
+        pytest.param(["--workers", "0"], ["--workers"], id="workers"),
+    ],
+)
+def test_an_unknown_name_is_usage_and_the_known_ones_are_told(
+    radarsim: Command, options: list[str], texts: list[str]
+) -> None:
+    run = radarsim("trials", *options)
+    assert (run.code, run.out) == (2, b"")
+    for text in texts:
+        assert text in run.err
+
+
+def test_a_map_of_ones_own_that_is_wrong_is_told_of_by_its_errors(
+    radarsim: Command, tmp_path: Any
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("version: 1\nobject: []\n")
+    run = radarsim("trials", "--maps", str(path))
+    assert run.code == 1
+    assert "mine.yaml:2:1: object" in run.err
+
+
+def test_what_went_wrong_is_said_of_each_trial() -> None:
+    score = Score(
+        *("bug_maze", "bug1", "radar", 3),
+        outcome="failed",
+        collisions=2,
+        path_length=1.0,
+        shortest_path=2.0,
+        time=3.0,
+        circuits=0,
+        off=4.0,
+        note="no scan",
+    )
+    assert _fault(score) == (
+        "bug_maze bug1 radar seed 3: failed; no scan; collisions: 2"
+    )

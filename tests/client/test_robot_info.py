@@ -1,0 +1,210 @@
+from dataclasses import replace
+from math import inf, nan, pi, radians
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.client.robot_info import (
+    RobotFacts,
+    ScannerFacts,
+    ScannersTold,
+    beam_angles,
+    robot_facts,
+)
+from radarsim.errors import ClientError
+from radarsim.geometry import Pose3
+from radarsim.protocol.decode import decode_report
+from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.encode import encode_report
+from radarsim.protocol.reports import (
+    ItemGeo,
+    NameConf,
+    RangeScan,
+    Report,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+)
+
+GEO = RobotGeo("P3AT", (0.6, 0.8, 0.4), (0, 0, 0), 0.1, 0.4, 0.3)
+CONF = RobotConf("P3AT", 10, 8, 50)
+MOUNT = Pose3(0.2, 0, 0.1)
+SCANNER = ScannerFacts("S", MOUNT, 0.1, 80, radians(1), radians(180), 181)
+ROBOT = RobotFacts("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
+
+
+def test_facts_of_a_robot_that_tells_all() -> None:
+    facts = robot_facts(GEO, CONF, (SCANNER,), "rad_per_s")
+    assert facts.max_wheel_speed == pytest.approx(0.8)
+    assert replace(facts, max_wheel_speed=0.8) == ROBOT
+    assert ROBOT.clearance == pytest.approx(0.5)
+    assert ROBOT.top_speed == 0.8
+
+
+def test_a_unit_of_turns_is_no_other_robot() -> None:
+    turns = robot_facts(GEO, replace(CONF, max_speed=8 / (2 * pi)), (), "rev_per_s")
+    assert turns.max_wheel_speed == pytest.approx(0.8)
+    expected = np.array(ROBOT.wheel_speeds(0.5, 0.3)) / (2 * pi)
+    assert turns.wheel_speeds(0.5, 0.3) == pytest.approx(expected)
+
+
+@given(speed=st.floats(-3, 3), turn=st.floats(-9, 9))
+def test_wheels_give_the_motion_or_a_slower_one_on_the_same_curve(
+    speed: float, turn: float
+) -> None:
+    left, right = (spin * 0.1 for spin in ROBOT.wheel_speeds(speed, turn))
+    assert max(abs(left), abs(right)) <= 0.8 + 1e-9
+    got_speed, got_turn = (left + right) / 2, (right - left) / 0.4
+    fastest = abs(speed) + abs(turn) * 0.2
+    share = min(1.0, 0.8 / fastest) if fastest else 1.0
+    assert (got_speed, got_turn) == pytest.approx((share * speed, share * turn))
+
+
+@pytest.mark.parametrize(
+    ("geo", "least"),
+    [
+        pytest.param(replace(GEO, dimensions=(0.3, 0.4, 0)), (0.7, 0.6), id="wheels"),
+        pytest.param(replace(GEO, dimensions=(0, 0, 0)), (0.7, 0.6), id="nothing"),
+        pytest.param(
+            replace(GEO, dimensions=(0.3, 0.4, 0), wheel_base=nan),
+            (0.7, 0.6),
+            id="base",
+        ),
+    ],
+)
+def test_a_hull_that_nobody_tells_of_reaches_beyond_the_wheels(
+    geo: RobotGeo, least: tuple[float, float]
+) -> None:
+    facts = robot_facts(geo, CONF, (), "rad_per_s")
+    assert (facts.length, facts.width) == pytest.approx(least)
+    assert facts.height == 0
+
+
+@pytest.mark.parametrize(
+    ("geo", "conf", "key"),
+    [
+        pytest.param(replace(GEO, wheel_radius=0), CONF, "WheelRadius", id="radius"),
+        pytest.param(
+            replace(GEO, wheel_separation=-1), CONF, "WheelSeparation", id="separation"
+        ),
+        pytest.param(GEO, replace(CONF, max_speed=0), "MaxSpeed", id="speed"),
+        pytest.param(replace(GEO, wheel_radius=1e-9), CONF, "WheelRadius", id="tiny"),
+        pytest.param(GEO, replace(CONF, max_speed=1e9), "MaxSpeed", id="fast"),
+    ],
+)
+def test_wheels_that_nobody_can_drive_by_are_refused(
+    geo: RobotGeo, conf: RobotConf, key: str
+) -> None:
+    with pytest.raises(ClientError, match=rf"{key} .* 'P3AT', expected 0.001 to"):
+        robot_facts(geo, conf, (), "rad_per_s")
+
+
+def test_a_hull_of_less_than_nothing_is_refused() -> None:
+    with pytest.raises(ClientError, match=r"Dimensions .*, expected none below 0"):
+        robot_facts(replace(GEO, dimensions=(0.6, -1, 0.4)), CONF, (), "rad_per_s")
+
+
+@pytest.mark.parametrize(
+    ("limits", "text"),
+    [
+        pytest.param((0, 0, 0.01, 3), "MaxRange 0", id="sees nothing"),
+        pytest.param((-80, 0, 0.01, 3), "MaxRange -80", id="sees behind itself"),
+        pytest.param((80, 0, 1e-9, 3), "at most 100000 beams", id="many beams"),
+        pytest.param((80, 0, 0.01, -3), "FOV -3", id="negative"),
+        pytest.param((80, 0, 1, 180), "FOV 180", id="degrees"),
+        pytest.param((80, 0, 1e6, 1e6), "FOV 1e", id="all too wide"),
+    ],
+)
+def test_a_scanner_that_cannot_be_is_refused(
+    limits: tuple[float, float, float, float], text: str
+) -> None:
+    told = ScannersTold()
+    told.take(ScannerConf("RangeScanner", (("S", *limits),)))
+    with pytest.raises(ClientError, match=rf"scanner 'S' has .*{text}"):
+        told.facts({})
+
+
+def test_a_scanner_away_from_its_robot_is_refused() -> None:
+    told = ScannersTold()
+    told.take(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
+    with pytest.raises(
+        ClientError, match=r"mount 11\.3\d* m .*, expected at most 10 m"
+    ):
+        told.facts({})
+
+
+def test_names_in_any_case_are_one_scanner() -> None:
+    told = ScannersTold()
+    told.take(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
+    told.take(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
+    scans = {"LMS200": RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
+    assert told.names(scans) == ["lms200"]
+    assert told.incomplete(scans) == []
+    (facts,) = told.facts(scans)
+    assert facts == ScannerFacts("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
+
+
+def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
+    other = replace(SCANNER, name="T")
+    robot = replace(ROBOT, scanners=(SCANNER, other))
+    assert robot.scanner() is SCANNER
+    assert robot.scanner("t") is other
+    with pytest.raises(
+        ClientError, match=r"has \['S', 'T'\], expected the scanner 'U'"
+    ):
+        robot.scanner("U")
+    with pytest.raises(ClientError, match=r"robot 'P3AT' has \[\], expected a scanner"):
+        replace(ROBOT, scanners=()).scanner()
+
+
+@pytest.mark.parametrize(
+    ("step_deg", "fov_deg"),
+    [(1, 180), (1, 359), (0.5, 180), (0.25, 270), (0.36, 240), (0.1, 180), (2, 0)],
+)
+def test_beams_are_counted_right_by_what_is_printed(
+    step_deg: float, fov_deg: float
+) -> None:
+    step, fov = radians(step_deg), radians(fov_deg)
+    told = ScannersTold()
+    told.take(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
+    (facts,) = told.facts({})
+    assert facts.beams == len(facts.angles) == int(fov_deg / step_deg + 1e-9) + 1
+    assert facts.angles[-1] == pytest.approx(fov / 2, abs=1e-5)
+    assert (facts.mount, facts.max_range) == (Pose3(0, 0, 0), 80)
+
+
+def test_a_scan_tells_best_of_beams() -> None:
+    scan = RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
+    told = ScannersTold()
+    told.take(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
+    told.take(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
+    (facts,) = told.facts({"S": scan})
+    assert facts.beams == 181
+    assert facts.resolution == pytest.approx(radians(1), abs=1e-6)
+    assert np.array_equal(facts.angles, beam_angles(scan))
+    assert np.allclose(np.degrees(beam_angles(scan)), np.arange(-90, 91), atol=0.01)
+
+
+def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
+    told = ScannersTold()
+    told.take(NameConf("RangeScanner", ("S",)))
+    told.take(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
+    scans = {
+        "S": RangeScan(1, "S", 0.5, 1.0, np.ones(3)),
+        "one": RangeScan(1, "one", 0.5, 0.0, np.ones(1)),
+    }
+    assert told.names(scans) == ["mute", "S", "one"]
+    assert told.incomplete(scans) == ["mute", "S", "one"]
+    nowhere = Pose3(0, 0, 0)
+    assert told.facts(scans) == (
+        ScannerFacts("S", nowhere, 0, inf, 0.5, 1.0, 3),
+        ScannerFacts("one", nowhere, 0, inf, 0.5, 0.0, 1),
+    )
+
+
+def _printed(report: Report) -> Report:
+    read = decode_report(encode_report(report, COMPAT))
+    assert read is not None
+    return read

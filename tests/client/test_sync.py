@@ -1,0 +1,128 @@
+"""A client and a host in turns, in simulated time: every number against the presets."""
+
+from collections.abc import Callable
+from math import degrees, pi
+
+import numpy as np
+import pytest
+
+from radarsim.client import Client, ClientError, ClientTimeout, Link
+from radarsim.geometry import Pose2
+from radarsim.host import Host
+from radarsim.presets.robots import load_robot, robot_names
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.reports import EchoLine, GroundTruth, RangeScan, Status
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import Conditions
+
+LinkTo = Callable[[Host], Link]
+
+
+@pytest.mark.parametrize("name", sorted(robot_names()))
+def test_facts_are_those_of_the_robot_s_class(
+    empty_room: Scene, link_to: LinkTo, name: str
+) -> None:
+    model = load_robot(name)
+    with Client(link_to(Host(empty_room))) as client:
+        client.spawn(name, start="RobotStart1")
+        facts = client.facts()
+        scans = [client.wait_for(RangeScan, name=s.name) for s in facts.scanners]
+    hull = (facts.length, facts.width, facts.height)
+    assert hull == pytest.approx(model.dimensions)
+    assert (facts.wheel_radius, facts.wheel_separation) == pytest.approx(
+        (model.wheel_radius, model.wheel_separation)
+    )
+    assert facts.top_speed == pytest.approx(8.17 * model.wheel_radius)
+    for scanner, item, scan in zip(
+        facts.scanners, model.items_of("RangeScanner"), scans, strict=True
+    ):
+        assert (scanner.name, scanner.mount) == (item.name, item.mount)
+        assert len(scan.ranges) == scanner.beams
+        assert scan.ranges.max() <= scanner.max_range
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
+def test_a_robot_moves_as_it_is_told(
+    empty_room: Scene, link_to: LinkTo, dialect: Dialect
+) -> None:
+    host = Host(empty_room, conditions=Conditions(dialect))
+    with Client(link_to(host)) as client:
+        client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
+        facts = client.facts(drive_unit=dialect.drive_unit)
+        client.drive(*facts.wheel_speeds(0.4, 0.5))
+        start = client.wait_for(GroundTruth)
+        while (now := client.wait_for(GroundTruth)).time < start.time + 2:
+            pass
+        seconds = now.time - start.time
+        assert now.pose.yaw - start.pose.yaw == pytest.approx(0.5 * seconds, abs=0.02)
+        chord = np.hypot(now.pose.x - start.pose.x, now.pose.y - start.pose.y)
+        assert chord == pytest.approx(2 * 0.8 * np.sin(0.25 * seconds), abs=0.02)
+        assert client.stop()
+        client.read()
+        still = client.wait_for(GroundTruth).pose
+        later = client.wait_for(GroundTruth).pose
+        assert (later.x, later.y, later.yaw) == (still.x, still.y, still.yaw)
+    assert not host.simulation.tell()
+
+
+def test_long_scans_come_whole(empty_room: Scene, link_to: LinkTo) -> None:
+    settings = {"lms200": {"fov_deg": 270, "resolution_deg": 0.25}}
+    host = Host(empty_room, conditions=Conditions(item_settings=settings))
+    with Client(link_to(host)) as client:
+        client.spawn("P3AT")
+        angles = client.facts().scanner().angles
+        scan = client.wait_for(RangeScan)
+    assert scan.ranges.shape == angles.shape == (1081,)
+    assert degrees(angles[0]) == pytest.approx(-135, abs=1e-4)
+
+
+def test_echoes_come_before_their_scan_and_end_when_they_are_to(
+    foliage_room: Scene, link_to: LinkTo
+) -> None:
+    with Client(link_to(Host(foliage_room))) as client:
+        client.spawn("P3AT", start="RobotStart1")
+        client.echoes("lms200")
+        first = client.wait_for(EchoLine)
+        scan = client.wait_for(RangeScan)
+        assert scan.time == first.time
+        client.echoes("lms200", on=False)
+        client.wait_for(RangeScan)
+        with pytest.raises(ClientTimeout, match=r"no EchoLine within 0\.5 s"):
+            client.wait_for(EchoLine, timeout=0.5)
+
+
+def test_a_class_that_is_not_there_is_an_error_in_simulated_time(
+    empty_room: Scene, link_to: LinkTo
+) -> None:
+    host = Host(empty_room)
+    with Client(link_to(host), timeout=2) as client:
+        expected = r"no reading of the robot 'Tank' within 2 s, the last line was 'NFO"
+        with pytest.raises(ClientTimeout, match=expected):
+            client.spawn("Tank")
+        assert host.simulation.time == pytest.approx(2)
+        client.spawn("P3AT")
+        assert isinstance(client.read()[0], Status)
+
+
+def test_another_robot_takes_the_place_of_the_first(
+    empty_room: Scene, link_to: LinkTo
+) -> None:
+    with Client(link_to(Host(empty_room))) as client:
+        client.spawn("P3AT", pose=Pose2(1, 2))
+        client.spawn("P3AT_Radar360", pose=Pose2(3, -2, pi / 2))
+        assert client.facts().name == "P3AT_Radar360"
+        pose = client.wait_for(GroundTruth).pose
+        assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
+
+
+def test_a_closed_client_says_so(empty_room: Scene, link_to: LinkTo) -> None:
+    client = Client(link_to(Host(empty_room)))
+    client.spawn("P3AT")
+    client.close()
+    client.close()
+    assert client.read()  # what had come already
+    with pytest.raises(
+        ClientError, match=r"^the link is closed, expected report, the la"
+    ):
+        client.read()
+    assert not client.stop()

@@ -1,0 +1,180 @@
+"""Maps whose rights and wrongs are known."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radarsim.evaluation.map_score import MapScore, Truth, judge_map
+from radarsim.mapping.occupancy_grid import (
+    CLOUD,
+    FREE,
+    OBSTACLE,
+    THICKET,
+    UNKNOWN,
+    Lattice,
+    Mask,
+    OccupancyGrid,
+)
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+
+HEIGHT = 0.346
+START = (-8.0, 0.0)
+LATTICE = Lattice(0.05).grown((-12.0, -8.0), (12.0, 8.0))
+
+
+class Painted(OccupancyGrid):
+    """A map that somebody has drawn."""
+
+    def __init__(self, classes: NDArray[np.uint8]) -> None:
+        super().__init__(LATTICE.resolution)
+        self.lattice = LATTICE
+        self._painted = classes
+
+    def classes(self) -> NDArray[np.uint8]:
+        return self._painted
+
+    def near_cells(self) -> Mask:
+        return around(*START, 3.0)
+
+
+def perfect(scene: Scene) -> NDArray[np.uint8]:
+    """Draw a map that is right everywhere indoors."""
+    truth = Truth(scene, LATTICE, HEIGHT)
+    classes = np.where(truth.indoors, FREE, UNKNOWN).astype(np.uint8)
+    for kind in (CLOUD, THICKET):
+        classes[truth.kinds[kind]] = kind
+    classes[truth.kinds[OBSTACLE]] = UNKNOWN  # no beam gets into it
+    classes[truth.kinds[OBSTACLE] & truth.faces(outdoors=False)] = OBSTACLE
+    return classes
+
+
+def judged(classes: NDArray[np.uint8], scene: Scene, **wish: Any) -> MapScore:
+    values = {"start": START, "body": 0.371, "height": HEIGHT, **wish}
+    return judge_map(Painted(classes), scene, **values)
+
+
+def around(x: float, y: float, radius: float) -> Mask:
+    across, up = LATTICE.middles()
+    return np.asarray(np.hypot(across - x, up[:, None] - y) <= radius)
+
+
+@pytest.mark.parametrize("name", ["empty_room", "foliage_room", "smoke_room"])
+def test_nothing_is_wrong_with_the_truth(name: str) -> None:
+    scene = load_map(name)
+    score = judged(perfect(scene), scene)
+    assert score.wrong == score.unknown == 0
+    assert score.coverage == score.within_one_cell == score.told_apart == 1.0
+    assert score.false_obstacles == 0.0
+    assert score.right > 100_000
+
+
+def test_the_floor_of_a_room_has_its_area(empty_room: Scene) -> None:
+    free = Truth(empty_room, LATTICE, HEIGHT).free()
+    assert np.count_nonzero(free) * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.01)
+
+
+def test_what_nobody_knows_is_unknown_and_not_wrong(foliage_room: Scene) -> None:
+    score = judged(np.full(LATTICE.shape, UNKNOWN, np.uint8), foliage_room)
+    assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
+    assert score.coverage == score.hidden_coverage == 0.0
+    assert score.near_coverage == pytest.approx(0.1, abs=0.02)  # around the start
+    assert score.within_one_cell is score.within_two_cells is score.told_apart is None
+    assert score.unknown is not None
+    assert score.unknown * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.02)
+
+
+def test_hidden_is_what_the_robot_cannot_get_to(foliage_room: Scene) -> None:
+    classes = perfect(foliage_room)
+    across, _ = LATTICE.middles()
+    classes[:, across > 0.5] = UNKNOWN
+    assert judged(classes, foliage_room).hidden_coverage == 0.0
+    classes = perfect(foliage_room)
+    classes[:, across < 0.0] = UNKNOWN
+    assert judged(classes, foliage_room).hidden_coverage == 1.0
+    # from behind it is the other side that is hidden
+    assert judged(classes, foliage_room, start=(6.0, 3.0)).hidden_coverage == 0.0
+
+
+def test_where_it_gets_everywhere_nothing_is_hidden(empty_room: Scene) -> None:
+    assert judged(perfect(empty_room), empty_room).hidden_coverage is None
+
+
+@pytest.mark.parametrize("cells", [0, 1, 2, 3])
+def test_walls_may_be_two_cells_off(empty_room: Scene, cells: int) -> None:
+    classes = np.roll(perfect(empty_room), cells, axis=0)
+    score = judged(classes, empty_room)
+    assert (score.wrong == 0) == (cells <= 2)
+    assert score.within_two_cells is not None
+    assert score.within_one_cell is not None
+    assert (score.within_one_cell == 1.0) == (cells <= 1)
+    assert (score.within_two_cells == 1.0) == (cells <= 2)
+    assert (score.false_obstacles == 0.0) == (cells <= 2)
+
+
+@pytest.mark.parametrize(
+    ("place", "kind", "is_right"),
+    [
+        pytest.param((-5.0, 0.0), OBSTACLE, False, id="a wall in the air"),
+        pytest.param((-5.0, 0.0), THICKET, False, id="foliage in the air"),
+        pytest.param((-5.0, 0.0), CLOUD, False, id="smoke in the air"),
+        pytest.param((0.5, -1.64), FREE, False, id="nothing in foliage"),
+        pytest.param((0.5, -1.64), OBSTACLE, True, id="a wall in foliage"),
+        pytest.param((4.0, 3.2), FREE, False, id="nothing in a crate"),
+        pytest.param((4.0, 3.2), THICKET, True, id="foliage in a crate"),
+        pytest.param((-5.0, 9.0), FREE, True, id="nothing outside"),
+    ],
+)
+def test_what_is_wrong_is_counted(
+    foliage_room: Scene, place: tuple[float, float], kind: int, is_right: bool
+) -> None:
+    classes = perfect(foliage_room)
+    spot = around(*place, 0.2)
+    if place[1] < 7:
+        classes[spot] = kind
+    score = judged(classes, foliage_room)
+    wrong = 0 if is_right else np.count_nonzero(spot)
+    assert score.wrong == wrong
+    in_the_air = kind == OBSTACLE and not is_right
+    assert (score.false_obstacles > 0) == in_the_air
+
+
+def test_foliage_and_walls_are_told_apart_or_not(foliage_room: Scene) -> None:
+    classes = perfect(foliage_room)
+    classes[classes == THICKET] = OBSTACLE
+    score = judged(classes, foliage_room)
+    assert score.wrong == 0
+    assert score.told_apart is not None
+    assert 0.0 < score.told_apart < 0.9
+
+
+def test_smoke_is_to_be_known_as_such(smoke_room: Scene) -> None:
+    classes = perfect(smoke_room)
+    classes[classes == CLOUD] = FREE
+    score = judged(classes, smoke_room)
+    assert score.wrong * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
+
+
+def test_in_the_open_there_is_no_floor_to_be_known() -> None:
+    scene = load_map("bug_box")
+    score = judged(np.full(LATTICE.shape, FREE, np.uint8), scene, start=(-4.0, -0.4))
+    assert score.unknown is score.coverage is score.near_coverage is None
+    assert score.wrong > 0  # the box is not free
+
+
+def test_leaves_have_no_inside() -> None:
+    scene = load_map("forest_edge")
+    lattice = Lattice(0.05).grown((-21.0, -16.0), (21.0, 16.0))
+    truth = Truth(scene, lattice, HEIGHT)
+    leaves = truth.kinds[THICKET] & ~truth.inside[THICKET]
+    assert np.count_nonzero(leaves) > 1000
+    assert truth.indoors[lattice.cell(-15.0, 0.0) or (0, 0)]
+
+
+def test_the_answer_for_programs_is_short(empty_room: Scene) -> None:
+    told = judged(perfect(empty_room), empty_room).to_dict()
+    assert told["coverage"] == 1.0
+    assert told["hidden_coverage"] is None
+    assert all(len(str(value)) < 8 for value in told.values())

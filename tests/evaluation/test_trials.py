@@ -1,0 +1,182 @@
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from radarsim.client import Client
+from radarsim.errors import MapError, PresetError
+from radarsim.evaluation.bug_bounds import bug_bounds
+from radarsim.evaluation.trials import (
+    Entry,
+    Referee,
+    Score,
+    conditions_of,
+    entries,
+    load_trial,
+    run_trial,
+    run_trials,
+)
+from radarsim.geometry import Pose2
+from radarsim.host import Host
+from radarsim.host.lockstep import HostLink
+from radarsim.scene.scene import Scene
+
+QUICK = Entry("bug_box", "bug2", "radar", 0)
+CLOSED = Entry("bug_closed_box", "bug2", "laser", 1)
+DONE = Score(
+    *("bug_box", "bug2", "radar", 0),
+    outcome="reached",
+    collisions=0,
+    path_length=11.41849,
+    shortest_path=9.1,
+    time=42.0,
+    circuits=0,
+    off=0.15,
+    note="",
+)
+
+
+def test_everything_is_combined_with_everything_map_by_map() -> None:
+    every = entries(["a", "b"], ["bug1", "bug2"], ["radar"], 2)
+    assert every[:3] == [
+        Entry("a", "bug1", "radar", 0),
+        Entry("a", "bug1", "radar", 1),
+        Entry("a", "bug2", "radar", 0),
+    ]
+    assert len(every) == len({*every}) == 8
+
+
+def test_two_trials_come_out_right_and_in_their_order() -> None:
+    reached, closed = run_trials([QUICK, CLOSED], workers=1)
+    assert (reached.map, closed.map) == ("bug_box", "bug_closed_box")
+    assert (reached.outcome, closed.outcome) == ("reached", "no_path")
+    assert reached.right
+    assert closed.right
+    assert reached.shortest_path is not None
+    assert reached.shortest_path < reached.path_length
+    assert reached.off < 0.5
+    assert closed.shortest_path is None
+    assert closed.circuits == 1
+
+
+def test_the_same_trial_gives_the_same_score_and_another_seed_another() -> None:
+    score, again = run_trial(QUICK), run_trial(QUICK)
+    assert score == again
+    assert score.path_length != run_trial(replace(QUICK, seed=1)).path_length
+
+
+def test_a_start_is_found_whatever_its_case(tmp_path: Path) -> None:
+    map_ = tmp_path / "yard.yaml"
+    map_.write_text(
+        """
+version: 1
+objects:
+  - {name: floor, box: [9, 9, 0.2], position: [0, 0, -0.1], material: concrete}
+starts:
+  - {name: RobotStart1, position: [0, 0, 0]}
+trial: {start: robotstart1, goal: [1, 0], safety_distance: 0.5}
+"""
+    )
+    assert run_trial(Entry(str(map_), "bug2", "laser", 0)).right
+
+
+@pytest.mark.slow
+def test_several_processes_give_what_one_gives() -> None:
+    wanted = [QUICK, CLOSED, replace(QUICK, seed=1)]
+    assert list(run_trials(wanted, workers=2)) == list(run_trials(wanted, workers=1))
+
+
+@pytest.mark.slow
+def test_whoever_wants_no_more_does_not_wait() -> None:
+    scores = run_trials(
+        [QUICK, *entries(["bug_maze"], ["bug2"], ["radar"], 9)], workers=2
+    )
+    assert next(iter(scores)).map == "bug_box"
+    scores.close()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("change", "right"),
+    [
+        pytest.param({}, True, id="as it should be"),
+        pytest.param({"collisions": 1}, False, id="touched"),
+        pytest.param({"outcome": "no_path"}, False, id="gave up"),
+        pytest.param({"outcome": "failed"}, False, id="failed"),
+        pytest.param({"shortest_path": None}, False, id="there is no path"),
+        pytest.param(
+            {"shortest_path": None, "outcome": "no_path"}, True, id="and it says so"
+        ),
+    ],
+)
+def test_what_counts_as_a_success(change: dict[str, object], right: bool) -> None:
+    assert replace(DONE, **change).right is right  # type: ignore[arg-type]
+
+
+def test_json_has_millimetres_and_none() -> None:
+    told = replace(DONE, shortest_path=None).to_dict()
+    assert told["path_length"] == 11.418
+    assert told["shortest_path"] is None
+    assert (told["map"], told["seed"], told["outcome"]) == ("bug_box", 0, "reached")
+
+
+def test_the_referee_counts_a_touch_once_and_the_true_way(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    referee = Referee(host)
+    assert referee.distance((0.0, 0.0)) == math.inf
+    with Client(HostLink(host, after_tick=referee.watch)) as client:
+        client.spawn("P3AT", pose=Pose2(9.0, 0.0, 0.0))
+        client.drive(6.0, 6.0)
+        for _ in range(100):
+            client.read()
+        into_the_wall = referee.path_length
+        client.drive(-3.0, -3.0)
+        for _ in range(20):
+            client.read()
+    assert referee.collisions == 1
+    assert 0.8 < into_the_wall < 1.3
+    assert referee.path_length > into_the_wall + 0.1
+    assert referee.distance((9.0, 0.0)) < into_the_wall
+
+
+def test_an_unknown_sensor_and_a_map_without_a_trial_are_errors() -> None:
+    with pytest.raises(PresetError, match="expected one of"):
+        conditions_of("sonar")
+    with pytest.raises(MapError, match="empty_room: no 'trial'"):
+        load_trial("empty_room")
+    with pytest.raises(MapError):
+        next(run_trials([replace(QUICK, map="empty_room")], workers=2))
+    with pytest.raises(PresetError):
+        next(run_trials([replace(QUICK, sensor="sonar")], workers=2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("map_", "shorter"),
+    [
+        pytest.param("bug_maze", "bug1", id="bug1 is the shorter"),
+        pytest.param("bug_box", "bug2", id="bug2 is the shorter"),
+    ],
+)
+def test_paths_keep_the_bounds_and_depend_on_the_map(map_: str, shorter: str) -> None:
+    scores = {e.algorithm: run_trial(e) for e in _of(map_, "radar")}
+    assert all(score.right for score in scores.values())
+    scene, trial = load_trial(map_)
+    start = scene.starts[0].pose
+    bounds = bug_bounds(scene, (start.x, start.y), trial.goal, trial.safety_distance)
+    assert scores["bug1"].path_length <= 1.05 * bounds.bug1
+    assert scores["bug2"].path_length <= 1.05 * bounds.bug2
+    assert min(scores, key=lambda name: scores[name].path_length) == shorter
+
+
+@pytest.mark.slow
+def test_in_the_hedge_garden_the_radar_finds_gaps_that_a_laser_does_not() -> None:
+    radar = [run_trial(entry) for entry in _of("hedge_garden", "radar")]
+    laser = [run_trial(entry) for entry in _of("hedge_garden", "laser")]
+    assert all(score.right for score in (*radar, *laser))
+    for through, around in zip(radar, laser, strict=True):
+        assert through.path_length < 0.5 * around.path_length
+
+
+def _of(map_: str, sensor: str) -> list[Entry]:
+    return entries([map_], ["bug1", "bug2"], [sensor], 1)

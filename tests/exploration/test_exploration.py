@@ -1,0 +1,255 @@
+"""A robot that explores a simulated room, in lockstep with its server."""
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.client import Client
+from radarsim.errors import ClientError, MappingError, NavigationError
+from radarsim.evaluation.trials import Referee
+from radarsim.exploration.exploration import Outcome, Survey, SurveyMoment, SurveyPlan
+from radarsim.exploration.options import StrategyName
+from radarsim.geometry import Pose2
+from radarsim.host import Host
+from radarsim.host.lockstep import HostLink
+from radarsim.mapping.occupancy_grid import THICKET
+from radarsim.mapping.trajectory import trajectory_errors
+from radarsim.navigation.control import Pace
+from radarsim.navigation.observation import Sensed
+from radarsim.navigation.runner import Course
+from radarsim.rng import generator_for
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import Conditions
+
+LASER = Conditions(
+    item_settings={"lms200": {"sensor": "laser", "fov_deg": 359, "resolution_deg": 1}}
+)
+
+
+def survey(**wish: Any) -> Survey:
+    values = {"pace": Pace(speed=0.6), **wish}
+    return Survey(SurveyPlan(**values), generator_for(0, "exploring"))
+
+
+def run(scene: Scene, conditions: Conditions | None = None, **wish: Any) -> Survey:
+    made = survey(**wish)
+    host = Host(scene, conditions=conditions)
+    referee = Referee(host)
+    with Client(HostLink(host, after_tick=referee.watch)) as client:
+        made.run(client)
+    assert referee.collisions == 0
+    assert referee.path_length == pytest.approx(made.course.length, rel=0.05, abs=0.2)
+    return made
+
+
+def test_a_room_is_explored(empty_room: Scene) -> None:
+    made = run(empty_room, strategy=StrategyName.FRONTIERS)
+    assert made.outcome is Outcome.EXPLORED
+    assert made.course.time < 15  # all is seen from the start
+    assert made.course.length < 0.2
+    assert made.safety_distance == pytest.approx(0.5, abs=0.01)
+
+
+def test_when_the_time_is_up_the_map_so_far_is_there(foliage_room: Scene) -> None:
+    moments: list[SurveyMoment] = []
+    made = survey(time_limit=5.0)
+    with Client(HostLink(Host(foliage_room))) as client:
+        made.run(client, moments.append)
+    assert made.outcome is Outcome.TIME_LIMIT
+    assert made.mapper is not None
+    assert made.mapper.scans == len(moments) == 52
+    assert (made.mapper.grid.classes() == THICKET).any()
+    assert made.course.time == pytest.approx(5.1)
+    assert moments[0].doing == "looking"
+    assert {moment.doing for moment in moments} == {"looking", "seeking"}
+
+
+def test_the_robot_stands_when_it_is_done(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    client = Client(HostLink(host))
+    survey(time_limit=5.0).run(client)
+    host.step()
+    pose = host.simulation.vehicles[0].robot.pose
+    for _ in range(10):
+        host.step()
+    assert host.simulation.vehicles[0].robot.pose == pose
+    client.close()
+
+
+@pytest.mark.parametrize("seed", ["odometry", "none"])
+def test_other_seeds_map_too(empty_room: Scene, seed: Any) -> None:
+    made = run(empty_room, seed=seed, time_limit=15.0, start="RobotStart2")
+    assert made.mapper is not None
+    errors = trajectory_errors(made.mapper.trajectory, made.mapper.truth)
+    assert errors.ate < 0.05
+    assert made.course.start is not None
+    assert made.course.start.y == pytest.approx(3.5, abs=0.05)
+
+
+def test_a_laser_sees_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:
+    made = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
+    assert made.mapper is not None
+    assert not made.mapper.grid.sensed(5.0, 0.0)
+    assert not (made.mapper.grid.classes() == THICKET).any()
+
+
+def test_without_echoes_it_has_to_stay_farther_away(foliage_room: Scene) -> None:
+    made = run(foliage_room, echoes=False, depth=1.43, time_limit=2.0)
+    assert made.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
+    assert made.mapper is not None
+    assert not (made.mapper.grid.classes() == THICKET).any()
+
+
+def test_who_pushes_against_what_it_does_not_see_is_stuck(foliage_room: Scene) -> None:
+    made = survey(
+        echoes=False, strategy=StrategyName.CONTOUR, pose=Pose2(-2.0, 3.9, 0.0)
+    )
+    with (
+        Client(HostLink(Host(foliage_room))) as client,
+        pytest.raises(NavigationError, match="the robot stays at"),
+    ):
+        made.run(client)
+    assert made.outcome is Outcome.STUCK
+    assert made.mapper is not None
+    assert made.mapper.scans > 10
+
+
+class Mute(HostLink):
+    """A server whose scans stay away after some s."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        lines = data.splitlines(keepends=True)
+        return b"".join(x for x in lines if b"RangeScanner" not in x) or b"\r\n"
+
+
+def test_a_server_that_scans_no_more_ends_it(empty_room: Scene) -> None:
+    made = survey(timeout=1.0)
+    with (
+        Client(Mute(Host(empty_room))) as client,
+        pytest.raises(ClientError, match="no scan of 'lms200' within 1 s, what came"),
+    ):
+        made.run(client)
+    assert made.outcome is Outcome.FAILED
+    assert made.mapper is not None
+    assert made.mapper.scans > 10
+
+
+class Still(HostLink):
+    """A server whose time stamps stand still."""
+
+    def receive(self, timeout: float) -> bytes:
+        return re.sub(rb"{Time [^}]*}", b"{Time 0.0000}", super().receive(timeout))
+
+
+def test_time_passes_by_the_clock_where_stamps_stand_still(empty_room: Scene) -> None:
+    made = survey(time_limit=5.0, echoes=False)
+    with Client(Still(Host(empty_room))) as client:
+        made.run(client)
+    assert made.outcome is Outcome.TIME_LIMIT
+    assert made.course.time == pytest.approx(5.1)
+    assert made.mapper is not None
+    assert made.mapper.scans == 52
+
+
+class Jumping(HostLink):
+    """A server whose INS is suddenly a kilometre away."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        return re.sub(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", data)
+
+
+def test_a_map_of_two_places_far_apart_is_refused(empty_room: Scene) -> None:
+    made = survey(echoes=False)
+    host = Host(empty_room)
+    with (
+        Client(Jumping(host)) as client,
+        pytest.raises(MappingError, match="the place of the robot may be wrong"),
+    ):
+        made.run(client)
+    assert made.outcome is Outcome.FAILED
+    assert made.mapper is not None
+    assert made.mapper.scans > 10
+
+
+class Narrowing(HostLink):
+    """A server whose scans have few beams after some s."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        return re.sub(rb"{Range ([^,}]*,){99}[^}]*}", rb"{Range 1.0,1.0}", data)
+
+
+def test_scans_that_have_lost_their_beams_end_it(empty_room: Scene) -> None:
+    made = survey(echoes=False)
+    with (
+        Client(Narrowing(Host(empty_room))) as client,
+        pytest.raises(ClientError, match="scan of 2 ranges from 'lms200', expected"),
+    ):
+        made.run(client)
+    assert made.outcome is Outcome.FAILED
+
+
+def test_a_robot_that_looks_ahead_goes_where_it_is_sent(foliage_room: Scene) -> None:
+    way = ((-6.0, 2.0), (-3.0, 0.0))
+    made = run(foliage_room, robot_class="P3AT", way=way)
+    assert made.outcome is Outcome.EXPLORED
+    assert made.left_out == ()
+    assert made.mapper is not None
+    poses = made.mapper.trajectory.poses
+    for place in way:
+        assert min(math.dist(place, (pose.x, pose.y)) for pose in poses) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("wish", "text"),
+    [
+        pytest.param({"robot_class": "P3AT"}, "sees 180 degrees", id="half blind"),
+        pytest.param({"safety_distance": 0.3}, "at least 0.371 m", id="too near"),
+        pytest.param({"start": "nowhere"}, "expected one of", id="start"),
+    ],
+)
+def test_what_cannot_be_is_said_before_anything_moves(
+    empty_room: Scene, wish: dict[str, Any], text: str
+) -> None:
+    made = survey(**wish)
+    with (
+        Client(HostLink(Host(empty_room))) as client,
+        pytest.raises(NavigationError, match=text),
+    ):
+        made.run(client)
+    assert made.outcome is Outcome.FAILED
+    assert made.course.start is None
+
+
+def test_a_course_adds_up_what_is_more_than_noise() -> None:
+    course = Course(noise=0.05)
+    assert course.start is None
+    places = [0.0, 0.03, 0.0, 0.04, 0.1, 0.2, 0.19]
+    for k, x in enumerate(places):
+        course.add(Sensed(1 + 0.1 * k, Pose2(x, 0.0), np.zeros(0), np.zeros(0)))
+    assert course.start == Pose2(0.0, 0.0)
+    assert course.time == pytest.approx(0.6)
+    assert course.length == pytest.approx(0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("name", list(StrategyName))
+def test_no_strategy_drives_into_foliage(
+    foliage_room: Scene, name: StrategyName
+) -> None:
+    made = run(foliage_room, strategy=name, time_limit=100.0)
+    assert made.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
+    assert made.mapper is not None
+    assert max(pose.x for pose in made.mapper.trajectory.poses) < 0.0

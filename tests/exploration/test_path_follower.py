@@ -1,0 +1,417 @@
+"""Strategies in a flat world: exact scans, exact moves, and the map that grows."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from radarsim.exploration.contour import Contour
+from radarsim.exploration.coverage import CentreOut, TurnAway
+from radarsim.exploration.frontier import to_fill, to_frontiers
+from radarsim.exploration.options import StrategyName
+from radarsim.exploration.path_follower import (
+    PATIENCE,
+    THERE,
+    AlongWay,
+    Habits,
+    Strategy,
+    Walker,
+)
+from radarsim.exploration.strategies import Auto, strategy_named
+from radarsim.exploration.traversability import Floor
+from radarsim.geometry import Floats, Pose2
+from radarsim.mapping.occupancy_grid import OccupancyGrid
+from radarsim.mapping.scan import HIT, NOTHING, UNSURE, Scan2
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.control import Motion, Pace
+from radarsim.navigation.observation import Sensed
+from radarsim.rng import generator_for
+
+Look = Callable[..., Scan2]
+FAR = 9.0  # m to which the sensor sees
+STEP = 0.2  # s between two scans
+CLEARANCE = 0.371  # m; half the diagonal of a P3AT
+HABITS = Habits(
+    bumpers=Bumpers(safety_distance=0.5), pace=Pace(speed=0.6, turn=1.0), radius=5.0
+)
+STRAIGHT = Motion(0.3, 0.0)
+
+
+def rectangle(west: float, south: float, east: float, north: float) -> Floats:
+    """Give its sides, (4, 2, 2) m."""
+    corners = np.array([[west, south], [east, south], [east, north], [west, north]])
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+
+HALL = rectangle(-5.0, -3.5, 5.0, 3.5)
+PILLAR = rectangle(-0.4, -0.4, 0.4, 0.4)
+CLOSET = rectangle(-1.5, -1.5, 1.5, 1.5)
+# Two rooms of 5 by 5 m, with a door of 1.8 m between them.
+TWO_ROOMS = np.concatenate(
+    [
+        rectangle(-5.0, -2.5, 5.0, 2.5),
+        [[[0.0, -2.5], [0.0, -0.9]], [[0.0, 0.9], [0.0, 2.5]]],
+    ]
+)
+# The same with a gap that no robot gets through.
+TOO_NARROW = np.concatenate(
+    [TWO_ROOMS, [[[0.0, -0.9], [0.0, -0.3]], [[0.0, 0.3], [0.0, 0.9]]]]
+)
+
+
+@dataclass
+class World:
+    """Walls, a robot that goes exactly where it is told to, and the map it makes."""
+
+    look: Look
+    walls: Floats
+    pose: Pose2
+    grid: OccupancyGrid = field(default_factory=OccupancyGrid)
+    track: list[Pose2] = field(default_factory=list)
+    doings: list[str] = field(default_factory=list)
+    nearest: float = math.inf
+
+    @property
+    def length(self) -> float:
+        places = [(pose.x, pose.y) for pose in self.track]
+        return sum(map(math.dist, places, places[1:]))
+
+    @property
+    def floor(self) -> Floor:
+        return HABITS.floor(self.grid)
+
+    def scan(self) -> Sensed:
+        time = len(self.track) * STEP
+        scan = self.look(self.walls, self.pose, time=time)
+        nothing = scan.ends == NOTHING
+        reach = np.where(nothing, np.minimum(scan.reach, FAR), scan.reach)
+        scan = replace(scan, reach=reach)
+        self.grid.add(self.pose, scan)
+        self.grid.stand(self.pose, 0.25)
+        ended = (scan.ends == HIT) | (scan.ends == UNSURE)
+        ranges = np.where(ended, scan.reach, math.inf)
+        return Sensed(time, self.pose, scan.angles.copy(), ranges)
+
+    def move(self, motion: Motion) -> None:
+        pose, middle = self.pose, self.pose.yaw + motion.turn * STEP / 2
+        way = motion.speed * STEP
+        self.pose = Pose2(
+            pose.x + way * math.cos(middle),
+            pose.y + way * math.sin(middle),
+            pose.yaw + motion.turn * STEP,
+        )
+        self.track.append(self.pose)
+        lines = shapely.multilinestrings(self.walls)
+        place = shapely.Point(self.pose.x, self.pose.y)
+        self.nearest = min(self.nearest, float(lines.distance(place)))
+
+    def run(self, strategy: Strategy, *, steps: int = 2000) -> None:
+        for _ in range(steps):
+            motion = strategy.step(self.scan(), self.grid)
+            if self.doings[-1:] != [strategy.doing]:
+                self.doings.append(strategy.doing)
+            if strategy.is_done:
+                return
+            self.move(motion)
+        raise AssertionError(f"{strategy.doing} after {steps} steps at {self.pose}")
+
+
+@pytest.fixture
+def world(look: Look) -> Callable[..., World]:
+    def make(walls: Floats, x: float = 0.0, y: float = 0.0, yaw: float = 0.3) -> World:
+        return World(look, walls, Pose2(x, y, yaw))
+
+    return make
+
+
+Make = Callable[..., World]
+
+
+def chance(seed: int = 0) -> np.random.Generator:
+    return generator_for(seed, "exploring")
+
+
+@pytest.mark.parametrize("name", list(StrategyName))
+def test_every_strategy_ends_and_keeps_its_distance(
+    world: Make, name: StrategyName
+) -> None:
+    here = world(TWO_ROOMS, -3.0, 0.4)
+    strategy = strategy_named(name, HABITS, chance())
+    here.run(strategy)
+    assert strategy.is_done
+    assert here.nearest > CLEARANCE
+    assert strategy.step(here.scan(), here.grid) == Motion(0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["contour", "turn_away", "auto"])
+def test_a_room_is_seen_at_short_range_all_over(world: Make, name: str) -> None:
+    here = world(HALL, -3.0, 0.4)
+    here.run(strategy_named(StrategyName(name), HABITS, chance()))
+    floor = here.floor
+    left = floor.unvisited & floor.reachable(here.pose)
+    assert floor.area(left) < 1.0
+
+
+@pytest.mark.parametrize("on_left", [True, False])
+def test_a_contour_is_followed_once_and_then_the_interior_filled(
+    world: Make, on_left: bool
+) -> None:
+    here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
+    habits = Habits(bumpers=HABITS.bumpers, pace=HABITS.pace, on_left=on_left)
+    strategy = Contour(habits)
+    here.run(strategy)
+    assert here.doings == ["seeking", "aligning", "following", "filling"]
+    assert strategy.contours == 1
+    way = shapely.LineString([(pose.x, pose.y) for pose in here.track])
+    for corner in ((-4.2, -2.7), (4.2, -2.7), (4.2, 2.7), (-4.2, 2.7)):
+        assert way.distance(shapely.Point(corner)) < 0.4
+    assert here.length < 2 * (8.5 + 5.5) + 25
+    turns = np.diff([pose.yaw for pose in here.track])
+    assert (turns.sum() < 0) == on_left
+
+
+def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
+    """Of a wall in the open nobody knows at first what it is of."""
+    strategy = Contour(HABITS)
+    here = world(PILLAR, 2.0, 0.0, math.pi)
+    here.run(strategy)
+    assert strategy.contours == 1  # that of the pillar, from outside
+    assert here.doings == ["seeking", "aligning", "following", "seeking"]
+    assert here.length < 12  # and nothing is filled
+
+
+def test_where_nothing_is_sensed_a_wall_is_looked_for_ahead(look: Look) -> None:
+    class Nearsighted(World):
+        def scan(self) -> Sensed:
+            sensed = super().scan()
+            self.grid = OccupancyGrid()  # forgets all
+            ranges = np.where(sensed.ranges < 2.0, sensed.ranges, math.inf)
+            return Sensed(sensed.time, sensed.pose, sensed.bearings, ranges)
+
+    here = Nearsighted(look, HALL, Pose2(0.0, 0.0, 0.0))
+    strategy = Contour(HABITS)
+    for _ in range(60):
+        here.move(strategy.step(here.scan(), here.grid))
+    assert here.pose.x > 3.0
+    assert strategy.doing in ("aligning", "following")
+
+
+def test_frontiers_lead_through_doors(world: Make) -> None:
+    here = world(TWO_ROOMS, -3.0, 0.4)
+    here.run(to_frontiers(HABITS))
+    assert here.pose.x > -1.0
+    inside = shapely.box(-4.9, -2.4, 4.9, 2.4)
+    across, up = here.floor.middles()
+    x, y = np.meshgrid(across, up)
+    known = ~here.floor.unknown[shapely.contains_xy(inside, x, y)]
+    assert known.mean() > 0.99
+
+
+def test_no_frontier_beyond_a_gap_that_is_too_narrow_is_gone_to(world: Make) -> None:
+    here = world(TOO_NARROW, -3.0, 0.4)
+    here.run(to_frontiers(HABITS))
+    assert max(pose.x for pose in here.track) < -CLEARANCE
+
+
+def test_in_a_closet_there_is_nothing_to_do(world: Make) -> None:
+    here = world(CLOSET)
+    here.run(to_frontiers(HABITS), steps=60)  # turns round once
+    assert here.pose.yaw > 2 * math.pi
+    here.run(to_fill(HABITS), steps=20)
+    assert here.length == 0.0
+
+
+def test_turning_away_is_by_chance_and_the_same_with_the_same_seed(
+    world: Make,
+) -> None:
+    tracks = []
+    for seed in (0, 0, 1):
+        here = world(HALL, -3.0, 0.5)
+        strategy = TurnAway(HABITS, chance(seed))
+        for _ in range(150):
+            here.move(strategy.step(here.scan(), here.grid))
+        tracks.append(here.track)
+    assert tracks[0] == tracks[1] != tracks[2]
+
+
+def test_a_vacuum_robot_goes_straight_between_walls(world: Make) -> None:
+    here = world(HALL, -3.0, 0.5)
+    strategy = TurnAway(HABITS, chance())
+    for _ in range(200):
+        doing = strategy.doing
+        motion = strategy.step(here.scan(), here.grid)
+        if doing == strategy.doing == "straight":
+            assert motion.speed > 0.5
+            assert abs(motion.turn) < 0.4
+        elif strategy.doing == "turning":
+            assert motion.speed == 0.0
+        here.move(motion)
+    assert here.length > 15
+
+
+def test_who_is_walled_in_turns_about(world: Make) -> None:
+    here = world(rectangle(-0.8, -0.8, 0.8, 0.8))
+    strategy = TurnAway(HABITS, chance())
+    here.run(strategy, steps=50)
+    assert here.length == 0.0
+
+
+def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
+    here = world(nowhere, 2.0, 1.0)
+    here.run(CentreOut(HABITS))
+    far = [math.dist((pose.x, pose.y), (2.0, 1.0)) for pose in here.track]
+    assert max(far) == pytest.approx(HABITS.radius, abs=1.2)
+    assert (np.maximum.accumulate(far) - far).max() < 1.0
+    angles = np.unwrap([math.atan2(p.y - 1.0, p.x - 2.0) for p in here.track[80:]])
+    assert angles[-1] - angles[0] > 2.0
+    assert not (here.floor.unvisited & here.floor.within(2.0, 1.0, 3.0)).any()
+
+
+def test_a_spiral_leaves_out_what_is_in_the_way(world: Make) -> None:
+    box = rectangle(1.5, 0.5, 4.0, 2.0)
+    here = world(box, 0.0, 0.0)
+    here.run(CentreOut(HABITS))
+    assert here.nearest > CLEARANCE
+    assert max(pose.x for pose in here.track) > 2.0
+
+
+def test_a_spiral_ends_where_a_border_is_all_round(world: Make) -> None:
+    here = world(CLOSET)
+    strategy = CentreOut(Habits(bumpers=HABITS.bumpers, radius=50.0))
+    here.run(strategy, steps=300)
+    assert here.length < 5
+
+
+@pytest.mark.parametrize(
+    ("walls", "chosen"),
+    [
+        pytest.param(HALL, ["contour"], id="walls all round"),
+        pytest.param(np.zeros((0, 2, 2)), ["centre_out"], id="nothing in range"),
+        pytest.param(TWO_ROOMS, ["frontiers", "contour"], id="more behind a door"),
+        pytest.param(rectangle(-1.0, -0.5, 0.0, 0.5), ["centre_out"], id="a box"),
+    ],
+)
+def test_what_is_sensed_decides(world: Make, walls: Floats, chosen: list[str]) -> None:
+    here = world(walls, -3.0, 0.4)
+    strategy = Auto(HABITS)
+    here.run(strategy)
+    assert [name.value for name in strategy.chosen] == chosen
+
+
+def test_who_comes_to_a_border_stops_going_round(world: Make) -> None:
+    """From before a house's open side nothing is seen all round but that side."""
+    house = np.concatenate(
+        [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
+    )
+    here = world(house, 0.5, 0.0)
+    strategy = Auto(Habits(bumpers=HABITS.bumpers, pace=HABITS.pace, radius=8.0))
+    here.run(strategy)
+    assert [name.value for name in strategy.chosen] == ["centre_out", "frontiers"]
+    assert max(pose.x for pose in here.track) < 9.0
+
+
+def sensed_with(near: dict[float, float], time: float = 0.0) -> Sensed:
+    """Something at some bearings, deg, so near, m."""
+    bearings = np.radians(np.arange(360.0) - 180)
+    ranges = np.full(360, math.inf)
+    for bearing, distance in near.items():
+        apart = np.abs(np.degrees(bearings) - bearing)
+        ranges[apart <= 20] = distance
+    return Sensed(time, Pose2(0, 0), bearings, ranges)
+
+
+@pytest.mark.parametrize(
+    ("near", "motion", "allowed"),
+    [
+        pytest.param({}, STRAIGHT, STRAIGHT, id="nothing"),
+        pytest.param({0: 0.6}, STRAIGHT, STRAIGHT, id="something in the band"),
+        pytest.param({90: 0.4}, STRAIGHT, STRAIGHT, id="beside"),
+        pytest.param({0: 0.4}, STRAIGHT, Motion(0.0, 1.0), id="ahead"),
+        pytest.param({0: 0.4}, Motion(0.3, -0.5), Motion(0.0, -0.5), id="turning"),
+        pytest.param({0: 0.4}, Motion(-0.3, 0.1), Motion(-0.3, 0.1), id="backward"),
+        pytest.param({0: 0.4}, Motion(0.0, 0.1), Motion(0.0, 0.1), id="standing"),
+    ],
+)
+def test_bumpers_overrule(
+    near: dict[float, float], motion: Motion, allowed: Motion
+) -> None:
+    assert HABITS.careful(sensed_with(near), motion) == allowed
+
+
+def test_the_nearest_clear_bearing_is_taken() -> None:
+    assert HABITS.clear_bearing(sensed_with({}), 0.2) == 0.2
+    clear = HABITS.clear_bearing(sensed_with({0: 0.4}), 0.1)
+    assert 30 < math.degrees(clear) < 70
+    walled_in = sensed_with(dict.fromkeys(range(-180, 181, 20), 0.4))
+    assert HABITS.clear_bearing(walled_in, 0.2) == 0.2
+
+
+def test_a_place_that_it_does_not_get_nearer_to_is_given_up(world: Make) -> None:
+    """What holds the robot is on no map."""
+    here = world(HALL, -3.0, 0.4)
+    strategy = to_fill(HABITS)
+    steps = round(PATIENCE / STEP) + 20
+    ends: list[Any] = []
+    for _ in range(steps):
+        strategy.step(here.scan(), here.grid)
+        here.track.append(here.pose)
+        ends.append(strategy._walker.end)
+    assert math.dist(ends[20], ends[-1]) > 0.5
+
+
+def test_who_has_no_way_stands(world: Make) -> None:
+    here = world(HALL)
+    walker = Walker(HABITS)
+    assert walker.walk(here.scan()) == Motion(0.0, 0.0)
+    assert walker.end is None
+    assert walker.look(here.scan(), here.grid)
+    assert not walker.look(here.scan(), here.grid)
+
+
+def test_a_way_leads_from_place_to_place(world: Make) -> None:
+    here = world(HALL, -4.0)
+    places = [(-3.0, -2.0), (3.0, -2.0), (3.0, 2.0)]
+    strategy = AlongWay(HABITS, places)
+    here.run(strategy)
+    assert strategy.left_out == []
+    near = [
+        min(math.dist(place, (pose.x, pose.y)) for pose in here.track)
+        for place in places
+    ]
+    assert max(near) < THERE
+    assert here.length < 1.05 * (2.24 + 6 + 4)
+    assert set(here.doings) == {"underway"}
+
+
+def test_what_no_way_leads_to_is_left_out(world: Make) -> None:
+    here = world(TOO_NARROW, -4.0)
+    strategy = AlongWay(HABITS, [(3.0, 0.0), (-4.0, 1.5)])
+    here.run(strategy)
+    assert strategy.left_out == [(3.0, 0.0)]
+    assert math.dist((here.pose.x, here.pose.y), (-4.0, 1.5)) < THERE
+    assert max(pose.x for pose in here.track) > -1.2  # as near as it can get
+
+
+def test_a_place_near_by_is_gone_to_and_not_left_out(world: Make) -> None:
+    for away in np.arange(0.05, 0.6, 0.05):
+        here = world(HALL, -3.0)
+        place = (-3.0 - away, 0.0)
+        strategy = AlongWay(HABITS, [place])
+        here.run(strategy)
+        assert strategy.left_out == []
+        assert math.dist((here.pose.x, here.pose.y), place) < THERE
+
+
+@pytest.mark.parametrize("far", [8.0, 100.0, 1e6, 1e300])
+def test_a_place_outside_is_left_out_once_it_gets_no_nearer(
+    world: Make, far: float
+) -> None:
+    here = world(HALL, -3.0)
+    strategy = AlongWay(HABITS, [(far, 0.0), (0.0, 0.0)])
+    here.run(strategy, steps=800)
+    assert strategy.left_out == [(far, 0.0)]
+    assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < THERE

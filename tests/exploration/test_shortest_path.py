@@ -1,0 +1,75 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from radarsim.exploration.shortest_path import nearest_way, reached
+from radarsim.geometry import Floats
+
+COSTS = arrays(
+    np.float64, (5, 6), elements=st.sampled_from([1.0, 2.0, 5.0, math.inf, math.inf])
+)
+STARTS = st.tuples(st.integers(0, 4), st.integers(0, 5))
+
+
+def cheapest(cost: Floats, start: tuple[int, int]) -> Floats:
+    """Give the cost of the way to each cell, relaxing until nothing changes."""
+    best = np.full(cost.shape, math.inf)
+    best[start] = 0.0
+    for _ in range(cost.size):
+        padded = np.pad(best, 1, constant_values=math.inf)
+        for down in range(3):
+            for across in range(3):
+                step = math.hypot(down - 1, across - 1)
+                if not step:
+                    continue
+                beside = padded[down : down + 5, across : across + 6]
+                best = np.minimum(best, beside + step * cost)
+    return best
+
+
+def length(way: NDArray[np.int64], cost: Floats) -> float:
+    steps = np.hypot(*np.diff(way, axis=0).T)
+    return float(
+        sum(s * cost[tuple(cell)] for s, cell in zip(steps, way[1:], strict=True))
+    )
+
+
+@given(cost=COSTS, start=STARTS, end=STARTS)
+def test_the_way_is_the_cheapest_that_there_is(
+    cost: Floats, start: tuple[int, int], end: tuple[int, int]
+) -> None:
+    targets = np.zeros(cost.shape, np.bool_)
+    targets[end] = True
+    due = cheapest(cost, start)[end]
+    way = nearest_way(cost, start, targets)
+    if math.isinf(due):
+        assert len(way) == 0
+        return
+    assert tuple(way[0]) == start
+    assert tuple(way[-1]) == end
+    assert np.abs(np.diff(way, axis=0)).max(initial=0) <= 1
+    assert length(way, cost) == pytest.approx(due)
+
+
+@given(cost=COSTS, start=STARTS)
+def test_of_many_places_the_nearest_is_gone_to(
+    cost: Floats, start: tuple[int, int]
+) -> None:
+    targets = np.zeros(cost.shape, np.bool_)
+    targets[::2, ::3] = True
+    due = cheapest(cost, start)[targets].min()
+    way = nearest_way(cost, start, targets)
+    assert length(way, cost) == pytest.approx(due) if len(way) else math.isinf(due)
+
+
+@given(cost=COSTS, start=STARTS)
+def test_what_is_reached_is_what_a_way_leads_to(
+    cost: Floats, start: tuple[int, int]
+) -> None:
+    found = reached(np.isfinite(cost), start)
+    assert (found == np.isfinite(cheapest(cost, start))).all()

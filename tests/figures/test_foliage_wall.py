@@ -1,0 +1,118 @@
+"""What figures 6 to 10 say of the test map, as laws."""
+
+import re
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+
+from radarsim.figures.foliage_wall import (
+    COUNT,
+    HIDDEN,
+    STEP,
+    Counts,
+    bushes_of,
+    count_changes,
+    count_ends,
+    count_everywhere,
+    count_moved,
+    draw_hokuyo,
+    draw_noise,
+    draw_radar,
+    far_side,
+    hokuyo,
+    radar,
+    things_behind,
+)
+from radarsim.figures.scan_spec import Shot, ends_of, scene_of
+
+ROOM = scene_of("foliage_room")
+
+
+def counts_of(shot: Shot) -> Counts:
+    (scan,) = shot.take()
+    return count_ends(shot.scene, scan)
+
+
+def test_bushes_lie_between_the_start_and_the_far_side() -> None:
+    assert len(bushes_of(ROOM)) == 7
+    assert far_side(ROOM) == pytest.approx(1.7, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_hokuyo_sees_nothing_behind_the_bushes(seed: int) -> None:
+    counts = counts_of(hokuyo(seed))
+    assert counts.behind == 0
+    assert counts.things == ()
+    assert counts.inside > 50
+    assert count_everywhere(hokuyo(seed))[1:] == (108 * 228, 0)
+
+
+@pytest.mark.parametrize("offset", [0, 50, 100])
+def test_the_radar_sees_through_edges_but_not_through_middles(offset: int) -> None:
+    counts = counts_of(radar(0, offset))
+    assert counts.behind > 0
+    assert "east_wall" in counts.things
+    assert counts.inside > counts.behind
+
+
+def test_what_ends_behind_is_what_an_independent_look_finds() -> None:
+    (scan,) = radar(0, 0).take()
+    behind = ends_of(scan)[:, 0] > 1.7
+    assert counts_of(radar(0, 0)).behind == behind.sum()
+    foliage = [bush.object_name for bush in bushes_of(ROOM)]
+    targets = scan.echoes.targets
+    names = [targets[part].object for part in scan.echoes.parts.tolist()]
+    assert counts_of(radar(0, 0)).inside == sum(name in foliage for name in names)
+
+
+def test_noise_grows_with_the_offset() -> None:
+    moved, spread = {}, {}
+    for offset in (0, 50, 100):
+        (scan,) = radar(0, offset).take()
+        moved[offset] = count_moved(scan, 0)
+        shot = radar(0, offset)
+        many = Shot(shot.map, shot.sensor, 0, shot.settings, count=10)
+        scans = many.take()
+        spread[offset] = sum(count_changes(ROOM, scans))
+        ranges = np.array([one.ranges for one in scans])
+        assert spread[offset] == (np.ptp(ranges, axis=0) > STEP).sum()
+    assert moved[0] == spread[0] == 0
+    assert 0 < moved[50] < moved[100]
+    assert 0 < spread[50] < spread[100]
+
+
+def test_beams_ahead_jump_or_end_in_bushes_and_those_aside_meet_walls() -> None:
+    shot = radar(0, 100)
+    scans = Shot(shot.map, shot.sensor, 0, shot.settings, count=10).take()
+    changes = count_changes(ROOM, scans)
+    assert min(changes) > 0
+    aside = np.abs(np.degrees(scans[0].angles))
+    assert changes.jumping + changes.deep <= (aside < 42).sum()
+    assert changes.slanting <= (aside > 36).sum()
+    assert count_changes(ROOM, scans[:1] * 2) == (0, 0, 0)
+
+
+def test_four_things_are_behind_the_bushes() -> None:
+    names = {part.object_name for part in things_behind(ROOM)}
+    assert names == {"crate_low", "crate_high", "cabinet", "pole"}
+
+
+def test_captions_say_what_was_counted() -> None:
+    laser, holes, noise = draw_hokuyo(0), draw_radar(0), draw_noise(0, offset=50)
+    assert "0 behind them" in laser.caption
+    assert "0 of 24624 beams end behind" in laser.caption
+    assert f"{counts_of(radar(0, 0)).behind} of its 181 beams go" in holes.caption
+    (scan,) = radar(0, 50).take()
+    assert f"{count_moved(scan, 0)} of 181 beams" in noise.caption
+    assert f"readings of {COUNT} scans" in noise.caption
+    assert len(noise.drawings) == len(noise.commands) == 2
+    assert all(not re.search(r"nan|inf|None", p.caption) for p in (laser, holes, noise))
+
+
+def test_what_is_behind_the_bushes_is_yellow() -> None:
+    (drawing,) = draw_hokuyo(0).drawings
+    (span,) = drawing.axes[0].patches
+    assert span.get_facecolor() == to_rgba(HIDDEN)
+    places = span.get_path().get_extents(span.get_patch_transform())
+    assert places.x0 == pytest.approx(far_side(ROOM))

@@ -1,0 +1,125 @@
+"""What figure 15 says of two robots' maps of the test map, as laws."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from matplotlib.image import AxesImage
+
+from radarsim.figures.foliage_wall import bushes_of, far_side
+from radarsim.figures.mapping_drives import (
+    Explored,
+    bushes_in,
+    hokuyo,
+    radar,
+    things_in,
+)
+from radarsim.figures.maps import placed, plate_of
+from radarsim.figures.scan_spec import scene_of
+from radarsim.mapping.export import BLUE
+
+ROOM = scene_of("foliage_room")
+AHEAD = ((-2.0, 0.0),)  # a shorter way, up to the bushes
+Pair = tuple[Explored, Explored]
+
+
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    return radar(0, AHEAD).explore(), hokuyo(0, AHEAD).explore()
+
+
+def test_both_go_the_same_way_and_stay_before_the_bushes(pair: Pair) -> None:
+    assert [run.length for run in pair] == pytest.approx([5.8, 5.8], abs=0.1)
+    rows = [run.trajectory.rows() for run in pair]
+    assert rows[0][-1, :2] == pytest.approx(rows[1][-1, :2], abs=0.05)
+    assert max(row[:, 0].max() for row in rows) < -1.9
+
+
+def test_the_radar_maps_what_is_hidden_and_the_hokuyo_nothing(pair: Pair) -> None:
+    left, right = pair
+    assert left.score.hidden_coverage is not None
+    assert left.score.hidden_coverage > 0.5
+    assert right.score.hidden_coverage == 0
+    assert not any(things_in(right).values())
+    x, _ = right.grid.lattice.middles()
+    beyond = right.grid.sensed_cells()[:, x > far_side(ROOM)]
+    assert not beyond.any()
+
+
+def test_things_are_on_the_map_where_beams_end_at_them(pair: Pair) -> None:
+    left, _ = pair
+    x, y = left.grid.lattice.middles()
+    ended, counts = left.grid.ended_cells(), things_in(left)
+    assert counts["cabinet"] > 10  # 1.6 m, which are 32 cells, face the robot
+    columns, rows = np.abs(x - 8) < 0.3 + 0.125, np.abs(y - 0.8) < 0.8 + 0.125
+    assert counts["cabinet"] == ended[np.ix_(rows, columns)].sum()
+
+
+def test_bushes_are_round_and_the_hokuyo_has_only_their_edges(pair: Pair) -> None:
+    left, right = (bushes_in(run) for run in pair)
+    size = pair[0].grid.lattice.resolution
+    for one, two, bush in zip(left, right, bushes_of(ROOM), strict=True):
+        radius = np.ptp(bush.vertices[:, 0]) / 2
+        across = math.sqrt(radius**2 - (0.6 - pair[0].drive.height) ** 2)
+        assert one.name == bush.object_name
+        assert one.cells * size**2 == pytest.approx(math.pi * across**2, rel=0.03)
+        assert one.cells == two.cells
+        assert two.blue > 0.9 * two.cells
+        assert not two.middle
+        assert one.blue < two.blue
+    assert sum(bush.middle for bush in left) > 3
+
+
+def test_a_picture_lies_where_its_map_does(pair: Pair) -> None:
+    for run in pair:
+        picture, (west, east, south, north) = placed(run.grid)
+        rows, columns = picture.shape[:2]
+        size = run.grid.lattice.resolution
+        assert (east - west, north - south) == pytest.approx(
+            (columns * size, rows * size)
+        )
+        blue = (picture == np.array(BLUE) / 255).all(axis=2)[::-1]
+        for row in range(0, rows, 7):
+            for column in range(0, columns, 7):
+                x, y = west + (column + 0.5) * size, south + (row + 0.5) * size
+                assert blue[row, column] != run.grid.sensed(x, y)
+
+
+def test_both_maps_are_shown_alike_and_said_to_be_what_they_are(pair: Pair) -> None:
+    plate = plate_of(*pair)
+    (drawing,) = plate.drawings
+    left, right = drawing.axes
+    assert left.viewLim.bounds == right.viewLim.bounds
+    for axes in (left, right):
+        box, view = axes.get_window_extent(), axes.viewLim
+        assert box.width / view.width == pytest.approx(box.height / view.height)
+        assert any(isinstance(child, AxesImage) for child in axes.get_children())
+    assert [axes.get_title() for axes in drawing.axes] == [
+        "radar: P3AT_Radar360, range 80 m",
+        "Hokuyo: P3AT_Hokuyo, range 80 m",
+    ]
+    assert not right.texts
+    named = {text.get_text() for text in left.texts}
+    assert named == {name for name, cells in things_in(pair[0]).items() if cells}
+    assert plate.commands == tuple(run.drive.command for run in pair)
+    hidden = pair[0].score.hidden_coverage or 0
+    told = f"{100 * hidden:.1f} % are sensed by the radar and 0.0 % by the Hokuyo"
+    assert told in plate.caption
+    assert "the Hokuyo's none" in plate.caption
+    assert not re.search(r"nan|inf|None|\?", plate.caption)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_all_the_bushes_along_hardly_anything_stays_hidden(seed: int) -> None:
+    run = radar(seed).explore()
+    assert run.score.hidden_coverage is not None
+    assert run.score.hidden_coverage > 0.95
+    assert all(cells > 3 for cells in things_in(run).values())
+    bushes = bushes_in(run)
+    assert all(bush.middle for bush in bushes)
+    cores = [bush for bush in bushes if bush.blue > 0.05 * bush.cells]
+    assert len(cores) >= 3
+    assert all(bush.beyond > 0.3 for bush in cores)
+    assert sum(bush.blue for bush in bushes) < 0.1 * sum(b.cells for b in bushes)

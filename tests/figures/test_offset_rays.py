@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+
+from radarsim.figures.offset_rays import draw_offset_rays, shot_of, starts_apart
+from radarsim.plotting.ray_segments import RAY_COLOURS
+from radarsim.sensors.beams import LEFT, RIGHT
+
+
+@pytest.mark.parametrize(("offset", "apart"), [(50, 0.4), (100, 0.8)])
+def test_rays_start_twice_the_offset_apart(offset: int, apart: float) -> None:
+    scans = {side: shot_of(0, offset, side).take()[0] for side in (LEFT, RIGHT)}
+    assert starts_apart(scans) == pytest.approx(apart)
+    for side, scan in scans.items():
+        assert scan.rays is not None
+        assert (scan.rays == side).all()
+        assert scan.cast.origins[:, 1] == pytest.approx(side * apart / 2)
+    plate = draw_offset_rays(0, offset=offset)
+    assert f"{apart:.2f} m apart" in plate.caption
+    assert plate.commands == tuple(shot_of(0, offset, s).command for s in (LEFT, RIGHT))
+
+
+def test_left_rays_are_red_and_on_the_left_right_ones_blue_and_on_the_right() -> None:
+    (drawing,) = draw_offset_rays(0, offset=50).drawings
+    for axes in drawing.axes:
+        (rays,) = (
+            lines
+            for lines in axes.collections
+            if isinstance(lines, LineCollection) and lines.get_zorder() == 2
+        )
+        colours = np.asarray(rays.get_edgecolor(), np.float64)[:, :3]
+        starts = np.array(rays.get_segments())[:, 0]
+        for side in (LEFT, RIGHT):
+            colour = to_rgb(RAY_COLOURS[side][0])
+            mine = np.isclose(colours, colour).all(axis=1)
+            fresh = np.isclose(starts[mine], [-7.7915, side * 0.2]).all(axis=1)
+            assert fresh.sum() == 181

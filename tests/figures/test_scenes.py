@@ -1,0 +1,91 @@
+import math
+import re
+
+import numpy as np
+import pytest
+
+from radarsim.figures.figure import Plate
+from radarsim.figures.scan_spec import scene_of
+from radarsim.figures.scene_view import (
+    ABOVE,
+    View,
+    _cut,
+    ground_colour,
+    natural_colours,
+)
+from radarsim.figures.scenes import draw_test_map, draw_trial_scene, things_of
+from radarsim.geometry import Floats
+
+
+@pytest.fixture(scope="module")
+def trial() -> Plate:
+    return draw_trial_scene(0)
+
+
+def areas(corners: Floats) -> Floats:
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(np.linalg.norm(sides, axis=1) / 2)
+
+
+def test_seen_from_above_x_is_right_and_y_is_up() -> None:
+    point = np.array([[1.0, 2.0, 3.0]])
+    assert ABOVE.project(point) == pytest.approx(point)
+
+
+@pytest.mark.parametrize("azimuth", [-140.0, 0.0, 65.0])
+@pytest.mark.parametrize("elevation", [5.0, 24.0, 90.0])
+def test_a_view_keeps_lengths_and_hands(azimuth: float, elevation: float) -> None:
+    view = View(math.radians(azimuth), math.radians(elevation))
+    seen = view.project(np.eye(3))
+    assert seen @ seen.T == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(seen) == pytest.approx(1)
+    assert seen[2, 1] >= -1e-12  # what is up stays up
+
+
+def test_cut_triangles_are_small_and_cover_the_same() -> None:
+    corners = np.array(
+        [[[0, 0, 0], [40.0, 0, 0], [0, 40, 0]], [[0, 0, 1], [1, 0, 1], [0, 1, 1]]]
+    )
+    pieces = _cut(corners)
+    sides = np.linalg.norm(pieces - np.roll(pieces, 1, axis=1), axis=2)
+    assert sides.max() <= 2
+    assert areas(pieces).sum() == pytest.approx(areas(corners).sum())
+    assert len(_cut(pieces)) == len(pieces)
+
+
+@pytest.mark.parametrize("name", ["marulan_trial", "foliage_room"])
+def test_all_materials_have_a_colour_and_the_ground_is_pale(name: str) -> None:
+    scene = scene_of(name)
+    assert {part.material.name for part in scene.parts} <= set(natural_colours(scene))
+    assert (ground_colour(scene) > 0.7).all()
+    assert (ground_colour(scene) <= 1).all()
+
+
+def test_the_trial_scene_is_of_poles_boxes_and_plants(trial: Plate) -> None:
+    counts = re.search(r"(\d+) poles, (\d+) boxes and (\d+) plants", trial.caption)
+    assert counts is not None
+    assert sum(map(int, counts.groups())) == len(things_of(scene_of("marulan_trial")))
+    names = {text.get_text() for text in trial.drawings[0].axes[1].texts}
+    assert {part.object_name for part in things_of(scene_of("marulan_trial"))} < names
+
+
+def test_names_do_not_cover_other_things(trial: Plate) -> None:
+    (drawing,) = trial.drawings
+    plan = drawing.axes[1]
+    drawing.draw_without_rendering()
+    parts = {part.object_name: part for part in things_of(scene_of("marulan_trial"))}
+    for text in plan.texts:
+        box = text.get_window_extent().transformed(plan.transData.inverted())
+        assert plan.viewLim.x0 < box.x0 < box.x1 < plan.viewLim.x1
+        for name, part in parts.items():
+            low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+            apart = box.x1 < low[0] or box.x0 > high[0]
+            apart |= box.y1 < low[1] or box.y0 > high[1]
+            assert apart, (text.get_text(), name)
+
+
+def test_the_caption_of_the_test_map_tells_what_is_behind_the_bushes() -> None:
+    caption = draw_test_map(0).caption
+    assert caption.startswith("A room of 20.8 by 12.8 m. A wall of 7 spherical bushes")
+    assert "behind it stand 4 things" in caption
+    assert "get through 1.43 m" in caption

@@ -1,0 +1,205 @@
+"""GETGEO and GETCONF, byte for byte, for everything that robots carry."""
+
+import re
+
+import pytest
+
+from radarsim.host import Host
+from radarsim.presets.robots import load_robot, robot_names
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import Conditions
+
+
+def answers(
+    scene: Scene,
+    asked: str,
+    *,
+    class_name: str = "P3AT",
+    conditions: Conditions | None = None,
+    yaw: float = 0.0,
+) -> list[str]:
+    """Ask a robot on its first tick, in which it has nothing else to say."""
+    host = Host(scene, conditions=conditions)
+    number = host.connect()
+    init = f"INIT {{ClassName {class_name}}} {{Location -8,0,0}} {{Rotation 0,0,{yaw}}}"
+    host.take(number)
+    host.receive(number, f"{init}\r\n{asked}\r\n".encode())
+    host.step()
+    return host.take(number).decode("ascii").split("\r\n")[:-1]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETCONF {Type Robot}",
+            "CONF {Type GroundVehicle} {Name P3AT} {SteeringType SkidSteered} "
+            "{Mass 11.9000} {MaxSpeed 8.1700} {MaxTorque 50000.0000} "
+            "{MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
+            id="robot",
+        ),
+        pytest.param(
+            "GETGEO {Type rangeSCANNER}",
+            "GEO {Type rangeSCANNER} {Name lms200 Location 0.2085,0.0000,-0.2000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+            id="place of the scanner, its type echoed",
+        ),
+        pytest.param(
+            "GETCONF {Type RangeScanner} {Name LMS200}",
+            "CONF {Type RangeScanner} {Name lms200} {MaxRange 80.0000} "
+            "{MinRange 0.1000} {Resolution 0.017453} {Fov 3.141593}",
+            id="scanner by name in any case",
+        ),
+        pytest.param(
+            "GETCONF {Type INS} {Name }",
+            "CONF {Type INS} {Name InsTest} {ScanInterval 0.1000}",
+            id="empty name",
+        ),
+        pytest.param(
+            "GETCONF {Type Encoder}",
+            "CONF {Type Encoder} {Name W1} {Resolution 0.017450} "
+            "{Name W2} {Resolution 0.017450}",
+            id="all encoders in one line",
+        ),
+        pytest.param(
+            "GETGEO {Type Encoder}",
+            "GEO {Type Encoder} "
+            "{Name W1 Location 0.0000,0.0000,0.0000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD} "
+            "{Name W2 Location 0.0000,0.0000,0.0000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+            id="all places in one line",
+        ),
+        pytest.param(
+            "GETCONF {Type Touch} {Name Bumper}",
+            "CONF {Type Touch} {Name Bumper} {Diameter 0.0100}",
+            id="touch",
+        ),
+        pytest.param(
+            "GETCONF {Type Battery}",
+            "CONF {Type Battery} {Name battery}",
+            id="what has no settings",
+        ),
+        pytest.param("GETCONF {Type MisPkg}", "CONF {Type MisPkg}", id="packages"),
+    ],
+)
+def test_in_the_forms_that_clients_read(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    assert answers(empty_room, asked, yaw=1.5) == [answer]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETCONF {Type Robot}",
+            "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
+            "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} "
+            "{MaxFrontSteer 0} {MaxRearSteer 0}",
+            id="robot",
+        ),
+        pytest.param(
+            "GETGEO {Type Robot}",
+            "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
+            "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+            "{WheelBase 0.2480}",
+            id="shape of the robot",
+        ),
+        pytest.param(
+            "GETGEO {Type rangescanner} {Name LMS200}",
+            "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
+            "{Orientation 0.00,0.00,0.00}{Mount P3AT}",
+            id="place of the scanner",
+        ),
+        pytest.param(
+            "GETCONF {Type RangeScanner}",
+            "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
+            "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} "
+            "{Panning True} {Tilting False}",
+            id="scanner",
+        ),
+        pytest.param(
+            "GETCONF {Type Encoder}",
+            "CONF {Type Encoder} {Name W1} {Resolution 0.0174} "
+            "{Name W2} {Resolution 0.0174}",
+            id="encoders",
+        ),
+        pytest.param(
+            "GETCONF {Type GroundTruth}",
+            "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
+            id="ground truth",
+        ),
+        pytest.param(
+            "GETCONF {Type Tachometer}",
+            "CONF {Type Tachometer} {Name TachTest} {ScanInterval 0.2000}",
+            id="tachometer",
+        ),
+    ],
+)
+def test_in_the_forms_of_the_original(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    assert answers(empty_room, asked, conditions=Conditions(UDK)) == [answer]
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+@pytest.mark.parametrize("class_name", robot_names())
+def test_everything_that_a_robot_carries_is_answered_for(
+    empty_room: Scene, class_name: str, dialect: Dialect
+) -> None:
+    items = load_robot(class_name).items
+    asked = [
+        f"{verb} {{Type {item.type}}} {{Name {item.name}}}"
+        for item in items
+        for verb in ("GETGEO", "GETCONF")
+    ]
+    told = answers(
+        empty_room,
+        "\r\n".join(asked),
+        class_name=class_name,
+        conditions=Conditions(dialect),
+    )
+    assert len(told) == 2 * len(items)
+    for question, answer in zip(asked, told, strict=True):
+        verb, kind, name = re.findall(r"GET(\w+) {Type (\w+)} {Name (\w+)}", question)[
+            0
+        ]
+        assert answer.startswith(f"{verb} {{Type {kind}}} {{Name {name}")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        pytest.param("GETGEO {Type MisPkg}", id="packages have no place"),
+        pytest.param("GETCONF {Type RFID}", id="not mounted"),
+        pytest.param("GETCONF {Type Sonar} {Name }", id="not on this robot"),
+        pytest.param("GETCONF {Name lms200}", id="no type"),
+    ],
+)
+def test_what_is_not_there_is_not_answered(empty_room: Scene, asked: str) -> None:
+    assert answers(empty_room, asked) == []
+
+
+def test_two_scanners_share_a_line(empty_room: Scene) -> None:
+    (geo,) = answers(
+        empty_room, "GETGEO {Type RangeScanner}", class_name="P3AT_Compare"
+    )
+    assert re.findall(r"{Name (\w+) Location", geo) == ["lms200", "Hokuyo"]
+
+
+def test_changed_settings_are_told(empty_room: Scene) -> None:
+    changed = Conditions(
+        item_settings={"LMS200": {"fov_deg": 90, "max_range": 12, "min_range": 1}}
+    )
+    assert answers(empty_room, "GETCONF {Type RangeScanner}", conditions=changed) == [
+        "CONF {Type RangeScanner} {Name lms200} {MaxRange 12.0000} {MinRange 1.0000} "
+        "{Resolution 0.017453} {Fov 1.570796}"
+    ]
+
+
+def test_the_largest_speed_is_in_the_unit_of_drive(empty_room: Scene) -> None:
+    turns = Conditions(drive_unit="rev_per_s")
+    (conf,) = answers(empty_room, "GETCONF {Type Robot}", conditions=turns)
+    assert "{MaxSpeed 1.3000}" in conf

@@ -1,0 +1,194 @@
+"""The cells that beams cross, against a beam that is followed in tiny steps."""
+
+import math
+
+import numpy as np
+from hypothesis import example, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from radarsim.mapping.inverse_sensor_model import (
+    AGAINST,
+    ENDED,
+    FOR,
+    LAYERS,
+    NEAR,
+    SENSED,
+    SUREST,
+    Beams,
+    Cells,
+    cross,
+    forget,
+    meet,
+)
+from radarsim.mapping.scan import (
+    BLIND,
+    FOLIAGE,
+    HIT,
+    NOTHING,
+    SMOKE,
+    SOLID,
+    SPENT,
+    Marks,
+)
+
+SIDE = 40
+angles = st.floats(-math.pi, math.pi)
+reaches = st.floats(0, 15)
+starts = st.tuples(st.floats(17, 23), st.floats(17, 23))
+
+Mark = tuple[int, float, float, int]
+
+
+class Sheet:
+    """Some cells, and scans of them from one place."""
+
+    def __init__(self) -> None:
+        self.cells = Cells(
+            np.zeros((LAYERS, SIDE, SIDE), np.int8), np.zeros((SIDE, SIDE), np.uint8)
+        )
+        self._path = np.zeros((4 * SIDE, 2), np.int64)
+
+    def scan(
+        self,
+        start: tuple[float, float],
+        rays: list[tuple[float, float, int]],
+        *marks: Mark,
+        short: float = 5.0,
+        sees_through: bool = True,
+    ) -> None:
+        """Take in beams of angle, reach and end, and marks of beam, near, far, what."""
+        angle, reach, ends = (np.array(column) for column in zip(*rays, strict=True))
+        ways = np.column_stack([np.cos(angle), np.sin(angle)])
+        met = Marks(
+            np.array([mark[0] for mark in marks], np.int64),
+            np.array([mark[1] for mark in marks], np.float64),
+            np.array([mark[2] for mark in marks], np.float64),
+            np.array([mark[3] for mark in marks], np.int8),
+        )
+        beams = Beams(
+            np.array(start),
+            np.zeros(2, np.int64),
+            ways,
+            reach.astype(np.float64),
+            ends.astype(np.int8),
+            short,
+            sees_through,
+        )
+        meet(self.cells, beams, met, self._path)
+        cross(self.cells, beams, self._path)
+        forget(self.cells, beams, self._path)
+
+    def sensed(self) -> NDArray[np.bool_]:
+        return np.asarray(self.cells.marks & SENSED > 0)
+
+
+BARELY = 1e-9  # cells; so near to the edge of one, rounding decides
+
+
+def in_tiny_steps(
+    start: tuple[float, float], angle: float, reach: float
+) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
+    """Give the cells that a beam is in for sure, and those that rounding may add."""
+    t = np.append(np.arange(0, reach, 1e-3), reach)
+    x, y = start[0] + t * math.cos(angle), start[1] + t * math.sin(angle)
+    around = [
+        np.floor([y + down, x + across]).astype(int)
+        for down in (-BARELY, BARELY)
+        for across in (-BARELY, BARELY)
+    ]
+    is_sure = np.all([(cells == around[0]).all(axis=0) for cells in around], axis=0)
+    sure = set(map(tuple, around[0].T[is_sure].tolist()))
+    maybe = {tuple(cell) for cells in around for cell in cells.T.tolist()}
+    return sure, maybe
+
+
+@example(start=(17.0, 17.0), angle=-3.1415926535897927, reach=4.0)
+@given(start=starts, angle=angles, reach=reaches)
+def test_a_beam_crosses_the_cells_that_it_is_in(
+    start: tuple[float, float], angle: float, reach: float
+) -> None:
+    sheet = Sheet()
+    sheet.scan(start, [(angle, reach, NOTHING)])
+    crossed = {(int(i), int(j)) for i, j in np.argwhere(sheet.sensed())}
+    sure, maybe = in_tiny_steps(start, angle, reach)
+    assert sure <= crossed
+    assert len(crossed - maybe) <= 2  # corners that tiny steps jump over
+
+
+@given(start=starts, angle=angles, reach=reaches)
+def test_the_cell_of_a_hit_gets_evidence_and_all_before_it_lose_some(
+    start: tuple[float, float], angle: float, reach: float
+) -> None:
+    sheet = Sheet()
+    sheet.scan(start, [(angle, reach, HIT)], (0, reach, reach, SOLID))
+    for layer in (SOLID, ENDED):
+        evidence = sheet.cells.evidence[layer]
+        assert (evidence > 0).sum() == 1
+        assert evidence.max() == FOR
+        assert (evidence < 0).sum() == sheet.sensed().sum() - 1
+
+
+@given(start=starts, angle=angles, near=st.floats(0, 10), depth=st.floats(0, 5))
+def test_a_bush_is_the_stretch_that_was_crossed(
+    start: tuple[float, float], angle: float, near: float, depth: float
+) -> None:
+    sheet = Sheet()
+    far = near + depth
+    sheet.scan(start, [(angle, far, SPENT)], (0, near, far, FOLIAGE))
+    bush = sheet.cells.evidence[FOLIAGE] > 0
+    _, beam = in_tiny_steps(start, angle, far)
+    assert {(int(i), int(j)) for i, j in np.argwhere(bush)} <= {
+        (i + di, j + dj) for i, j in beam for di in (-1, 0, 1) for dj in (-1, 0, 1)
+    }
+    assert bush.sum() >= depth * max(abs(math.cos(angle)), abs(math.sin(angle))) - 1
+    assert not (sheet.cells.evidence[SOLID] > 0).any()
+    assert not (sheet.cells.evidence[SMOKE] > 0).any()
+
+
+def test_a_cell_has_one_piece_of_evidence_of_a_scan() -> None:
+    sheet = Sheet()
+    beams = [(0.001 * k, 10.0, HIT) for k in range(20)]
+    sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, SOLID) for k in range(20)])
+    assert sheet.cells.evidence[SOLID, 20, 30] == FOR
+    assert sheet.cells.evidence[SOLID, 20, 25] == -AGAINST
+    assert not (sheet.cells.marks & ~np.uint8(SENSED | NEAR)).any()
+
+
+def test_what_one_beam_meets_others_do_not_wear_away() -> None:
+    sheet = Sheet()
+    beams = [(0.0, 10.0, HIT), (0.01, 15.0, NOTHING), (-0.01, 15.0, NOTHING)]
+    for _ in range(3):
+        sheet.scan((20.5, 20.5), beams, (0, 10.0, 10.0, SOLID))
+    assert sheet.cells.evidence[SOLID, 20, 30] == 3 * FOR
+
+
+def test_evidence_has_bounds_so_that_things_can_go_away() -> None:
+    sheet = Sheet()
+    for _ in range(30):
+        sheet.scan((20.5, 20.5), [(0.0, 10.0, HIT)], (0, 10.0, 10.0, SOLID))
+    assert sheet.cells.evidence[SOLID].max() == SUREST
+    for _ in range(60):
+        sheet.scan((20.5, 20.5), [(0.0, 15.0, NOTHING)])
+    assert sheet.cells.evidence[SOLID].max() == 0
+    assert sheet.cells.evidence[SOLID].min() == -SUREST
+
+
+def test_without_echoes_nothing_is_learnt_of_foliage() -> None:
+    sheet = Sheet()
+    sheet.scan((20.5, 20.5), [(0.0, 9.0, NOTHING)], sees_through=False)
+    assert not sheet.cells.evidence[[FOLIAGE, SMOKE]].any()
+    assert sheet.cells.evidence[[SOLID, ENDED]].any()
+
+
+def test_a_blind_beam_says_nothing() -> None:
+    sheet = Sheet()
+    sheet.scan((20.5, 20.5), [(0.0, 0.0, BLIND)])
+    assert not sheet.sensed().any()
+
+
+def test_near_is_what_is_crossed_within_the_short_range() -> None:
+    sheet = Sheet()
+    sheet.scan((20.5, 20.5), [(0.0, 10.0, HIT), (math.pi, 3.0, HIT)], short=5.0)
+    near = np.flatnonzero(sheet.cells.marks[20] & NEAR)
+    assert near.tolist() == [18, 19, 20, 21, 22, 23, 24]

@@ -1,0 +1,239 @@
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.mapping.occupancy_grid import (
+    CLOUD,
+    FREE,
+    OBSTACLE,
+    THICKET,
+    UNKNOWN,
+    OccupancyGrid,
+)
+from radarsim.mapping.scan import Scan2, read_scan
+from radarsim.protocol.reports import RangeScan, Seen
+
+Look = Callable[..., Scan2]
+HERE = Pose2(1.0, -0.5, 0.4)
+MAX_RANGE = 20.0
+places = st.floats(-7, 7)
+
+
+def fan(n: int = 61) -> Floats:
+    return np.radians(np.linspace(-30, 30, n))
+
+
+def thing(
+    name: str, kind_near: str, near: Floats, kind_far: str, far: Floats, *, passes: bool
+) -> Seen:
+    """Give the echoes of a thing that all beams enter and leave, or are spent in."""
+    n = len(near)
+    beams = np.repeat(np.arange(n), 2)
+    ranges = np.column_stack([near, far]).ravel()
+    ones = np.ones(2 * n)
+    kinds = (kind_near, kind_far) * n
+    return Seen(name, name, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones)
+
+
+def through(near: float, far: float, end: float | None, *, passes: bool) -> Scan2:
+    """Scan a slab across the view, from ``near`` to ``far`` m, and a wall at ``end``.
+
+    Without a wall the beams are spent in the slab.
+    """
+    slope = 1 / np.cos(fan())
+    if end is None:
+        slab = thing("slab", "enter", near * slope, "spent", far * slope, passes=passes)
+        seen, ranges = [slab], far * slope
+    else:
+        slab = thing("slab", "enter", near * slope, "leave", far * slope, passes=passes)
+        wall = thing("wall", "hit", end * slope, "hit", end * slope, passes=False)
+        seen, ranges = [slab, wall], end * slope
+    report = RangeScan(0.0, "lms200", math.radians(1), math.radians(60), ranges)
+    return read_scan(report, seen, max_range=MAX_RANGE)
+
+
+def grid_of(*scans: Scan2, pose: Pose2 | None = None) -> OccupancyGrid:
+    grid = OccupancyGrid()
+    for scan in scans:
+        grid.add(pose or Pose2(0.0, 0.0), scan)
+    return grid
+
+
+def class_at(grid: OccupancyGrid, x: float, y: float) -> int:
+    cell = grid.lattice.cell(x, y)
+    return UNKNOWN if cell is None else int(grid.classes()[cell])
+
+
+@pytest.fixture(scope="module")
+def mapped(look: Look, room: Floats) -> OccupancyGrid:
+    return grid_of(look(room, HERE), pose=HERE)
+
+
+def test_of_nothing_nothing_is_known() -> None:
+    grid = OccupancyGrid()
+    assert not grid.sensed(0.0, 0.0)
+    assert not grid.drivable(0.0, 0.0, 0.5)
+    assert grid.classes().size == 0
+    assert grid.drivable_cells(0.5).size == 0
+
+
+def test_a_room_is_free_within_and_unknown_behind_its_walls(
+    mapped: OccupancyGrid,
+) -> None:
+    assert class_at(mapped, 1.0, -1.0) == FREE
+    assert class_at(mapped, -5.0, 3.0) == FREE
+    assert class_at(mapped, 6.5, 0.0) == UNKNOWN
+    assert class_at(mapped, 2.0, 1.0) == UNKNOWN  # in a box
+    assert class_at(mapped, 2.9, 2.5) == UNKNOWN  # in its shadow
+
+
+def test_walls_are_where_beams_end(
+    mapped: OccupancyGrid, look: Look, room: Floats
+) -> None:
+    ends, _ = look(room, HERE).points()
+    c, s = math.cos(HERE.yaw), math.sin(HERE.yaw)
+    placed = ends @ np.array([[c, s], [-s, c]]) + (HERE.x, HERE.y)
+    middles_x, middles_y = mapped.lattice.middles()
+    rows, columns = np.nonzero(mapped.classes() == OBSTACLE)
+    x, y = middles_x[columns], middles_y[rows]
+    apart = np.hypot(placed[:, :1] - x, placed[:, 1:] - y)
+    assert apart.min(axis=0).max() <= 0.05 * math.sqrt(0.5) + 1e-9
+    assert apart.min(axis=1).max() <= 0.05 * math.sqrt(0.5) + 1e-9
+
+
+def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
+    seen_from = Pose2(1.0, 0.0, 0.9)
+    scan = look(room, seen_from)
+    mount = Pose2(0.2, 0.1, 0.5)
+    moved = Scan2(
+        scan.time,
+        mount,
+        scan.angles,
+        scan.reach,
+        scan.ends,
+        scan.marks,
+        scan.sees_through,
+    )
+    c, s = math.cos(0.4), math.sin(0.4)
+    body = Pose2(1.0 - (0.2 * c - 0.1 * s), -(0.2 * s + 0.1 * c), 0.4)
+    one = grid_of(scan, pose=seen_from)
+    other = grid_of(moved, pose=body)
+    assert one.lattice == other.lattice
+    assert (one.classes() != other.classes()).mean() < 1e-3  # rounding at borders
+
+
+def test_foliage_is_sensed_and_nobody_drives_there() -> None:
+    grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
+    assert class_at(grid, 2.5, 0.0) == THICKET
+    assert grid.sensed(2.5, 0.0)
+    assert not grid.drivable(2.5, 0.0, 0.0)
+    assert class_at(grid, 4.5, 0.0) == FREE
+    assert class_at(grid, 6.0, 0.0) == OBSTACLE
+
+
+def test_smoke_is_sensed_and_robots_drive_there() -> None:
+    grid = grid_of(through(2.0, 3.0, 6.0, passes=True))
+    assert class_at(grid, 2.5, 0.0) == CLOUD
+    assert grid.drivable(2.5, 0.0, 0.3)
+
+
+def test_where_power_runs_out_is_an_end_and_no_obstacle() -> None:
+    grid = grid_of(through(2.0, 3.5, None, passes=False))
+    assert class_at(grid, 3.49, 0.0) == THICKET
+    assert class_at(grid, 3.7, 0.0) == UNKNOWN
+    cell = grid.lattice.cell(3.5, 0.0)
+    assert cell is not None
+    assert grid.ended_cells()[cell]
+
+
+def test_a_safety_distance_is_kept_from_foliage_and_from_walls() -> None:
+    grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
+    assert grid.drivable(1.3, 0.0, 0.6)
+    assert not grid.drivable(1.5, 0.0, 0.6)
+    assert grid.drivable(4.5, 0.0, 0.6)
+    assert not grid.drivable(5.5, 0.0, 0.6)
+
+
+@given(x=places, y=places, safety=st.floats(0, 1))
+def test_drivable_is_sensed_and_far_from_all_that_blocks(
+    mapped: OccupancyGrid, x: float, y: float, safety: float
+) -> None:
+    cell = mapped.lattice.cell(x, y)
+    expected = False
+    if cell is not None:
+        rows, columns = np.nonzero(mapped.blocked_cells())
+        apart = np.hypot(rows - cell[0], columns - cell[1]) * 0.05
+        expected = mapped.sensed(x, y) and apart.min() > safety
+        assert bool(mapped.drivable_cells(safety)[cell]) == expected
+    assert mapped.drivable(x, y, safety) == expected
+
+
+def test_beams_without_return_clear_up_to_their_limit(
+    look: Look, nowhere: Floats
+) -> None:
+    grid = grid_of(look(nowhere, HERE), pose=HERE)
+    bearing = HERE.yaw + math.radians(0.5)
+    for away in (0.1, 10.0, 29.9):
+        x = HERE.x + away * math.cos(bearing)
+        assert grid.sensed(x, HERE.y + away * math.sin(bearing))
+    assert not (grid.classes() == OBSTACLE).any()
+    assert not grid.ended_cells().any()
+
+
+def test_however_a_map_grew_it_says_the_same(look: Look, room: Floats) -> None:
+    poses = [Pose2(-5.0, -3.0, 0.0), HERE, Pose2(5.0, 3.0, 2.0)]
+    open_side = np.array([[[-6.5, -6.5], [6.5, -6.5]]])
+    seen = [look(room, poses[0]), look(open_side, poses[1]), look(room, poses[2])]
+    one, other = OccupancyGrid(), OccupancyGrid()
+    for pose, scan in zip(poses, seen, strict=True):
+        one.add(pose, scan)
+    for pose, scan in zip(reversed(poses), reversed(seen), strict=True):
+        other.add(pose, scan)
+    assert one.lattice == other.lattice
+    assert (one.classes() == other.classes()).all()
+
+
+def test_where_the_robot_stands_it_is_free() -> None:
+    grid = OccupancyGrid()
+    grid.stand(Pose2(1.0, 2.0), 0.2)
+    assert grid.sensed(1.1, 2.1)
+    assert not grid.sensed(1.3, 2.0)
+    assert grid.drivable(1.0, 2.0, 0.2)
+
+
+def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> None:
+    grid = OccupancyGrid(short_range=2.0)
+    grid.add(HERE, look(nowhere, HERE))
+    x, y = grid.lattice.middles()
+    away = np.hypot(x - HERE.x, y[:, None] - HERE.y)
+    assert away[grid.near_cells()].max() <= 2.05
+    assert grid.near_cells()[away < 1.9].mean() > 0.99
+
+
+def test_blockage_is_a_probability_where_anything_is_known() -> None:
+    grid = grid_of(*[through(2.0, 3.0, 6.0, passes=False)] * 4)
+    blockage = grid.blockage()
+    for x, low, high in [(1.0, 0.0, 0.4), (2.5, 0.9, 1.0), (6.0, 0.9, 1.0)]:
+        cell = grid.lattice.cell(x, 0.0)
+        assert cell is not None
+        assert low < blockage[cell] < high
+    assert (np.isnan(blockage) == (grid.classes() == UNKNOWN)).all()
+
+
+@pytest.mark.parametrize("angle", [math.nan, math.inf])
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_a_beam_without_a_direction_is_an_error(angle: float) -> None:
+    report = RangeScan(0.0, "lms200", 0.1, angle, np.ones(3))
+    with pytest.raises(ValueError, match="beams without a direction"):
+        OccupancyGrid().add(HERE, read_scan(report, max_range=9.0))
+
+
+def test_the_same_scans_give_the_same_map(look: Look, room: Floats) -> None:
+    one, other = (grid_of(look(room, HERE), pose=HERE) for _ in range(2))
+    assert (one.classes() == other.classes()).all()
+    assert (np.nan_to_num(one.blockage()) == np.nan_to_num(other.blockage())).all()

@@ -1,0 +1,135 @@
+import csv
+import io
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.bug import Bug, BugSettings, Doing
+from radarsim.navigation.bumpers import Bumpers, pressed_names
+from radarsim.navigation.control import STAND, Motion, Pace
+from radarsim.navigation.observation import Sensed
+from radarsim.navigation.options import Algorithm
+from radarsim.navigation.run_log import CELL, Leg, Record
+from radarsim.navigation.runner import Moment
+
+BUMPERS = Bumpers(safety_distance=0.5)
+BOX = shapely.box(-1.5, -2, 1.5, 2.5)
+GOALS = ((6.0, 0.2), (0.0, 5.0))
+
+
+def moment(
+    x: float, y: float, doing: Doing, *ranges: float, time: float = 0.0
+) -> Moment:
+    bearings = np.linspace(-1.0, 1.0, len(ranges))
+    sensed = Sensed(time, Pose2(x, y, 0.5), bearings, np.array(ranges))
+    goal = None if doing is Doing.REACHED else (5.0, 0.0)
+    return Moment(sensed, doing, Motion(0.3, -0.1), ("front", "left"), goal)
+
+
+def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, Record]:
+    """Let a bug drive in a flat world, and record it."""
+    settings = BugSettings(algorithm=algorithm, bumpers=BUMPERS, pace=Pace(0.6, 1.5))
+    bug, record = Bug(GOALS, settings), Record()
+    while not bug.is_done:
+        sensed = world.scan()
+        motion = bug.step(sensed)
+        goal = bug.goals[0] if bug.goals else None
+        pressed = pressed_names(BUMPERS.read(sensed))
+        record.add(Moment(sensed, bug.doing, motion, pressed, goal))
+        world.move(motion)
+    return bug, record
+
+
+@pytest.mark.parametrize("algorithm", list(Algorithm))
+def test_it_knows_what_the_bug_knows(
+    flatland: Callable[..., Any], algorithm: Algorithm
+) -> None:
+    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    bug, record = driven(world, algorithm)
+    assert record.hits == bug.hits
+    assert record.leaves == bug.leaves
+    assert record.circuits == bug.circuits == (algorithm is Algorithm.BUG1)
+    assert [leg.goal for leg in record.legs] == list(GOALS)
+    assert record.legs[0] == Leg((-6.0, 0.0), GOALS[0])
+    assert record.length == pytest.approx(world.length, abs=0.1)
+    assert record.nearest == pytest.approx(world.nearest, abs=0.02)
+
+
+def test_where_the_goal_is_reached_at_a_boundary_is_no_leave_point() -> None:
+    record = Record()
+    record.add(moment(0, 0, Doing.GOING))
+    record.add(moment(1, 0, Doing.ALIGNING))
+    record.add(moment(1, 1, Doing.FOLLOWING))
+    record.add(moment(5, 0, Doing.REACHED))
+    assert record.hits == [(1, 0)]
+    assert record.leaves == []
+    assert record.rows[-1].goal_distance == 0
+
+
+def test_a_run_that_begins_at_an_obstacle_begins_with_a_hit_point() -> None:
+    record = Record()
+    record.add(moment(0, 0, Doing.FOLLOWING))
+    record.add(moment(1, 0, Doing.GOING))
+    assert (record.hits, record.leaves) == ([(0, 0)], [(1, 0)])
+
+
+def test_nothing_is_known_of_nothing() -> None:
+    record = Record()
+    assert (record.time, record.length, record.nearest) == (0.0, 0.0, math.inf)
+    assert record.way.shape == (0, 2)
+    assert record.sensed.shape == (0, 3)
+    assert record.as_csv().count("\n") == 1
+
+
+@given(
+    st.floats(-500, 500),
+    st.floats(-500, 500),
+    st.lists(st.floats(0.1, 80.0), min_size=1, max_size=30),
+)
+def test_every_sensed_point_is_kept_to_half_a_square(
+    x: float, y: float, ranges: list[float]
+) -> None:
+    record = Record()
+    seen = moment(x, y, Doing.GOING, *ranges, math.inf)
+    record.add(seen)
+    record.add(seen)
+    kept = record.sensed
+    points = seen.sensed.points()
+    apart = np.abs(points[:, None] - kept[None, :, :2]).max(axis=2).min(axis=1)
+    assert apart.max() <= CELL / 2 + 1e-6
+    assert kept[:, 2].sum() == 2 * len(ranges)
+
+
+def test_a_trace_has_a_row_for_each_moment_and_gaps_for_what_is_not() -> None:
+    record = Record()
+    record.add(moment(-0.00001, 1.23456, Doing.GOING, 2.5, 1.5, time=0.2))
+    record.add(moment(0.1, 1.25, Doing.REACHED, math.inf, time=0.30000000000000004))
+    first, last = csv.DictReader(io.StringIO(record.as_csv()))
+    assert first == {
+        "time": "0.2",
+        "x": "0.0",
+        "y": "1.2346",
+        "yaw": "0.5",
+        "doing": "going",
+        "goal_x": "5.0",
+        "goal_y": "0.0",
+        "speed": "0.3",
+        "turn": "-0.1",
+        "nearest": "1.5",
+        "pressed": "front left",
+    }
+    assert (last["time"], last["goal_x"], last["nearest"]) == ("0.3", "", "")
+
+
+def test_yaw_stays_within_half_a_turn() -> None:
+    record = Record()
+    sensed = Sensed(0.0, Pose2(0, 0, 7.0), np.zeros(0), np.zeros(0))
+    row = record.add(Moment(sensed, Doing.NO_PATH, STAND, (), (1.0, 0.0)))
+    assert row.yaw == pytest.approx(7.0 - 2 * math.pi)

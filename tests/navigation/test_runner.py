@@ -1,0 +1,308 @@
+"""A pilot at a server that is well, and at servers that are not."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import pytest
+
+from radarsim.client import Client
+from radarsim.errors import ClientError, NavigationError
+from radarsim.geometry import Pose2
+from radarsim.host import Host
+from radarsim.host.lockstep import HostLink
+from radarsim.navigation.bug import Doing
+from radarsim.navigation.mission import Mission, carry_out
+from radarsim.navigation.options import Algorithm, PoseSource
+from radarsim.navigation.runner import Moment, Result
+from radarsim.protocol.commands import Drive, parse_command
+from radarsim.protocol.dialect import COMPAT
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import TICK
+
+GOAL = (-5.5, 0.5)  # from RobotStart1 of the empty room, nothing is in the way
+SCANS = b"{Type RangeScanner}"
+ALWAYS, NEVER = 0.0, math.inf
+
+
+@dataclass
+class Ill:
+    """A link to a host, with something wrong for a while.
+
+    Attributes:
+        host: The server.
+        fault: ``stalls``: all comes late; ``drops``: the connection is gone; else: no
+            lines come that hold this.
+        since: From when on, simulated s.
+        until: Until when.
+        driven: When DRIVE was sent, and what.
+        deaf: Whether no DRIVE arrives.
+        rewrite: What is made of all that comes, last.
+    """
+
+    host: Host
+    fault: str | bytes = "nothing"
+    since: float = NEVER
+    until: float = NEVER
+    deaf: bool = False
+    driven: list[tuple[float, Drive]] = field(default_factory=list)
+    rewrite: Callable[[bytes], bytes] = bytes
+
+    def __post_init__(self) -> None:
+        self._link = HostLink(self.host)
+        self._kept = b""
+
+    @property
+    def is_ill(self) -> bool:
+        return self.since <= self.time() < self.until
+
+    def time(self) -> float:
+        return self.host.simulation.time
+
+    def send(self, data: bytes) -> None:
+        if self.fault == "drops" and self.is_ill:
+            raise ConnectionError("the server closed the connection")
+        command = parse_command(data.decode().strip(), COMPAT)
+        if isinstance(command, Drive):
+            self.driven.append((self.time(), command))
+        if not (self.deaf and isinstance(command, Drive)):
+            self._link.send(data)
+
+    def receive(self, timeout: float) -> bytes:
+        end = self.time() + max(timeout, TICK)
+        while self.time() < end - TICK / 2:
+            if self.fault == "drops" and self.is_ill:
+                self._link.close()
+                raise ConnectionError("the server closed the connection")
+            self.host.step()
+            data = self.rewrite(self._passing(self.host.take(self._link.number)))
+            if data:
+                return data
+        raise TimeoutError
+
+    def _passing(self, data: bytes) -> bytes:
+        if isinstance(self.fault, bytes) and self.is_ill:
+            lines = data.splitlines(keepends=True)
+            return b"".join(line for line in lines if self.fault not in line)
+        if self.fault == "stalls" and self.is_ill:
+            self._kept += data
+            return b""
+        data, self._kept = self._kept + data, b""
+        return data
+
+    def close(self) -> None:
+        self._link.close()
+
+    @property
+    def pose(self) -> Pose2:
+        """Where the robot really is."""
+        return self.host.simulation.vehicles[0].robot.pose
+
+
+def go(link: Ill, observe: Callable[[Moment], None] = lambda _: None) -> Result:
+    return go_with(link, observe=observe)
+
+
+def go_with(
+    link: Ill, *, observe: Callable[[Moment], None] = lambda _: None, **wish: object
+) -> Result:
+    values = {"algorithm": Algorithm.BUG2, "goals": (GOAL,), **wish}
+    mission = Mission(**values)  # type: ignore[arg-type]
+    return carry_out(Client(link), mission, observe)
+
+
+def stops(link: Ill) -> list[float]:
+    return [when for when, drive in link.driven if drive.left == drive.right == 0]
+
+
+@pytest.mark.parametrize("source", list(PoseSource))
+def test_it_gets_to_a_goal_by_any_reading_of_its_pose_and_stands(
+    empty_room: Scene, source: PoseSource
+) -> None:
+    link = Ill(Host(empty_room))
+    moments: list[Moment] = []
+    result = go_with(link, source=source, observe=moments.append)
+    assert (result.outcome, result.goals_left) == ("reached", 0)
+    assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
+    assert stops(link) == [link.driven[-1][0]]
+    assert result.path_length == pytest.approx(math.dist((-8, 0), GOAL), abs=0.3)
+    assert result.time == pytest.approx((len(moments) - 1) * 0.1, abs=1e-6)
+    assert moments[-1].doing is Doing.REACHED
+    assert moments[-1].goal is None
+    assert {moment.goal for moment in moments[:-1]} == {GOAL}
+    assert result.nearest == min(moment.sensed.ranges.min() for moment in moments)
+
+
+def test_way_points_are_met_in_turn(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room))
+    points = ((-7.0, 0.0), (-7.0, 1.5), GOAL)
+    seen: list[object] = []
+    result = go_with(
+        link, goals=points, observe=lambda moment: seen.append(moment.goal)
+    )
+    assert list(dict.fromkeys(seen)) == [*points, None]
+    assert result.outcome == "reached"
+
+
+def test_a_server_that_stops_for_three_seconds_has_its_robot_stopped(
+    empty_room: Scene,
+) -> None:
+    link = Ill(Host(empty_room), "stalls", since=3.0, until=6.0)
+    with pytest.raises(ClientError) as error:
+        go(link)
+    assert str(error.value) == (
+        "no scan of 'lms200' within 2 s, nothing came; the robot was told to stop"
+    )
+    assert 3.4 < stops(link)[0] < 3.7
+    stood = link.pose
+    for _ in range(100):
+        link.host.step()
+    assert link.pose == stood
+
+
+def test_whoever_waits_longer_goes_on_after_it(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room), "stalls", since=3.0, until=6.0)
+    result = go_with(link, timeout=5.0)
+    assert result.outcome == "reached"
+    stopped = stops(link)[0]
+    assert 3.4 < stopped < 3.7
+    assert not [when for when, _ in link.driven if stopped < when < 6.0]
+    assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
+
+
+def test_a_server_that_drops_the_connection_is_said_to(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room), "drops", since=3.0)
+    with pytest.raises(ClientError, match="the server closed the connection"):
+        go(link)
+    assert not link.host.simulation.vehicles  # it takes the robot with it
+
+
+def test_a_server_that_sends_no_more_scans_has_its_robot_stopped(
+    empty_room: Scene,
+) -> None:
+    link = Ill(Host(empty_room), SCANS, since=3.0)
+    with pytest.raises(ClientError) as error:
+        go(link)
+    assert re.fullmatch(
+        r"no scan of 'lms200' within 2 s, what came: .*GroundTruth.*;"
+        " the robot was told to stop",
+        str(error.value),
+    )
+    assert 3.4 < stops(link)[0] < 3.7
+
+
+def test_a_server_that_never_sends_a_scan_is_said_to(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room), b"{Range ", since=ALWAYS)
+    with pytest.raises(ClientError, match="no scan of 'lms200' within 2 s"):
+        go(link)
+    assert all(drive.left == drive.right == 0 for _, drive in link.driven)
+
+
+def test_a_robot_without_a_scanner_is_said_to_have_none(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room), SCANS, since=ALWAYS)
+    with pytest.raises(ClientError, match="expected a scanner"):
+        go(link)
+
+
+@pytest.mark.parametrize(
+    ("source", "line"),
+    [
+        pytest.param(PoseSource.INS, b"{Type INS}", id="ins"),
+        pytest.param(PoseSource.GROUND_TRUTH, b"{Type GroundTruth}", id="truth"),
+        pytest.param(PoseSource.ODOMETRY, b"{Type Odometry}", id="odometry"),
+    ],
+)
+def test_a_pose_that_never_comes_is_said_to_be_missing(
+    empty_room: Scene, source: PoseSource, line: bytes
+) -> None:
+    link = Ill(Host(empty_room), line, since=ALWAYS)
+    with pytest.raises(ClientError, match=f"no pose from {source.value} within 2 s"):
+        go_with(link, source=source)
+
+
+def test_a_robot_that_stays_where_it_is_is_given_up(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room), deaf=True)
+    with pytest.raises(NavigationError, match=r"stays at -8\.00 0\.00, told to go 3 m"):
+        go(link)
+    assert stops(link) == [link.driven[-1][0]]
+
+
+def test_time_is_limited(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room))
+    result = go_with(link, time_limit=2.0)
+    assert (result.outcome, result.goals_left) == ("failed", 1)
+    assert result.time == pytest.approx(2.1)
+    assert stops(link) == [link.driven[-1][0]]
+
+
+def test_whatever_goes_wrong_the_robot_is_told_to_stop(empty_room: Scene) -> None:
+    link = Ill(Host(empty_room))
+
+    def interrupt(moment: Moment) -> None:
+        if moment.sensed.time > 2.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        go(link, interrupt)
+    assert stops(link) == [link.driven[-1][0]]
+
+
+def without_stamps(data: bytes) -> bytes:
+    return re.sub(rb" \{Time [^}]*\}", b"", data)
+
+
+def with_one_stamp(data: bytes) -> bytes:
+    return re.sub(rb"\{Time [^}]*\}", b"{Time 7.00}", data)
+
+
+STAMPS = pytest.mark.parametrize(
+    "rewrite",
+    [
+        pytest.param(without_stamps, id="no stamps"),
+        pytest.param(with_one_stamp, id="always the same stamp"),
+    ],
+)
+
+
+@STAMPS
+def test_time_is_limited_at_a_server_without_a_clock(
+    empty_room: Scene, rewrite: Callable[[bytes], bytes]
+) -> None:
+    link = Ill(Host(empty_room), rewrite=rewrite)
+    moments: list[Moment] = []
+    result = go_with(link, time_limit=2.0, observe=moments.append)
+    assert result.outcome == "failed"
+    assert result.time == pytest.approx(2.1)
+    assert all(math.isfinite(moment.sensed.time) for moment in moments)
+
+
+@STAMPS
+def test_a_robot_that_stays_is_given_up_at_a_server_without_a_clock(
+    empty_room: Scene, rewrite: Callable[[bytes], bytes]
+) -> None:
+    link = Ill(Host(empty_room), deaf=True, rewrite=rewrite)
+    with pytest.raises(NavigationError, match="told to go 3 m"):
+        go_with(link, time_limit=60.0)
+
+
+def test_scans_are_known_by_their_name_in_any_case(empty_room: Scene) -> None:
+    seen: list[Moment] = []
+
+    def rewrite(data: bytes) -> bytes:
+        return data.replace(b"lms200", b"LMS200") if seen else data
+
+    link = Ill(Host(empty_room), rewrite=rewrite)
+    assert go_with(link, observe=seen.append).outcome == "reached"
+
+
+def test_a_scan_that_lost_most_of_its_beams_is_refused(empty_room: Scene) -> None:
+    seen: list[Moment] = []
+
+    def rewrite(data: bytes) -> bytes:
+        return re.sub(rb"\{Range [^}]*\}", b"{Range 5,5}", data) if seen else data
+
+    link = Ill(Host(empty_room), rewrite=rewrite)
+    with pytest.raises(ClientError, match=r"scan of 2 ranges from .*, expected \d+$"):
+        go_with(link, observe=seen.append)
+    assert stops(link) == [link.driven[-1][0]]

@@ -1,0 +1,143 @@
+import math
+from typing import Any, Protocol
+
+import numpy as np
+import pytest
+import shapely
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.control import Pace
+from radarsim.navigation.wall_following import Follower, Way
+
+
+class World(Protocol):
+    """Makes a flat world of polygons, with the robot at a pose."""
+
+    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
+
+
+S = 0.5
+FOLLOWER = Follower(Bumpers(safety_distance=S), Pace(0.3))
+WAYS = [
+    pytest.param(Way(on_left, forward), id=f"{'left' if on_left else 'right'}, {name}")
+    for on_left in (True, False)
+    for forward, name in ((True, "forward"), (False, "backward"))
+]
+
+
+def alongside(way: Way, *, distance: float) -> Pose2:
+    """A pose beside a boundary at y = 0 that is above the robot."""
+    facing_east = way.on_left  # the boundary's hand, whatever the way along
+    return Pose2(0.0, -distance, 0.0 if facing_east else math.pi)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("distance", [0.55, 0.75, 0.98])
+def test_along_a_wall_it_settles_in_the_middle_of_the_band(
+    flatland: World, way: Way, distance: float
+) -> None:
+    world = flatland(shapely.box(-30, 0, 30, 1), at=alongside(way, distance=distance))
+    for _ in range(300):
+        motion, found = FOLLOWER.step(world.scan(), way)
+        assert found
+        assert (motion.speed > 0) == way.forward
+        world.move(motion)
+    assert world.pose.y == pytest.approx(-FOLLOWER.wanted, abs=0.12)
+    assert abs(world.pose.x) > 7
+    east = (world.pose.x > 0) == (way.on_left == way.forward)
+    assert east
+    assert world.nearest > S
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "shape",
+    [
+        pytest.param(shapely.Point(0, 1.0).buffer(1.0), id="disc"),
+        pytest.param(shapely.Point(0, 0.1).buffer(0.1), id="pole"),
+        pytest.param(shapely.box(-2, 0, 2, 0.02), id="thin wall"),
+        pytest.param(shapely.box(-2, 0, 2, 3), id="box"),
+        pytest.param(
+            shapely.box(-4, 0, 4, 6).difference(shapely.box(-1.3, 1, 1.3, 7)),
+            id="inlet",
+        ),
+        pytest.param(
+            shapely.box(-4, 0, 4, 6).difference(shapely.box(-0.4, 1, 0.4, 7)),
+            id="inlet that is too narrow",
+        ),
+    ],
+)
+def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
+    flatland: World, shape: shapely.Polygon, way: Way
+) -> None:
+    world = flatland(shape, at=alongside(way, distance=0.75))
+    begin, turned = world.pose, 0.0
+    for _ in range(3000):
+        motion, _ = FOLLOWER.step(world.scan(), way)
+        world.move(motion)
+        turned += motion.turn * 0.1
+        home = math.hypot(world.pose.x - begin.x, world.pose.y - begin.y)
+        if abs(turned) > 4 and world.length > 3 and home < 0.35:
+            break
+    else:
+        pytest.fail(f"not round after {world.length:.1f} m, at {world.pose}")
+    assert world.nearest > 0.45
+    inner, outer = shape.buffer(0.55), shape.buffer(1.0)
+    closed = outer.buffer(0)
+    assert world.length == pytest.approx(shape.buffer(0.75).exterior.length, rel=0.12)
+    assert closed.covers(shapely.Point(world.pose.x, world.pose.y))
+    assert inner.area < closed.area
+
+
+def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
+    world = flatland(at=Pose2(0.0, 0.0))
+    for way in (Way(), Way(on_left=False), Way(forward=False), Way(False, False)):
+        motion, found = FOLLOWER.step(world.scan(), way)
+        assert not found
+        # about a centre on the boundary's hand, at the distance that is kept
+        assert motion.speed / motion.turn == pytest.approx(
+            FOLLOWER.wanted * (1 if way.on_left else -1)
+        )
+        assert (motion.speed > 0) == way.forward
+
+
+def test_in_a_gap_it_keeps_to_the_middle(flatland: World) -> None:
+    walls = shapely.box(-20, 0.6, 20, 1), shapely.box(-20, -1, 20, -0.6)
+    world = flatland(*walls, at=Pose2(-15.0, 0.05, 0.0))
+    for _ in range(600):
+        world.move(FOLLOWER.step(world.scan(), Way())[0])
+    assert world.pose.x > 0
+    assert world.nearest > 0.5
+
+
+def test_walled_in_it_turns_and_stays(flatland: World) -> None:
+    well = shapely.Point(0, 0).buffer(0.6).exterior.buffer(0.01)
+    world = flatland(well, at=Pose2(0.0, 0.0))
+    for _ in range(100):
+        world.move(FOLLOWER.step(world.scan(), Way())[0])
+    assert world.nearest > 0.4
+
+
+def test_the_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
+    wall = shapely.box(-9, 0, 9, 1)
+    for way, expected in ((Way(), 0.0), (Way(on_left=False), math.pi)):
+        world = flatland(wall, at=Pose2(0.0, -0.8, expected + 0.4))
+        tangent = FOLLOWER.tangent(world.scan(), way)
+        assert math.cos(tangent - expected) == pytest.approx(1.0, abs=0.01)
+    away = flatland(at=Pose2(0.0, 0.0, 0.4))
+    assert FOLLOWER.tangent(away.scan(), Way()) == pytest.approx(0.4)
+
+
+def test_going_back_is_the_same_hand_the_other_way() -> None:
+    way = Way(on_left=False)
+    assert way.reversed == Way(on_left=False, forward=False)
+    assert way.reversed.reversed == way
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_bearings_come_back_as_they_went(flatland: World, way: Way) -> None:
+    sensed = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
+    seen = way.seen(sensed)
+    back = np.array([way.bearing(float(b)) for b in seen.bearings])
+    assert np.cos(back - sensed.bearings) == pytest.approx(1.0)

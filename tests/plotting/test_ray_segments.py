@@ -1,0 +1,130 @@
+"""The power on the way, against what paper and pencil give."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim import Material, Part
+from radarsim.geometry import Floats
+from radarsim.plotting.ray_segments import FALL, Pieces, cut
+from radarsim.raycast.rays import LASER, RADAR, Rays
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.shapes import box
+
+WALL = Material("wall")
+
+
+def slab(material: Material, near: float, far: float) -> Part:
+    """Make something across the x axis."""
+    vertices, faces = box(far - near, 4, 4)
+    middle = np.array([(near + far) / 2, 0, 0])
+    return Part(material.name, material, vertices + middle, faces)
+
+
+def ray(power: float = 1.0, reach: float = 20.0, medium: int = RADAR) -> Rays:
+    return Rays.alike(
+        np.zeros((1, 3)), np.eye(3)[:1], reach=reach, power=power, medium=medium
+    )
+
+
+def halfway(pieces: Pieces) -> Floats:
+    return np.asarray((pieces.starts + pieces.ends) / 2)
+
+
+def assert_they_lie_end_to_end(pieces: Pieces, end: float) -> None:
+    assert pieces.starts[0] == 0
+    assert pieces.ends[:-1] == pytest.approx(pieces.starts[1:], abs=1e-12)
+    assert pieces.ends[-1] == pytest.approx(end, abs=1e-9)
+    assert np.all(pieces.ends > pieces.starts)
+
+
+@given(
+    density=st.floats(0.01, 5), thickness=st.floats(0.1, 3), power=st.floats(0.1, 10)
+)
+def test_power_falls_in_a_slab_as_its_density_says(
+    density: float, thickness: float, power: float
+) -> None:
+    hedge = Material("hedge", density=density)
+    tracer = Tracer([slab(hedge, 2, 2 + thickness), slab(WALL, 8, 9)])
+    pieces = cut(tracer, ray(power))
+    spent = density * thickness >= power
+    assert_they_lie_end_to_end(pieces, 2 + power / density if spent else 8)
+    inside = np.clip(halfway(pieces) - 2, 0, thickness)
+    assert pieces.shares == pytest.approx(1 - density * inside / power, abs=1e-6)
+    assert np.all(np.diff(pieces.shares) <= 1e-12)
+
+
+def test_no_piece_loses_much_of_the_power() -> None:
+    tracer = Tracer([slab(Material("hedge", density=0.9), 2, 3), slab(WALL, 8, 9)])
+    pieces = cut(tracer, ray())
+    lengths = pieces.ends - pieces.starts
+    inside = (pieces.starts >= 2) & (pieces.ends <= 3)
+    assert np.sum(lengths[inside]) == pytest.approx(1)
+    assert np.all(0.9 * lengths[inside] <= FALL + 1e-9)
+    assert np.count_nonzero(~inside) == 2  # where nothing falls, nothing is cut
+
+
+def test_from_within_power_falls_at_once() -> None:
+    hedge = Material("hedge", density=0.5)
+    pieces = cut(Tracer([slab(hedge, -1, 1), slab(WALL, 8, 9)]), ray())
+    assert_they_lie_end_to_end(pieces, 8)
+    assert pieces.shares[0] == pytest.approx(1 - 0.5 * halfway(pieces)[0])
+    assert pieces.shares[-1] == pytest.approx(0.5)
+
+
+LEAVES = Material("leaves", density=0.0, laser_density=0.0, sheet_loss=0.15)
+
+
+def test_behind_each_sheet_there_is_less() -> None:
+    pieces = cut(Tracer([slab(LEAVES, 2, 3), slab(WALL, 8, 9)]), ray())
+    assert_they_lie_end_to_end(pieces, 8)
+    assert pieces.ends == pytest.approx([2, 3, 8])
+    assert pieces.shares == pytest.approx([1, 0.85, 0.7])
+
+
+def test_a_sheet_takes_nothing_from_light() -> None:
+    tracer = Tracer([slab(LEAVES, 2, 3), slab(WALL, 8, 9)])
+    assert cut(tracer, ray(medium=LASER)).shares == pytest.approx([1, 1, 1])
+
+
+def test_a_sheet_within_a_volume_takes_its_toll_and_the_volume_too() -> None:
+    hedge = Material("hedge", density=0.1)
+    pieces = cut(Tracer([slab(hedge, 1, 5), slab(LEAVES, 2, 4)]), ray())
+    middles = halfway(pieces)
+    crossed = (middles > 2).astype(int) + (middles > 4)
+    expected = 1 - 0.1 * np.clip(middles - 1, 0, 4) - 0.15 * crossed
+    assert pieces.shares == pytest.approx(expected)
+    assert_they_lie_end_to_end(pieces, 20)
+
+
+@pytest.mark.parametrize(
+    "power", [pytest.param(np.inf, id="unlimited"), pytest.param(0.0, id="none")]
+)
+def test_power_without_end_or_none_is_all_there(power: float) -> None:
+    hedge = Material("hedge", density=0.0)
+    pieces = cut(Tracer([slab(hedge, 2, 3), slab(WALL, 8, 9)]), ray(power))
+    assert_they_lie_end_to_end(pieces, 8)
+    assert np.all(pieces.shares == 1)
+
+
+def test_a_ray_that_meets_nothing_goes_to_the_end_of_its_reach() -> None:
+    pieces = cut(Tracer([]), ray(reach=7))
+    assert (pieces.starts.tolist(), pieces.ends.tolist()) == ([0], [7])
+
+
+def test_every_ray_has_pieces_of_its_own() -> None:
+    origins = np.array([[0.0, 0, 0], [0, 9, 0], [1, 0, 0]])
+    rays = Rays.alike(origins, np.eye(3)[[0, 0, 0]], reach=20, power=1.0)
+    tracer = Tracer([slab(Material("hedge", density=0.5), 2, 3), slab(WALL, 8, 9)])
+    pieces = cut(tracer, rays)
+    ends = [pieces.ends[pieces.rays == i][-1] for i in range(3)]
+    assert ends == pytest.approx([8, 20, 7])
+    assert [pieces.shares[pieces.rays == i][-1] for i in range(3)] == [0.5, 1, 0.5]
+
+
+def test_lines_are_seen_from_above() -> None:
+    way = np.array([[0.6, 0.0, 0.8]])
+    rays = Rays.alike(np.array([[1.0, 2, 3]]), way, reach=10)
+    lines = cut(Tracer([]), rays).lines
+    assert lines.tolist() == [[[1, 2], [7, 2]]]

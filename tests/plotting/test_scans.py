@@ -1,0 +1,283 @@
+"""What is in a picture, asked of the figure before it is painted."""
+
+import io
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.figure import Figure
+
+import radarsim
+from radarsim import Material, Part, Scan, Scene
+from radarsim.geometry import Floats
+from radarsim.plotting import draw_scans, figure_of
+from radarsim.plotting.ray_segments import LOST, RAY_COLOURS, opacity_of, width_of
+from radarsim.plotting.style import material_colours, scan_points
+from radarsim.rng import generator_for
+from radarsim.scene.shapes import box
+
+START = (-7.7915, 0.0, 0.0)
+
+
+def scan_of(scene: Scene, preset: str = "radar", **settings: Any) -> Scan:
+    scanner = radarsim.load_sensor(preset, **settings)
+    return scanner.scan(scene, START, generator_for(0, preset))
+
+
+def strokes(figure: Figure) -> LineCollection:
+    found = figure.axes[0].findobj(LineCollection)
+    (rays,) = (lines for lines in found if lines.get_label() == "rays")
+    assert isinstance(rays, LineCollection)
+    return rays
+
+
+def colours_of(artist: LineCollection | PathCollection) -> Floats:
+    """Give the colours of lines or outlines, (P, 4)."""
+    return np.asarray(artist.get_edgecolor(), np.float64)
+
+
+def ends_of(lines: LineCollection) -> Floats:
+    """Give both ends of each line, (P, 2, 2) m."""
+    return np.array(lines.get_segments())
+
+
+def markers(figure: Figure) -> dict[str, PathCollection]:
+    found = figure.axes[0].findobj(PathCollection)
+    return {str(marks.get_label()): marks for marks in found}
+
+
+def dots_of(figure: Figure) -> Floats:
+    """Give where the readings are, (R, 2) m."""
+    lines = (line for line in figure.axes[0].lines if line.get_marker() == ".")
+    return np.concatenate([np.asarray(line.get_xydata()) for line in lines])
+
+
+def labels(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize("side", [-1, 0, 1])
+def test_side_rays_have_their_colours_and_start_beside_the_sensor(
+    foliage_room: Scene, side: int
+) -> None:
+    weights = tuple(float(side == other) for other in (-1, 0, 1))
+    scan = scan_of(
+        foliage_room, side_mode="lateral", side_offset_uu=100, ray_weights=weights
+    )
+    lines = strokes(figure_of(foliage_room, [scan]))
+    starts = ends_of(lines)[:, 0]
+    assert np.isclose(starts, [START[0], side * 0.4]).all(axis=1).sum() == 181
+    colour = np.broadcast_to(to_rgb(RAY_COLOURS[side][0]), (len(starts), 3))
+    assert colours_of(lines)[:, :3] == pytest.approx(colour)
+
+
+def test_rays_fade_with_their_power(foliage_room: Scene) -> None:
+    scan = scan_of(foliage_room, side_offset_uu=0, ray_weights=(0, 1, 0))
+    lines = strokes(figure_of(foliage_room, [scan]))
+    opacity, width = colours_of(lines)[:, 3], np.asarray(lines.get_linewidth())
+    none, full = opacity_of(np.array([0.0, 1.0]))
+    assert none < full
+    x = ends_of(lines)[:, 1, 0]
+    assert opacity[x < -0.8] == pytest.approx(full)  # in front of all bushes
+    assert np.count_nonzero(x > 1.8) > 5
+    assert np.all(opacity[x > 1.8] < full)  # behind them
+    assert np.all(opacity > none)
+    assert width == pytest.approx(width_of((opacity - none) / (full - none)))
+    assert np.ptp(width) > 0.3
+
+
+def test_a_ray_without_return_is_faint_and_as_long_as_its_reach(
+    empty_room: Scene,
+) -> None:
+    scan = scan_of(empty_room, "laser", max_range=3)
+    figure = figure_of(empty_room, [scan])
+    lines = strokes(figure)
+    length = np.hypot(*np.diff(ends_of(lines), axis=1)[:, 0].T)
+    assert length == pytest.approx(np.full(181, 3.0))
+    opacity = float(opacity_of(np.ones(1))[0])
+    assert colours_of(lines)[:, 3] == pytest.approx(np.full(181, opacity * LOST))
+    assert "no return" in labels(figure)
+    assert markers(figure) == {}
+    assert len(dots_of(figure)) == 0
+    assert "181 without return" in figure.axes[0].get_title()
+
+
+MODES = {
+    "last": {"hits: concrete", "hits: wood", "is spent: foliage"},
+    "first": {"hits: concrete", "enters a volume: foliage"},
+    "all": {
+        "hits: concrete",
+        "hits: wood",
+        "is spent: foliage",
+        "enters a volume: foliage",
+        "leaves a volume: foliage",
+    },
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_echoes_that_are_kept_are_drawn(foliage_room: Scene, mode: str) -> None:
+    scan = scan_of(foliage_room, return_mode=mode)
+    figure = figure_of(foliage_room, [scan])
+    drawn = markers(figure)
+    assert set(drawn) == MODES[mode]
+    counts = [len(np.asarray(marks.get_offsets())) for marks in drawn.values()]
+    assert sum(counts) == len(scan.echoes)
+    kinds = {label.split(": ")[0] for label in drawn}
+    assert kinds <= set(labels(figure))
+
+
+def test_each_return_mode_looks_different(foliage_room: Scene) -> None:
+    modes = ("last", "first", "strongest", "all")
+    pictures = {
+        draw_scans(foliage_room, [scan_of(foliage_room, return_mode=mode)])
+        for mode in modes
+    }
+    assert len(pictures) == 4
+
+
+@pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param({"side_offset_uu": 0}, id="three rays in one place"),
+        pytest.param({"side_mode": "cone", "cone_rays": 1}, id="a cone of one ray"),
+        pytest.param(
+            {"side_mode": "cone", "cone_rays": 2, "beamwidth_az_deg": 3},
+            id="a cone without a middle",
+        ),
+    ],
+)
+def test_beams_of_any_number_of_rays_can_be_drawn(
+    foliage_room: Scene, mode: str, settings: dict[str, Any]
+) -> None:
+    scan = scan_of(foliage_room, return_mode=mode, **settings)
+    assert markers(figure_of(foliage_room, [scan]))
+
+
+def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
+    foliage_room: Scene,
+) -> None:
+    scan = scan_of(foliage_room, return_mode="all")
+    figure = figure_of(foliage_room, [scan])
+    colours = material_colours(foliage_room)
+    for label, marks in markers(figure).items():
+        kind, material = label.split(": ")
+        assert np.allclose(colours_of(marks), to_rgba(colours[material]))
+        inside = np.asarray(marks.get_facecolor())
+        assert bool(len(inside)) == (kind in {"hits", "is spent"})
+    samples = dict(zip(labels(figure), figure.legends[0].get_lines(), strict=True))
+    for material in ("concrete", "wood", "foliage"):
+        assert samples[material].get_color() == colours[material]
+
+
+def test_stronger_echoes_are_larger(foliage_room: Scene) -> None:
+    scan = scan_of(foliage_room, ray_choice="drawn", return_mode="all")
+    marks = markers(figure_of(foliage_room, [scan]))["enters a volume: foliage"]
+    sizes = np.sort(marks.get_sizes())
+    assert sizes[-1] > 1.5 * sizes[0]
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_readings_are_dots_along_their_beams(foliage_room: Scene, count: int) -> None:
+    scanner = radarsim.load_sensor("radar", side_offset_uu=100)
+    rng = generator_for(0, "dots")
+    scans = [scanner.scan(foliage_room, START, rng) for _ in range(count)]
+    figure = figure_of(foliage_room, scans)
+    dots = dots_of(figure)
+    expected = np.concatenate([scan_points(scan) for scan in scans])
+    assert len(dots) == 181 * count
+    ordered, wanted = (points[np.lexsort(points.T)] for points in (dots, expected))
+    assert ordered == pytest.approx(wanted)
+
+
+def test_of_several_scans_only_the_readings_are_drawn(foliage_room: Scene) -> None:
+    scanner = radarsim.load_sensor("radar")
+    rng = generator_for(0, "several")
+    scans = [scanner.scan(foliage_room, START, rng) for _ in range(2)]
+    figure = figure_of(foliage_room, scans)
+    assert markers(figure) == {}
+    assert "Power left on a ray" not in labels(figure)
+    assert {"left ray", "centre ray", "right ray", "foliage"} <= set(labels(figure))
+    assert "2 scans of 181 beams" in figure.axes[0].get_title()
+
+
+def test_a_blinded_laser_is_said_to_be(smoke_room: Scene) -> None:
+    figure = figure_of(smoke_room, [scan_of(smoke_room, "hokuyo")])
+    assert "228 blinded" in figure.axes[0].get_title()
+    assert set(markers(figure)) == {"is spent: smoke"}
+    assert "left ray" not in labels(figure)
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        pytest.param(
+            {"side_offset_uu": 50}, "N = 50 perpendicular, one drawn, last", id="drawn"
+        ),
+        pytest.param({"return_mode": "all"}, "together, all echoes", id="together"),
+        pytest.param(
+            {"side_mode": "cone", "beamwidth_az_deg": 2, "cone_rays": 5},
+            "cone of 5 rays, one drawn",
+            id="cone",
+        ),
+    ],
+)
+def test_the_title_says_how_the_beams_are(
+    empty_room: Scene, settings: dict[str, Any], text: str
+) -> None:
+    figure = figure_of(empty_room, [scan_of(empty_room, **settings)])
+    assert text in figure.axes[0].get_title()
+
+
+def test_nothing_overlaps(foliage_room: Scene) -> None:
+    scan = scan_of(foliage_room, return_mode="all")
+    figure = figure_of(foliage_room, [scan])
+    FigureCanvasAgg(figure).print_figure(io.BytesIO())
+    page, axes = figure.bbox, figure.axes[0].get_tightbbox()
+    legend = figure.legends[0].get_window_extent()
+    assert axes is not None
+    assert axes.x1 < legend.x0
+    for box_ in (axes, legend):
+        assert page.x0 <= box_.x0
+        assert box_.x1 <= page.x1
+        assert page.y0 <= box_.y0
+        assert box_.y1 <= page.y1
+    rows = [text.get_window_extent() for text in figure.legends[0].get_texts()]
+    for above, below in pairwise(rows):
+        assert below.y1 <= above.y0 + 2  # px, of letters that reach below the line
+
+
+def test_names_are_shown_as_they_are_and_not_too_many() -> None:
+    names = ["_bark", r"$\nope$", *(f"m{i}" for i in range(30))]
+    vertices, faces = box(0.5, 0.5, 4)
+    parts = tuple(
+        Part(name, Material(name), vertices + np.array([2 + i, 3.0, 0]), faces)
+        for i, name in enumerate(names)
+    )
+    scene = Scene(r"$\yard$", "Yard", parts)
+    told = labels(figure_of(scene, [scan_of(scene)]))
+    assert {"_bark", r"$\nope$", "m17", "and 12 more"} <= set(told)
+    assert "m18" not in told
+    assert draw_scans(scene, [scan_of(scene)])  # mathematics would not be understood
+
+
+def test_there_may_be_nothing_to_draw() -> None:
+    scene = Scene("void", "Void")
+    figure = figure_of(scene, [scan_of(scene)])
+    assert markers(figure) == {}
+    assert math.isfinite(figure.axes[0].get_xlim()[0])
+
+
+def test_the_same_scan_gives_the_same_bytes(foliage_room: Scene) -> None:
+    first, second = (
+        draw_scans(foliage_room, [scan_of(foliage_room, return_mode="all")])
+        for _ in range(2)
+    )
+    assert first == second
+    assert first.startswith(b"\x89PNG\r\n\x1a\n")

@@ -1,0 +1,136 @@
+"""GEO and CONF of servers of all generations."""
+
+from dataclasses import astuple
+from math import isnan
+
+import pytest
+
+from radarsim.errors import MalformedMessage
+from radarsim.geometry import Pose3
+from radarsim.protocol.decode import decode_report
+from radarsim.protocol.reports import (
+    EncoderConf,
+    IntervalConf,
+    ItemGeo,
+    NameConf,
+    Report,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    TouchConf,
+)
+
+MOUNTS = (("S1", Pose3(0.2, 0, 0.1)), ("S2", Pose3(-0.2, 0, 0.1, 0, 0, -3.1)))
+
+
+@pytest.mark.parametrize(
+    ("line", "robot"),
+    [
+        pytest.param(
+            "GEO {Type RangeScanner}"
+            " {Name S1 Location 0.2,0,-0.1 Orientation 0,0,0 Mount HARD}"
+            " {Name S2 Location -0.2,0,-0.1 Orientation 0,0,3.1 Mount HARD}",
+            "",
+            id="one group for an item",
+        ),
+        pytest.param(
+            "GEO {Type RangeScanner}"
+            " {Name S1} {Location 0.2,0,-0.1} {Orientation 0,0,0}{Mount P3AT}"
+            " {Name S2} {Location -0.2,0,-0.1} {Orientation 0,0,3.1}{Mount P3AT}",
+            "P3AT",
+            id="a group for each word",
+        ),
+        pytest.param(
+            "GEO {Mount P3AT} {Location 0.2,0,-0.1} {Name S1} {Type RangeScanner}"
+            " {Location -0.2, 0, -0.1} {Orientation 0 0 3.1} {Name S2}",
+            "P3AT",
+            id="another order, and one not turned",
+        ),
+    ],
+)
+def test_mounts_of_all_generations(line: str, robot: str) -> None:
+    assert decode_report(line) == ItemGeo("RangeScanner", MOUNTS, robot)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        pytest.param(
+            "CONF {Type RangeScanner} {Name S} {MaxRange 20} {MinRange 0.1}"
+            " {Resolution 0.01} {Fov 3} {ScanInterval 0.2}",
+            ScannerConf("RangeScanner", (("S", 20, 0.1, 0.01, 3),)),
+            id="scanner",
+        ),
+        pytest.param(
+            "CONF {Type INS} {Name A} {ScanInterval 0.1} {Name B} {ScanInterval 0.2}",
+            IntervalConf("INS", (("A", 0.1), ("B", 0.2))),
+            id="intervals",
+        ),
+        pytest.param(
+            "CONF {Type Encoder} {Resolution 0.01} {Name A}",
+            EncoderConf("Encoder", (("A", 0.01),)),
+            id="encoder",
+        ),
+        pytest.param(
+            "CONF {Type Touch} {Name A} {Diameter 0.01}",
+            TouchConf("Touch", (("A", 0.01),)),
+            id="touch",
+        ),
+        pytest.param(
+            "CONF {Type Camera} {Name A} {Name B}",
+            NameConf("Camera", ("A", "B")),
+            id="names alone",
+        ),
+        pytest.param("CONF {Type Camera}", NameConf("Camera", ()), id="nothing"),
+    ],
+)
+def test_settings_of_other_servers(line: str, expected: Report) -> None:
+    assert decode_report(line) == expected
+
+
+def test_what_a_client_can_do_without_may_be_missing() -> None:
+    robot = decode_report(
+        "GEO {Type LeggedRobot} {Dimensions 1,2,3} {WheelRadius 1} {WheelSeparation 2}"
+    )
+    assert isinstance(robot, RobotGeo)
+    assert all(isnan(number) for number in (*robot.cog, robot.wheel_base))
+    abilities = decode_report("CONF {Type groundvehicle} {Name P3AT} {MaxSpeed 5}")
+    assert isinstance(abilities, RobotConf)
+    assert isnan(abilities.mass)
+    assert isnan(abilities.max_torque)
+    scanner = decode_report("CONF {Type RangeScanner} {Name S} {MaxRange 20}")
+    assert isinstance(scanner, ScannerConf)
+    (_, longest, shortest, *fan), *others = astuple(scanner)[1]
+    assert (longest, shortest, others) == (20, 0, [])
+    assert all(isnan(number) for number in fan)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        pytest.param("GEO {Name S}", "expected a field '{Type ...}'", id="no type"),
+        pytest.param("CONF", "expected a field '{Type ...}'", id="no type either"),
+        pytest.param(
+            "CONF {MaxRange 1}", "expected a field '{Type ...}'", id="scanner, no type"
+        ),
+        pytest.param(
+            "GEO {Type GroundVehicle} {Dimensions 1,2,3} {WheelRadius 1}",
+            "'{WheelSeparation ...}'",
+            id="no separation",
+        ),
+        pytest.param(
+            "CONF {Type GroundVehicle} {MaxSpeed fast}",
+            "CONF MaxSpeed: 'fast', expected a number",
+            id="speed in words",
+        ),
+        pytest.param("GEO {Type INS} {Name I}", "'{Location ...}'", id="no place"),
+        pytest.param(
+            "CONF {Type INS} {Name A} {ScanInterval 1} {Name B}",
+            "'{ScanInterval ...}'",
+            id="one interval of two",
+        ),
+    ],
+)
+def test_what_is_needed_is_asked_for(line: str, message: str) -> None:
+    with pytest.raises(MalformedMessage, match=message):
+        decode_report(line)

@@ -1,0 +1,100 @@
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.errors import MalformedMessage
+from radarsim.protocol.message import Message, decode_message
+
+WORDS = st.text(
+    st.characters(codec="latin-1", exclude_characters="{}", exclude_categories=["C"]),
+    min_size=1,
+    max_size=8,
+).filter(lambda text: len(text.split()) == 1 and text == text.strip())
+VALUES = st.lists(WORDS, max_size=4).map(" ".join)
+MESSAGES = st.builds(
+    Message, WORDS, st.lists(st.tuples(WORDS, VALUES), max_size=5).map(tuple)
+)
+
+
+@given(message=MESSAGES)
+def test_decoding_undoes_encoding(message: Message) -> None:
+    assert decode_message(message.encode()) == message
+
+
+@given(text=st.text(st.sampled_from("A {}b\t"), max_size=20))
+def test_what_decodes_says_the_same_when_encoded_again(text: str) -> None:
+    try:
+        message = decode_message(text)
+    except MalformedMessage:
+        return
+    assert decode_message(message.encode()) == message
+
+
+@pytest.mark.parametrize(
+    ("line", "segments"),
+    [
+        pytest.param("DRIVE", (), id="verb alone"),
+        pytest.param("DRIVE {Left 1}", (("Left", "1"),), id="one group"),
+        pytest.param(
+            "DRIVE{Left 1}{Right 2}", (("Left", "1"), ("Right", "2")), id="}{"
+        ),
+        pytest.param(" DRIVE  {  Left \t 1  }  ", (("Left", "1"),), id="blanks"),
+        pytest.param("DRIVE {A 1, 2 ,3}", (("A", "1, 2 ,3"),), id="blanks in a value"),
+        pytest.param("DRIVE {Name }", (("Name", ""),), id="empty value"),
+        pytest.param("DRIVE {Name}", (("Name", ""),), id="key alone"),
+        pytest.param("DRIVE {} { } {A 1}", (("A", "1"),), id="empty groups"),
+        pytest.param("DRIVE {A 1} and } {B 2}", (("A", "1"), ("B", "2")), id="between"),
+    ],
+)
+def test_groups_are_read_whatever_stands_around_them(
+    line: str, segments: tuple[tuple[str, str], ...]
+) -> None:
+    assert decode_message(line) == Message("DRIVE", segments)
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        pytest.param("", "expected a verb at column 1 in ''", id="nothing"),
+        pytest.param(
+            "{Left 1}", "expected a verb at column 1 in '{Left 1}'", id="no verb"
+        ),
+        pytest.param(
+            "DRIVE Left 1",
+            "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
+            id="no braces",
+        ),
+        pytest.param(
+            " INIT foo {A 1}",
+            "expected '{Key value}' at column 7 in ' INIT foo {A 1}'",
+            id="two verbs",
+        ),
+        pytest.param(
+            "DRIVE {Left 1",
+            "expected '}' after the brace at column 7 in 'DRIVE {Left 1'",
+            id="open brace",
+        ),
+        pytest.param(
+            "DRIVE {C 1} {A {B 1}}",
+            "expected '}' after the brace at column 13 in 'DRIVE {C 1} {A {B 1}}'",
+            id="nested",
+        ),
+        pytest.param(
+            "{" + "x" * 100,
+            f"expected a verb at column 1 in '{{{'x' * 79}'",
+            id="long line, cut",
+        ),
+    ],
+)
+def test_a_malformed_line_is_refused_with_its_place(line: str, problem: str) -> None:
+    with pytest.raises(MalformedMessage, match=f"^{re.escape(problem)}$"):
+        decode_message(line)
+
+
+def test_keys_are_found_in_any_case_and_the_first_counts() -> None:
+    message = decode_message("DRIVE {LEFT 1} {left 2} {Right 3}")
+    assert message.get("Left") == "1"
+    assert message.get("right") == "3"
+    assert message.get("Light") is None

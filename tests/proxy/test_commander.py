@@ -1,0 +1,297 @@
+"""UsarCommander drives and maps through the tap; nobody can tell, but for the map.
+
+Client and server take turns over real sockets, so that what either says is the same in
+every run: with a tap between them, and without one.
+"""
+
+import asyncio
+import importlib.util
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Pose3
+from radarsim.host import Host, Notice
+from radarsim.mapping.mapper import Mapper, MapperSettings
+from radarsim.mapping.occupancy_grid import OBSTACLE
+from radarsim.protocol.decode import decode_report
+from radarsim.proxy import Choice, Listener, Overheard, Tap
+from radarsim.proxy.line_queue import Backlog
+from radarsim.scene.scene import Scene
+from radarsim.server import Server
+from radarsim.simulation.config import Conditions
+
+if TYPE_CHECKING:
+    from tests.dialogues import test_usarcommander as usarcommander
+
+LEGS = ((1, 0, 0), (1, 0, 1.5), (3, 4, 0.2))
+PATIENCE = 5.0  # s
+STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
+CONDITIONS = Conditions(item_settings={"InsTest": STILL})
+
+Address = tuple[str, int]
+
+
+@cache
+def stand_in() -> Any:
+    """Give the module of the stand-in for UsarCommander, which is itself a test."""
+    path = Path(__file__).parents[1] / "dialogues" / "test_usarcommander.py"
+    name = "stand_in_for_usarcommander"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Recorder(Host):
+    """Writes down what it hears and says, by connection."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, conditions=CONDITIONS, seed=7)
+        self.heard: list[bytes] = []
+        self.said: list[bytes] = []
+
+    def connect(self) -> int:
+        number = super().connect()
+        self.heard.append(b"")
+        self.said.append(b"")
+        return number
+
+    def receive(self, number: int, data: bytes) -> list[Notice]:
+        notices = super().receive(number, data)
+        self.heard[number - 1] += data
+        return notices
+
+    def take(self, number: int) -> bytes:
+        return self._say(number, super().take(number))
+
+    def part(self, number: int) -> bytes:
+        return self._say(number, super().part(number))
+
+    def _say(self, number: int, data: bytes) -> bytes:
+        self.said[number - 1] += data
+        return data
+
+
+class World:
+    """A server whose time passes only when its client waits, in a thread of its own."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.host = Recorder(scene)
+        self.server = Server(self.host, speed=1e-9)
+        self.address = ("", 0)
+        self.links: list[Link] = []
+        self.loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self.loop.run_forever)
+        self._thread.start()
+
+    def run(self, coroutine: Any) -> Any:
+        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(PATIENCE)
+
+    async def tick(self) -> None:
+        self.server.tick()
+
+    def connect(self) -> "Link":
+        return Link(self)
+
+    def close(self) -> None:
+        self.run(self.server.stop())
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        self._thread.join()
+        self.loop.close()
+
+
+class Link:
+    """A socket whose bytes have arrived when a call returns."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.sent = b""
+        self.got = b""
+        self.inbox = b""
+        self.index = len(world.host.said)
+        self.socket = socket.create_connection(world.address, PATIENCE)
+        world.links.append(self)
+        self._wait(lambda: len(world.host.said) > self.index)
+        self._arrive()
+
+    def send(self, data: bytes) -> None:
+        self.sent += data
+        self.socket.sendall(data)
+        heard = self.world.host.heard
+        self._wait(lambda: len(heard[self.index]) == len(self.sent))
+        self._arrive()
+
+    def read(self) -> bytes:
+        while not self.inbox:
+            self._tick()
+        data, self.inbox = self.inbox[:4096], self.inbox[4096:]
+        return data
+
+    def sleep(self, seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            self._tick()
+
+    def seconds(self) -> float:
+        return self.world.host.simulation.time
+
+    def milliseconds(self) -> int:
+        return round(self.seconds() * 1000)
+
+    def close(self) -> None:
+        self.socket.shutdown(socket.SHUT_WR)
+        while data := self.socket.recv(65536):
+            self.got += data
+        self.socket.close()
+
+    def _tick(self) -> None:
+        self.world.run(self.world.tick())
+        self._arrive()
+
+    def _arrive(self) -> None:
+        """Wait for all that the server has said."""
+        self.world.run(asyncio.sleep(0))  # what it does about what it heard is done
+        while len(self.got) < len(self.world.host.said[self.index]):
+            data = self.socket.recv(65536)
+            self.got += data
+            self.inbox += data
+
+    def _wait(self, is_so: Callable[[], bool]) -> None:
+        until = time.monotonic() + PATIENCE
+        while not is_so():
+            assert time.monotonic() < until
+            time.sleep(0.0001)
+
+
+class Played(NamedTuple):
+    """One dialogue: what each side said and heard, by connection, and the client."""
+
+    said: list[bytes]
+    heard: list[bytes]
+    got: list[bytes]
+    sent: list[bytes]
+    commander: "usarcommander.Commander"
+
+
+@contextmanager
+def running(scene: Scene) -> Iterator[World]:
+    world = World(scene)
+    try:
+        world.run(world.server.start(port=0))
+        world.address = world.server.address
+        yield world
+    finally:
+        for link in world.links:
+            link.socket.close()
+        world.close()
+
+
+@contextmanager
+def tapped(world: World, listener: Listener) -> Iterator[None]:
+    tap = Tap(world.server.address, listener.hear)
+    world.run(tap.start())
+    world.address = tap.address
+    listener.start()
+    try:
+        yield
+    finally:
+        world.run(tap.stop())
+        listener.finish()
+
+
+def play(world: World) -> Played:
+    _, commander = stand_in().dialogue(world.connect, LEGS)
+    commander.link.close()
+    host, links = world.host, world.links
+    got, sent = [link.got for link in links], [link.sent for link in links]
+    return Played(host.said, host.heard, got, sent, commander)
+
+
+class Mapping:
+    """Makes a map of what is overheard."""
+
+    def __init__(self) -> None:
+        self.overheard: Overheard | None = None
+        self.mapper: Mapper | None = None
+
+    def begin(self, overheard: Overheard, scanner: str) -> Mapper:
+        facts = overheard.scanner(scanner)
+        assert facts is not None
+        assert facts.mount == Pose3(0.2085, 0.0, 0.2)
+        assert facts.max_range == 80.0
+        assert not overheard.asks_for_echoes(scanner)
+        self.overheard = overheard
+        self.mapper = Mapper(facts, MapperSettings(echo_wait=0.0))
+        return self.mapper
+
+
+@pytest.fixture(scope="module")
+def direct(empty_room: Scene) -> Played:
+    with running(empty_room) as world:
+        return play(world)
+
+
+def test_it_maps_through_the_tap_and_neither_sides_bytes_change(
+    empty_room: Scene, direct: Played
+) -> None:
+    mapping = Mapping()
+    listener = Listener(Choice(mapping.begin), Backlog(most_scans=10_000))
+    with running(empty_room) as world:
+        with tapped(world, listener):
+            through = play(world)
+        assert len(through.said) == 3
+        assert through.said == through.got == direct.said == direct.got
+        assert through.heard == through.sent == direct.heard == direct.sent
+    commander = through.commander
+    assert len(commander.patches) > 5
+    assert commander.patches == direct.commander.patches
+    assert_mapped(mapping, commander, listener)
+
+
+def assert_mapped(
+    mapping: Mapping, commander: "usarcommander.Commander", listener: Listener
+) -> None:
+    overheard, mapper = mapping.overheard, mapping.mapper
+    assert listener.error is None
+    assert overheard is not None
+    assert mapper is not None
+    assert overheard.number == 3
+    assert overheard.robot is not None
+    assert (overheard.robot.class_name, overheard.robot.name) == ("P3AT", "Rob")
+    assert len(mapper.trajectory) == commander.scans
+    x, y, _ = commander.pose
+    pose = mapper.trajectory.poses[-1]
+    assert (pose.x, pose.y) == pytest.approx((x, -y), abs=0.05)
+    assert mapper.grid.sensed(-5.0, 0.0)
+    across, up = np.meshgrid(*mapper.grid.lattice.middles())
+    walls = mapper.grid.classes() == OBSTACLE
+    off = stand_in().wall_errors(np.column_stack([across[walls], up[walls]]))
+    assert np.mean(off < 0.13) > 0.95  # two cells and a half
+
+
+def test_the_map_is_the_one_of_what_the_client_was_told(
+    empty_room: Scene, direct: Played
+) -> None:
+    mapping = Mapping()
+    listener = Listener(Choice(mapping.begin), Backlog(most_scans=10_000))
+    with running(empty_room) as world, tapped(world, listener):
+        play(world)
+    assert mapping.mapper is not None
+    own = Mapper(mapping.mapper.scanner, mapping.mapper.settings)
+    for line in direct.got[2].decode().splitlines():
+        report = decode_report(line)
+        if report is not None:
+            own.take(report)
+    assert own.scans == mapping.mapper.scans > 40
+    assert (own.grid.classes() == mapping.mapper.grid.classes()).all()

@@ -1,0 +1,416 @@
+"""Bytes between real sockets: all of them, in order, whatever either side does."""
+
+import asyncio
+import logging
+import socket
+import struct
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radarsim.errors import ServerError
+from radarsim.host import Host
+from radarsim.proxy import Tap
+from radarsim.proxy.line_queue import Side
+from radarsim.scene.scene import Scene
+from radarsim.server import Server
+
+GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
+INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
+MUCH = 20_000_000
+PIECES = st.binary(max_size=2000) | st.binary(max_size=4).map(lambda b: b * 30_000)
+STEPS = st.lists(st.tuples(st.sampled_from(["client", "server"]), PIECES), max_size=12)
+
+
+class Peer:
+    """A client, or the server's side of a connection."""
+
+    def __init__(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self.reader = reader
+        self.writer = writer
+
+    async def send(self, data: bytes) -> None:
+        self.writer.write(data)
+        await self.writer.drain()
+
+    async def get(self, count: int) -> bytes:
+        return await asyncio.wait_for(self.reader.readexactly(count), 5)
+
+    async def until(self, part: bytes) -> bytes:
+        while part not in (line := await asyncio.wait_for(self.reader.readline(), 5)):
+            assert line
+        return line
+
+    async def rest(self) -> bytes:
+        """Read to the end of the connection."""
+        return await asyncio.wait_for(self.reader.read(), 10)
+
+    @property
+    def transport(self) -> asyncio.Transport:
+        transport = self.writer.transport
+        assert isinstance(transport, asyncio.Transport)
+        return transport
+
+    def reset(self) -> None:
+        """Break the connection without closing it."""
+        sock = self.writer.get_extra_info("socket")
+        linger = struct.pack("ii", 1, 0)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+        self.transport.abort()
+
+
+class Between:
+    """A server, clients, and the tap between them."""
+
+    def __init__(self) -> None:
+        self.heard: dict[tuple[int, Side], bytearray] = {}
+        self.peers: list[Peer] = []
+        self.arrivals: asyncio.Queue[Peer] = asyncio.Queue()
+        self.tap = Tap(("", 0), self.hear)
+
+    def hear(self, number: int, side: Side, data: bytes) -> None:
+        self.heard.setdefault((number, side), bytearray()).extend(data)
+
+    def said(self, number: int) -> tuple[bytes, bytes]:
+        """Give what the tap showed of a connection: of its client, its server."""
+        client = self.heard.get((number, "client"), b"")
+        return bytes(client), bytes(self.heard.get((number, "server"), b""))
+
+    async def client(self) -> Peer:
+        peer = Peer(*await asyncio.open_connection(*self.tap.address, limit=2**14))
+        self.peers.append(peer)
+        return peer
+
+    async def pair(self) -> tuple[Peer, Peer]:
+        """Give a client and the server's side of its connection."""
+        client = await self.client()
+        return client, await asyncio.wait_for(self.arrivals.get(), 5)
+
+    def arrive(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        peer = Peer(reader, writer)
+        self.peers.append(peer)
+        self.arrivals.put_nowait(peer)
+
+
+async def comes_true(is_so: Callable[[], bool]) -> None:
+    for _ in range(500):
+        if is_so():
+            return
+        await asyncio.sleep(0.01)
+    raise AssertionError("it does not come true")
+
+
+@asynccontextmanager
+async def opened() -> AsyncIterator[Between]:
+    between = Between()
+    server = await asyncio.start_server(between.arrive, "127.0.0.1", 0, limit=2**14)
+    between.tap = Tap(server.sockets[0].getsockname(), between.hear)
+    await between.tap.start()
+    try:
+        yield between
+    finally:
+        await between.tap.stop()
+        server.close()
+        for peer in between.peers:
+            peer.transport.abort()
+        for peer in between.peers:
+            with suppress(OSError):
+                await peer.writer.wait_closed()
+
+
+@pytest.fixture
+async def between() -> AsyncIterator[Between]:
+    async with opened() as between:
+        yield between
+
+
+@asynccontextmanager
+async def tapped(address: tuple[str, int]) -> AsyncIterator[Between]:
+    """Open a tap before a server that is, or is not, at an address."""
+    between = Between()
+    between.tap = Tap(address, between.hear)
+    await between.tap.start()
+    try:
+        yield between
+    finally:
+        for peer in between.peers:
+            peer.writer.close()
+        await between.tap.stop()
+        for peer in between.peers:
+            with suppress(OSError):
+                await peer.writer.wait_closed()
+
+
+async def say(steps: list[tuple[str, bytes]]) -> None:
+    sent = {"client": b"", "server": b""}
+    async with opened() as between:
+        client, server = await between.pair()
+        peers = {"client": client, "server": server}
+        reading = [asyncio.create_task(peer.rest()) for peer in (server, client)]
+        for side, data in steps:
+            await peers[side].send(data)
+            sent[side] += data
+        for peer in peers.values():
+            peer.writer.write_eof()
+        words = (sent["client"], sent["server"])
+        assert tuple(await asyncio.gather(*reading)) == words
+        assert between.said(1) == words
+        await comes_true(lambda: between.tap.connections == 0)
+
+
+@given(STEPS)
+@settings(max_examples=40)
+def test_either_side_gets_what_the_other_one_sends(
+    steps: list[tuple[str, bytes]],
+) -> None:
+    asyncio.run(say(steps))
+
+
+async def test_much_goes_both_ways_at_once(between: Between) -> None:
+    client, server = await between.pair()
+    up, down = b"up" * 3_000_000, b"down" * 1_000_000
+    reading = [asyncio.create_task(peer.rest()) for peer in (server, client)]
+    await asyncio.gather(client.send(up), server.send(down))
+    client.writer.write_eof()
+    server.writer.write_eof()
+    assert tuple(await asyncio.gather(*reading)) == (up, down) == between.said(1)
+
+
+async def test_single_bytes_come_at_once(between: Between) -> None:
+    client, server = await between.pair()
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+    for k in range(200):
+        await client.send(bytes([k]))
+        assert await server.get(1) == bytes([k])
+        await server.send(bytes([k]))
+        assert await client.get(1) == bytes([k])
+    assert loop.time() - began < 2  # any waiting for more to come takes 40 ms a time
+
+
+@pytest.mark.parametrize("first", ["client", "server"])
+async def test_who_says_no_more_can_still_be_told(between: Between, first: str) -> None:
+    one, other = await between.pair()
+    if first == "server":
+        one, other = other, one
+    await one.send(b"last words")
+    one.writer.write_eof()
+    assert await other.rest() == b"last words"
+    await asyncio.sleep(0.02)
+    for _ in range(3):
+        await other.send(b"answer")
+        assert await one.get(6) == b"answer"
+    assert between.tap.connections == 2
+    other.writer.write_eof()
+    assert await one.rest() == b""
+    await comes_true(lambda: between.tap.connections == 0)
+
+
+async def test_words_before_the_server_is_reached_reach_it(between: Between) -> None:
+    client = await between.client()
+    await client.send(b"impatient")
+    client.writer.write_eof()
+    server = await between.arrivals.get()
+    assert await server.rest() == b"impatient"
+
+
+@pytest.mark.parametrize("broken", ["client", "server"])
+async def test_a_broken_connection_ends_the_other_after_its_last_words(
+    between: Between, broken: str
+) -> None:
+    for number in range(1, 21):
+        one, other = await between.pair()
+        if broken == "server":
+            one, other = other, one
+        await other.send(b"x" * 20_000)  # what is not read makes closing a break
+        await one.send(b"last words")
+        one.reset()
+        assert await other.rest() == b"last words"
+        assert b"last words" in between.said(number)
+        other.writer.close()
+    await comes_true(lambda: between.tap.connections == 0)
+
+
+async def test_a_break_that_is_noticed_by_writing_loses_no_words(
+    between: Between,
+) -> None:
+    client, server = await between.pair()
+    talking = asyncio.create_task(talk(server))
+    await client.get(100)
+    client.transport.pause_reading()
+    await client.send(b"last words")
+    client.reset()
+    assert await server.rest() == b"last words"
+    talking.cancel()
+
+
+async def test_a_break_takes_nothing_back_from_who_reads_late(between: Between) -> None:
+    client, server = await between.pair()
+    await server.send(b"x" * 20_000)
+    sending = asyncio.create_task(client.send(b"last words" * 500_000))
+    await comes_true(lambda: len(between.said(1)[0]) > 100_000)
+    await asyncio.sleep(0.05)
+    client.reset()
+    with suppress(ConnectionError):
+        await sending
+    await server.send(b"x" * 20_000)
+    await asyncio.sleep(0.05)
+    words = await server.rest()
+    assert words == between.said(1)[0]
+    assert len(words) > 100_000
+
+
+async def talk(peer: Peer) -> None:
+    with suppress(ConnectionError):
+        while True:
+            await peer.send(b"x" * 1000)
+
+
+async def test_who_does_not_hang_up_is_left_alone_soon(
+    between: Between, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.proxy.tcp_proxy.LAST_WORDS", 0.05)
+    client, server = await between.pair()
+    talking = asyncio.create_task(talk(server))
+    await client.get(100)
+    client.reset()
+    await comes_true(lambda: between.tap.connections == 0)
+    await comes_true(talking.done)
+
+
+async def test_a_slow_reader_slows_who_talks_to_it_and_nobody_else(
+    between: Between,
+) -> None:
+    slow, server = await between.pair()
+    other, other_server = await between.pair()
+    slow.transport.pause_reading()
+    sent = bytes(range(250)) * (MUCH // 250)
+    sending = asyncio.create_task(server.send(sent))
+    for _ in range(50):
+        await other_server.send(b"tick")
+        assert await other.get(4) == b"tick"
+    await slow.send(b"still here")  # the way back is free
+    assert await server.get(10) == b"still here"
+    await asyncio.sleep(0.1)
+    assert not sending.done()
+    assert len(between.said(1)[1]) < MUCH / 2
+    slow.transport.resume_reading()
+    assert await slow.get(MUCH) == sent
+    await sending
+
+
+async def test_a_client_of_no_server_is_hung_up_on_and_the_reason_is_told(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = taken.getsockname()
+    async with tapped(address) as between:
+        client = await between.client()
+        with suppress(ConnectionError):
+            assert await client.rest() == b""
+    assert f"no server at 127.0.0.1:{address[1]}: " in caplog.text
+
+
+@asynccontextmanager
+async def busy() -> AsyncIterator[tuple[str, int]]:
+    """Give an address at which nobody answers, and nobody says so."""
+    loop = asyncio.get_running_loop()
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as listener:
+        waiting = [socket.socket() for _ in range(3)]
+        address = listener.getsockname()
+        for sock in waiting:
+            sock.setblocking(False)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(loop.sock_connect(sock, address), 0.05)
+        try:
+            yield address
+        finally:
+            for sock in waiting:
+                sock.close()
+
+
+async def test_a_server_that_does_not_answer_is_given_up(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.proxy.tcp_proxy.PATIENCE", 0.1)
+    async with busy() as address, tapped(address) as between:
+        client = await between.client()
+        with suppress(ConnectionError):
+            assert await client.rest() == b""
+    assert "timed out" in caplog.text
+
+
+async def test_it_stops_at_once_while_clients_come_and_talk(between: Between) -> None:
+    pairs = [await between.pair() for _ in range(3)]
+    talking = [asyncio.create_task(talk(peer)) for pair in pairs for peer in pair]
+    await asyncio.sleep(0.05)
+    async with busy() as address, tapped(address) as waiting:
+        late = await waiting.client()
+        await asyncio.sleep(0.02)
+        async with asyncio.timeout(1):
+            await waiting.tap.stop()
+            await between.tap.stop()
+        with suppress(ConnectionError):
+            assert await late.rest() == b""
+    for task in talking:
+        await asyncio.wait_for(task, 5)
+    assert between.tap.connections == 0
+    with pytest.raises(ConnectionError):
+        await between.client()
+
+
+async def test_a_taken_port_is_said_in_one_sentence(between: Between) -> None:
+    host, port = between.tap.address
+    tap = Tap((host, 1), between.hear)
+    with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}: "):
+        await tap.start(port=port)
+    await tap.stop()
+
+
+async def test_probes_at_once_are_answered_each_on_its_own(
+    empty_room: Scene, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "radarsim.proxy")
+    server = Server(Host(empty_room))
+    await server.start(port=0)
+    try:
+        async with tapped(server.address) as between:
+            answers = await asyncio.gather(*[probe(between) for _ in range(16)])
+            assert len(set(answers)) == 1
+            assert answers[0].startswith(GREETING + b"NFO {StartPoses 3}")
+            assert {len(between.said(n)[1]) for n in range(1, 17)} == {len(answers[0])}
+            await comes_true(lambda: between.tap.connections == 0)
+    finally:
+        await server.stop()
+    assert "connected as number 16" in caplog.text
+
+
+async def probe(between: Between) -> bytes:
+    client = await between.client()
+    await client.send(b"GETSTARTPOSES\r\n")
+    client.writer.write_eof()
+    return await client.rest()
+
+
+async def test_a_robot_goes_with_its_client(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    server = Server(host, speed=5)
+    await server.start(port=0)
+    try:
+        async with tapped(server.address) as between:
+            for leave in (Peer.reset, lambda peer: peer.writer.close()):
+                client = await between.client()
+                await client.send(INIT)
+                await client.until(b"{Type RangeScanner}")
+                assert len(host.simulation.vehicles) == 1
+                leave(client)
+                await comes_true(lambda: not host.simulation.vehicles)
+    finally:
+        await server.stop()

@@ -1,0 +1,271 @@
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radarsim.raycast import attenuation as penetration
+from radarsim.raycast.attenuation import (
+    EVENT,
+    Ending,
+    EventKind,
+    Outcome,
+    Stop,
+    Toll,
+    Walk,
+    new_walk,
+    settle,
+    wind,
+)
+from radarsim.raycast.crossings import CROSSING, sort_crossings
+
+Crossing = tuple[float, int, int]
+
+
+def walk_of(crossings: list[Crossing], parts: int, events: int = 0) -> Walk:
+    """Write crossings down, sorted; so no ray is cast."""
+    rows = np.zeros(max(len(crossings), 1), CROSSING)
+    rows[: len(crossings)] = crossings
+    sort_crossings(rows, len(crossings))
+    notes = np.zeros(events + 1 if events else 0, EVENT)
+    return new_walk(parts, rows, notes)
+
+
+def ended(
+    crossings: list[Crossing],
+    densities: list[float],
+    *,
+    power: float = 1.0,
+    reach: float = 100.0,
+    hit: int = -1,
+    sheets: dict[int, float] | None = None,
+    within: tuple[int, ...] = (),
+) -> Ending:
+    walk = walk_of(crossings, len(densities))
+    losses = np.full(len(densities), np.nan)
+    for part, loss in (sheets or {}).items():
+        losses[part] = loss
+    for part in within:
+        wind(walk, part, 1)
+    ending = settle(
+        0,
+        power,
+        Stop(len(crossings), reach, hit),
+        Toll(np.array(densities), losses),
+        walk,
+    )
+    assert isinstance(ending, Ending)
+    assert not walk.winding.any(), "winding numbers are forgotten"
+    assert not walk.seen.any()
+    assert walk.sizes.tolist() == [0, 0]
+    return ending
+
+
+def test_power_runs_out_where_density_times_length_says() -> None:
+    ending = ended([(2, 0, 1), (6, 0, -1)], [0.5])
+    assert ending == Ending(4.0, Outcome.SPENT, 0, 0.0)
+
+
+def test_what_is_left_goes_on_to_the_wall() -> None:
+    ending = ended([(2, 0, 1), (3, 0, -1)], [0.5], reach=7.0, hit=4)
+    assert ending == Ending(7.0, Outcome.HIT, 4, 0.5)
+
+
+def test_nothing_comes_back_from_out_of_reach() -> None:
+    assert ended([], [], reach=9.0) == Ending(9.0, Outcome.NOTHING, -1, 1.0)
+
+
+def test_densities_of_volumes_around_add_up_and_the_last_entered_is_named() -> None:
+    ending = ended([(1, 0, 1), (2, 1, 1), (9, 1, -1), (9, 0, -1)], [0.25, 0.5])
+    assert ending == Ending(3.0, Outcome.SPENT, 1, 0.0)
+
+
+def test_a_start_inside_is_charged_from_there() -> None:
+    ending = ended([(3, 0, -1), (5, 1, -1)], [0.05, 0.1], within=(0, 1), reach=8.0)
+    assert ending.power == pytest.approx(1 - 3 * 0.05 - 5 * 0.1)
+
+
+def test_shells_of_one_part_that_overlap_count_once() -> None:
+    ending = ended([(1, 0, 1), (2, 0, 1), (3, 0, -1), (4, 0, -1)], [0.1])
+    assert ending.power == pytest.approx(0.7)
+
+
+def test_a_cavity_costs_nothing() -> None:
+    ending = ended([(1, 0, 1), (2, 0, -1), (5, 0, 1), (6, 0, -1)], [0.1])
+    assert ending.power == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("first", [1, -1], ids=["in first", "out first"])
+def test_a_grazed_edge_costs_nothing_in_either_order(first: int) -> None:
+    ending = ended([(1, 0, first), (np.nextafter(1, 2), 0, -first)], [1.0])
+    assert ending.power == pytest.approx(1.0, abs=1e-15)
+
+
+def test_each_surface_of_a_sheet_takes_its_loss() -> None:
+    ending = ended([(1, 0, 1), (2, 0, 1), (3, 0, -1)], [0.0], sheets={0: 0.25})
+    assert ending == Ending(100.0, Outcome.NOTHING, -1, 0.25)
+
+
+def test_the_sheet_that_takes_the_rest_is_where_power_is_spent() -> None:
+    crossings = [(float(t), 0, 1) for t in range(1, 12)]
+    ending = ended(crossings, [0.0], sheets={0: 0.1})
+    assert ending == Ending(10.0, Outcome.SPENT, 0, 0.0)
+
+
+def test_power_used_up_to_the_last_bit_of_rounding_is_spent() -> None:
+    thirds = [(0.1 + 0.2, 0, 1), (0.1 + 0.2 + 0.7 / 0.7, 0, -1)]
+    ending = ended(thirds, [1.0], reach=50.0, hit=0)
+    assert ending.outcome == Outcome.SPENT
+    assert ending.t == pytest.approx(1.3)
+
+
+@pytest.mark.parametrize("power", [math.inf, 1e300])
+def test_endless_power_is_not_spent(power: float) -> None:
+    ending = ended([(1, 0, 1), (5, 0, -1)], [3.0], power=power, reach=6, hit=1)
+    assert ending == Ending(6.0, Outcome.HIT, 1, power)
+
+
+def test_no_power_ends_at_the_first_density_that_is_met() -> None:
+    ending = ended([(1, 0, 1), (2, 1, 1)], [0.0, 0.5], power=0.0)
+    assert ending == Ending(2.0, Outcome.SPENT, 1, 0.0)
+
+
+LAYERS = st.lists(
+    st.tuples(
+        st.floats(0, 20).map(lambda x: round(x, 6)),
+        st.floats(0, 5).map(lambda x: round(x, 6)),
+        st.floats(0, 2).map(lambda x: round(x, 6)),
+    ),
+    max_size=12,
+)
+
+
+def by_hand(
+    layers: list[tuple[float, float, float]], power: float, reach: float
+) -> tuple[float, Outcome, float]:
+    """Work out the end in a stack of layers (start, thickness, density)."""
+    edges = sorted({0.0, reach, *(x for a, d, _ in layers for x in (a, a + d))})
+    for start, end in pairwise(edges):
+        if start >= reach:
+            break
+        middle = (start + end) / 2
+        density = math.fsum(r for a, d, r in layers if a < middle < a + d)
+        cost = density * (end - start)
+        if density and cost >= power - 1e-10:
+            return min(start + power / density, end), Outcome.SPENT, 0.0
+        power -= cost
+    return reach, Outcome.HIT, power
+
+
+@settings(deadline=None)  # the first call compiles
+@given(layers=LAYERS, power=st.floats(0.01, 10), reach=st.floats(0.5, 40))
+def test_random_stacks_of_layers_end_where_they_do_by_hand(
+    layers: list[tuple[float, float, float]], power: float, reach: float
+) -> None:
+    crossings = [
+        crossing
+        for part, (start, thickness, _) in enumerate(layers)
+        for crossing in ((start, part, 1), (start + thickness, part, -1))
+        if crossing[0] <= reach
+    ]
+    ending = ended(
+        crossings,
+        [density for _, _, density in layers] or [0.0],
+        power=power,
+        reach=reach,
+        hit=99,
+    )
+    t, outcome, left = by_hand(layers, power, reach)
+    if ending.outcome != outcome:  # spent at the very last, or just not
+        assert abs(ending.power - left) < 1e-9
+        return
+    assert ending.t == pytest.approx(t, abs=1e-9)
+    assert ending.power == pytest.approx(left, abs=1e-9)
+
+
+@settings(deadline=None)  # the first call compiles
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([0.0, 0.5, 1.0, 2.5]),
+            st.integers(0, 3),
+            st.sampled_from([1, -1]),
+        ),
+        max_size=60,
+    )
+)
+def test_crossings_are_sorted_by_distance_then_part_then_in_before_out(
+    crossings: list[Crossing],
+) -> None:
+    rows = np.array(crossings, CROSSING)
+    sort_crossings(rows, len(rows))
+    wanted = sorted(crossings, key=lambda c: (c[0], c[1], -c[2]))
+    assert [tuple(row) for row in rows.tolist()] == wanted
+
+
+def test_events_that_do_not_fit_are_counted() -> None:
+    walk = walk_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
+    toll = Toll(np.array([0.1]), np.array([np.nan]))
+    settle(7, 1.0, Stop(2, 5.0, -1), toll, walk)
+    assert walk.events[-1]["ray"] == 3
+    assert walk.events[:2].tolist() == [
+        (7, 1.0, 0, EventKind.ENTER, 1.0, 0.0, 0.0, 0.0, 0.0),
+        (7, 2.0, 0, EventKind.LEAVE, 0.9, 0.0, 0.0, 0.0, 0.0),
+    ]
+
+
+def plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give the Python function that was compiled."""
+    python: Callable[..., Any] = getattr(function, "py_func", function)
+    return python
+
+
+@pytest.mark.parametrize("power", [0.3, 50.0])
+@pytest.mark.parametrize("hit", [-1, 5])
+@pytest.mark.parametrize(
+    ("crossings", "within"),
+    [
+        pytest.param([(1, 0, 1), (2, 1, 1), (9, 0, -1)], (), id="in and out"),
+        pytest.param([(1, 0, -1), (2, 2, 1), (3, 2, 1)], (1, 0), id="sheets"),
+        pytest.param([(1, 0, 1), (1, 0, 1), (2, 0, -1), (3, 0, -1)], (), id="twice in"),
+    ],
+)
+def test_python_and_machine_code_agree(
+    monkeypatch: pytest.MonkeyPatch,
+    crossings: list[Crossing],
+    within: tuple[int, ...],
+    hit: int,
+    power: float,
+) -> None:
+    toll = Toll(np.array([0.1, 0.3, 0.0]), np.array([np.nan, np.nan, 0.2]))
+    stop = Stop(len(crossings), 100.0, hit)
+
+    def run(walk: Walk) -> tuple[Any, Any]:
+        for part in within:
+            penetration.wind(walk, part, 1)
+        return penetration.settle(0, power, stop, toll, walk), walk.events.tolist()
+
+    wanted = run(walk_of(crossings, 3, events=20))
+    walk = walk_of(crossings, 3, events=20)
+    for name in (
+        "wind",
+        "forget",
+        "_density",
+        "write",
+        "_innermost",
+        "is_absorbed",
+        "_cross",
+        "begin",
+        "follow",
+        "end",
+        "settle",
+    ):
+        monkeypatch.setattr(penetration, name, plain(getattr(penetration, name)))
+    records = {
+        name: getattr(walk, name).view(np.recarray) for name in ("crossings", "events")
+    }
+    assert run(walk._replace(**records)) == wanted

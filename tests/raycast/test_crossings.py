@@ -1,0 +1,124 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.raycast.crossings import AXES_SIZE, LINE_SIZE, aim, cross
+from radarsim.scene import shapes
+
+UNIT = st.floats(-1, 1).map(lambda x: round(x, 3))
+POINTS = st.tuples(UNIT, UNIT, UNIT).map(np.array)
+# Few places, so that lines often go through corners, edges and along faces.
+GRID = st.tuples(*[st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])] * 3).map(np.array)
+
+
+def crossings(corners: Floats, origin: Floats, way: Floats) -> list[tuple[int, float]]:
+    """Cross all triangles, (F, 9); give the turns and distances of those crossed."""
+    line, axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
+    aim(np.asarray(origin, float), way / np.linalg.norm(way), line, axes)
+    found = (cross(line, axes, row) for row in corners)
+    return [(turn, t) for turn, t in found if turn]
+
+
+def triangles(solid: tuple[Floats, NDArray[np.int32]]) -> Floats:
+    vertices, faces = solid
+    corners: Floats = vertices[faces].reshape(-1, 9)
+    return corners
+
+
+BRICK = triangles(shapes.box(1, 1, 1))
+BALL = triangles(shapes._icosahedron())
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_face_is_a_front_to_who_comes_from_outside(axis: int, sign: float) -> None:
+    way = np.zeros(3)
+    way[axis] = sign
+    beside = np.roll([0.0, 0.1, 0.2], axis)
+    found = crossings(BRICK, beside - 3 * way, way)
+    assert sorted(t for _, t in found) == pytest.approx([2.5, 3.5])
+    assert [turn for turn, _ in sorted(found, key=lambda f: f[1])] == [1, -1]
+
+
+def test_what_is_behind_has_a_distance_below_zero() -> None:
+    found = crossings(BRICK, np.array([0, 0.1, 0.2]), np.array([1.0, 0, 0]))
+    assert sorted(found) == [pytest.approx((-1, 0.5)), pytest.approx((1, -0.5))]
+
+
+def test_a_line_within_a_face_of_its_own_crosses_it_not() -> None:
+    face = np.array([[0.0, 0, 0, 1, 0, 0, 0, 1, 0]])
+    assert crossings(face, np.array([-1, 0.25, 0]), np.array([1.0, 0, 0])) == []
+
+
+@pytest.mark.parametrize("corners", [BRICK, BALL], ids=["brick", "ball"])
+@settings(deadline=None)  # the first call compiles
+@given(origin=GRID, end=GRID)
+def test_a_closed_surface_is_entered_as_often_as_left_along_any_line(
+    corners: Floats, origin: Floats, end: Floats
+) -> None:
+    assume(np.any(origin != end))
+    assert sum(turn for turn, _ in crossings(corners, origin, end - origin)) == 0
+
+
+@settings(deadline=None)  # the first call compiles
+@given(origin=POINTS, end=POINTS, by=POINTS, scale=st.sampled_from([1.0, 1 / 3, 500.0]))
+def test_that_holds_for_lines_through_corners_anywhere(
+    origin: Floats, end: Floats, by: Floats, scale: float
+) -> None:
+    moved = BALL * scale + np.tile(by, 3) * 400
+    corner = moved[5, :3]
+    start = corner + (origin - end) * scale
+    assume(np.linalg.norm(corner - start) > 1e-3 * scale)
+    assert sum(turn for turn, _ in crossings(moved, start, corner - start)) == 0
+
+
+@pytest.mark.parametrize("way", list(itertools.product([-1, 0, 1], repeat=3)))
+def test_a_line_through_the_edges_and_corners_of_a_fan_crosses_it_once(
+    way: tuple[int, int, int],
+) -> None:
+    direction = np.array(way, float)
+    if not direction.any():
+        return
+    # From the middle every such line meets a corner, an edge or a diagonal.
+    ahead = [t for _, t in crossings(BRICK, np.zeros(3), direction) if t >= 0]
+    assert ahead == [pytest.approx(0.5 * np.linalg.norm(direction))]
+
+
+@settings(deadline=None)  # the first call compiles
+@given(st.lists(POINTS, min_size=3, max_size=3), POINTS, POINTS)
+def test_a_crossing_is_within_the_triangle(
+    points: list[Floats], origin: Floats, end: Floats
+) -> None:
+    assume(np.linalg.norm(end - origin) > 1e-3)
+    way = (end - origin) / np.linalg.norm(end - origin)
+    along = [float((p - origin) @ way) for p in points]
+    for _, t in crossings(np.concatenate(points)[None], origin, way):
+        assert min(along) - 1e-9 <= t <= max(along) + 1e-9
+
+
+def test_a_triangle_without_area_is_never_crossed() -> None:
+    for corners in ([0.0] * 9, [0.0, 0, 0, 1, 1, 1, 2, 2, 2], [1.0, 0, 0] * 3):
+        for way in ([1.0, 0, 0], [1.0, 1, 1], [0.0, 0, -1]):
+            assert crossings(np.array([corners]), np.zeros(3), np.array(way)) == []
+
+
+def test_python_and_machine_code_agree() -> None:
+    rng = np.random.Generator(np.random.PCG64(3))
+    plain_aim, plain_cross = (getattr(f, "py_func") for f in (aim, cross))  # noqa: B009
+    for _ in range(50):
+        way = rng.normal(size=3)
+        way /= np.linalg.norm(way)
+        corners = rng.normal(size=9)
+        line, axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
+        aim(np.zeros(3), way, line, axes)
+        other, ways = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
+        plain_aim(np.zeros(3), way, other, ways)
+        assert line.tolist() == other.tolist()
+        assert plain_cross(line, axes, corners) == cross(line, axes, corners)
+        assert math.isfinite(cross(line, axes, corners)[1])

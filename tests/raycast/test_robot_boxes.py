@@ -1,0 +1,103 @@
+import math
+
+import numpy as np
+import pytest
+
+from radarsim.errors import EngineError
+from radarsim.raycast.robot_boxes import Boxes, meet_boxes
+
+# x, y, yaw, low, high, half length, half width, number
+ROW = [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, 3.0]
+
+
+def met(
+    rows: list[list[float]],
+    origin: tuple[float, float, float],
+    way: tuple[float, float, float] = (1, 0, 0),
+    *,
+    own: int = -1,
+    reach: float = 100.0,
+) -> tuple[float, int]:
+    laid = Boxes(np.array(rows)).laid_out(np.zeros(3))
+    direction = np.array(way, float)
+    direction /= np.linalg.norm(direction)
+    t, name = meet_boxes(laid, own, np.array(origin, float), direction, reach)
+    return t, name
+
+
+@pytest.mark.parametrize(
+    ("row", "origin", "way", "wanted"),
+    [
+        pytest.param(ROW, (0, 0, 0.5), (1, 0, 0), (4.5, 3), id="front"),
+        pytest.param(ROW, (9, 0, 0.5), (-1, 0, 0), (3.5, 3), id="back"),
+        pytest.param(ROW, (5, 4, 0.5), (0, -1, 0), (3.75, 3), id="side"),
+        pytest.param(ROW, (5, 0, 3), (0, 0, -1), (2.0, 3), id="top"),
+        pytest.param(ROW, (0, 0, 1.5), (1, 0, 0), (100.0, -1), id="above it"),
+        pytest.param(ROW, (0, 0.3, 0.5), (1, 0, 0), (100.0, -1), id="beside it"),
+        pytest.param(ROW, (9, 0, 0.5), (1, 0, 0), (100.0, -1), id="behind the ray"),
+        pytest.param(ROW, (5, 0, 0.5), (1, 0, 0), (0.5, 3), id="from within"),
+        pytest.param(ROW, (0, 0.25, 0.5), (1, 0, 0), (4.5, 3), id="along a face"),
+        pytest.param(
+            [*ROW[:2], math.pi / 2, *ROW[3:]],
+            (0, 0, 0.5),
+            (1, 0, 0),
+            (4.75, 3),
+            id="turned",
+        ),
+        pytest.param(
+            [*ROW[:2], math.pi / 4, 0, 1, 0.5, 0.5, 3.0],
+            (0, 0, 0.5),
+            (1, 0, 0),
+            (5 - math.sqrt(0.5), 3),
+            id="corner first",
+        ),
+    ],
+)
+def test_a_box_is_met_where_its_face_is(
+    row: list[float],
+    origin: tuple[float, float, float],
+    way: tuple[float, float, float],
+    wanted: tuple[float, int],
+) -> None:
+    assert met([row], origin, way) == pytest.approx(wanted)
+
+
+def test_the_nearest_box_is_met_in_any_order() -> None:
+    near, far = ROW, [8.0, *ROW[1:7], 4.0]
+    assert met([near, far], (0, 0, 0.5)) == (4.5, 3)
+    assert met([far, near], (0, 0, 0.5)) == (4.5, 3)
+
+
+def test_ones_own_box_is_no_obstacle() -> None:
+    assert met([ROW], (5, 0, 0.5), own=3) == (100.0, -1)
+
+
+@pytest.mark.parametrize(("reach", "name"), [(4.5, 3), (4.4, -1)])
+def test_reach_is_inclusive(reach: float, name: int) -> None:
+    assert met([ROW], (0, 0, 0.5), reach=reach) == (reach, name)
+
+
+def test_boxes_are_laid_out_about_the_middle() -> None:
+    moved = Boxes(np.array([ROW])).laid_out(np.array([1.0, 2.0, 3.0]))
+    assert moved[0, :3].tolist() == [4.0, -2.0, -2.5]
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        pytest.param(
+            np.zeros((2, 7)), "boxes of shape (2, 7), expected (n, 8)", id="short rows"
+        ),
+        pytest.param(np.zeros(8), "boxes of shape (8,), expected (n, 8)", id="one row"),
+        pytest.param(
+            np.array([ROW, [*ROW[:7], math.nan]]),
+            "boxes[1] is [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, nan],"
+            " expected finite numbers",
+            id="nan",
+        ),
+    ],
+)
+def test_wrong_boxes_are_refused(rows: np.ndarray, text: str) -> None:
+    with pytest.raises(EngineError) as caught:
+        Boxes(rows)
+    assert str(caught.value) == text

@@ -1,0 +1,323 @@
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.presets.robots import load_robot
+from radarsim.robots.collision import CONTACT_GAP
+from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import Robot
+from radarsim.robots.skid_steer import WheelDrive
+
+TICK = 0.01
+P3AT = load_robot("P3AT")
+FULL = 8.17
+speeds = st.floats(-9, 9).map(lambda number: round(number, 1))
+Command = tuple[float, float, int]
+commands = st.lists(st.tuples(speeds, speeds, st.integers(1, 60)), max_size=8)
+
+
+def ring(x0: float, y0: float, x1: float, y1: float) -> Floats:
+    """Give the four sides of a rectangle."""
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+
+def wall(*ends: tuple[float, float]) -> Floats:
+    """Give the lines from each point to the next."""
+    points = np.array(ends, dtype=np.float64)
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def robot(obstacles: Obstacles, pose: Pose2) -> Robot:
+    return Robot("R", P3AT, pose, obstacles=obstacles, wheel_drive=WheelDrive(FULL))
+
+
+def drive(driven: Robot, left: float, right: float, ticks: int) -> None:
+    driven.drive(left, right)
+    for _ in range(ticks):
+        driven.step(TICK)
+
+
+def polygon(driven: Robot) -> shapely.Polygon:
+    return shapely.Polygon(driven.footprint.outline(driven.pose)[:, 0])
+
+
+def lines(obstacles: Obstacles) -> shapely.MultiLineString:
+    return shapely.multilinestrings(shapely.linestrings(obstacles.segments))
+
+
+@st.composite
+def clutter(draw: st.DrawFn) -> Obstacles:
+    """Give a closed room of 6 by 6 m with boxes, posts and thin walls in it."""
+    place = st.floats(-3, 3).map(lambda number: round(number, 2))
+    size = st.floats(0.01, 1).map(lambda number: round(number, 2))
+    found = [ring(-3, -3, 3, 3)]
+    for _ in range(draw(st.integers(0, 8))):
+        x, y, a, b = draw(place), draw(place), draw(size), draw(size)
+        found.append(
+            ring(x, y, x + a, y + b)
+            if draw(st.booleans())
+            else wall((x, y), (x + a, y - b))
+        )
+    return Obstacles(np.concatenate(found))
+
+
+@settings(deadline=None, max_examples=40)
+@given(obstacles=clutter(), yaw=st.floats(-3, 3), orders=commands)
+def test_no_drive_ends_inside_an_obstacle(
+    obstacles: Obstacles, yaw: float, orders: list[Command]
+) -> None:
+    start = Pose2(0, 0, yaw)
+    free = obstacles.nearest_free(robot(obstacles, start).footprint, start, within=2)
+    driven = robot(obstacles, free or start)
+    solid = lines(obstacles)
+    for left, right, ticks in orders if free else []:
+        drive(driven, left, right, ticks)
+        assert not polygon(driven).intersects(solid)
+
+
+@settings(deadline=None, max_examples=25)
+@given(orders=st.lists(st.lists(st.tuples(speeds, speeds), min_size=4, max_size=4)))
+def test_robots_never_enter_each_other(orders: list[list[tuple[float, float]]]) -> None:
+    obstacles = Obstacles(ring(-1.5, -1.5, 1.5, 1.5))
+    places = [(-0.7, -0.7), (0.7, -0.7), (-0.7, 0.7), (0.7, 0.7)]
+    robots = tuple(robot(obstacles, Pose2(x, y, x * y)) for x, y in places)
+    for order in orders:
+        for driven, (left, right) in zip(robots, order, strict=True):
+            driven.drive(left, right)
+        for _ in range(50):
+            for driven in robots:
+                driven.step(TICK, robots)
+        hulls = [polygon(driven) for driven in robots]
+        pairs = [(a, b) for i, a in enumerate(hulls) for b in hulls[:i]]
+        assert not any(a.intersects(b) for a, b in pairs)
+        assert not any(hull.intersects(lines(obstacles)) for hull in hulls)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    yaw=st.floats(-1.4, 1.4),
+    left=st.floats(1, 8),
+    right=st.floats(1, 8),
+    ticks=st.integers(1, 300),
+)
+def test_backing_off_from_a_wall_always_works(
+    yaw: float, left: float, right: float, ticks: int
+) -> None:
+    driven = robot(Obstacles(wall((1, -50), (1, 50))), Pose2(0, 0, yaw))
+    drive(driven, left, right, ticks)
+    before = driven.pose
+    slower = -4 if abs(wrap_angle(before.yaw)) < math.pi / 2 else 4
+    drive(driven, slower, slower, 100)
+    moved = math.hypot(driven.pose.x - before.x, driven.pose.y - before.y)
+    assert moved == pytest.approx(4 * 0.098, abs=0.03)
+    assert driven.pose.x < before.x + 1e-9
+
+
+def test_it_runs_up_to_a_wall_and_stops_there() -> None:
+    driven = robot(Obstacles(wall((1, -5), (1, 5))), Pose2(0, 0))
+    drive(driven, FULL, FULL, 100)
+    assert driven.pose.x == pytest.approx(1 - P3AT.length / 2 - CONTACT_GAP)
+    assert driven.pose.y == pytest.approx(0)
+    assert driven.touched
+    stopped = driven.pose
+    drive(driven, FULL, FULL, 1000)
+    assert driven.pose.x == pytest.approx(stopped.x, abs=1e-9)
+
+
+def test_it_slides_along_a_wall_that_it_meets_at_an_angle() -> None:
+    driven = robot(Obstacles(wall((1, -50), (1, 50))), Pose2(0, 0, math.pi / 4))
+    drive(driven, 5, 5, 400)
+    before = driven.pose
+    drive(driven, 5, 5, 100)
+    way = 5 * 0.098
+    assert driven.touched
+    assert driven.pose.x == pytest.approx(before.x)
+    assert driven.pose.y - before.y == pytest.approx(way * math.sin(math.pi / 4))
+
+
+def test_it_slides_into_a_corner_and_comes_out_again() -> None:
+    corner = Obstacles(wall((1, -5), (1, 1), (-5, 1)))
+    driven = robot(corner, Pose2(0, 0, 0.6))
+    drive(driven, FULL, FULL, 500)
+    assert driven.touched
+    stuck = driven.pose
+    drive(driven, FULL, FULL, 100)
+    assert math.dist((stuck.x, stuck.y), (driven.pose.x, driven.pose.y)) < 0.01
+    drive(driven, -FULL, -FULL, 100)
+    assert math.dist((stuck.x, stuck.y), (driven.pose.x, driven.pose.y)) > 0.7
+    assert not driven.touched
+
+
+def test_it_does_not_squeeze_into_a_wedge_and_is_not_caught_there() -> None:
+    wedge = Obstacles(wall((0, 1), (2, 0.1), (2, -0.1), (0, -1)))
+    driven = robot(wedge, Pose2(0, 0, 0.05))
+    drive(driven, FULL, FULL, 500)
+    assert driven.touched
+    caught = driven.pose
+    drive(driven, -FULL, -FULL, 50)
+    assert caught.x - driven.pose.x > 0.35
+
+
+def test_turning_beside_a_wall_pushes_it_off() -> None:
+    beside = P3AT.width / 2 + 0.002
+    driven = robot(Obstacles(wall((-5, beside), (5, beside))), Pose2(0, 0))
+    drive(driven, -2, 2, 100)
+    assert driven.pose.yaw == pytest.approx(4 * 0.098 / 0.36)
+    assert driven.pose.y < -0.02
+
+
+def test_turning_in_a_narrow_place_stops_at_its_walls() -> None:
+    half = P3AT.width / 2 + 0.02
+    corridor = np.concatenate(
+        [wall((-5, half), (5, half)), wall((-5, -half), (5, -half))]
+    )
+    driven = robot(Obstacles(corridor), Pose2(0, 0))
+    drive(driven, -2, 2, 300)
+    assert driven.touched
+    assert 0 < driven.pose.yaw < 0.2
+    assert not polygon(driven).intersects(lines(Obstacles(corridor)))
+
+
+@pytest.mark.parametrize("thickness", [0.0, 1e-4, 0.01])
+@pytest.mark.parametrize("speed", [pytest.param(1, id="slow"), FULL])
+def test_nothing_is_jumped_however_thin(thickness: float, speed: float) -> None:
+    post = wall((1, 0), (1 + thickness, 0.005), (1, 0.005), (1, 0))
+    driven = robot(Obstacles(post), Pose2(0, 0))
+    drive(driven, speed, speed, round(2000 / speed))
+    assert driven.pose.x < 1 - P3AT.length / 2
+
+
+def test_a_step_of_a_whole_second_jumps_nothing_either() -> None:
+    driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
+    driven.drive(FULL, FULL)
+    driven.step(1.0)
+    assert driven.pose.x < 0.5 - P3AT.length / 2
+
+
+def test_wheels_turn_on_while_a_wall_holds_the_robot() -> None:
+    driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
+    drive(driven, 5, 5, 200)
+    assert driven.pose.x < 0.3
+    assert driven.side_angles == pytest.approx((10, 10))
+
+
+def test_creeping_up_to_a_wall_does_not_bounce() -> None:
+    driven = robot(Obstacles(wall((0.3, -5), (0.3, 5))), Pose2(0, 0))
+    seen = []
+    for _ in range(400):
+        drive(driven, 0.1, 0.1, 1)
+        seen.append(driven.pose.x)
+    assert driven.touched
+    assert np.diff(seen).min() > -1e-9
+
+
+def test_touch_ends_when_it_backs_off_and_lasts_while_it_stands() -> None:
+    driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
+    assert not driven.touched
+    drive(driven, 5, 5, 200)
+    drive(driven, 0, 0, 100)
+    assert driven.touched
+    drive(driven, -5, -5, 1)
+    assert not driven.touched
+
+
+def test_a_robot_that_is_run_into_is_touched_too_and_keeps_its_place() -> None:
+    nothing = Obstacles()
+    parked, moving = robot(nothing, Pose2(2, 0)), robot(nothing, Pose2(0, 0))
+    both = (parked, moving)
+    moving.drive(5, 5)
+    touched = []
+    for _ in range(500):
+        for driven in both:
+            driven.step(TICK, both)
+        touched.append(parked.touched)
+    assert not touched[0]
+    assert touched[-1]
+    assert moving.touched
+    assert parked.pose == Pose2(2, 0)
+    assert moving.pose.x == pytest.approx(2 - P3AT.length - CONTACT_GAP)
+
+
+def test_a_robot_that_appears_is_met_and_one_that_leaves_is_not() -> None:
+    nothing = Obstacles()
+    moving = robot(nothing, Pose2(0, 0))
+    drive(moving, 5, 5, 10)
+    appeared = (moving, robot(nothing, Pose2(1, 0)))
+    for _ in range(200):
+        moving.step(TICK, appeared)
+    assert moving.touched
+    assert moving.pose.x < 1 - P3AT.length
+    alone = (moving,)
+    for _ in range(200):
+        moving.step(TICK, alone)
+    assert not moving.touched
+    assert moving.pose.x > 1
+
+
+def test_a_robot_that_drives_up_from_afar_is_met_where_it_is() -> None:
+    nothing = Obstacles()
+    robots = (robot(nothing, Pose2(-6, 0)), robot(nothing, Pose2(6, 0, math.pi)))
+    for driven in robots:
+        driven.drive(FULL, FULL)
+    for _ in range(1000):
+        for driven in robots:
+            driven.step(TICK, robots)
+    assert all(driven.touched for driven in robots)
+    apart = robots[1].pose.x - robots[0].pose.x
+    assert P3AT.length < apart < P3AT.length + 0.02
+
+
+def test_a_robot_that_was_put_into_a_wall_can_leave_it() -> None:
+    driven = robot(Obstacles(wall((0.2, -5), (0.2, 5))), Pose2(0, 0))
+    assert driven.touched
+    drive(driven, -5, -5, 100)
+    assert not driven.touched
+    assert driven.pose.x == pytest.approx(-5 * 0.098, abs=0.02)
+
+
+def test_a_robot_that_was_put_into_a_wall_cannot_go_deeper() -> None:
+    driven = robot(Obstacles(wall((0.2, -5), (0.2, 5))), Pose2(0, 0))
+    drive(driven, 5, 5, 100)
+    assert driven.pose.x == pytest.approx(0)
+
+
+@settings(deadline=None, max_examples=20)
+@given(obstacles=clutter(), orders=commands)
+def test_looking_seldom_changes_nothing(
+    obstacles: Obstacles, orders: list[Command]
+) -> None:
+    start = Pose2(0, 0, 0.3)
+    free = obstacles.nearest_free(robot(obstacles, start).footprint, start, within=2)
+    if free is None:
+        return
+    seldom, always = robot(obstacles, free), robot(obstacles, free)
+    for left, right, ticks in orders:
+        drive(seldom, left, right, ticks)
+        always.drive(left, right)
+        for _ in range(ticks):
+            always.step(TICK, (always,))  # a tuple of its own each time
+    assert always.pose == seldom.pose
+
+
+class Asked(Obstacles):
+    """Obstacles that count how often they are asked."""
+
+    times = 0
+
+    def near(self, x: float, y: float, reach: float) -> Floats:
+        self.times += 1
+        return super().near(x, y, reach)
+
+
+def test_on_open_floor_walls_are_seldom_asked_for() -> None:
+    asked = Asked(ring(-50, -50, 50, 50))
+    driven = robot(asked, Pose2(0, 0))
+    drive(driven, FULL, FULL, 1000)
+    assert driven.pose.x > 7.9
+    assert asked.times < 20

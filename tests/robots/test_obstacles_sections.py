@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.robots.obstacles import outlines, section
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
+corners = st.lists(
+    st.tuples(*[st.floats(-5, 5).map(lambda number: round(number, 2))] * 3),
+    min_size=4,
+    max_size=4,
+)
+
+
+def cube() -> tuple[Floats, NDArray[np.int32]]:
+    """Give the cube from 0 to 1, each side two triangles."""
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    vertices = np.array([[*corner, z] for z in (0, 1) for corner in square], float)
+    sides = [[0, 3, 2, 1], [4, 5, 6, 7], *([k, (k + 1) % 4] for k in range(4))]
+    quads = [s if len(s) == 4 else [s[0], s[1], s[1] + 4, s[0] + 4] for s in sides]
+    faces = [face for a, b, c, d in quads for face in ([a, b, c], [a, c, d])]
+    return vertices, np.array(faces, dtype=np.int32)
+
+
+def length(segments: Floats) -> float:
+    return float(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum())
+
+
+@pytest.mark.parametrize("height", [1e-6, 0.3, 0.5, 1.0])
+def test_the_section_of_a_cube_is_its_outline(height: float) -> None:
+    segments = section(*cube(), height)
+    lines = shapely.multilinestrings(shapely.linestrings(segments))
+    outline = shapely.box(0, 0, 1, 1).exterior
+    assert lines.hausdorff_distance(outline) < 1e-12
+    assert length(segments) == pytest.approx(4)
+
+
+@pytest.mark.parametrize(
+    "height",
+    [
+        pytest.param(-0.1, id="below"),
+        pytest.param(0.0, id="on which it stands"),
+        pytest.param(1.1, id="above"),
+    ],
+)
+def test_a_plane_beside_the_cube_cuts_nothing(height: float) -> None:
+    assert section(*cube(), height).shape == (0, 2, 2)
+
+
+@given(points=corners, height=st.floats(-5, 5))
+def test_every_end_of_a_closed_meshs_section_is_shared(
+    points: list[tuple[float, float, float]], height: float
+) -> None:
+    segments = section(np.array(points), TETRAHEDRON, height)
+    ends = segments.reshape(-1, 2)
+    apart = np.linalg.norm(ends[:, None] - ends[None], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    assert (apart.min(axis=1, initial=np.inf) < 1e-6).all()
+
+
+def test_no_faces_no_lines() -> None:
+    empty = np.zeros((0, 3), dtype=np.int32)
+    assert section(np.zeros((0, 3)), empty, 0.5).shape == (0, 2, 2)
+
+
+def test_outlines_are_the_sections_of_all_parts_in_order() -> None:
+    vertices, faces = cube()
+    stone, away = Material("stone"), np.array([3.0, 0.0, 0.0])
+    parts = [Part("cube", stone, vertices + k * away, faces) for k in (0, 1)]
+    one = section(vertices, faces, 0.5)
+    both = np.concatenate([one, one + away[:2]])
+    np.testing.assert_array_equal(outlines(parts, 0.5), both)
+    assert outlines([], 0.5).shape == (0, 2, 2)

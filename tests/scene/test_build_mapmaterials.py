@@ -1,0 +1,391 @@
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from radarsim.errors import MapError
+from radarsim.presets.materials import library_material, library_names
+from radarsim.scene.build import from_library
+from radarsim.scene.map_file import load_map
+from radarsim.scene.material import OPAQUE, Material
+from radarsim.scene.scene import Scene
+
+NUMBER = "expected a number from 0 to 1e+06, or one for each of 24, 77, 94"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def load(text: str) -> Scene:
+    Path("m.yaml").write_text(f"version: 1\n{text}\n")
+    return load_map("m.yaml")
+
+
+def material(entry: str) -> Material:
+    return load(f"materials:\n  m: {entry}").materials["m"]
+
+
+def problems(text: str) -> list[str]:
+    with pytest.raises(MapError) as caught:
+        load(text)
+    return caught.value.problems
+
+
+@pytest.mark.parametrize(
+    ("entry", "attributes"),
+    [
+        pytest.param(
+            "{db_per_m: 2.5}",
+            {"density": 0.0, "laser_density": OPAQUE, "radar_db": (2.5, 2.5, 2.5)},
+            id="one number for all bands",
+        ),
+        pytest.param(
+            "{db_per_m: {24: 2, 77: 3.5, 94: 4}}",
+            {"density": 0.0, "radar_db": (2.0, 3.5, 4.0)},
+            id="a number for each band",
+        ),
+        pytest.param(
+            "{density: 0.7, db_per_m: 1}",
+            {"density": 0.7, "radar_db": (1.0, 1.0, 1.0)},
+            id="density and dB add",
+        ),
+        pytest.param(
+            "{density: 0, laser_db_per_m: 4.3, solid: false}",
+            {"density": 0.0, "laser_density": 0.0, "laser_db": 4.3, "solid": False},
+            id="smoke in dB",
+        ),
+        pytest.param(
+            "{density: 0, laser_density: 0.5, laser_db_per_m: 4.3}",
+            {"density": 0.0, "laser_density": 0.5, "laser_db": 4.3},
+            id="of light too",
+        ),
+        pytest.param(
+            "{density: opaque, absorption_db: 12, laser_absorption_db: all}",
+            {"absorption_db": 12.0, "laser_absorption_db": math.inf},
+            id="absorbing",
+        ),
+        pytest.param(
+            "{density: opaque, mirror: radar}", {"radar_mirror": True}, id="radar"
+        ),
+        pytest.param(
+            "{density: 1, mirror: laser}",
+            {"density": 1.0, "laser_mirror": True},
+            id="laser",
+        ),
+        pytest.param(
+            "{density: opaque, mirror: both}",
+            {"radar_mirror": True, "laser_mirror": True},
+            id="both",
+        ),
+        pytest.param("{density: opaque, mirror: none}", {}, id="none"),
+    ],
+)
+def test_an_entry_is_a_material(entry: str, attributes: dict[str, Any]) -> None:
+    assert material(entry) == Material("m", **attributes)
+
+
+@pytest.mark.parametrize("name", library_names())
+def test_an_entry_may_be_a_material_of_the_library(name: str) -> None:
+    told = material(f"{{based_on: {name}}}")
+    told_of = library_material(name)
+    assert told.name == "m"
+    for field in type(told_of).__dataclass_fields__:
+        assert getattr(told, field) == getattr(told_of, field)
+    assert told.sheet_loss is None
+
+
+@pytest.mark.parametrize(
+    ("entry", "base", "attributes"),
+    [
+        pytest.param(
+            "{based_on: foliage, density: 0.7}",
+            "foliage",
+            {"density": 0.7, "radar_db": (0.0, 0.0, 0.0)},
+            id="a density instead of dB",
+        ),
+        pytest.param(
+            "{based_on: foliage, db_per_m: 1, solid: false}",
+            "foliage",
+            {"radar_db": (1.0, 1.0, 1.0), "solid": False},
+            id="other dB",
+        ),
+        pytest.param(
+            "{based_on: foliage, laser_db_per_m: 3}",
+            "foliage",
+            {"laser_density": 0.0, "laser_db": 3.0},
+            id="light gets in",
+        ),
+        pytest.param(
+            "{based_on: foliage, sheet_loss: 0.1}",
+            "foliage",
+            {"sheet_loss": 0.1, "radar_db": (0.0, 0.0, 0.0)},
+            id="a sheet",
+        ),
+        pytest.param(
+            "{based_on: foliage, density: opaque}",
+            "foliage",
+            {"density": OPAQUE, "radar_db": (0.0, 0.0, 0.0)},
+            id="opaque",
+        ),
+        pytest.param(
+            "{based_on: smoke, laser_density: opaque}",
+            "smoke",
+            {"laser_density": OPAQUE, "laser_db": 0.0},
+            id="opaque to light",
+        ),
+        pytest.param(
+            "{based_on: metal, density: 1}",
+            "metal",
+            {"density": 1.0, "radar_mirror": False, "absorption_db": 0.0},
+            id="what beams enter is no mirror",
+        ),
+        pytest.param(
+            "{based_on: metal, laser_density: 0}",
+            "metal",
+            {"laser_density": 0.0, "laser_mirror": False, "laser_absorption_db": 0.0},
+            id="nor what light enters",
+        ),
+        pytest.param(
+            "{based_on: metal, mirror: none, absorption_db: 20}",
+            "metal",
+            {"radar_mirror": False, "laser_mirror": False, "absorption_db": 20.0},
+            id="dull",
+        ),
+        pytest.param(
+            "{based_on: concrete, mirror: both}",
+            "concrete",
+            {"radar_mirror": True, "laser_mirror": True},
+            id="polished",
+        ),
+    ],
+)
+def test_an_entry_overrides_what_it_is_based_on(
+    entry: str, base: str, attributes: dict[str, Any]
+) -> None:
+    expected = from_library(base)
+    for field in Material.__dataclass_fields__:
+        value = attributes.get(field, getattr(expected, field))
+        assert getattr(material(entry), field) == ("m" if field == "name" else value)
+
+
+def test_amounts_are_those_of_the_entry() -> None:
+    assert material("{based_on: rain, mm_per_h: 5}").rain == 5
+    smoke = material("{based_on: smoke, g_per_m3: 1}")
+    assert smoke.laser_db == library_material("smoke", g_per_m3=1).laser_db
+    assert material("{based_on: fog, g_per_m3: 0}").laser_db == 0
+
+
+@pytest.mark.parametrize(
+    ("entry", "key", "message"),
+    [
+        pytest.param("{db_per_m: -1}", "db_per_m", f"-1, {NUMBER}", id="negative"),
+        pytest.param("{db_per_m: 1e7}", "db_per_m", f"10000000.0, {NUMBER}", id="huge"),
+        pytest.param("{db_per_m: x}", "db_per_m", f"'x', {NUMBER}", id="a word"),
+        pytest.param("{db_per_m: [1]}", "db_per_m", f"[1], {NUMBER}", id="a list"),
+        pytest.param(
+            "{db_per_m: {24: 1, 77: 2}}",
+            "db_per_m",
+            f"{{'24': 1, '77': 2}}, {NUMBER}",
+            id="a band missing",
+        ),
+        pytest.param(
+            "{db_per_m: {24: 1, 77: 2, 94: true}}",
+            "db_per_m",
+            f"{{'24': 1, '77': 2, '94': True}}, {NUMBER}",
+            id="truth as number",
+        ),
+        pytest.param(
+            "{db_per_m: {24: 1, 77: 2, 94: 3, 60: 4}}",
+            "db_per_m",
+            f"{{'24': 1, '77': 2, '94': 3, '60': 4}}, {NUMBER}",
+            id="another band",
+        ),
+        pytest.param(
+            "{density: opaque, db_per_m: 1}",
+            "db_per_m",
+            "1 with 'opaque', expected a density that is a number, or none",
+            id="opaque, and dB",
+        ),
+        pytest.param(
+            "{density: 1, laser_density: opaque, laser_db_per_m: 1}",
+            "laser_db_per_m",
+            "1 with 'opaque', expected a density that is a number, or none",
+            id="opaque to light, and dB",
+        ),
+        pytest.param(
+            "{sheet_loss: 1, db_per_m: 1}",
+            "db_per_m",
+            "expected either 'sheet_loss' or 'db_per_m'",
+            id="a sheet with an inside",
+        ),
+        pytest.param(
+            "{density: 1, laser_db_per_m: -2}",
+            "laser_db_per_m",
+            "-2, expected at least 0",
+            id="negative for light",
+        ),
+        pytest.param(
+            "{density: opaque, absorption_db: some}",
+            "absorption_db",
+            "'some', expected 'all' or a number from 0 to 1e+06",
+            id="absorbing some",
+        ),
+        pytest.param(
+            "{density: 1, absorption_db: 3}",
+            "absorption_db",
+            "3, expected only of what is opaque to a radar",
+            id="an absorbing volume",
+        ),
+        pytest.param(
+            "{density: opaque, laser_density: 0, laser_absorption_db: all}",
+            "laser_absorption_db",
+            "inf, expected only of what is opaque to a laser",
+            id="a volume that absorbs light",
+        ),
+        pytest.param(
+            "{density: 1, mirror: radar}",
+            "mirror",
+            "'radar', expected only of what is opaque to a radar",
+            id="a volume as mirror",
+        ),
+        pytest.param(
+            "{based_on: glass, mirror: both}",
+            "mirror",
+            "'both', expected only of what is opaque to a laser",
+            id="a volume as mirror of light",
+        ),
+        pytest.param(
+            "{sheet_loss: 1, mirror: radar}",
+            "mirror",
+            "'radar', expected only of what is opaque to a radar",
+            id="a sheet as mirror",
+        ),
+        pytest.param(
+            "{density: opaque, mirror: yes}",
+            "mirror",
+            "'yes', expected 'radar', 'laser', 'both' or 'none'",
+            id="another mirror",
+        ),
+        pytest.param(
+            "{based_on: leaf}",
+            "based_on",
+            f"'leaf', expected one of {list(library_names())}",
+            id="not in the library",
+        ),
+        pytest.param(
+            "{density: 1, mm_per_h: 3}",
+            "mm_per_h",
+            "expected only with 'based_on' one of ['rain']",
+            id="rain of nothing",
+        ),
+        pytest.param(
+            "{based_on: rain, g_per_m3: 3}",
+            "g_per_m3",
+            "expected only with 'based_on' one of ['dust', 'fog', 'smoke']",
+            id="another amount",
+        ),
+        pytest.param(
+            "{based_on: rain, mm_per_h: 1001}",
+            "mm_per_h",
+            "1001, expected at most 1000",
+            id="a flood",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_material(entry: str, key: str, message: str) -> None:
+    column = 6 + entry.rindex(f"{key}: ") + len(f"{key}: ")
+    place = f"m.yaml:3:{column}: materials.m.{key}"
+    assert problems(f"materials:\n  m: {entry}") == [f"{place}: {message}"]
+
+
+def test_an_object_may_be_of_the_library_without_an_entry() -> None:
+    scene = load(
+        "materials:\n"
+        "  wood: {density: 0.5}\n"
+        "objects:\n"
+        "  - {name: a, sphere: 1, material: hedge}\n"
+        "  - {name: b, sphere: 1, material: wood}\n"
+        "  - {name: c, sphere: 1, material: hedge}\n"
+    )
+    assert list(scene.materials) == ["wood", "hedge"]
+    assert scene.parts[0].material == from_library("hedge")
+    assert scene.parts[1].material == Material("wood", 0.5)
+    assert scene.parts[2].material is scene.parts[0].material
+
+
+def test_a_mesh_may_be_of_the_library() -> None:
+    Path("plate.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl Tin\nf 1 2 3\n")
+    (part,) = load(
+        "objects:\n  - {name: a, mesh: plate.obj, materials: {Tin: metal}}"
+    ).parts
+    assert part.material == from_library("metal")
+
+
+@pytest.mark.parametrize(
+    ("text", "air"),
+    [
+        pytest.param("air: fog", from_library("fog"), id="of the library"),
+        pytest.param(
+            "materials:\n  fog: {density: 0.01, laser_density: 1, solid: false}\n"
+            "air: fog",
+            Material("fog", 0.01, 1.0, solid=False),
+            id="the map's own comes first",
+        ),
+        pytest.param("air:", None, id="none"),
+        pytest.param("", None, id="not said"),
+    ],
+)
+def test_air_fills_the_scene(text: str, air: Material | None) -> None:
+    scene = load(text)
+    assert scene.air == air
+    assert scene.materials == ({air.name: air} if air else {})
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        pytest.param(
+            "air: foliage",
+            "m.yaml:2:6: air: 'foliage' is opaque to a laser and solid,"
+            " expected what beams and robots can be in",
+            id="foliage",
+        ),
+        pytest.param(
+            "air: metal",
+            "m.yaml:2:6: air: 'metal' is opaque to a radar and opaque to a laser and"
+            " solid, expected what beams and robots can be in",
+            id="metal",
+        ),
+        pytest.param(
+            "air: m\nmaterials: {m: {sheet_loss: 1, laser_density: 0, solid: false}}",
+            "m.yaml:2:6: air: 'm' is a sheet, expected what beams and robots can be in",
+            id="a sheet",
+        ),
+        pytest.param(
+            "air: mist",
+            "m.yaml:2:6: air: 'mist', expected one of [], or of the library,"
+            f" {list(library_names())}",
+            id="unknown",
+        ),
+        pytest.param("air: 3", "m.yaml:2:6: air: 3, expected text", id="a number"),
+        pytest.param(
+            "air: m\nmaterials: {m: {density: -1}}",
+            "m.yaml:3:26: materials.m.density: -1,"
+            " expected 'opaque' or a number, at least 0",
+            id="of a material that is wrong by itself",
+        ),
+    ],
+)
+def test_what_is_wrong_with_the_air(text: str, expected: str) -> None:
+    assert problems(text) == [expected]
+
+
+def test_air_that_is_wrong_does_not_hide_the_rest() -> None:
+    text = "air: metal\nobjects: [{name: a, sphere: 0, material: fog}]"
+    assert [line.split(": ")[1] for line in problems(text)] == [
+        "air",
+        "objects.0.sphere",
+    ]

@@ -1,0 +1,567 @@
+"""Which ray answers, and how exactly."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim import Material, Part, Scan, Scene
+from radarsim.geometry import Floats, Pose2, Pose3, rotation_matrix
+from radarsim.presets.robots import load_robot
+from radarsim.presets.sensors import sensor_presets
+from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import generator_for
+from radarsim.scene.shapes import box
+from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan_batch import take_together
+from radarsim.simulation.simulation import Simulation
+
+WALL = Material("wall")
+SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
+TWO_BEAMS = {"fov_deg": 2, "resolution_deg": 2}
+
+
+def board(
+    name: str,
+    size: tuple[float, float, float],
+    place: tuple[float, float, float],
+    yaw_deg: float = 0.0,
+    material: Material = WALL,
+) -> Part:
+    vertices, faces = box(*size)
+    turned = vertices @ rotation_matrix(0, 0, math.radians(yaw_deg)).T
+    return Part(name, material, turned + np.array(place), faces)
+
+
+def scene(*parts: Part) -> Scene:
+    return Scene("yard", "Yard", parts)
+
+
+def radar(**settings: Any) -> RangeScanner:
+    return radarsim.load_sensor("radar", **settings)
+
+
+def scans(scanner: RangeScanner, world: Scene, count: int, seed: int = 0) -> list[Scan]:
+    rng = generator_for(seed, "scans")
+    return [scanner.scan(world, Pose3(0, 0, 0), rng) for _ in range(count)]
+
+
+def shares(found: list[Scan], beam: int) -> list[float]:
+    """Give how often the right, centre and left ray gave the range."""
+    rays = np.array([scan.rays[beam] for scan in found if scan.rays is not None])
+    return [float(np.mean(rays == side)) for side in (-1, 0, 1)]
+
+
+# Ahead of beam 1 of three, 10 cm apart: the left ray meets an edge at 3 m, the others
+# the wall at 8 m behind it.
+EDGE = scene(
+    board("edge", (1, 4, 4), (3.5, 2.05, 0)), board("back", (1, 40, 4), (8.5, 0, 0))
+)
+AHEAD = {"fov_deg": 4, "resolution_deg": 2}
+
+
+@pytest.mark.parametrize("weights", [(1, 1, 1), (1, 4, 1), (3, 2, 1)])
+def test_the_shares_of_ten_thousand_scans_near_an_edge(
+    weights: tuple[float, float, float],
+) -> None:
+    found = scans(radar(**AHEAD, ray_weights=weights), EDGE, 10_000, seed=7)
+    wanted = np.array(weights) / sum(weights)
+    error = np.sqrt(wanted * (1 - wanted) / len(found))
+    assert (np.abs(np.array(shares(found, 1)) - wanted) < 3 * error).all()
+    near = np.mean([scan.ranges[1] == pytest.approx(3.0) for scan in found])
+    assert abs(near - wanted[2]) < 3 * error[2]
+
+
+def test_without_an_offset_nothing_is_noise(foliage_room: Scene) -> None:
+    still = radar(side_offset_uu=0)
+    rng = generator_for(0)
+    first, *others = [still.scan(foliage_room, (-7, 0, 0), rng) for _ in range(5)]
+    centre = radar(side_offset_uu=80, ray_weights=(0, 1, 0))
+    others.append(centre.scan(foliage_room, (-7, 0, 0), rng))
+    assert all(scan.ranges.tolist() == first.ranges.tolist() for scan in others)
+
+
+def frayed(scanner: RangeScanner, world: Scene) -> float:
+    """Give the share of beams whose readings are more than 20 cm apart in 60 scans."""
+    rng = generator_for(2, "fray")
+    found = [scanner.scan(world, (-7.8, 0, 0), rng).ranges for _ in range(60)]
+    return float(np.mean(np.ptp(np.array(found), axis=0) > 0.2))
+
+
+def test_the_more_units_the_more_edges_fray(foliage_room: Scene) -> None:
+    found = [frayed(radar(side_offset_uu=n), foliage_room) for n in (0, 25, 50, 100)]
+    assert found[0] == 0.0
+    assert found == sorted(found)
+    assert found[2] > 0.2
+    assert found[3] > found[2] + 0.1
+
+
+# The law of weights by incidence: ray weight times cos^2 of the angle to the normal.
+
+
+def test_a_ray_that_grazes_is_never_chosen() -> None:
+    grazed = board("grazed", (20, 0.04, 4), (6, 0.12, 0), yaw_deg=-0.3)
+    world = scene(grazed, board("back", (1, 0.15, 4), (12.5, 0.0, 0)))
+    found = scans(radar(**AHEAD, incidence_weights=True), world, 500)
+    assert shares(found, 1) == [0, 1, 0]
+
+
+def test_of_rays_that_met_nothing_the_weights_decide() -> None:
+    found = scans(radar(**AHEAD, incidence_weights=True), scene(), 3000)
+    wanted, error = 1 / 3, math.sqrt(2 / 9 / 3000)
+    assert shares(found, 1) == pytest.approx([wanted] * 3, abs=4 * error)
+
+
+def test_a_ray_that_met_nothing_leaves_it_to_the_others() -> None:
+    world = scene(board("post", (1, 4, 4), (5.5, 2.05, 0)))
+    found = scans(radar(**AHEAD, incidence_weights=True), world, 300)
+    assert shares(found, 1) == [0, 0, 1]
+
+
+@pytest.mark.parametrize("weights", [(1, 1, 1), (1, 2, 0), (0, 1, 3)])
+def test_a_surface_at_sixty_degrees_counts_a_quarter(
+    weights: tuple[float, float, float],
+) -> None:
+    slanted = board("slanted", (0.01, 0.16, 4), (4, 0.08 + 0.02, 0), yaw_deg=60)
+    world = scene(slanted, board("back", (1, 40, 4), (8.5, 0, 0)))
+    scanner = radar(**AHEAD, incidence_weights=True, ray_weights=weights)
+    found = scans(scanner, world, 6000)
+    chances = np.array(weights) * [1, 1, 0.25]
+    wanted = chances / chances.sum()
+    error = np.sqrt(wanted * (1 - wanted) / len(found))
+    assert (np.abs(np.array(shares(found, 1)) - wanted) <= 4 * error).all()
+
+
+def test_head_on_the_weights_alone_decide() -> None:
+    world = scene(board("back", (1, 40, 4), (8.5, 0, 0)))
+    found = scans(radar(**AHEAD, incidence_weights=True), world, 3000)
+    error = math.sqrt(2 / 9 / 3000)
+    assert shares(found, 1) == pytest.approx([1 / 3] * 3, abs=4 * error)
+
+
+def test_a_ray_of_weight_zero_is_never_chosen_after_all_are_cast() -> None:
+    scanner = radar(**AHEAD, incidence_weights=True, ray_weights=(0, 0, 1))
+    assert shares(scans(scanner, EDGE, 200), 1) == [0, 0, 1]
+
+
+# All together.
+
+
+def test_together_the_last_is_the_farthest_and_the_first_the_nearest() -> None:
+    for mode, wanted in (("last", 8.0), ("first", 3.0), ("strongest", 8.0)):
+        scanner = radar(
+            **AHEAD, return_mode=mode, ray_choice="together", range_resolution=0.1
+        )
+        scan = scanner.scan(EDGE, Pose3(0, 0, 0))
+        assert scan.ranges[1] == pytest.approx(wanted), mode
+    assert scan.echoes.strength[scan.echoes.beams == 1] == pytest.approx([2 / 3])
+    assert scan.rays is not None
+    assert scan.rays[1] in (-1, 0)
+
+
+def test_what_needs_no_draw_needs_nothing_to_draw_from() -> None:
+    world, here = EDGE, Pose3(0, 0, 0)
+    cone = {"side_mode": "cone", "beamwidth_az_deg": 2, "ray_choice": "together"}
+    radar(**cone).scan(world, here)
+    for settings in (
+        {},
+        {**cone, "cone_sampling": "random"},
+        {**cone, "range_noise": 0.1},
+        {"incidence_weights": True},
+    ):
+        with pytest.raises(ValueError, match="no rng, expected a Generator"):
+            radar(**settings).scan(world, here)
+    with pytest.raises(ValueError, match="no rng, expected a Generator"):
+        radarsim.load_sensor("laser", range_noise=0.1).scan(world, here)
+
+
+# The quadrature.
+
+
+def slanted_wall() -> Scene:
+    return scene(board("wall", (0.01, 60, 60), (20, 0, 0), yaw_deg=50))
+
+
+def mean_range(scanner: RangeScanner, world: Scene) -> tuple[float, float]:
+    """Give the mean range of a beam's echoes by strength, and their deviation."""
+    echoes = scanner.scan(world, Pose3(0, 0, 0), generator_for(5, "mean")).echoes
+    mine = echoes.beams == 1
+    weights, ranges = echoes.strength[mine], echoes.ranges[mine]
+    mean = float(weights @ ranges / weights.sum())
+    return mean, float(np.sqrt(weights @ (ranges - mean) ** 2 / weights.sum()))
+
+
+def beam(width: float, **settings: Any) -> RangeScanner:
+    cone = {"side_mode": "cone", "beamwidth_az_deg": width, "return_mode": "all"}
+    return radar(**AHEAD, **cone, **settings)
+
+
+@pytest.mark.parametrize("width", [0.5, 2.0, 4.0])
+def test_three_rays_measure_a_slanted_wall_as_a_thousand_do(width: float) -> None:
+    three, _ = mean_range(beam(width, cone_rays=3), slanted_wall())
+    many = beam(width, cone_rays=1000, cone_sampling="random")
+    thousand, deviation = mean_range(many, slanted_wall())
+    exact, _ = mean_range(beam(width, cone_rays=61), slanted_wall())
+    assert abs(three - thousand) < 3 * deviation / math.sqrt(1000)
+    assert three == pytest.approx(exact, abs=1e-3 * deviation)
+
+
+def near_share(scanner: RangeScanner, world: Scene) -> float:
+    """Give the share of a beam that the nearest part gives back."""
+    echoes = scanner.scan(world, Pose3(0, 0, 0), generator_for(5, "share")).echoes
+    mine = (echoes.beams == 1) & (echoes.parts == 0)
+    return float(echoes.strength[mine].sum())
+
+
+def slanted_edge(angle: float) -> Scene:
+    """Make a screen at 10 m that hides what is left of a line, 30 degrees from upright.
+
+    Args:
+        angle: How far to the left of the beam the line is, rad.
+    """
+    vertices, faces = box(0.001, 40, 40)
+    moved = vertices + np.array([0.0, 20 + 10 * math.tan(angle), 0.0])
+    turned = moved @ rotation_matrix(math.radians(30), 0, 0).T + np.array([10, 0, 0])
+    screen = Part("screen", WALL, turned, faces)
+    return scene(screen, board("back", (1, 90, 90), (30.5, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("rays", "worst", "middle"),
+    [
+        pytest.param(3, 1 / 3, 0.11, id="three rays"),
+        pytest.param(16, 0.2, 0.06, id="a grid of sixteen"),
+        pytest.param(49, 0.16, 0.05, id="a grid of forty-nine"),
+    ],
+)
+def test_over_a_slanted_edge_nodes_are_off_by_no_more_than_is_said(
+    rays: int, worst: float, middle: float
+) -> None:
+    width = 3.0
+    sigma = math.radians(width) / (4 * math.sqrt(math.log(2)))
+    tall = {} if rays == 3 else {"beamwidth_el_deg": width}
+    errors = []
+    for step in np.linspace(-2.5, 2.5, 26):
+        world = slanted_edge(float(step) * sigma)
+        nodes = near_share(beam(width, cone_rays=rays, **tall), world)
+        many = beam(width, cone_rays=1000, cone_sampling="random", **tall)
+        thousand = near_share(many, world)
+        # A flat beam meets the line farther out, on the level.
+        apart = float(step) if tall else float(step) / math.cos(math.radians(30))
+        exact = 0.5 * math.erfc(apart / math.sqrt(2))
+        error = math.sqrt(max(exact * (1 - exact), 1e-4) / 1000)
+        assert abs(thousand - exact) < 4 * error + 0.005
+        errors.append(nodes - thousand)
+    assert np.abs(errors).max() <= worst + 0.05
+    assert np.abs(errors).mean() < middle
+    assert abs(np.mean(errors)) < 0.02
+
+
+# Errors of measurement.
+
+
+def test_noise_has_its_deviation_and_one_draw_for_a_beam() -> None:
+    world = scene(board("back", (1, 400, 4), (8.5, 0, 0)))
+    noisy = radar(**AHEAD, side_offset_uu=0, range_noise=0.05)
+    found = np.array([scan.ranges for scan in scans(noisy, world, 4000)])
+    plain = radar(**AHEAD, side_offset_uu=0).scan(
+        world, Pose3(0, 0, 0), generator_for(0)
+    )
+    error = found - plain.ranges
+    assert error.mean() == pytest.approx(0, abs=4 * 0.05 / math.sqrt(error.size))
+    assert error.std() == pytest.approx(0.05, abs=4 * 0.05 / math.sqrt(2 * error.size))
+    correlation = np.corrcoef(error.T)
+    assert np.abs(correlation - np.eye(3)).max() < 4 / math.sqrt(len(found))
+
+
+def test_the_greater_of_two_deviations_counts() -> None:
+    world = scene(board("back", (1, 400, 4), (8.5, 0, 0)))
+    laser = radarsim.load_sensor(
+        "laser", **AHEAD, range_noise=0.01, range_noise_share=0.01
+    )
+    rng = generator_for(3)
+    far = [laser.scan(world, Pose3(0, 0, 0), rng).ranges[1] for _ in range(3000)]
+    near = [laser.scan(world, Pose3(7.5, 0, 0), rng).ranges[1] for _ in range(3000)]
+    for found, mean, deviation in ((far, 8.0, 0.08), (near, 0.5, 0.01)):
+        assert np.mean(found) == pytest.approx(
+            mean, abs=4 * deviation / math.sqrt(3000)
+        )
+        assert np.std(found) == pytest.approx(deviation, rel=0.06)
+
+
+def test_noise_makes_no_range_negative_too_long_or_of_nothing() -> None:
+    world = scene(board("back", (1, 0.5, 4), (8.5, 0, 0)))
+    noisy = radar(**AHEAD, side_offset_uu=0, range_noise=50, max_range=9)
+    found = np.array([scan.ranges for scan in scans(noisy, world, 300)])
+    assert np.isinf(found[:, 0]).all()
+    assert (found[:, 1].min(), found[:, 1].max()) == (0.0, 9.0)
+
+
+def test_the_echoes_of_a_beam_move_together() -> None:
+    leaf = Material("leaf", density=0.1)
+    bush = board("bush", (1, 9, 4), (3, 0, 0), material=leaf)
+    world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
+    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all", "range_noise": 0.3}
+    scan = radar(**settings, ray_choice="drawn").scan(
+        world, Pose3(0, 0, 0), generator_for(1)
+    )
+    apart = np.diff(scan.echoes.ranges[scan.echoes.beams == 1])
+    assert apart == pytest.approx([1.0, 4.5])
+
+
+@pytest.mark.parametrize("mode", ["last", "all"])
+def test_ranges_are_multiples_of_the_quantum(mode: str, foliage_room: Scene) -> None:
+    coarse = radar(range_quantum=0.25, return_mode=mode, max_range=10)
+    scan = coarse.scan(foliage_room, (-7, 0, 0), generator_for(1))
+    found = scan.ranges[np.isfinite(scan.ranges)]
+    assert (found / 0.25).tolist() == np.rint(found / 0.25).tolist()
+    fine = radar(return_mode=mode, max_range=10)
+    exact = fine.scan(foliage_room, (-7, 0, 0), generator_for(1)).ranges
+    there = np.isfinite(exact)
+    assert np.abs(found - exact[there]).max() <= 0.125 + 1e-12
+
+
+def test_the_greatest_range_may_be_no_multiple_and_no_range_exceeds_it() -> None:
+    world = scene(board("back", (1, 40, 4), (19.9, 0, 0)))  # its face is at 19.4 m
+    laser = radarsim.load_sensor("laser", **AHEAD, range_quantum=0.7, max_range=19.5)
+    assert laser.scan(world, Pose3(0, 0, 0)).ranges[1] == pytest.approx(18.9)
+
+
+def test_two_objects_within_a_cell_are_one() -> None:
+    leaf = Material("leaf", density=0.2)
+    bush = board("bush", (1, 9, 4), (7.4, 0, 0), material=leaf)
+    world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
+    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all"}
+    counts = {}
+    for cell in (0.0, 0.5, 2.0):
+        scan = radar(**settings, range_resolution=cell).scan(
+            world, Pose3(0, 0, 0), generator_for(0)
+        )
+        echoes = scan.echoes
+        counts[cell] = int(np.count_nonzero(echoes.beams == 1))
+        assert echoes.strength[echoes.beams == 1].sum() == pytest.approx(1.0)
+    assert counts == {0.0: 3, 0.5: 2, 2.0: 1}
+    assert scan.ranges[1] == pytest.approx(0.2 * 6.9 + 0.8 * 8.0)
+
+
+def test_resolution_holds_for_the_last_echo_too() -> None:
+    leaf = Material("leaf", density=0.2)
+    bush = board("bush", (1, 9, 4), (7.4, 0, 0), material=leaf)
+    world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
+    coarse = radar(**AHEAD, side_offset_uu=0, range_resolution=2)
+    scan = coarse.scan(world, Pose3(0, 0, 0), generator_for(0))
+    assert scan.ranges[1] == pytest.approx(0.2 * 6.9 + 0.8 * 8.0)
+
+
+@pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
+def test_a_blinded_laser_reads_zero_in_every_mode(mode: str) -> None:
+    cloud = board("cloud", (2, 9, 4), (3, 0, 0), material=SMOKE)
+    world = scene(cloud, board("back", (1, 40, 4), (8.5, 0, 0)))
+    hokuyo = radarsim.load_sensor("hokuyo", return_mode=mode, max_range=20, **AHEAD)
+    assert hokuyo.scan(world, Pose3(0, 0, 0)).ranges.tolist() == [0.0] * 3
+
+
+def test_what_a_ray_without_weight_meets_blinds_nobody() -> None:
+    """The centre ray is spent in a twig, the side rays see nothing."""
+    leaf = Material("twig", density=9.0)
+    twig = board("twig", (1, 0.1, 4), (5, 0, 0), material=leaf)
+    for mode in ("last", "first", "strongest", "all"):
+        scanner = radar(
+            **AHEAD,
+            ray_weights=(1, 0, 1),
+            spent_reads="zero",
+            side_offset_uu=50,
+            ray_choice="together",
+            return_mode=mode,
+        )
+        scan = scanner.scan(scene(twig), Pose3(0, 0, 0))
+        assert math.isinf(scan.ranges[1]), mode
+
+
+def test_a_merged_echo_tells_how_the_ray_ended() -> None:
+    leaf = Material("leaf", density=2.0)
+    bush = board("bush", (3, 9, 4), (4.5, 0, 0), material=leaf)
+    settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all"}
+    scan = radar(**settings, range_resolution=1.5).scan(scene(bush), Pose3(0, 0, 0))
+    lists = scan.to_dict()["echoes"]
+    assert [[echo["kind"] for echo in beam] for beam in lists] == [["spent"]] * 3
+    assert lists[1][0]["strength"] == pytest.approx(1.0)
+    assert lists[1][0]["object"] == "bush"
+
+
+def test_what_gives_nothing_back_begins_no_cell() -> None:
+    pole = board("pole", (0.04, 0.3, 4), (5.17, 0.2, 0))
+    world = [pole, board("wall", (1, 40, 4), (5.75, 0, 0))]
+    cloud = board("cloud", (3, 40, 4), (6.5, 0, 0), material=SMOKE)
+    settings = {**AHEAD, "side_offset_uu": 20, "return_mode": "all"}
+    coarse = radar(**settings, range_resolution=0.2)
+    for parts in (world, [*world, cloud]):
+        lists = coarse.scan(scene(*parts), Pose3(0, 0, 0)).to_dict()["echoes"]
+        assert [echo["kind"] for echo in lists[1]] == ["hit"]
+        assert lists[1][0]["strength"] == pytest.approx(1.0)
+
+
+# What scans share.
+
+
+def test_a_listing_scanner_draws_and_reads_the_same(foliage_room: Scene) -> None:
+    for settings in (
+        {},
+        {"incidence_weights": True},
+        {"range_noise": 0.1, "range_quantum": 0.02},
+        {"side_mode": "cone", "beamwidth_az_deg": 3, "cone_rays": 5},
+        {"ray_choice": "together"},
+    ):
+        plain = radar(**settings)
+        found: list[list[Floats]] = []
+        for scanner in (plain, plain.listing):
+            rng = generator_for(4, "same")
+            found.append(
+                [scanner.scan(foliage_room, (-7, 1, 0), rng).ranges for _ in range(3)]
+            )
+        assert np.array_equal(found[0], found[1]), settings
+
+
+@pytest.mark.parametrize("mode", ["first", "strongest", "all"])
+def test_a_radar_that_keeps_other_echoes_lists_those(mode: str) -> None:
+    scanner = radar(return_mode=mode)
+    assert scanner.listing is scanner
+
+
+def test_scans_taken_together_are_those_taken_alone(foliage_room: Scene) -> None:
+    tracer, poses = tracer_of(foliage_room), [Pose3(-7, y, 0.4) for y in range(-2, 3)]
+    scanners = [
+        radar(),
+        radar(return_mode="all"),
+        radar(incidence_weights=True),
+        radar(incidence_weights=True, return_mode="strongest"),
+        radarsim.load_sensor("laser"),
+    ]
+    planned = [
+        (scanner, scanner.plan(tracer, pose, generator_for(i)))
+        for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True))
+    ]
+    together = take_together(tracer, planned)
+    for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True)):
+        alone = scanner.scan(foliage_room, pose, generator_for(i))
+        assert together[i].to_dict() == alone.to_dict()
+    assert take_together(tracer, []) == []
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param({}, id="drawn"),
+        pytest.param({"range_noise": 0.1}, id="noise"),
+        pytest.param({"incidence_weights": True}, id="chosen"),
+        pytest.param(
+            {"side_mode": "cone", "beamwidth_az_deg": 5, "cone_sampling": "random"},
+            id="random cone",
+        ),
+    ],
+)
+def test_a_second_robot_changes_none_of_the_first_ones_numbers(
+    settings: dict[str, Any], foliage_room: Scene
+) -> None:
+    """The second one drives before the first, which draws the same all the same."""
+    conditions = radarsim.Conditions(item_settings={"lms200": settings})
+    told: list[list[str]] = []
+    model = load_robot("P3AT")
+    for others in (0, 1):
+        simulation = Simulation(foliage_room, conditions=conditions, seed=3)
+        first = simulation.spawn("R1", model, Pose2(-8, 0))
+        assert first is not None
+        for i in range(others):
+            other = simulation.spawn(f"R{i + 2}", model, Pose2(-5, 3))
+            assert other is not None
+        lines: list[str] = []
+        for _ in range(50):
+            simulation.step()
+            scans_ = simulation.tell()[first.number].scans
+            lines += [str(scan.ranges[:80].tolist()) for scan in scans_]
+        told.append(lines)
+    assert len(told[0]) == 5
+    assert told[0] == told[1]
+
+
+@pytest.mark.parametrize("name", list(sensor_presets()))
+def test_every_preset_makes_a_working_sensor(name: str, foliage_room: Scene) -> None:
+    scanner = radarsim.load_sensor(name)
+    first, again = (
+        scanner.scan(foliage_room, (-8.5, 4, 1), generator_for(1)) for _ in range(2)
+    )
+    assert first.ranges.tolist() == again.ranges.tolist()
+    assert first.ranges.shape == (scanner.settings.beams,)
+    seen = first.ranges[np.isfinite(first.ranges)]
+    assert seen.size > 0
+    assert seen.max() <= scanner.settings.max_range
+    quantum = scanner.settings.range_quantum
+    if quantum:
+        assert seen / quantum == pytest.approx(np.rint(seen / quantum))
+
+
+# A laser that loses light.
+
+DUST = Material("dust", density=0.0, laser_density=0.0, solid=False, laser_db=1.0)
+
+
+def dusty(depth: float) -> Scene:
+    cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=DUST)
+    return scene(cloud, board("back", (1, 90, 9), (40.5, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("depth", "wanted"),
+    [
+        pytest.param(0.45, 40.0, id="too thin to show"),
+        pytest.param(0.5, 5.0, id="thin"),
+        pytest.param(10.0, 5.0, id="half of the light comes through"),
+        pytest.param(30.0, 5.0, id="all light is lost"),
+    ],
+)
+def test_a_physical_laser_returns_the_edge_of_a_cloud(
+    depth: float, wanted: float
+) -> None:
+    laser = radarsim.load_sensor("physical", **AHEAD)
+    assert laser.scan(dusty(depth), Pose3(0, 0, 0)).ranges[1] == pytest.approx(wanted)
+    ideal = radarsim.load_sensor("sick", **AHEAD)
+    assert ideal.scan(dusty(depth), Pose3(0, 0, 0)).ranges[1] == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize("mode", ["first", "last", "all", "strongest"])
+def test_light_that_is_lost_within_a_cloud_does_not_come_back(mode: str) -> None:
+    laser = radarsim.load_sensor("physical", **AHEAD, return_mode=mode)
+    inside = laser.scan(dusty(30), Pose3(8, 0, 0))
+    assert np.isinf(inside.ranges).all()
+    assert laser.scan(dusty(30), Pose3(20, 0, 0)).ranges[1] == pytest.approx(20.0)
+    if mode != "all":
+        assert len(inside.echoes) == 0
+    assert np.isinf(laser.scan(scene(), Pose3(0, 0, 0)).ranges).all()
+
+
+def test_the_original_hokuyos_budget_is_spent_after_its_metres() -> None:
+    """A budget of 0.00575 in a density of 0.001 ends after 5.75 m."""
+    fog = Material("fog", density=0.0, laser_density=0.001, solid=False)
+    back = board("back", (1, 90, 9), (40.5, 0, 0))
+    for near, blind in ((0.001, True), (-0.001, False)):
+        depth = 5.75 + near
+        cloud = board("cloud", (depth, 40, 9), (5 + depth / 2, 0, 0), material=fog)
+        settings = {**AHEAD, "max_range": 80}
+        hokuyo = radarsim.load_sensor("hokuyo", **settings)
+        scan = hokuyo.scan(scene(cloud, back), Pose3(0, 0, 0))
+        assert (scan.ranges[1] == 0.0) == blind
+        echo = radarsim.load_sensor("hokuyo", **settings, spent_reads="range")
+        end = echo.scan(scene(cloud, back), Pose3(0, 0, 0)).ranges[1]
+        assert end == pytest.approx(10.75 if blind else 40.0)
+
+
+def test_a_side_ray_behind_what_absorbs_gives_way_to_the_centre() -> None:
+    black = Material("black", absorption_db=math.inf)
+    screen = board("screen", (4, 0.02, 2), (1, 0.1, 0), material=black)
+    pole = board("pole", (0.2, 0.2, 2), (6, 0.2, 0))
+    world = scene(screen, pole, board("back", (1, 40, 4), (9.5, 0, 0)))
+    found = scans(radar(**AHEAD, side_offset_uu=50, ray_weights=(0, 0, 1)), world, 5)
+    assert shares(found, 1) == [0, 1, 0]
+    assert [scan.ranges[1] for scan in found] == pytest.approx([9.0] * 5)

@@ -1,0 +1,303 @@
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.errors import PresetError
+from radarsim.geometry import Pose2, Pose3
+from radarsim.rng import generator_for
+from radarsim.sensors.proprioceptive import (
+    ENCODER_RESOLUTION,
+    Encoder,
+    Ins,
+    InsNoise,
+    Odometry,
+    Tachometer,
+)
+
+CALM = InsNoise(sigma=0, position_bias=0, angle_bias=0)
+SPAWN = Pose3(1, 2, 0.146, 0, 0, 0.5)
+MOUNTED = Pose3(1, 2, 0.346, 0, 0, 0.5)
+places = st.builds(
+    Pose3, st.floats(-9, 9), st.floats(-9, 9), st.just(0.146), yaw=st.floats(-3, 3)
+)
+angles = st.floats(-50, 50)
+
+
+def ins(noise: InsNoise = CALM, *, seed: int = 0) -> Ins:
+    return Ins(MOUNTED, SPAWN, generator_for(seed, "R1", "InsTest"), noise)
+
+
+def moved(by: Sequence[float]) -> Pose3:
+    """Give the body's pose after a motion from the spawn."""
+    return Pose3.from_numbers(np.add(SPAWN.numbers(), by).tolist())
+
+
+def close(one: Pose3, other: Pose3) -> bool:
+    apart = np.subtract(one.numbers(), other.numbers())
+    apart[3:] = np.arctan2(np.sin(apart[3:]), np.cos(apart[3:]))
+    return bool(np.abs(apart).max() < 1e-9)
+
+
+def test_it_begins_at_the_sensors_own_pose() -> None:
+    assert ins(InsNoise()).reading(SPAWN) == MOUNTED
+
+
+@given(path=st.lists(places))
+def test_without_noise_it_keeps_its_offset_from_the_truth(path: list[Pose3]) -> None:
+    calm = ins()
+    for body in path:
+        calm.draw(body)
+        above = Pose3(body.x, body.y, body.z + 0.2, yaw=body.yaw)
+        assert close(calm.reading(body), above)
+
+
+@given(path=st.lists(places, min_size=1))
+def test_between_draws_true_motion_is_added(path: list[Pose3]) -> None:
+    drifting = ins(InsNoise())
+    drifting.draw(moved([1, 0, 0, 0, 0, 1]))
+    last = drifting.reading(moved([1, 0, 0, 0, 0, 1]))
+    drift = np.subtract(last.numbers(), moved([1, 0, 0, 0, 0, 1]).numbers())
+    for body in path:
+        expected = Pose3.from_numbers(np.add(body.numbers(), drift).tolist())
+        assert close(drifting.reading(body), expected)
+
+
+def test_standing_still_does_not_drift() -> None:
+    drifting = ins(InsNoise(sigma=0.5, position_bias=0.5, angle_bias=0.5))
+    for _ in range(100):
+        drifting.draw(SPAWN)
+    assert drifting.reading(SPAWN) == MOUNTED
+
+
+def test_the_deviation_is_a_part_of_the_way_on_every_axis() -> None:
+    motion = [3, 4, 0, 0, 0, 0]
+    errors = []
+    for seed in range(2000):
+        drifting = ins(InsNoise(), seed=seed)
+        drifting.draw(moved(motion))
+        reading = drifting.reading(moved(motion))
+        errors.append(np.subtract(reading.numbers(), MOUNTED.numbers()) - motion)
+    spread = np.std(errors, axis=0)
+    assert spread[:3] == pytest.approx([0.25] * 3, rel=0.06)
+    assert spread[3:].tolist() == [0, 0, 0]
+    assert np.mean(errors, axis=0)[:3] == pytest.approx([0] * 3, abs=0.02)
+
+
+def test_the_deviation_of_an_angle_is_a_part_of_the_turn() -> None:
+    motion = [0, 0, 0, 0, 0, 2]
+    errors = []
+    for seed in range(2000):
+        drifting = ins(InsNoise(), seed=seed)
+        drifting.draw(moved(motion))
+        errors.append(drifting.reading(moved(motion)).yaw - MOUNTED.yaw - 2)
+    assert np.std(errors) == pytest.approx(0.1, rel=0.06)
+
+
+def test_the_bias_is_constant_within_a_run_and_bounded() -> None:
+    biased = InsNoise(sigma=0, position_bias=0.5, angle_bias=0.1)
+    seen = []
+    for seed in range(300):
+        drifting = ins(biased, seed=seed)
+        errors = []
+        for k in range(1, 4):
+            body = moved([k, 0, 0, 0, 0, k / 2])
+            drifting.draw(body)
+            error = np.subtract(drifting.reading(body).numbers(), body.numbers())
+            errors.append(error - [0, 0, 0.2, 0, 0, 0])
+        assert errors[2] == pytest.approx(3 * errors[0])
+        seen.append(errors[0])
+    largest = np.abs(seen).max(axis=0)
+    assert largest[:3] == pytest.approx([0.5] * 3, rel=0.05)
+    assert largest[5] == pytest.approx(0.05, rel=0.05)
+
+
+def test_the_same_generator_gives_the_same_drift() -> None:
+    def track(one: Ins) -> Pose3:
+        for k in range(20):
+            one.draw(moved([k, 0, 0, 0, 0, k / 9]))
+        return one.reading(SPAWN)
+
+    first, again = track(ins(InsNoise())), track(ins(InsNoise()))
+    assert first == again
+    assert first != track(ins(InsNoise(), seed=1))
+
+
+def test_overwriting_sets_the_estimate_and_ends_the_bias() -> None:
+    drifting = ins(InsNoise(sigma=0, position_bias=0.5, angle_bias=0.5))
+    drifting.draw(moved([1, 1, 0, 0, 0, 1]))
+    here = moved([2, 2, 0, 0, 0, 1])
+    drifting.overwrite(Pose3(0, 0, 0), here)
+    assert drifting.reading(here) == Pose3(0, 0, 0)
+    there = moved([5, 6, 0, 0, 0, 1.5])
+    drifting.draw(there)
+    assert close(drifting.reading(there), Pose3(3, 4, 0, yaw=0.5))
+
+
+def test_turning_past_half_a_turn_takes_the_short_way() -> None:
+    calm = ins()
+    calm.draw(Pose3(1, 2, 0.146, yaw=3.0))
+    calm.draw(Pose3(1, 2, 0.146, yaw=-3.0))
+    turned = 2.5 + 2 * math.pi - 6.0
+    assert calm.reading(Pose3(1, 2, 0.146, yaw=-3.0)).yaw == pytest.approx(0.5 + turned)
+
+
+def test_noise_comes_from_settings() -> None:
+    assert InsNoise.from_settings({}) == InsNoise(0.05, 0.5e-3, 0.5e-6)
+    assert InsNoise.from_settings({"sigma": 0, "position_bias": 1.5}) == InsNoise(
+        sigma=0, position_bias=1.5
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        pytest.param(
+            {"sigm": 1},
+            "INS setting 'sigm', expected one of"
+            " ['sigma', 'position_bias', 'angle_bias']",
+            id="unknown",
+        ),
+        pytest.param(
+            {"sigma": -1}, "INS setting sigma: -1, expected 0 to 10", id="negative"
+        ),
+        pytest.param(
+            {"sigma": "much"},
+            "INS setting sigma: 'much', expected 0 to 10",
+            id="text",
+        ),
+        pytest.param(
+            {"angle_bias": True},
+            "INS setting angle_bias: True, expected 0 to 10",
+            id="boolean",
+        ),
+        pytest.param(
+            {"sigma": math.nan}, "INS setting sigma: nan, expected 0 to 10", id="nan"
+        ),
+        pytest.param(
+            {"sigma": math.inf},
+            "INS setting sigma: inf, expected 0 to 10",
+            id="infinite",
+        ),
+    ],
+)
+def test_wrong_settings_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(PresetError) as caught:
+        InsNoise.from_settings(settings)
+    assert str(caught.value) == message
+
+
+def odometry() -> Odometry:
+    return Odometry(wheel_radius=0.1, wheel_separation=0.4)
+
+
+def test_odometry_of_a_quarter_turn_to_the_left() -> None:
+    wheels = odometry()
+    wheels.update(0, 2 * math.pi)
+    turn = 0.1 * 2 * math.pi / 0.4
+    assert wheels.pose.yaw == pytest.approx(turn)
+    assert wheels.pose.x == pytest.approx(0.2 * math.sin(turn))
+    assert wheels.pose.y == pytest.approx(0.2 * (1 - math.cos(turn)))
+
+
+@given(left=angles, right=angles, parts=st.integers(2, 9))
+def test_odometry_sums_up_an_arc_exactly(left: float, right: float, parts: int) -> None:
+    whole, piecewise = odometry(), odometry()
+    whole.update(left, right)
+    for k in range(1, parts + 1):
+        piecewise.update(left * k / parts, right * k / parts)
+    for name in ("x", "y", "yaw"):
+        expected = getattr(whole.pose, name)
+        assert getattr(piecewise.pose, name) == pytest.approx(expected, abs=1e-9)
+
+
+def test_odometry_does_not_wrap_its_angle() -> None:
+    wheels = odometry()
+    wheels.update(-40, 40)
+    assert wheels.pose.yaw == pytest.approx(20)
+
+
+def test_odometry_begins_again_after_a_reset() -> None:
+    wheels = odometry()
+    wheels.update(3, 4)
+    wheels.reset()
+    assert wheels.pose == Pose2(0, 0)
+    wheels.update(13, 14)
+    assert wheels.pose.x == pytest.approx(1)
+    assert wheels.pose.y == pytest.approx(0)
+
+
+def test_the_tachometer_averages_since_its_last_scan() -> None:
+    tachometer = Tachometer(10.0, (0, 0))
+    reading = tachometer.scan(10.2, (0.4, -0.2))
+    assert reading.velocities == pytest.approx((2, -1))
+    assert reading.positions == pytest.approx((0.4, -0.2))
+    assert tachometer.scan(10.4, (0.4, -0.2)).velocities == pytest.approx((0, 0))
+
+
+def test_a_second_scan_at_the_same_time_repeats_the_first() -> None:
+    tachometer = Tachometer(0.0, (0,))
+    assert tachometer.scan(0.0, (0,)).velocities == (0,)
+    first = tachometer.scan(0.5, (1,))
+    assert tachometer.scan(0.5, (1,)) == first
+
+
+def test_a_reset_sets_the_positions_to_zero_and_leaves_the_velocities() -> None:
+    tachometer = Tachometer(0.0, (0, 0))
+    tachometer.scan(1.0, (5, 6))
+    tachometer.reset((5, 6))
+    reading = tachometer.scan(2.0, (6, 8))
+    assert reading.positions == (1, 2)
+    assert reading.velocities == (1, 2)
+
+
+def encoder(name: str, *, noise: float = 0.0, seed: int = 0) -> Encoder:
+    return Encoder(name, (0,) * 4, generator_for(seed, name), noise=noise)
+
+
+@pytest.mark.parametrize(
+    ("name", "wheels"),
+    [
+        pytest.param("W1", ["W1"], id="one"),
+        pytest.param("EncTestW0W3", ["W0", "W3"], id="two"),
+        pytest.param("W4", [], id="no such wheel"),
+        pytest.param("Encoder", [], id="none"),
+    ],
+)
+def test_an_encoder_sits_on_the_wheels_that_its_name_mentions(
+    name: str, wheels: list[str]
+) -> None:
+    assert [wheel for wheel, _ in encoder(name).ticks((0,) * 4)] == wheels
+
+
+@pytest.mark.parametrize(
+    ("angle", "ticks"),
+    [
+        pytest.param(0.0, 0, id="at rest"),
+        pytest.param(2.5 * ENCODER_RESOLUTION, 2, id="part of a tick"),
+        pytest.param(-2.5 * ENCODER_RESOLUTION, -2, id="backward"),
+        pytest.param(math.pi, 180, id="half a turn"),
+        pytest.param(2 * math.pi + 2.5 * ENCODER_RESOLUTION, 2, id="after a turn"),
+        pytest.param(-2 * math.pi - 1, -57, id="backward after a turn"),
+    ],
+)
+def test_ticks_without_noise(angle: float, ticks: int) -> None:
+    assert encoder("W1").ticks((9, angle, 9, 9)) == (("W1", ticks),)
+
+
+def test_the_encoders_error_is_a_part_of_the_angle() -> None:
+    noisy = encoder("W1", noise=0.005)
+    seen = [noisy.ticks((0, 3.0, 0, 0))[0][1] for _ in range(500)]
+    assert min(seen) == int(3.0 * 0.995 / ENCODER_RESOLUTION)
+    assert max(seen) == int(3.0 * 1.005 / ENCODER_RESOLUTION)
+    assert noisy.ticks((0, 0, 0, 0)) == (("W1", 0),)
+
+
+def test_an_encoder_counts_from_its_reset() -> None:
+    counted = encoder("W2")
+    counted.reset((1, 1, 1, 1))
+    assert counted.ticks((1, 1, 1 + 3.5 * ENCODER_RESOLUTION, 1)) == (("W2", 3),)

@@ -1,0 +1,48 @@
+"""What signals do to what runs in the foreground."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable
+from types import FrameType
+from typing import cast
+
+import pytest
+
+from radarsim.server.lifecycle import exit_code_of_signal
+
+CODES = [
+    pytest.param(signal.SIGINT, 130, id="interrupt"),
+    pytest.param(signal.SIGTERM, 0, id="terminate"),
+]
+
+
+@pytest.mark.parametrize(("number", "code"), CODES)
+async def test_the_first_signal_gives_the_exit_code(number: int, code: int) -> None:
+    with exit_code_of_signal() as ended:
+        for one in (number, signal.SIGINT, signal.SIGTERM):
+            os.kill(os.getpid(), one)
+        assert await ended == code
+
+
+@pytest.mark.parametrize(("number", "code"), CODES)
+async def test_handlers_are_put_back_after_an_error(number: int, code: int) -> None:
+    before = signal.getsignal(number)
+
+    def fail() -> None:
+        with exit_code_of_signal():
+            assert signal.getsignal(number) != before
+            raise RuntimeError(code)
+
+    with pytest.raises(RuntimeError, match=str(code)):
+        fail()
+    assert signal.getsignal(number) == before
+
+
+def test_a_signal_after_the_loop_is_closed_is_nothing() -> None:
+    async def handler() -> Callable[[int, FrameType | None], None]:
+        with exit_code_of_signal():
+            found = signal.getsignal(signal.SIGTERM)
+        return cast(Callable[[int, FrameType | None], None], found)
+
+    asyncio.run(handler())(signal.SIGTERM, None)

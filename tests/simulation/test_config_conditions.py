@@ -1,0 +1,181 @@
+from typing import Any
+
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.presets.robots import Item, load_robot
+from radarsim.presets.sensors import load_settings
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.robots.skid_steer import WheelDrive
+from radarsim.simulation.config import Conditions
+
+
+def item(name: str, class_name: str = "P3AT") -> Item:
+    return next(i for i in load_robot(class_name).items if i.name == name)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "drive"),
+    [
+        pytest.param(Conditions(), WheelDrive(8.17, "rad_per_s"), id="compat"),
+        pytest.param(Conditions(UDK), WheelDrive(1.3, "rev_per_s"), id="udk"),
+        pytest.param(
+            Conditions(drive_unit="rev_per_s"),
+            WheelDrive(1.3, "rev_per_s"),
+            id="compat in turns",
+        ),
+        pytest.param(
+            Conditions(UDK, drive_unit="rad_per_s"),
+            WheelDrive(8.17, "rad_per_s"),
+            id="udk in radians",
+        ),
+        pytest.param(
+            Conditions(UDK, drive_unit="rev_per_s"),
+            WheelDrive(1.3, "rev_per_s"),
+            id="udk in its own unit",
+        ),
+    ],
+)
+def test_drive_means_the_same_top_speed_in_either_unit(
+    conditions: Conditions, drive: WheelDrive
+) -> None:
+    assert conditions.wheel_drive() == drive
+    assert drive.top_spin == pytest.approx(8.17, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "class_name", "compat", "udk"),
+    [
+        pytest.param("lms200", "P3AT", 80, 20, id="radar"),
+        pytest.param("lms200", "P3AT_SICK", 80, 20, id="sick"),
+        pytest.param("Hokuyo", "P3AT_Compare", 4, 4, id="hokuyo"),
+        pytest.param("Scanner1", "P2AT", 80, 20, id="radar of a P2AT"),
+    ],
+)
+def test_the_longest_range_is_the_dialects(
+    name: str, class_name: str, compat: float, udk: float
+) -> None:
+    scanner = item(name, class_name)
+    assert Conditions().scanner(scanner).settings.max_range == compat
+    assert Conditions(UDK).scanner(scanner).settings.max_range == udk
+
+
+def test_what_the_user_sets_counts_most() -> None:
+    conditions = Conditions(UDK, item_settings={"LMS200": {"max_range": 33}})
+    assert conditions.scanner(item("lms200")).settings.max_range == 33
+    assert conditions.scanner(item("lms200", "P3AT_SICK")).settings.max_range == 33
+    full_circle = conditions.scanner(item("lms200", "P3AT_Radar360")).settings
+    assert (full_circle.max_range, full_circle.fov_deg) == (33, 359)
+
+
+@pytest.mark.parametrize(
+    ("name", "class_name", "compat", "udk"),
+    [
+        pytest.param("lms200", "P3AT", 0.1, 0.2, id="radar"),
+        pytest.param("lms200", "P3AT_Hokuyo", 0.1, 0.3, id="hokuyo"),
+        pytest.param("InsTest", "P3AT", 0.1, 0.2, id="ins"),
+        pytest.param("TachTest", "P3AT", 0.1, 0.2, id="tachometer"),
+        pytest.param("GndTruth", "P3AT", 0.1, 0.1, id="ground truth"),
+        pytest.param("W1", "P3AT", 0.1, 0.1, id="encoder"),
+    ],
+)
+def test_rates_are_the_dialects(
+    name: str, class_name: str, compat: float, udk: float
+) -> None:
+    assert Conditions().interval(item(name, class_name)) == compat
+    assert Conditions(UDK).interval(item(name, class_name)) == udk
+
+
+def test_an_item_with_an_interval_of_its_own_keeps_it() -> None:
+    slow = item("lms200").model_copy(update={"interval": 0.7})
+    assert Conditions(UDK).interval(slow) == 0.7
+
+
+def test_what_is_no_scanner_cannot_be_made_one() -> None:
+    with pytest.raises(ValueError, match="item 'W1': type Encoder, expected a scanner"):
+        Conditions().scanner(item("W1"))
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param({}, id="none"),
+        pytest.param({"lms200": {"side_offset_uu": 0}}, id="scanner"),
+        pytest.param({"instest": {"sigma": 0}}, id="ins in any case"),
+        pytest.param({"Odometer": {}}, id="nothing of an item"),
+    ],
+)
+def test_settings_that_fit_pass(dialect: Dialect, settings: dict[str, Any]) -> None:
+    Conditions(dialect, item_settings=settings).check()
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        pytest.param(
+            {"lms": {"max_range": 3}},
+            "item 'lms', expected one of ['Bumper', 'GndTruth', 'GroundTruth', "
+            "'Hokuyo', 'INS', 'InsTest', 'Odometer', 'Odometry', 'Scanner1', "
+            "'TachTest', 'W1', 'W2', 'battery', 'lms200']",
+            id="unknown item",
+        ),
+        pytest.param(
+            {"Odometer": {"sigma": 0}},
+            "item 'Odometer': type Odometry has no settings",
+            id="item without settings",
+        ),
+        pytest.param(
+            {"InsTest": {"sigma": -1}},
+            "INS setting sigma: -1, expected 0 to 10",
+            id="negative drift",
+        ),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(
+    settings: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(PresetError) as caught:
+        Conditions(item_settings=settings).check()
+    assert str(caught.value) == text
+
+
+def test_a_setting_that_no_scanner_has_is_refused() -> None:
+    with pytest.raises(PresetError, match="no setting 'power'"):
+        Conditions(item_settings={"lms200": {"power": 1}}).check()
+
+
+SCANNER = load_robot("P3AT").items_of("RangeScanner")[0]
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK])
+def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
+    """What its class and the dialect say is for the sensor that it had."""
+    wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
+    for item in (SCANNER, wide):
+        settings = {"LMS200": {"sensor": "k2pi", "min_range": 1.0}}
+        conditions = Conditions(dialect=dialect, item_settings=settings)
+        conditions.check()
+        scanner = conditions.scanner(item)
+        assert scanner.name == "k2pi"
+        assert scanner.settings == load_settings("k2pi", min_range=1.0)
+        assert conditions.interval(item) == 1.0  # one turn in a second
+
+
+def test_a_sensor_named_again_keeps_what_the_class_says_of_it() -> None:
+    wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
+    same = Conditions(item_settings={"lms200": {"sensor": "radar"}})
+    assert same.scanner(wide).settings == Conditions().scanner(wide).settings
+
+
+def test_the_rate_that_is_set_counts_more_than_the_dialects() -> None:
+    fast = Conditions(dialect=UDK, item_settings={"lms200": {"scan_rate_hz": 20}})
+    assert fast.interval(SCANNER) == pytest.approx(0.05)
+    assert Conditions(dialect=UDK).interval(SCANNER) == pytest.approx(0.2)
+
+
+def test_an_unknown_sensor_is_refused_before_anybody_connects() -> None:
+    with pytest.raises(PresetError, match="sensor 'k3pi', expected one of"):
+        Conditions(item_settings={"lms200": {"sensor": "k3pi"}}).check()
+    with pytest.raises(PresetError, match="sensor"):
+        Conditions(item_settings={"InsTest": {"sensor": "radar"}}).check()

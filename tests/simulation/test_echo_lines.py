@@ -1,0 +1,213 @@
+"""Which echoes go into which line, in which order, and as which shares."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.presets.sensors import load_settings
+from radarsim.protocol.echoes import ECHOES_A_LINE
+from radarsim.protocol.reports import EchoLine, Seen
+from radarsim.raycast.attenuation import EventKind
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+from radarsim.sensors.echoes import KINDS, Echoes
+from radarsim.simulation.echo_lines import echo_lines
+
+FOLIAGE = Material("foliage", density=0.7)
+SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
+PARTS = tuple(
+    Part(name, material, np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+    for name, material in (
+        ("wall", Material("concrete")),
+        ("bush", FOLIAGE),
+        ("oak", FOLIAGE),
+        ("oak", Material("bark")),
+        ("cloud", SMOKE),
+    )
+)
+WALL, BUSH, LEAVES, BARK, CLOUD = range(5)
+ROBOTS = {1: "R1", 7: "R7"}
+
+Row = tuple[int, int]  # beam and part
+
+
+def echoes_of(rows: Sequence[Row], **settings: Any) -> Echoes:
+    """Make echoes that differ from each other in every column."""
+    count = len(rows)
+    beams, parts = np.array(rows, np.int64).reshape(-1, 2).T
+    made = load_settings("radar", **settings)
+    full = made.penetration_power
+    counted = np.arange(count) / max(count, 1)
+    return Echoes(
+        beams=beams,
+        sides=np.zeros(count, np.int8),
+        ranges=1.0 + np.arange(count, dtype=np.float64),
+        kinds=np.resize(np.array([int(kind) for kind in KINDS], np.uint8), count),
+        power=counted * full if math.isfinite(full) else np.full(count, math.inf),
+        strength=counted[::-1].copy(),
+        parts=parts,
+        scene_parts=PARTS,
+        settings=made,
+    )
+
+
+def lines_of(rows: Sequence[Row], **settings: Any) -> tuple[EchoLine, ...]:
+    return echo_lines(14.2, "lms200", echoes_of(rows, **settings), ROBOTS)
+
+
+def seen_of(lines: Sequence[EchoLine]) -> list[Seen]:
+    seen = [line.seen for line in lines if line.seen is not None]
+    assert len(seen) == len(lines)
+    return seen
+
+
+ROWS = st.lists(
+    st.tuples(st.integers(0, 180), st.sampled_from([*range(5), 5 + 1, 5 + 7])),
+    max_size=300,
+).map(lambda rows: sorted(rows, key=lambda row: row[0]))
+
+
+def test_a_scan_without_echoes_says_so_in_one_line() -> None:
+    assert lines_of([]) == (EchoLine(14.2, "lms200", 0, 0, None),)
+
+
+@given(rows=ROWS)
+def test_lines_are_counted_from_one_to_all(rows: list[Row]) -> None:
+    lines = lines_of(rows)
+    assert {(line.time, line.name) for line in lines} == {(14.2, "lms200")}
+    assert {line.lines for line in lines} == {len(lines) if rows else 0}
+    assert [line.line for line in lines] == [*range(1, len(lines) + 1)] or not rows
+
+
+@given(rows=ROWS)
+def test_every_echo_is_told_once_with_all_that_is_its_own(rows: list[Row]) -> None:
+    echoes = echoes_of(rows)
+    told = [
+        row
+        for line in echo_lines(1.0, "lms200", echoes, ROBOTS)
+        if line.seen is not None
+        for row in zip(
+            line.seen.beams.tolist(),
+            line.seen.ranges.tolist(),
+            line.seen.kinds,
+            line.seen.power.tolist(),
+            line.seen.strength.tolist(),
+            strict=True,
+        )
+    ]
+    expected = zip(
+        echoes.beams.tolist(),
+        echoes.ranges.tolist(),
+        [KINDS[EventKind(kind)] for kind in echoes.kinds.tolist()],
+        echoes.power.tolist(),  # of a full power of 1
+        echoes.strength.tolist(),
+        strict=True,
+    )
+    assert sorted(told) == sorted(expected)
+
+
+@given(rows=ROWS.filter(bool))
+def test_objects_come_by_first_beam_then_part_and_their_echoes_as_they_came(
+    rows: list[Row],
+) -> None:
+    echoes = echoes_of(rows)
+    part_at = dict(zip(echoes.ranges.tolist(), echoes.parts.tolist(), strict=True))
+    told = [
+        (int(beam), part_at[far], far)
+        for seen in seen_of(echo_lines(1.0, "lms200", echoes, ROBOTS))
+        for beam, far in zip(seen.beams.tolist(), seen.ranges.tolist(), strict=True)
+    ]
+    first = {part: min(b for b, p in rows if p == part) for _, part in rows}
+    assert told == sorted(told, key=lambda echo: (first[echo[1]], echo[1], echo[2]))
+
+
+@given(rows=ROWS.filter(bool))
+def test_a_line_is_full_before_the_next_one_of_its_object_begins(
+    rows: list[Row],
+) -> None:
+    parts = [part for _, part in rows]
+    expected: list[int] = []
+    for part in dict.fromkeys(
+        part for _, part in sorted(rows, key=lambda row: (row[0], row[1]))
+    ):
+        full, rest = divmod(parts.count(part), ECHOES_A_LINE)
+        expected += [ECHOES_A_LINE] * full + [rest] * (rest > 0)
+    assert [len(seen.kinds) for seen in seen_of(lines_of(rows))] == expected
+
+
+@pytest.mark.parametrize(
+    ("count", "sizes"),
+    [
+        pytest.param(1, [1], id="one"),
+        pytest.param(ECHOES_A_LINE, [ECHOES_A_LINE], id="as many as fit"),
+        pytest.param(ECHOES_A_LINE + 1, [ECHOES_A_LINE, 1], id="one more"),
+        pytest.param(2 * ECHOES_A_LINE, [ECHOES_A_LINE] * 2, id="two full lines"),
+    ],
+)
+def test_a_target_of_many_echoes_gets_several_lines(
+    count: int, sizes: list[int]
+) -> None:
+    seen = seen_of(lines_of([(beam, WALL) for beam in range(count)]))
+    assert [len(one.kinds) for one in seen] == sizes
+    assert {one.object for one in seen} == {"wall"}
+
+
+def test_an_object_of_two_materials_is_told_twice() -> None:
+    seen = seen_of(lines_of([(3, LEAVES), (3, BARK), (4, LEAVES)]))
+    assert [(one.object, one.material, len(one.kinds)) for one in seen] == [
+        ("oak", "foliage", 2),
+        ("oak", "bark", 1),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        pytest.param(WALL, ("concrete", math.inf, 0.0, False, False), id="opaque"),
+        pytest.param(BUSH, ("foliage", 0.7, 0.3, False, False), id="shrub"),
+        pytest.param(CLOUD, ("smoke", 0.0, 1.0, True, True), id="smoke"),
+        pytest.param(5 + 7, ("robot", math.inf, 0.0, False, False), id="robot"),
+    ],
+)
+def test_a_line_says_what_its_object_is(part: int, told: tuple[Any, ...]) -> None:
+    (seen,) = seen_of(lines_of([(90, part)]))
+    assert (
+        seen.material,
+        seen.density,
+        pytest.approx(seen.transparency),
+        seen.laser_passes,
+        seen.robot_passes,
+    ) == told
+
+
+def test_robots_have_their_own_names() -> None:
+    seen = seen_of(lines_of([(10, 5 + 7), (20, 5 + 1), (30, 5 + 7)]))
+    assert [one.object for one in seen] == ["R7", "R1"]
+
+
+@pytest.mark.parametrize(
+    ("full", "shares"),
+    [
+        pytest.param(1.0, [0.0, 0.25, 0.5, 0.75], id="one"),
+        pytest.param(8.0, [0.0, 0.25, 0.5, 0.75], id="strong"),
+        pytest.param(math.inf, [1.0] * 4, id="unlimited"),
+        pytest.param(0.0, [0.0] * 4, id="none at all"),
+    ],
+)
+def test_power_is_told_as_a_share(full: float, shares: list[float]) -> None:
+    (seen,) = seen_of(lines_of([(90, BUSH)] * 4, penetration_power=full))
+    assert seen.power.tolist() == shares
+
+
+def test_rounding_leaves_shares_between_nothing_and_all() -> None:
+    made = echoes_of([(90, BUSH)] * 4)
+    made.power[:] = made.strength[:] = [-1e-17, -0.0, 0.5, 1 + 1e-12]
+    (seen,) = seen_of(echo_lines(1.0, "lms200", made, ROBOTS))
+    for shares in (seen.power, seen.strength):
+        assert shares.tolist() == [0.0, 0.0, 0.5, 1.0]
+        assert not np.signbit(shares).any()

@@ -1,0 +1,237 @@
+"""The loop at a keyboard of pipes, against real servers and odd ones."""
+
+import asyncio
+import os
+import signal
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+from prompt_toolkit.data_structures import Size
+from prompt_toolkit.input import PipeInput, create_pipe_input
+from prompt_toolkit.output import DummyOutput
+
+from radarsim.client import AsyncClient, ClientError, ClientTimeout
+from radarsim.errors import RadarsimError
+from radarsim.protocol.reports import GroundTruth
+from radarsim.pytest_plugin import UsarsimServer
+from radarsim.teleop.robot_state import Readings
+from radarsim.teleop.teleop import Driver, Wish, prepare
+
+GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-Odd} {TimeLimit 0}\r\n"
+STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 99}\r\n"
+UP, PAGE_DOWN, ESCAPE, CTRL_C = "\x1b[A", "\x1b[6~", "\x1b", "\x03"
+WISH = Wish("P3AT", None, None, 0.4, "rad_per_s")
+
+
+class Narrow(DummyOutput):
+    """A terminal without place for the panel."""
+
+    def get_size(self) -> Size:
+        return Size(rows=10, columns=30)
+
+
+@pytest.fixture
+def keyboard() -> Iterator[PipeInput]:
+    with create_pipe_input() as keys:
+        yield keys
+
+
+async def until(true: Callable[[], bool], patience: float = 5.0) -> None:
+    async with asyncio.timeout(patience):
+        while not true():  # noqa: ASYNC110 - what is watched knows no events
+            await asyncio.sleep(0.01)
+
+
+async def test_keys_move_the_robot_and_it_stops_without_them(
+    usarsim_server: UsarsimServer, keyboard: PipeInput
+) -> None:
+    async with await AsyncClient.connect(*usarsim_server.address) as client:
+        readings = await prepare(client, WISH)
+        driver = Driver(
+            client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
+        )
+        running = asyncio.create_task(driver.run())
+        await until(lambda: GroundTruth in readings.poses)
+        began = readings.poses[GroundTruth]
+        keyboard.send_text(UP)
+        await until(lambda: readings.poses[GroundTruth].x > began.x + 0.05)
+        await until(lambda: driver.ordered == (0.0, 0.0))
+        stopped = readings.time
+        await until(lambda: readings.time > stopped + 0.2)
+        there = readings.poses[GroundTruth]
+        await until(lambda: readings.time > stopped + 0.4)
+        assert readings.poses[GroundTruth] == there
+        assert there.x - began.x < 1.0, "one press is no journey"
+        keyboard.send_text("A")
+        await until(lambda: readings.poses[GroundTruth].yaw > 0.02)
+        keyboard.send_text("q")
+        assert await running == 0
+
+
+@asynccontextmanager
+async def oddly_served(
+    *, beats: int, drop: bool = False
+) -> AsyncIterator[tuple[AsyncClient, list[bytes]]]:
+    """Connect to a server that says some lines, and then nothing more, or hangs up.
+
+    Gives the client, which has a robot, and the lines that the server heard.
+    """
+    heard: list[bytes] = []
+    done = asyncio.Event()
+
+    async def behave(
+        reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        for _ in range(beats):
+            writer.write(STATUS)
+            await asyncio.sleep(0.02)
+        if drop:
+            writer.close()
+        while line := await reader.readline():
+            heard.append(line)
+        writer.close()
+        done.set()
+
+    server = await asyncio.start_server(behave, "127.0.0.1", 0)
+    async with server:
+        port = server.sockets[0].getsockname()[1]
+        async with await AsyncClient.connect(port=port) as client:
+            await client.spawn("P3AT")
+            yield client, heard
+        await done.wait()
+
+
+@pytest.mark.parametrize("terminal", [DummyOutput(), Narrow()], ids=["wide", "narrow"])
+async def test_keys_zoom_and_set_the_speed(
+    readings: Readings, keyboard: PipeInput, terminal: DummyOutput
+) -> None:
+    async with oddly_served(beats=5) as (client, _):
+        driver = Driver(client, readings, 0.4, keyboard=keyboard, terminal=terminal)
+        running = asyncio.create_task(driver.run())
+        assert driver.radius == 10
+        keyboard.send_text("z" * 20 + "+")
+        await until(lambda: driver.steering.speed > 0.4)
+        assert driver.radius == 1
+        keyboard.send_text("x" * 20 + PAGE_DOWN + PAGE_DOWN)
+        await until(lambda: driver.steering.speed < 0.4)
+        assert driver.radius == 100
+        keyboard.send_text(ESCAPE)
+        assert await running == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "number", "code"),
+    [
+        pytest.param("q", None, 0, id="q"),
+        pytest.param(CTRL_C, None, 130, id="Ctrl-C"),
+        pytest.param(CTRL_C + "q", None, 130, id="the first key counts"),
+        pytest.param("", signal.SIGINT, 130, id="interrupt"),
+        pytest.param("", signal.SIGTERM, 0, id="terminate, and again"),
+    ],
+)
+async def test_how_it_ends_and_that_the_robot_is_told_to_stop(
+    readings: Readings, keyboard: PipeInput, text: str, number: int | None, code: int
+) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    async with oddly_served(beats=3) as (client, heard):
+        driver = Driver(
+            client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
+        )
+        running = asyncio.create_task(driver.run())
+        keyboard.send_text("W")
+        await until(lambda: len(heard) > 1)
+        keyboard.send_text(text)
+        for _ in range(0 if number is None else 2):
+            os.kill(os.getpid(), number or 0)
+        assert await running == code
+    assert heard[1].startswith(b"DRIVE {Left 4.0}")
+    assert heard[-1].startswith(b"DRIVE {Left 0.0}")
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize(
+    ("drop", "kind", "text"),
+    [
+        pytest.param(False, ClientTimeout, "^no report within 0.2 s", id="silent"),
+        pytest.param(True, ClientError, "connection", id="gone"),
+    ],
+)
+async def test_a_server_that_is_lost_ends_it(
+    readings: Readings, keyboard: PipeInput, drop: bool, kind: type, text: str
+) -> None:
+    async with oddly_served(beats=3, drop=drop) as (client, heard):
+        driver = Driver(
+            client,
+            readings,
+            0.4,
+            patience=5.0 if drop else 0.2,
+            keyboard=keyboard,
+            terminal=DummyOutput(),
+        )
+        keyboard.send_text("w")
+        with pytest.raises(kind, match=text):
+            await driver.run()
+    assert drop or heard[-1].startswith(b"DRIVE {Left 0.0}")
+
+
+async def test_a_keyboard_that_is_gone_ends_it(
+    readings: Readings, keyboard: PipeInput
+) -> None:
+    async with oddly_served(beats=1) as (client, heard):
+        driver = Driver(
+            client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
+        )
+        keyboard.close()
+        with pytest.raises(RadarsimError, match="keyboard"):
+            await driver.run()
+    assert len(heard) == 2, "nothing but INIT and a stop"
+
+
+@pytest.mark.parametrize(
+    ("wish", "expected"),
+    [
+        pytest.param(WISH, "", id="what there is"),
+        pytest.param(replace(WISH, start="RobotStart1"), "", id="a start"),
+        pytest.param(
+            replace(WISH, start="Nowhere"), "'Nowhere', expected one of", id="no start"
+        ),
+        pytest.param(
+            replace(WISH, scanner="sonar"), "the scanner 'sonar'", id="no scanner"
+        ),
+    ],
+)
+async def test_what_is_wished_is_there_or_missed(
+    usarsim_server: UsarsimServer, wish: Wish, expected: str
+) -> None:
+    async with await AsyncClient.connect(*usarsim_server.address) as client:
+        if expected:
+            with pytest.raises(ClientError, match=expected):
+                await prepare(client, wish)
+            return
+        readings = await prepare(client, wish)
+        assert (readings.level, readings.scanner.name) == ("DM-EmptyRoom", "lms200")
+
+
+@pytest.mark.parametrize("start", [None, "RobotStart1"], ids=["any", "one"])
+async def test_a_server_without_starts_puts_the_robot_where_it_likes(
+    start: str | None,
+) -> None:
+    missed = "reading of the robot" if start is None else "start poses"
+    done = asyncio.Event()
+
+    async def behave(
+        reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        writer.write(GREETING)
+        await reader.read()
+        writer.close()
+        done.set()
+
+    async with await asyncio.start_server(behave, "127.0.0.1", 0) as server:
+        port = server.sockets[0].getsockname()[1]
+        async with await AsyncClient.connect(port=port, timeout=0.1) as client:
+            with pytest.raises(ClientTimeout, match=missed):
+                await prepare(client, replace(WISH, start=start))
+        await done.wait()

@@ -1,0 +1,111 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.client import RobotFacts
+from radarsim.teleop.view import RADII, Fragments, draw_view, ink_of, scale_bar
+
+COLUMNS, ROWS = 40, 20
+
+
+def cells(lines: list[Fragments]) -> list[list[tuple[str, str]]]:
+    return [
+        [(style, letter) for style, text in line for letter in text] for line in lines
+    ]
+
+
+def drawn(
+    facts: RobotFacts, *points: tuple[float, float], radius: float = 10.0
+) -> dict[tuple[int, int], str]:
+    """Styles of what is drawn in a style, by row and column; without the last row."""
+    places = np.array(points).reshape(-1, 2)
+    grid = cells(draw_view(places, facts, radius, COLUMNS, ROWS))
+    return {
+        (row, column): style
+        for row, line in enumerate(grid[:-1])
+        for column, (style, _) in enumerate(line)
+        if style
+    }
+
+
+MIDDLE = (ROWS // 2, COLUMNS // 2)
+
+
+@pytest.mark.parametrize(
+    ("point", "row", "column"),
+    [
+        pytest.param((8.0, 0.0), 2, 20, id="ahead is up"),
+        pytest.param((-8.0, 0.0), 18, 20, id="behind is down"),
+        pytest.param((0.0, 8.0), 10, 4, id="left is left"),
+        pytest.param((0.0, -8.0), 10, 36, id="right is right"),
+    ],
+)
+def test_the_robot_faces_up_and_shapes_are_kept(
+    facts: RobotFacts, point: tuple[float, float], row: int, column: int
+) -> None:
+    # 80 dots across and down: 4 to a metre, so 8 m are 8 rows or 16 columns.
+    assert drawn(facts, point) == {MIDDLE: "class:robot", (row, column): "class:far"}
+
+
+def test_zooming_in_takes_things_apart_and_out_of_sight(facts: RobotFacts) -> None:
+    assert len(drawn(facts, (4.0, 0.0), (4.0, -0.5), radius=20.0)) == 2
+    assert len(drawn(facts, (4.0, 0.0), (4.0, 1.0), radius=5.0)) == 3
+    hull = drawn(facts, radius=2.0)
+    assert drawn(facts, (4.0, 0.0), (4.0, 1.0), radius=2.0) == hull
+
+
+@pytest.mark.parametrize(
+    ("distance", "style"),
+    [
+        pytest.param(0.6, "class:near", id="near"),
+        pytest.param(0.7, "class:middle", id="middle"),
+        pytest.param(1.3, "class:middle", id="farther"),
+        pytest.param(1.4, "class:far", id="far"),
+    ],
+)
+@pytest.mark.parametrize("angle", [0.0, 2.0])
+def test_colours_tell_how_near(
+    facts: RobotFacts, distance: float, style: str, angle: float
+) -> None:
+    assert facts.clearance == pytest.approx(0.36, abs=0.01)
+    assert ink_of(distance, facts.clearance) == style
+    point = distance * math.cos(angle), distance * math.sin(angle)
+    assert style in drawn(facts, point, radius=2.0).values()
+
+
+def test_near_the_hull_is_drawn_in_its_shape(facts: RobotFacts) -> None:
+    # At 1 m a metre is 10 rows or 20 columns: the hull is 6 rows long, 8 columns wide.
+    hull = drawn(facts, radius=1.0)
+    rows, columns = ({place[i] for place in hull} for i in (0, 1))
+    assert max(rows) - min(rows) == 6
+    assert max(columns) - min(columns) == 8
+    assert set(hull.values()) == {"class:robot"}
+
+
+def test_the_last_line_begins_with_the_scale(facts: RobotFacts) -> None:
+    lines = draw_view(np.zeros((0, 2)), facts, 10.0, COLUMNS, ROWS)
+    assert lines[-1][0] == ("class:scale", "├────────┤ 5 m ")
+
+
+@given(st.sampled_from(RADII), st.integers(1, 300), st.integers(1, 100))
+def test_the_bar_is_as_long_as_it_says(radius: float, columns: int, rows: int) -> None:
+    dots_per_metre = min(2 * columns, 4 * rows) / 2 / radius
+    bar, length, unit = scale_bar(dots_per_metre, columns).split()
+    assert unit == "m"
+    cells_long = float(length) * dots_per_metre / 2
+    assert abs(len(bar) - cells_long) <= 0.5 or len(bar) == 2
+    assert cells_long <= columns / 3 + 1e-9
+
+
+@pytest.mark.parametrize("radius", RADII)
+@pytest.mark.parametrize(
+    ("columns", "rows"), [(1, 1), (2, 1), (1, 9), (49, 22), (51, 23), (169, 58)]
+)
+def test_every_size_is_filled(
+    facts: RobotFacts, radius: float, columns: int, rows: int
+) -> None:
+    lines = draw_view(np.ones((3, 2)), facts, radius, columns, rows)
+    assert [len(line) for line in cells(lines)] == [columns] * rows

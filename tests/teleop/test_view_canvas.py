@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.teleop.view import Canvas
+
+INKS = ("low", "high")
+
+
+def texts(canvas: Canvas) -> list[str]:
+    return ["".join(text for _, text in line) for line in canvas.lines()]
+
+
+@pytest.mark.parametrize(
+    ("across", "down", "letter"),
+    [
+        pytest.param(0, 0, "⠁", id="dot 1"),
+        pytest.param(0, 1, "⠂", id="dot 2"),
+        pytest.param(0, 2, "⠄", id="dot 3"),
+        pytest.param(1, 0, "⠈", id="dot 4"),
+        pytest.param(1, 1, "⠐", id="dot 5"),
+        pytest.param(1, 2, "⠠", id="dot 6"),
+        pytest.param(0, 3, "⡀", id="dot 7"),
+        pytest.param(1, 3, "⢀", id="dot 8"),
+    ],
+)
+def test_each_dot_is_that_of_unicode(across: int, down: int, letter: str) -> None:
+    canvas = Canvas(1, 1, INKS)
+    canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
+    assert texts(canvas) == [letter]
+
+
+def test_an_empty_canvas_is_blank_rather_than_braille() -> None:
+    assert texts(Canvas(3, 2, INKS)) == ["   ", "   "]
+
+
+@pytest.mark.parametrize("order", [INKS, INKS[::-1]], ids=["up", "down"])
+def test_in_a_cell_the_more_important_ink_counts(order: tuple[str, str]) -> None:
+    canvas = Canvas(1, 1, INKS)
+    for ink, across in zip(order, (0.0, 1.0), strict=True):
+        canvas.plot(np.array([across]), np.array([0.0]), ink)
+    assert canvas.lines() == [[("high", "⠉")]]
+
+
+def test_neighbours_of_one_style_are_one_fragment() -> None:
+    canvas = Canvas(4, 1, INKS)
+    canvas.plot(np.array([2.0, 4.0]), np.array([0.0, 0.0]), "low")
+    assert canvas.lines() == [[("", " "), ("low", "⠁⠁"), ("", " ")]]
+
+
+def test_letters_cover_dots_and_end_at_the_edge() -> None:
+    canvas = Canvas(3, 1, INKS)
+    canvas.plot(np.array([0.0, 4.0]), np.array([0.0, 0.0]), "high")
+    canvas.write(0, 1, "abc", "low")
+    assert canvas.lines() == [[("high", "⠁"), ("low", "ab")]]
+
+
+coordinates = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.integers(1, 9), st.integers(1, 9), st.lists(coordinates, max_size=20))
+def test_dots_anywhere_leave_the_size_as_it_is(
+    columns: int, rows: int, places: list[float]
+) -> None:
+    canvas = Canvas(columns, rows, INKS)
+    canvas.plot(np.array(places), np.array(places[::-1]), "low")
+    assert [len(line) for line in texts(canvas)] == [columns] * rows

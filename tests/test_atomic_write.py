@@ -1,0 +1,139 @@
+"""Files that are never half there."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from radarsim.atomic_write import write_whole
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_what_is_written_is_there_and_nothing_else(tmp_path: Path) -> None:
+    files = {tmp_path / "yard.pgm": b"P5", tmp_path / "yard.yaml": b"image: yard.pgm"}
+    write_whole(files)
+    assert {path: path.read_bytes() for path in files} == files
+    assert names(tmp_path) == ["yard.pgm", "yard.yaml"]
+
+
+def test_what_was_there_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "yard.pgm"
+    path.write_bytes(b"a longer text")
+    write_whole({path: b"new"})
+    assert path.read_bytes() == b"new"
+
+
+def test_files_have_the_rights_of_new_files(tmp_path: Path) -> None:
+    plain, whole = tmp_path / "plain", tmp_path / "whole"
+    plain.write_bytes(b"")
+    write_whole({whole: b""})
+    assert whole.stat().st_mode == plain.stat().st_mode
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        pytest.param("no/such/folder", id="no folder"),
+        pytest.param("folder", id="a folder in its place"),
+        pytest.param("n" * 300, id="a name that is too long"),
+    ],
+)
+@pytest.mark.parametrize("last", [True, False])
+def test_a_file_that_cannot_be_written_leaves_all_as_it_was(
+    tmp_path: Path, bad: str, *, last: bool
+) -> None:
+    (tmp_path / "folder").mkdir()
+    old = tmp_path / "yard.pgm"
+    old.write_bytes(b"old")
+    paths = [old, tmp_path / bad] if last else [tmp_path / bad, old]
+    with pytest.raises(OSError, match=r".+"):
+        write_whole(dict.fromkeys(paths, b"new"))
+    assert old.read_bytes() == b"old"
+    assert names(tmp_path) == ["folder", "yard.pgm"]
+
+
+def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    link, file = tmp_path / "link", folder / "file"
+    link.symlink_to(file)
+    for data in (b"new", b"newer"):
+        write_whole({link: data})
+        assert link.is_symlink()
+        assert file.read_bytes() == data
+        assert list(folder.iterdir()) == [file]
+
+
+def test_a_device_stays(tmp_path: Path) -> None:
+    ours, terminal = os.openpty()  # nobody can put a file in the place of this device
+    device = Path(os.ttyname(terminal))
+    link, file = tmp_path / "terminal", tmp_path / "file"
+    link.symlink_to(device)
+    write_whole({link: b"lost", file: b"kept"})
+    assert os.read(ours, 4) == b"lost"
+    assert link.is_symlink()
+    assert device.is_char_device()
+    assert file.read_bytes() == b"kept"
+    os.close(terminal)
+    os.close(ours)
+
+
+def test_a_pipe_is_written_to(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=write_whole, args=({pipe: b"through"},))
+    writer.start()
+    assert pipe.read_bytes() == b"through"
+    writer.join()
+    assert pipe.is_fifo()
+
+
+def test_a_disk_that_fills_up_leaves_what_was_there(tmp_path: Path) -> None:
+    old = tmp_path / "yard.pgm"
+    old.write_bytes(b"old")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            write_whole({tmp_path / "small": b"new", old: bytes(1_000_000)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert old.read_bytes() == b"old"
+    assert names(tmp_path) == ["yard.pgm"]
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from radarsim.atomic_write import write_whole
+path, number = Path(sys.argv[1]), 0
+while True:
+    number += 1
+    write_whole({path: bytes([number % 251]) * 3_000_000})
+    print(number, flush=True)
+"""
+
+
+def test_a_process_that_is_killed_leaves_no_torn_file(tmp_path: Path) -> None:
+    path = tmp_path / "yard.pgm"
+    for delay in (0.0, 0.003, 0.011):
+        command = [sys.executable, "-c", WRITER, str(path)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as writer:
+            assert writer.stdout is not None
+            writer.stdout.readline()
+            time.sleep(delay)
+            writer.kill()
+        data = path.read_bytes()
+        assert len(data) == 3_000_000
+        assert len(set(data)) == 1
