@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from radarsim.sensors.echoes import Echoes, Target
     from radarsim.sensors.range_scanner import RangeScanner, load_sensor
     from radarsim.sensors.scan import Scan
-    from radarsim.simulation.config import Conditions
+    from radarsim.simulation.config import SimulationConfig
 
 __version__ = "0.1.0"
 
 # Imported when asked for, so that the command line answers at once.
 _HOMES = {
-    "Conditions": "radarsim.simulation.config",
+    "SimulationConfig": "radarsim.simulation.config",
     "Echoes": "radarsim.sensors.echoes",
     "EventKind": "radarsim.raycast.attenuation",
     "Host": "radarsim.host",
@@ -51,7 +51,6 @@ _HOMES = {
 }
 
 __all__ = [
-    "Conditions",
     "Echoes",
     "EventKind",
     "Host",
@@ -65,6 +64,7 @@ __all__ = [
     "RangeScanner",
     "Scan",
     "Scene",
+    "SimulationConfig",
     "StartPose",
     "Target",
     "__version__",

@@ -42,7 +42,7 @@ class Pose2:
         y = self.y + s * inner.x + c * inner.y
         return Pose2(x, y, wrap_angle(self.yaw + inner.yaw))
 
-    def seen_from(self, other: "Pose2") -> "Pose2":
+    def relative_to(self, other: "Pose2") -> "Pose2":
         """Give this pose as told from another of the same frame."""
         c, s = math.cos(other.yaw), math.sin(other.yaw)
         dx, dy = self.x - other.x, self.y - other.y

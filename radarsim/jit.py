@@ -17,12 +17,12 @@ _njit: Any = numba.njit
 _cfunc: Any = numba.cfunc
 
 
-def compiled(function: F) -> F:
+def njit_cached(function: F) -> F:
     """Compile a function when it is first called; division by zero gives inf or nan."""
     return cast(F, _kept(_njit, function, nogil=True))
 
 
-def leaf(function: F) -> F:
+def njit_inline(function: F) -> F:
     """Compile a function into those that call it.
 
     It makes no arrays, so that nobody need count who holds those it is given: counting
@@ -32,12 +32,12 @@ def leaf(function: F) -> F:
     return cast(F, _kept(_njit, function, **options))
 
 
-def callback(function: Callable[[Any], None]) -> Any:
+def c_callback(function: Callable[[Any], None]) -> Any:
     """Compile a function that takes a pointer, for C to call by its ``address``."""
     return _kept(partial(_cfunc, types.void(types.voidptr)), function)
 
 
-def predicate(function: Callable[[Any], Any]) -> Any:
+def c_predicate(function: Callable[[Any], Any]) -> Any:
     """Compile a function that takes a pointer and says yes or no, for C to call."""
     return _kept(partial(_cfunc, types.boolean(types.voidptr)), function)
 

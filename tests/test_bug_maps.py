@@ -52,7 +52,7 @@ def task(name: str) -> Task:
 
 
 @dataclass
-class Walk:
+class RayState:
     """What an ideal bug does: it goes along the edge of where it may be."""
 
     free: Polygon
@@ -86,8 +86,8 @@ class Walk:
         return bool(self.free.covers(ahead))
 
 
-def bug1(free: Polygon, start: Place, goal: Place) -> Walk:
-    walk = Walk(free, start, goal)
+def bug1(free: Polygon, start: Place, goal: Place) -> RayState:
+    walk = RayState(free, start, goal)
     here = start
     while met := walk.go(here):
         ring, hit = met
@@ -101,9 +101,9 @@ def bug1(free: Polygon, start: Place, goal: Place) -> Walk:
     return walk
 
 
-def bug2(free: Polygon, start: Place, goal: Place, *, patient: bool = True) -> Walk:
+def bug2(free: Polygon, start: Place, goal: Place, *, patient: bool = True) -> RayState:
     """Follow Bug2; one that is not patient gives up where the line is no nearer."""
-    walk = Walk(free, start, goal)
+    walk = RayState(free, start, goal)
     line = LineString([start, goal])
     here: Place | None = start
     while here and (met := walk.go(here)):
@@ -249,7 +249,7 @@ def test_gaps_between_hedges_are_open_to_a_radar_and_closed_to_a_laser() -> None
 
 @pytest.mark.parametrize("bug", [bug1, bug2])
 def test_seeing_into_hedges_halves_the_way(
-    bug: Callable[[Polygon, Place, Place], Walk],
+    bug: Callable[[Polygon, Place, Place], RayState],
 ) -> None:
     radar = bug(*along("hedge_garden", seen_into=SEEN_INTO))
     assert radar.outcome == "reached"

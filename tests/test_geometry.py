@@ -51,7 +51,7 @@ def test_on_the_floor_poses_compose_as_in_space(outer: Pose2, inner: Pose2) -> N
 
 @given(one=places, other=places)
 def test_what_is_seen_from_a_pose_leads_from_it(one: Pose2, other: Pose2) -> None:
-    again = other.compose(one.seen_from(other))
+    again = other.compose(one.relative_to(other))
     assert (again.x, again.y) == pytest.approx((one.x, one.y), abs=1e-9)
     assert wrap_angle(again.yaw - one.yaw) == pytest.approx(0, abs=1e-9)
 

@@ -3,10 +3,10 @@ from typing import Any
 
 import pytest
 
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 
 
-@pytest.mark.parametrize("decorate", [compiled, leaf])
+@pytest.mark.parametrize("decorate", [njit_cached, njit_inline])
 def test_what_cannot_be_kept_on_disk_runs_all_the_same(
     decorate: Callable[[Any], Any],
 ) -> None:

@@ -28,7 +28,7 @@ from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import take_together
+from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.simulation import Simulation
 
 BATCH = 100
@@ -65,12 +65,12 @@ def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]
     plans = [radar.plan(tracer, pose, rng) for _ in range(BATCH)]
     yield (
         f"{BATCH} scans of 361 beams",
-        lambda: scan_batch(scene, [(radar, pose, rng)] * BATCH),
+        lambda: plan_and_scan(scene, [(radar, pose, rng)] * BATCH),
         Rays.joined([plan.rays for plan in plans]),
     )
 
 
-def scan_batch(
+def plan_and_scan(
     scene: Scene, wanted: list[tuple[RangeScanner, Pose3, np.random.Generator]]
 ) -> list[Scan]:
     """Take many scans in one cast, as the simulation does."""
@@ -78,7 +78,7 @@ def scan_batch(
     planned = [
         (scanner, scanner.plan(tracer, pose, rng)) for scanner, pose, rng in wanted
     ]
-    return take_together(tracer, planned)
+    return scan_batch(tracer, planned)
 
 
 def against_open3d(seconds: float) -> Iterator[Row]:

@@ -11,16 +11,16 @@ from radarsim.cli.navigate_options import ServerWish
 from radarsim.cli.signals import ending_at_once
 from radarsim.client import Client
 from radarsim.evaluation.map_score import judge_mapper
-from radarsim.evaluation.trials import Referee
+from radarsim.evaluation.trials import GroundTruthMonitor
 from radarsim.exploration.exploration import (
+    Exploration,
+    ExplorationPlan,
+    ExplorationStep,
     Outcome,
-    Survey,
-    SurveyMoment,
-    SurveyPlan,
     warm_up,
 )
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
+from radarsim.host.lockstep import InProcessTransport
 from radarsim.mapping.export import NavMode
 from radarsim.rng import generator_for
 
@@ -57,7 +57,7 @@ def run_survey(
         warm_up()
     plan = wish.read(None if host is None else host.simulation.scene)
     run = MapRun("way" if plan.way else plan.strategy.value, plan.seed)
-    survey = Survey(plan, generator_for(wish.seed or 0, "exploring"))
+    survey = Exploration(plan, generator_for(wish.seed or 0, "exploring"))
     try:
         _explore(survey, _connect(run, host, server))
     except BaseException as error:
@@ -88,30 +88,30 @@ def _overhear(
 def _connect(run: MapRun, host: Host | None, server: ServerWish) -> Client:
     if host is None:
         return Client.connect(*server.address)
-    run.referee = Referee(host)
-    return Client(HostLink(host, after_tick=run.referee.watch))
+    run.referee = GroundTruthMonitor(host)
+    return Client(InProcessTransport(host, after_tick=run.referee.watch))
 
 
-def _explore(survey: Survey, client: Client) -> None:
+def _explore(survey: Exploration, client: Client) -> None:
     """Explore, and tell on stderr how it goes."""
     with client, progress(survey) as teller:
 
-        def observe(moment: SurveyMoment) -> None:
+        def observe(moment: ExplorationStep) -> None:
             teller.tell(moment.doing)
 
         survey.run(client, observe)
 
 
-def _take_stock(run: MapRun, survey: Survey) -> None:
+def _take_stock(run: MapRun, survey: Exploration) -> None:
     """Note how a survey went, as far as it came."""
     run.outcome, run.course = survey.outcome.value, survey.course
     run.mapper, run.safety_distance = survey.mapper, survey.safety_distance
-    run.left_out = survey.left_out
+    run.unreached = survey.unreached
     if run.error not in ("", INTERRUPTED) and survey.outcome is Outcome.BROKEN_OFF:
         run.outcome = Outcome.FAILED.value
 
 
-def _judge(run: MapRun, host: Host | None, plan: SurveyPlan) -> None:
+def _judge(run: MapRun, host: Host | None, plan: ExplorationPlan) -> None:
     """Compare the map with the scene, if both are there."""
     mapper, start = run.mapper, run.course.start
     if host is None or mapper is None or start is None:

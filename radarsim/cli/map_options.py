@@ -11,14 +11,14 @@ from radarsim.cli.navigate_options import (
     read_place,
     read_pose,
 )
-from radarsim.exploration.exploration import SurveyPlan
+from radarsim.exploration.exploration import ExplorationPlan
 from radarsim.exploration.options import StrategyName
 from radarsim.geometry import Pose3
 from radarsim.mapping.mapper import MapperSettings
-from radarsim.mapping.slam import SeedKind, SlamSettings
-from radarsim.navigation.control import Pace
+from radarsim.mapping.slam import MotionSource, SlamSettings
+from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT
-from radarsim.proxy.connection_state import Given
+from radarsim.proxy.connection_state import ScannerDefaults
 from radarsim.scene.scene import Scene
 
 FINEST: Final = 0.005  # m; a room would have millions of cells
@@ -26,7 +26,7 @@ FINEST: Final = 0.005  # m; a room would have millions of cells
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapWish(DriveWish):
-    """What is to be mapped, unread; see ``SurveyPlan``.
+    """What is to be mapped, unread; see ``ExplorationPlan``.
 
     Attributes:
         strategy: None for the one that chooses, or a way.
@@ -43,7 +43,7 @@ class MapWish(DriveWish):
     through: int | None
     seed: int | None
     robot: str | None
-    seed_from: SeedKind
+    seed_from: MotionSource
     echoes: bool
     radius: float
     resolution: float
@@ -75,14 +75,14 @@ class MapWish(DriveWish):
             text = "expected --serve or --strategy turn_away with it"
             raise typer.BadParameter(text, param_hint="--seed")
 
-    def read(self, scene: Scene | None) -> SurveyPlan:
+    def read(self, scene: Scene | None) -> ExplorationPlan:
         """Read the texts, and check the start by the map if that is known.
 
         Raises:
             typer.BadParameter: If something is wrong.
         """
         check_start(self.start, scene)
-        return SurveyPlan(
+        return ExplorationPlan(
             strategy=StrategyName(self.strategy or "auto"),
             way=tuple(read_place(text, "--way") for text in self.way),
             seed=self.seed_from,
@@ -94,7 +94,7 @@ class MapWish(DriveWish):
             scanner=self.scanner,
             safety_distance=self.safety_distance,
             depth=self.depth,
-            pace=Pace(speed=self.speed),
+            pace=SpeedLimits(speed=self.speed),
             radius=self.radius,
             time_limit=self.time_limit,
             timeout=self.timeout,
@@ -113,16 +113,16 @@ class MapWish(DriveWish):
             echo_wait=1.0 if echoes else 0.0,
         )
 
-    def given(self) -> Given:
+    def given(self) -> ScannerDefaults:
         """Give what is known of a scanner that is only overheard.
 
         Raises:
             typer.BadParameter: If the mount is no pose.
         """
         if self.mount is None:
-            return Given(None, self.max_range)
+            return ScannerDefaults(None, self.max_range)
         pose = read_pose(self.mount, "--mount")
-        return Given(Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw), self.max_range)
+        return ScannerDefaults(Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw), self.max_range)
 
     def _check_through(self) -> None:
         if self.through is None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from radarsim.cli.progress import Lines, living
 from radarsim.mapping.mapper import Mapper
-from radarsim.navigation.runner import Course
+from radarsim.navigation.runner import TripMeter
 
 
 class Mapping(Protocol):
@@ -19,7 +19,7 @@ class Mapping(Protocol):
         """Has the map; None before the first scan."""
 
     @property
-    def course(self) -> Course:
+    def course(self) -> TripMeter:
         """How far the robot has come."""
 
 

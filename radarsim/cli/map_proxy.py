@@ -13,9 +13,15 @@ from radarsim.cli.navigate_options import ServerWish
 from radarsim.cli.signals import ending_at_once
 from radarsim.exploration.exploration import NOISE, warm_up
 from radarsim.mapping.mapper import Mapper
-from radarsim.navigation.runner import Course
+from radarsim.navigation.runner import TripMeter
 from radarsim.protocol.reports import Report
-from radarsim.proxy import Choice, Listener, Overheard, Tap, forward_until_signal
+from radarsim.proxy import (
+    Choice,
+    ConnectionState,
+    Listener,
+    TcpProxy,
+    forward_until_signal,
+)
 from radarsim.proxy.connection_state import NOTHING_GIVEN
 
 LISTEN = "127.0.0.1"
@@ -37,11 +43,11 @@ class Making:
     def __init__(self, wish: MapWish) -> None:
         self._given = wish.given()
         self.mapper: Mapper | None = None
-        self.course = Course(noise=NOISE)
+        self.course = TripMeter(noise=NOISE)
         self.teller: Teller | None = None
         self._wish = wish
 
-    def begin(self, overheard: Overheard, scanner: str) -> "Making":
+    def begin(self, overheard: ConnectionState, scanner: str) -> "Making":
         """Begin with the scans of one scanner."""
         facts = overheard.scanner(scanner, self._given)
         assert facts is not None  # this comes after its first scan
@@ -83,7 +89,7 @@ def overhear(wish: MapWish, server: ServerWish, files: MapFiles) -> tuple[MapRun
     with ending_at_once():
         warm_up()
     listener = Listener(Choice(making.begin, scanner=wish.scanner))
-    tap = Tap(server.address, listener.hear)
+    tap = TcpProxy(server.address, listener.hear)
     run = MapRun(None, wish.seed_from, course=making.course, outcome="overheard")
     with progress(making) as making.teller:
         listener.start()

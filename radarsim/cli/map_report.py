@@ -14,12 +14,12 @@ import typer
 from radarsim.atomic_write import write_whole
 from radarsim.cli.options import check_place
 from radarsim.evaluation.map_score import MapScore
-from radarsim.evaluation.trials import Referee
+from radarsim.evaluation.trials import GroundTruthMonitor
 from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
 from radarsim.mapping.mapper import Mapper
-from radarsim.mapping.occupancy_grid import CLOUD, FREE, OBSTACLE, THICKET
+from radarsim.mapping.occupancy_grid import FOLIAGE_CELL, FREE, OBSTACLE, SMOKE_CELL
 from radarsim.mapping.trajectory import trajectory_errors, tum_text
-from radarsim.navigation.runner import Course
+from radarsim.navigation.runner import TripMeter
 
 IN_FOLDER: Final = "map"  # what names begin with in a folder
 FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
@@ -119,8 +119,8 @@ def reason(error: OSError) -> str:
 CLASSES: Final = {
     "free": FREE,
     "obstacle": OBSTACLE,
-    "foliage": THICKET,
-    "smoke": CLOUD,
+    "foliage": FOLIAGE_CELL,
+    "smoke": SMOKE_CELL,
 }
 ENDINGS: Final = {
     "time_limit": "time is up",
@@ -149,12 +149,12 @@ class MapRun:
 
     strategy: str | None
     seed_from: str
-    course: Course = field(default_factory=Course)
+    course: TripMeter = field(default_factory=TripMeter)
     mapper: Mapper | None = None
     outcome: str = "broken_off"
-    left_out: tuple[tuple[float, float], ...] = ()
+    unreached: tuple[tuple[float, float], ...] = ()
     safety_distance: float | None = None
-    referee: Referee | None = None
+    referee: GroundTruthMonitor | None = None
     score: MapScore | None = None
     files: tuple[Path, ...] = ()
     error: str = ""
@@ -181,7 +181,7 @@ def summary(run: MapRun) -> dict[str, Any]:
         "seed_from": run.seed_from,
         "time": round(run.course.time, 3),
         "path_length": round(run.course.length, 3),
-        "left_out": [list(place) for place in run.left_out],
+        "left_out": [list(place) for place in run.unreached],
         "safety_distance": _number(run.safety_distance, 3),
         "scans": 0 if run.mapper is None else run.mapper.scans,
         "cells": _cells(run.mapper),
@@ -220,8 +220,8 @@ def as_text(run: MapRun) -> list[str]:
             f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
             f" at most {errors['ate_max']:.3f} m and {errors['yaw_max_deg']:.2f}"
         )
-    if run.left_out:
-        places = ", ".join(f"{x:g} {y:g}" for x, y in run.left_out)
+    if run.unreached:
+        places = ", ".join(f"{x:g} {y:g}" for x, y in run.unreached)
         lines.append(f"left out {places}: no way there")
     if judge := told.get("judge"):
         lines.append(f"in truth {_verdict(judge)}")

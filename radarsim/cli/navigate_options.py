@@ -13,12 +13,12 @@ from radarsim.errors import PresetError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.navigation.bug import Point
-from radarsim.navigation.control import Pace
+from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.mission import Mission
 from radarsim.navigation.options import Algorithm, GiveUp, PoseSource, Rule
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 HOST, PORT = "127.0.0.1", 3000
 
@@ -75,7 +75,9 @@ class ServerWish:
         if self.map_ is None:
             return None
         settings = item_settings(self.settings)
-        conditions = Conditions(drive_unit=self.drive_unit, item_settings=settings)
+        conditions = SimulationConfig(
+            drive_unit=self.drive_unit, item_settings=settings
+        )
         try:
             conditions.check()
         except PresetError as error:
@@ -194,7 +196,7 @@ class MissionWish(DriveWish):
             on_left=self.side == "left",
             give_up=GiveUp(self.give_up),
             source=PoseSource(self.pose_from),
-            pace=Pace(speed=self.speed),
+            pace=SpeedLimits(speed=self.speed),
             time_limit=self.time_limit,
             timeout=self.timeout,
             drive_unit=self.drive_unit,

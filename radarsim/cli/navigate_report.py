@@ -7,13 +7,13 @@ from typing import Any
 
 from radarsim.cli.progress import progress
 from radarsim.client import Client
-from radarsim.evaluation.trials import Referee
+from radarsim.evaluation.trials import GroundTruthMonitor
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
+from radarsim.host.lockstep import InProcessTransport
 from radarsim.navigation.bug import Point
-from radarsim.navigation.mission import Mission, carry_out
-from radarsim.navigation.run_log import Record
-from radarsim.navigation.runner import Moment, Result
+from radarsim.navigation.mission import Mission, run_mission
+from radarsim.navigation.run_log import RunLog
+from radarsim.navigation.runner import NavigationStep, Result
 from radarsim.scene.scene import Scene
 
 
@@ -32,8 +32,8 @@ class Run:
     def __init__(self, mission: Mission, host: Host | None) -> None:
         self.mission = mission
         self.host = host
-        self.referee = None if host is None else Referee(host)
-        self.record = Record()
+        self.referee = None if host is None else GroundTruthMonitor(host)
+        self.record = RunLog()
         self.result: Result | None = None
         self.error = ""
 
@@ -59,10 +59,10 @@ class Run:
         """
         with self._connect(address) as client, progress(self.record) as teller:
 
-            def observe(moment: Moment) -> None:
+            def observe(moment: NavigationStep) -> None:
                 teller.tell(self.record.add(moment))
 
-            self.result = carry_out(client, self.mission, observe)
+            self.result = run_mission(client, self.mission, observe)
         if self.outcome == "failed":
             left = self.record.rows[-1].goal_distance
             limit = f"within {self.mission.time_limit:g} s"
@@ -72,7 +72,7 @@ class Run:
         """Connect to the server, wherever it is."""
         if self.host is None or self.referee is None:
             return Client.connect(*address)
-        return Client(HostLink(self.host, after_tick=self.referee.watch))
+        return Client(InProcessTransport(self.host, after_tick=self.referee.watch))
 
 
 # Section from cli.outcomes.

@@ -12,8 +12,8 @@ from rich.table import Table
 from radarsim.presets.materials import LibraryEntry, library, library_material
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.presets.sensors import (
-    Number,
     SensorPreset,
+    SourcedValue,
     load_settings,
     sensor_presets,
 )
@@ -114,7 +114,7 @@ def _loss(density: float, decibels: float, mirror: bool) -> str:
     return f"{decibels:.3g}"
 
 
-def _numbers(title: str, kind: str, numbers: Mapping[Any, Number]) -> Table:
+def _numbers(title: str, kind: str, numbers: Mapping[Any, SourcedValue]) -> Table:
     table = Table(title=title, title_justify="left")
     for column in (kind, "value", "confidence", "source"):
         table.add_column(column, overflow="fold")

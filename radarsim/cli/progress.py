@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from radarsim.navigation.bug import Doing, Point
-from radarsim.navigation.run_log import AT_BOUNDARY, Record, Row
+from radarsim.navigation.bug import Activity, Point
+from radarsim.navigation.run_log import AT_BOUNDARY, Row, RunLog
 
 REFRESHES: Final = 8  # a second
 
@@ -72,13 +72,13 @@ class NullReporter:
 
 
 @contextmanager
-def progress(record: Record) -> Iterator[ProgressReporter]:
+def progress(record: RunLog) -> Iterator[ProgressReporter]:
     """Tell of a run, by one living line on a terminal, else by a line per change."""
     with living(lambda: describe_latest(record)) as lines:
         yield NullReporter() if lines is None else ChangeLogger(lines, record)
 
 
-def describe_latest(record: Record) -> str:
+def describe_latest(record: RunLog) -> str:
     """Say in one line how things stand."""
     return (
         describe_progress(record, record.rows[-1])
@@ -87,7 +87,7 @@ def describe_latest(record: Record) -> str:
     )
 
 
-def describe_progress(record: Record, row: Row) -> str:
+def describe_progress(record: RunLog, row: Row) -> str:
     """Say in one line how things stand."""
     nearest = f"{row.nearest:5.2f} m" if math.isfinite(row.nearest) else "   none"
     return "  ".join(
@@ -105,10 +105,10 @@ def describe_progress(record: Record, row: Row) -> str:
 class ChangeLogger:
     """A line for every change of what the robot is at."""
 
-    def __init__(self, lines: Lines, record: Record) -> None:
+    def __init__(self, lines: Lines, record: RunLog) -> None:
         self._lines = lines
         self._record = record
-        self._before: tuple[Doing, Point | None] | None = None
+        self._before: tuple[Activity, Point | None] | None = None
 
     def tell(self, row: Row) -> None:
         """Print a line if something has changed."""
@@ -123,7 +123,7 @@ class ChangeLogger:
         doing, goal = self._before or (None, None)
         along = doing in AT_BOUNDARY and goal == row.goal
         here = f"{row.x:.2f} {row.y:.2f}"
-        if row.doing is Doing.GOING and row.goal is not None:
+        if row.doing is Activity.GOING and row.goal is not None:
             x, y = row.goal
             left = (
                 f"leave point {len(self._record.leaves)} at {here}, " if along else ""

@@ -16,7 +16,7 @@ from radarsim.protocol.dialect import dialect_named
 from radarsim.scene.map_file import load_map
 from radarsim.server import Server
 from radarsim.server import serve as serve_until_signal
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 
 def run_server(
@@ -43,7 +43,7 @@ def run_server(
             f"speed {speed}, expected above 0", param_hint="--speed"
         )
     dialect, unit, settings = conditions
-    held = Conditions(dialect_named(dialect), unit, item_settings(settings))
+    held = SimulationConfig(dialect_named(dialect), unit, item_settings(settings))
     try:
         held.check()
     except PresetError as error:

@@ -6,10 +6,10 @@ and understand is the same code, which knows no sockets. Reports are those of
 """
 
 from radarsim.client.aio import AsyncClient
-from radarsim.client.robot_info import DriveUnit, RobotFacts, ScannerFacts, beam_angles
+from radarsim.client.robot_info import DriveUnit, RobotInfo, ScannerInfo, beam_angles
 from radarsim.client.session import Question, Session
 from radarsim.client.sync import Client
-from radarsim.client.transport import Link, SocketLink
+from radarsim.client.transport import SocketTransport, Transport
 from radarsim.errors import ClientError, ClientTimeout
 
 __all__ = [
@@ -18,11 +18,11 @@ __all__ = [
     "ClientError",
     "ClientTimeout",
     "DriveUnit",
-    "Link",
     "Question",
-    "RobotFacts",
-    "ScannerFacts",
+    "RobotInfo",
+    "ScannerInfo",
     "Session",
-    "SocketLink",
+    "SocketTransport",
+    "Transport",
     "beam_angles",
 ]

@@ -5,8 +5,8 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from radarsim.client import session as asking
-from radarsim.client.requests import Conversation, Step, Talk
-from radarsim.client.robot_info import DriveUnit, RobotFacts
+from radarsim.client.requests import Requests, Step, Talk
+from radarsim.client.robot_info import DriveUnit, RobotInfo
 from radarsim.client.session import Session, check_timeout
 from radarsim.client.transport import CHUNK, SHORTEST_WAIT, STUCK
 from radarsim.errors import ClientError
@@ -14,7 +14,7 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import Greeting, Report
 
 Value = TypeVar("Value")
-Kind = TypeVar("Kind", bound=Report)
+AnyReport = TypeVar("AnyReport", bound=Report)
 
 
 class AsyncClient:
@@ -44,7 +44,7 @@ class AsyncClient:
         self._reader = reader
         self._writer = writer
         loop = asyncio.get_running_loop()
-        self._talk = Conversation(loop.time, timeout=timeout)
+        self._talk = Requests(loop.time, timeout=timeout)
 
     @classmethod
     async def connect(
@@ -107,7 +107,7 @@ class AsyncClient:
         """As ``Client.configuration``."""
         return await self._run(self._talk.ask(asking.configuration(kind, name)))
 
-    async def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotFacts:
+    async def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """As ``Client.facts``."""
         return await self._run(self._talk.facts(drive_unit))
 
@@ -139,11 +139,11 @@ class AsyncClient:
 
     async def wait_for(
         self,
-        kind: type[Kind],
+        kind: type[AnyReport],
         *,
         name: str | None = None,
         timeout: float | None = None,  # noqa: ASYNC109
-    ) -> Kind:
+    ) -> AnyReport:
         """As ``Client.wait_for``."""
         return await self._run(self._talk.wait_for(kind, name, timeout))
 

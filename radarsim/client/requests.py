@@ -17,8 +17,8 @@ from typing import Final, TypeAlias, TypeVar
 from radarsim.client import session as asking
 from radarsim.client.robot_info import (
     DriveUnit,
-    RobotFacts,
-    ScannersTold,
+    RobotInfo,
+    ScannerDescriptions,
     robot_facts,
 )
 from radarsim.client.session import ROBOT, SCANNERS, Question, Session, check_timeout
@@ -37,7 +37,7 @@ PATIENCE: Final = (
 )
 
 Value = TypeVar("Value")
-Kind = TypeVar("Kind", bound=Report)
+AnyReport = TypeVar("AnyReport", bound=Report)
 Step: TypeAlias = bytes | float
 Talk: TypeAlias = Generator[Step, bytes, Value]
 
@@ -57,7 +57,7 @@ class Wait:
     until: float
 
 
-class Conversation:
+class Requests:
     """Talks with one server.
 
     Attributes:
@@ -117,11 +117,11 @@ class Conversation:
             yield from self.send(question.data)
         return (yield from self._skip(question.accepts, wait))
 
-    def facts(self, drive_unit: DriveUnit) -> Talk[RobotFacts]:
+    def facts(self, drive_unit: DriveUnit) -> Talk[RobotInfo]:
         """Ask for all that is known of the robot and its scanners."""
         geo = yield from self._ask(asking.geometry(ROBOT), RobotGeo)
         conf = yield from self._ask(asking.configuration(ROBOT), RobotConf)
-        told = ScannersTold()
+        told = ScannerDescriptions()
         yield from self._describe_scanners(told, None)
         for name in told.incomplete(self.session.scans):
             yield from self._describe_scanners(told, name)
@@ -145,8 +145,8 @@ class Conversation:
         return (yield from self._more(wait))
 
     def wait_for(
-        self, kind: type[Kind], name: str | None, timeout: float | None
-    ) -> Talk[Kind]:
+        self, kind: type[AnyReport], name: str | None, timeout: float | None
+    ) -> Talk[AnyReport]:
         """Skip reports up to one of a kind, and of an item of that name if given."""
 
         def accepts(report: Report) -> bool:
@@ -158,13 +158,15 @@ class Conversation:
         return (yield from self._ask(Question(b"", what, accepts), kind, timeout))
 
     def _ask(
-        self, question: Question, kind: type[Kind], timeout: float | None = None
-    ) -> Talk[Kind]:
+        self, question: Question, kind: type[AnyReport], timeout: float | None = None
+    ) -> Talk[AnyReport]:
         answer = yield from self.ask(question, timeout)
         assert isinstance(answer, kind)
         return answer
 
-    def _describe_scanners(self, told: ScannersTold, name: str | None) -> Talk[None]:
+    def _describe_scanners(
+        self, told: ScannerDescriptions, name: str | None
+    ) -> Talk[None]:
         """Ask for place and settings of one scanner or all; some servers are silent."""
         where, what = (
             asking.geometry(SCANNERS, name),

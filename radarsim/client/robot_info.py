@@ -50,7 +50,7 @@ UNLIMITED: Final = ScannerLimits(math.inf, 0.0, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
-class ScannerFacts:
+class ScannerInfo:
     """One scanner.
 
     Attributes:
@@ -78,7 +78,7 @@ class ScannerFacts:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotFacts:
+class RobotInfo:
     """One robot.
 
     Attributes:
@@ -101,7 +101,7 @@ class RobotFacts:
     wheel_separation: float
     max_wheel_speed: float
     drive_scale: float
-    scanners: tuple[ScannerFacts, ...]
+    scanners: tuple[ScannerInfo, ...]
 
     @property
     def clearance(self) -> float:
@@ -132,7 +132,7 @@ class RobotFacts:
         factor = self.drive_scale / self.wheel_radius
         return left * factor, right * factor
 
-    def scanner(self, name: str | None = None) -> ScannerFacts:
+    def scanner(self, name: str | None = None) -> ScannerInfo:
         """Give one scanner, by default the first.
 
         Raises:
@@ -170,9 +170,9 @@ def beam_angles(scan: RangeScan) -> Floats:
 def robot_facts(
     geo: RobotGeo,
     conf: RobotConf,
-    scanners: tuple[ScannerFacts, ...],
+    scanners: tuple[ScannerInfo, ...],
     drive_unit: DriveUnit,
-) -> RobotFacts:
+) -> RobotInfo:
     """Put together what a robot says of itself.
 
     Raises:
@@ -193,7 +193,7 @@ def robot_facts(
         raise ClientError(f"{text}, expected none below 0")
     length, width, height = hull(geo)
     scale = DRIVE_SCALES[drive_unit]
-    return RobotFacts(
+    return RobotInfo(
         name=geo.name,
         length=length,
         width=width,
@@ -221,7 +221,7 @@ def hull(geo: RobotGeo) -> tuple[float, float, float]:
     return length + 2 * beyond, width + beyond, 0.0
 
 
-class ScannersTold:
+class ScannerDescriptions:
     """What a server tells of scanners, as it comes.
 
     Servers differ in how much they answer; what a scan says is added at the end. Names
@@ -258,7 +258,7 @@ class ScannersTold:
         complete = self._mounts.keys() & self._limits.keys()
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
-    def facts(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerFacts, ...]:
+    def facts(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
         """Put all together; who says nothing of its beams is left out.
 
         Args:
@@ -279,7 +279,7 @@ class ScannersTold:
             if fan is not None:
                 told = name if scan is None else scan.name
                 nearest, farthest = limits.min_range, limits.max_range
-                facts.append(ScannerFacts(told, mount, nearest, farthest, *fan))
+                facts.append(ScannerInfo(told, mount, nearest, farthest, *fan))
         return tuple(facts)
 
 

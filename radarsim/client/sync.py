@@ -4,16 +4,16 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from radarsim.client import session as asking
-from radarsim.client.requests import Conversation, Step, Talk
-from radarsim.client.robot_info import DriveUnit, RobotFacts
+from radarsim.client.requests import Requests, Step, Talk
+from radarsim.client.robot_info import DriveUnit, RobotInfo
 from radarsim.client.session import Session
-from radarsim.client.transport import Link, SocketLink
+from radarsim.client.transport import SocketTransport, Transport
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import Greeting, Report
 
 Value = TypeVar("Value")
-Kind = TypeVar("Kind", bound=Report)
+AnyReport = TypeVar("AnyReport", bound=Report)
 
 
 class Client:
@@ -26,7 +26,7 @@ class Client:
         link: What it talks over; its time is the only one that this client knows.
     """
 
-    def __init__(self, link: Link, *, timeout: float = 5.0) -> None:
+    def __init__(self, link: Transport, *, timeout: float = 5.0) -> None:
         """Talk over a link, which from now on belongs to the client.
 
         Args:
@@ -37,7 +37,7 @@ class Client:
             ValueError: If that is not above 0.
         """
         self.link = link
-        self._talk = Conversation(link.time, timeout=timeout)
+        self._talk = Requests(link.time, timeout=timeout)
 
     @classmethod
     def connect(
@@ -54,7 +54,7 @@ class Client:
             ClientError: If no server is there.
             ValueError: If the timeout is not above 0.
         """
-        return cls(SocketLink(host, port, timeout=timeout), timeout=timeout)
+        return cls(SocketTransport(host, port, timeout=timeout), timeout=timeout)
 
     @property
     def session(self) -> Session:
@@ -124,7 +124,7 @@ class Client:
         """
         return self._run(self._talk.ask(asking.configuration(kind, name)))
 
-    def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotFacts:
+    def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """Find out what the robot is, and which scanners it has.
 
         What a server does not tell of a scanner is taken from its scans, after 2 s.
@@ -149,7 +149,7 @@ class Client:
     def drive(self, left: float, right: float) -> None:
         """Set the spin of the left and the right wheels, in the server's unit.
 
-        It holds until the next call. ``RobotFacts.wheel_speeds`` gives these.
+        It holds until the next call. ``RobotInfo.wheel_speeds`` gives these.
         """
         self._run(self._talk.send(asking.drive(left, right)))
 
@@ -167,11 +167,11 @@ class Client:
 
     def wait_for(
         self,
-        kind: type[Kind],
+        kind: type[AnyReport],
         *,
         name: str | None = None,
         timeout: float | None = None,
-    ) -> Kind:
+    ) -> AnyReport:
         """Skip reports up to one of a kind; those behind it stay to be read.
 
         Args:

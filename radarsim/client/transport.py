@@ -18,8 +18,8 @@ LAST_WORDS = 0.2  # s that a server has to take what was sent last
 STUCK = "the server takes nothing any more"
 
 
-class Link(Protocol):
-    """A connection to a server; see ``SocketLink`` for one.
+class Transport(Protocol):
+    """A connection to a server; see ``SocketTransport`` for one.
 
     A ``ConnectionError`` says in its text what happened, for the sentence that a
     ``ClientError`` makes of it.
@@ -51,7 +51,7 @@ class Link(Protocol):
         """Let go of the server; more than once does nothing more."""
 
 
-class SocketLink:
+class SocketTransport:
     """A TCP connection, timed by the wall clock."""
 
     def __init__(self, host: str, port: int, *, timeout: float = 5.0) -> None:
@@ -78,7 +78,7 @@ class SocketLink:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def send(self, data: bytes) -> None:
-        """Send bytes, as ``Link.send``; after half a line nothing more is sent."""
+        """Send bytes, as ``Transport.send``; after half a line nothing more is sent."""
         if self._stuck:
             raise ConnectionError(STUCK)
         try:
@@ -91,7 +91,7 @@ class SocketLink:
             raise ConnectionError(f"the connection is lost: {error}") from None
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes, as ``Link.receive``."""
+        """Wait for bytes, as ``Transport.receive``."""
         try:
             self._socket.settimeout(max(timeout, SHORTEST_WAIT))
             data = self._socket.recv(CHUNK)

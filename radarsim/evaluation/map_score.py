@@ -25,12 +25,12 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import clearance
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.occupancy_grid import (
-    CLOUD,
+    FOLIAGE_CELL,
     FREE,
     OBSTACLE,
-    THICKET,
+    SMOKE_CELL,
     UNKNOWN,
-    Lattice,
+    GridFrame,
     Mask,
     OccupancyGrid,
 )
@@ -76,7 +76,7 @@ class MapScore:
     within_one_cell: float | None
     within_two_cells: float | None
     false_obstacles: float
-    told_apart: float | None
+    class_accuracy: float | None
 
     def to_dict(self) -> dict[str, Any]:
         """Give it for JSON, shares to four digits."""
@@ -96,7 +96,7 @@ class Truth:
         indoors: What walls enclose and is not solid, (R, C).
     """
 
-    def __init__(self, scene: Scene, lattice: Lattice, height: float) -> None:
+    def __init__(self, scene: Scene, lattice: GridFrame, height: float) -> None:
         """Cut a scene.
 
         Args:
@@ -106,7 +106,7 @@ class Truth:
         """
         self.kinds = {
             kind: np.zeros(lattice.shape, np.bool_)
-            for kind in (OBSTACLE, THICKET, CLOUD)
+            for kind in (OBSTACLE, FOLIAGE_CELL, SMOKE_CELL)
         }
         self.inside = {kind: cells.copy() for kind, cells in self.kinds.items()}
         starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
@@ -135,7 +135,7 @@ class Truth:
         """
         solid = self.kinds[OBSTACLE]
         beside = clearance(~solid if outdoors else self.indoors, 1.5)
-        return np.asarray((solid & np.isfinite(beside)) | self.kinds[THICKET])
+        return np.asarray((solid & np.isfinite(beside)) | self.kinds[FOLIAGE_CELL])
 
     def _enclosed(self) -> Mask:
         walls = np.pad(self.kinds[OBSTACLE], 1)
@@ -149,9 +149,9 @@ def kind_of(part: Part) -> int:
     """Tell what a map should take a part for."""
     material = part.material
     if not material.solid:
-        return CLOUD
+        return SMOKE_CELL
     seen_through = material.penetrable or material.sheet_loss is not None
-    return THICKET if seen_through else OBSTACLE
+    return FOLIAGE_CELL if seen_through else OBSTACLE
 
 
 def judge_map(
@@ -182,7 +182,7 @@ def judge_map(
     hidden = free & _beyond(scene, lattice, start, body)
     walls = classes == OBSTACLE
     away = _away(truth.faces(outdoors=indoors is None))[walls]
-    astray = _away(truth.kinds[OBSTACLE] | truth.kinds[THICKET])[walls]
+    astray = _away(truth.kinds[OBSTACLE] | truth.kinds[FOLIAGE_CELL])[walls]
     false = int(np.count_nonzero(np.isinf(astray)))
     air = int(np.count_nonzero(known & ~truth.anything()))
     return MapScore(
@@ -196,7 +196,7 @@ def judge_map(
         within_one_cell=_mean(away <= 1 + BESIDE),
         within_two_cells=_mean(away <= 2 + BESIDE),
         false_obstacles=false / max(air, 1),
-        told_apart=_told_apart(classes, truth),
+        class_accuracy=_told_apart(classes, truth),
     )
 
 
@@ -223,10 +223,12 @@ def judge_mapper(
 
 
 def _is_right(classes: Any, truth: Truth) -> Mask:
-    solid = truth.kinds[OBSTACLE] | truth.kinds[THICKET]
-    blocked = (classes == OBSTACLE) | (classes == THICKET)
+    solid = truth.kinds[OBSTACLE] | truth.kinds[FOLIAGE_CELL]
+    blocked = (classes == OBSTACLE) | (classes == FOLIAGE_CELL)
     right = blocked & (_away(solid) <= TOLERANCE + BESIDE)
-    right |= (classes == CLOUD) & (_away(truth.kinds[CLOUD]) <= TOLERANCE + BESIDE)
+    right |= (classes == SMOKE_CELL) & (
+        _away(truth.kinds[SMOKE_CELL]) <= TOLERANCE + BESIDE
+    )
     inside = np.any(list(truth.inside.values()), axis=0)
     shallow = np.isfinite(clearance(~inside, TOLERANCE + BESIDE))
     return np.asarray(right | ((classes == FREE) & shallow))
@@ -234,7 +236,7 @@ def _is_right(classes: Any, truth: Truth) -> Mask:
 
 def _told_apart(classes: Any, truth: Truth) -> float | None:
     told: list[Any] = []
-    for kind, other in ((OBSTACLE, THICKET), (THICKET, OBSTACLE)):
+    for kind, other in ((OBSTACLE, FOLIAGE_CELL), (FOLIAGE_CELL, OBSTACLE)):
         cells = classes == kind
         same = _away(truth.kinds[kind])[cells] <= TOLERANCE + BESIDE
         neither = _away(truth.kinds[other])[cells] > TOLERANCE + BESIDE
@@ -247,7 +249,7 @@ def _away(cells: Mask) -> Floats:
     return clearance(cells, TOLERANCE + BESIDE)
 
 
-def _beyond(scene: Scene, lattice: Lattice, start: Place, body: float) -> Mask:
+def _beyond(scene: Scene, lattice: GridFrame, start: Place, body: float) -> Mask:
     """Give where a robot would have room and cannot get to."""
     free = free_space(scene, body, places=[start])
     home = piece_around(free, start)
@@ -255,7 +257,7 @@ def _beyond(scene: Scene, lattice: Lattice, start: Place, body: float) -> Mask:
     return _covered(shapely.union_all(others), lattice)
 
 
-def _around(lattice: Lattice, scene: Scene) -> Lattice:
+def _around(lattice: GridFrame, scene: Scene) -> GridFrame:
     """Give a lattice that holds the whole scene too."""
     low, high = scene.bounds[0], scene.bounds[1]
     return lattice.grown(
@@ -263,7 +265,7 @@ def _around(lattice: Lattice, scene: Scene) -> Lattice:
     )
 
 
-def _filled(part: Part, segments: Floats, starts: Any, lattice: Lattice) -> Mask:
+def _filled(part: Part, segments: Floats, starts: Any, lattice: GridFrame) -> Mask:
     """Give the cells in a part; a part around a start is a room, and hollow."""
     if part.material.sheet_loss is not None:
         return np.zeros(lattice.shape, np.bool_)
@@ -275,7 +277,7 @@ def _filled(part: Part, segments: Floats, starts: Any, lattice: Lattice) -> Mask
     return _covered(shapely.union_all(areas), lattice)
 
 
-def _covered(area: Any, lattice: Lattice) -> Mask:
+def _covered(area: Any, lattice: GridFrame) -> Mask:
     """Give the cells whose middles are in an area."""
     covered = np.zeros(lattice.shape, np.bool_)
     if shapely.is_empty(area):
@@ -290,7 +292,7 @@ def _covered(area: Any, lattice: Lattice) -> Mask:
     return covered
 
 
-def _drawn(segments: Floats, lattice: Lattice) -> Mask:
+def _drawn(segments: Floats, lattice: GridFrame) -> Mask:
     """Give the cells that lines go through."""
     starts, ways = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*ways.T) / lattice.resolution
@@ -306,7 +308,7 @@ def _drawn(segments: Floats, lattice: Lattice) -> Mask:
     return drawn
 
 
-def _is_inside(indoors: Mask, lattice: Lattice, place: Place) -> bool:
+def _is_inside(indoors: Mask, lattice: GridFrame, place: Place) -> bool:
     cell = lattice.cell(*place)
     return cell is not None and bool(indoors[cell])
 

@@ -17,13 +17,13 @@ from radarsim.evaluation.bug_bounds import shortest_path
 from radarsim.evaluation.workers import worker_pool
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
-from radarsim.navigation.mission import Mission, carry_out
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.options import ROBOT, Algorithm
 from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 MAPS = (
     *("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"),
@@ -94,7 +94,7 @@ class Score:
         }
 
 
-class Referee:
+class GroundTruthMonitor:
     """Watches the true robot, tick by tick.
 
     Attributes:
@@ -138,14 +138,14 @@ def entries(
     ]
 
 
-def conditions_of(sensor: str) -> Conditions:
+def conditions_of(sensor: str) -> SimulationConfig:
     """Give the robot a sensor that looks all the way round, at the radar's steps.
 
     Raises:
         PresetError: If there is no such sensor.
     """
     fan = {"sensor": sensor, "fov_deg": 359, "resolution_deg": 1}
-    conditions = Conditions(item_settings={SCANNER: fan})
+    conditions = SimulationConfig(item_settings={SCANNER: fan})
     conditions.check()
     return conditions
 
@@ -171,7 +171,7 @@ def run_trial(entry: Entry) -> Score:
     """
     scene, trial, shortest = _prepared(entry.map)
     host = Host(scene, conditions=conditions_of(entry.sensor), seed=entry.seed)
-    referee = Referee(host)
+    referee = GroundTruthMonitor(host)
     mission = Mission(
         algorithm=Algorithm(entry.algorithm),
         goals=(trial.goal,),
@@ -180,9 +180,9 @@ def run_trial(entry: Entry) -> Score:
         time_limit=TIME_LIMIT,
     )
     outcome, note, circuits = "failed", "", 0
-    with Client(HostLink(host, after_tick=referee.watch)) as client:
+    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
         try:
-            result = carry_out(client, mission)
+            result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits
             note = "" if outcome != "failed" else f"not there after {TIME_LIMIT:g} s"
         except (ClientError, NavigationError) as error:

@@ -11,14 +11,18 @@ import math
 from typing import Final
 
 from radarsim.exploration.frontier import to_fill
-from radarsim.exploration.path_follower import LEAST_SCANS, Habits, Walker
-from radarsim.exploration.traversability import Floor, Point
+from radarsim.exploration.path_follower import (
+    LEAST_SCANS,
+    ExplorationSettings,
+    PathFollower,
+)
+from radarsim.exploration.traversability import Point, TraversabilityMap
 from radarsim.geometry import wrap_angle
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.boundary_policy import Landmark
-from radarsim.navigation.control import STAND, Motion, bearing_of, distance, moved
-from radarsim.navigation.observation import Sensed
-from radarsim.navigation.wall_following import Follower, Way
+from radarsim.navigation.control import STAND, Twist, bearing_of, distance, moved
+from radarsim.navigation.observation import Observation
+from radarsim.navigation.wall_following import FollowSide, WallFollower
 
 THERE: Final = 0.3  # m from a wall's place where following begins
 SHORTEST: Final = 3.0  # m that a contour has at least
@@ -36,14 +40,14 @@ class Contour:
         contours: How many it has closed, islands too.
     """
 
-    def __init__(self, habits: Habits) -> None:
+    def __init__(self, habits: ExplorationSettings) -> None:
         self.doing = "seeking"
         self.is_done = False
         self.contours = 0
         self._habits = habits
-        self._follower = Follower(habits.bumpers, habits.pace)
-        self._way = Way(on_left=habits.on_left)
-        self._walker = Walker(habits)
+        self._follower = WallFollower(habits.bumpers, habits.pace)
+        self._way = FollowSide(on_left=habits.on_left)
+        self._walker = PathFollower(habits)
         self._fill = to_fill(habits)
         self._track: list[Point] = []
         self._round: _Round | None = None
@@ -51,7 +55,7 @@ class Contour:
         self._nothing = False
         self._wall: Point = (0.0, 0.0)
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
@@ -66,7 +70,7 @@ class Contour:
         self.is_done = self._fill.is_done
         return motion
 
-    def _seek(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def _seek(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Go to a wall, and stand once it is there."""
         walker = self._walker
         if walker.look(sensed, grid):
@@ -81,20 +85,20 @@ class Contour:
             return self._arrive(sensed)
         return walker.walk(sensed)
 
-    def _walls(self, floor: Floor, sensed: Sensed) -> Mask:
+    def _walls(self, floor: TraversabilityMap, sensed: Observation) -> Mask:
         """Give the floor along walls that it has not followed."""
         targets = floor.rim(floor.reachable(sensed.pose))
         for place in self._track:
             targets &= ~floor.within(*place, FOLLOWED)
         return targets
 
-    def _onward(self, sensed: Sensed) -> Motion:
+    def _onward(self, sensed: Observation) -> Twist:
         """Go straight on until there is something."""
         if self._habits.bumpers.towards(sensed, 0.0).blocked:
             return self._arrive(sensed)
-        return Motion(self._habits.pace.speed, 0.0)
+        return Twist(self._habits.pace.speed, 0.0)
 
-    def _arrive(self, sensed: Sensed) -> Motion:
+    def _arrive(self, sensed: Observation) -> Twist:
         """Choose the nearest place of a wall to align with."""
         self.doing = "aligning"
         nearest = int(sensed.ranges.argmin())
@@ -106,7 +110,7 @@ class Contour:
         )
         return STAND
 
-    def _align(self, sensed: Sensed) -> Motion:
+    def _align(self, sensed: Observation) -> Twist:
         obstacle = bearing_of(sensed.pose, *self._wall)
         motion, aligned = self._follower.align(sensed, self._way, obstacle)
         if aligned:
@@ -116,7 +120,7 @@ class Contour:
             self._track.append((sensed.pose.x, sensed.pose.y))
         return motion
 
-    def _follow(self, sensed: Sensed) -> Motion:
+    def _follow(self, sensed: Observation) -> Twist:
         motion, found = self._follower.step(sensed, self._way)
         assert self._round is not None
         self._round.add(sensed, found=found)
@@ -140,7 +144,7 @@ class _Round:
         lost: How far it went since there was a wall, m.
     """
 
-    def __init__(self, sensed: Sensed, direction: float, reach: float) -> None:
+    def __init__(self, sensed: Observation, direction: float, reach: float) -> None:
         self.is_closed = False
         self.turned = 0.0
         self.lost = 0.0
@@ -148,7 +152,7 @@ class _Round:
         self._last = sensed.pose
         self._mark = Landmark(sensed.pose, direction, reach=reach)
 
-    def add(self, sensed: Sensed, *, found: bool) -> None:
+    def add(self, sensed: Observation, *, found: bool) -> None:
         step = moved(self._last, sensed.pose)
         self._length += step
         self.lost = 0.0 if found else self.lost + step

@@ -5,12 +5,16 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.exploration.path_follower import LEAST_SCANS, Habits, Walker
+from radarsim.exploration.path_follower import (
+    LEAST_SCANS,
+    ExplorationSettings,
+    PathFollower,
+)
 from radarsim.exploration.traversability import Point
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
-from radarsim.navigation.control import STAND, Motion, distance
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import STAND, Twist, distance
+from radarsim.navigation.observation import Observation
 
 APART: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
 STRIDE: Final = 1.0  # m between two places on the spiral
@@ -28,16 +32,16 @@ class CentreOut:
 
     doing = "spiral"
 
-    def __init__(self, habits: Habits) -> None:
+    def __init__(self, habits: ExplorationSettings) -> None:
         self.is_done = False
         self._habits = habits
-        self._walker = Walker(habits)
+        self._walker = PathFollower(habits)
         self._start: Pose2 | None = None
         self._angle = 0.0
         self._left_out = 0.0
         self._scans = 0
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._start = self._start or sensed.pose
         self._scans += 1
@@ -48,7 +52,7 @@ class CentreOut:
             self._choose(sensed, there=there)
         return self._walker.walk(sensed)
 
-    def _choose(self, sensed: Sensed, *, there: bool) -> None:
+    def _choose(self, sensed: Observation, *, there: bool) -> None:
         """Find the next place on the spiral that can be got to."""
         floor = self._walker.floor
         assert floor is not None
@@ -91,7 +95,7 @@ NEWS: Final = 1.0  # m² that count as something new
 _TRIED: Final = math.radians(10.0)
 
 
-class TurnAway:
+class RandomBounce:
     """Turns away at walls, by chance.
 
     Attributes:
@@ -100,7 +104,7 @@ class TurnAway:
             last legs have shown nothing new.
     """
 
-    def __init__(self, habits: Habits, rng: np.random.Generator) -> None:
+    def __init__(self, habits: ExplorationSettings, rng: np.random.Generator) -> None:
         self.doing = "straight"
         self.is_done = False
         self._habits = habits
@@ -109,7 +113,7 @@ class TurnAway:
         self._unvisited = math.inf
         self._idle = 0
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         habits, yaw = self._habits, sensed.pose.yaw
         if self._heading is None:
@@ -125,10 +129,10 @@ class TurnAway:
             return STAND
         motion = habits.pace.towards(wrap_angle(self._heading - yaw))
         if self.doing == "turning":
-            return Motion(0.0, motion.turn)
+            return Twist(0.0, motion.turn)
         return habits.careful(sensed, motion)
 
-    def _turn(self, sensed: Sensed) -> float:
+    def _turn(self, sensed: Observation) -> float:
         """Draw a turn to where nothing is in the way, rad; right about if that is not.
 
         The bumper that has stopped it is some way off, so there is room to turn in.

@@ -8,30 +8,34 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.client import Client, DriveUnit, RobotFacts, ScannerFacts
+from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.exploration.options import StrategyName
-from radarsim.exploration.path_follower import AlongWay, Habits, Strategy
+from radarsim.exploration.path_follower import (
+    ExplorationSettings,
+    Strategy,
+    WaypointFollower,
+)
 from radarsim.exploration.strategies import strategy_named
-from radarsim.exploration.traversability import Floor, Point
+from radarsim.exploration.traversability import Point, TraversabilityMap
 from radarsim.geometry import Pose2, Pose3
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import RESOLUTION
 from radarsim.mapping.point_map import PointMap
-from radarsim.mapping.slam import SeedKind, SlamSettings
+from radarsim.mapping.slam import MotionSource, SlamSettings
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import (
-    Helm,
-    Motion,
-    Pace,
-    Push,
-    Standstill,
+    ControlLoop,
+    SpeedLimits,
+    StandstillDetector,
+    StuckDetector,
+    Twist,
     check_beams,
 )
-from radarsim.navigation.mission import check_sight, distance_to_keep, find_start
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.mission import check_sight, find_start, safety_distance_for
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import ROBOT
-from radarsim.navigation.runner import Course
+from radarsim.navigation.runner import TripMeter
 from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, Seen
 
 RADIUS = 12.0  # m
@@ -50,7 +54,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SurveyPlan:
+class ExplorationPlan:
     """What to map, and how.
 
     Attributes:
@@ -75,7 +79,7 @@ class SurveyPlan:
 
     strategy: StrategyName = StrategyName.AUTO
     way: tuple[Point, ...] = ()
-    seed: SeedKind = "ins"
+    seed: MotionSource = "ins"
     echoes: bool = True
     resolution: float = RESOLUTION
     robot_class: str = ROBOT
@@ -85,7 +89,7 @@ class SurveyPlan:
     safety_distance: float | None = None
     depth: float = 0.0
     on_left: bool = True
-    pace: Pace = field(default_factory=lambda: Pace(speed=0.4))
+    pace: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
     radius: float = RADIUS
     time_limit: float = TIME_LIMIT
     timeout: float = 2.0
@@ -93,7 +97,7 @@ class SurveyPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class SurveyMoment:
+class ExplorationStep:
     """One scan, and what the strategy made of it.
 
     Attributes:
@@ -102,12 +106,12 @@ class SurveyMoment:
         motion: What it wants.
     """
 
-    sensed: Sensed
+    sensed: Observation
     doing: str
-    motion: Motion
+    motion: Twist
 
 
-class Survey:
+class Exploration:
     """One run, and what is known of it, also where it broke off.
 
     Attributes:
@@ -118,7 +122,7 @@ class Survey:
         course: How far it has come.
     """
 
-    def __init__(self, plan: SurveyPlan, rng: np.random.Generator) -> None:
+    def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
         """Get ready.
 
         Args:
@@ -129,18 +133,20 @@ class Survey:
         self.mapper: Mapper | None = None
         self.outcome = Outcome.BROKEN_OFF
         self.safety_distance = math.nan
-        self.course = Course(noise=NOISE)
+        self.course = TripMeter(noise=NOISE)
         self._rng = rng
         self._strategy: Strategy | None = None
 
     @property
-    def left_out(self) -> tuple[Point, ...]:
+    def unreached(self) -> tuple[Point, ...]:
         """The places of the way that it could not get to, m."""
         way = self._strategy
-        return tuple(way.left_out) if isinstance(way, AlongWay) else ()
+        return tuple(way.unreached) if isinstance(way, WaypointFollower) else ()
 
     def run(
-        self, client: Client, observe: Callable[[SurveyMoment], None] = lambda _: None
+        self,
+        client: Client,
+        observe: Callable[[ExplorationStep], None] = lambda _: None,
     ) -> None:
         """Spawn a robot and let it explore; it stands at the end.
 
@@ -167,7 +173,7 @@ class Survey:
         finally:
             client.stop()
 
-    def _prepare(self, client: Client) -> tuple[Helm, Strategy]:
+    def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
         plan = self.plan
         start = None if plan.pose is not None else find_start(client, plan.start)
         client.spawn(plan.robot_class, start=start, pose=plan.pose)
@@ -186,37 +192,40 @@ class Survey:
         )
         self.mapper = Mapper(scanner, settings, clock=client.link.time)
         strategy = self._strategy_with(habits)
-        return Helm(client, facts, self.mapper, timeout=plan.timeout), strategy
+        return ControlLoop(client, facts, self.mapper, timeout=plan.timeout), strategy
 
-    def _strategy_with(self, habits: Habits) -> Strategy:
+    def _strategy_with(self, habits: ExplorationSettings) -> Strategy:
         plan = self.plan
         if plan.way:
-            self._strategy = AlongWay(habits, plan.way)
+            self._strategy = WaypointFollower(habits, plan.way)
         else:
             self._strategy = strategy_named(plan.strategy, habits, self._rng)
         return self._strategy
 
-    def _habits(self, facts: RobotFacts) -> Habits:
+    def _habits(self, facts: RobotInfo) -> ExplorationSettings:
         plan = self.plan
-        safety = distance_to_keep(facts, plan.safety_distance, plan.depth)
+        safety = safety_distance_for(facts, plan.safety_distance, plan.depth)
         self.safety_distance = safety
-        return Habits(
+        return ExplorationSettings(
             bumpers=Bumpers(safety_distance=safety),
-            pace=Pace(min(plan.pace.speed, facts.top_speed), plan.pace.turn),
+            pace=SpeedLimits(min(plan.pace.speed, facts.top_speed), plan.pace.turn),
             on_left=plan.on_left,
             radius=plan.radius,
         )
 
     def _explore(
-        self, helm: Helm, strategy: Strategy, observe: Callable[[SurveyMoment], None]
+        self,
+        helm: ControlLoop,
+        strategy: Strategy,
+        observe: Callable[[ExplorationStep], None],
     ) -> None:
         assert self.mapper is not None
-        push, standstill = Push(), Standstill()
+        push, standstill = StuckDetector(), StandstillDetector()
         for sensed in helm.scans():
             check_beams(len(sensed.bearings), self.mapper.scanner)
             self.course.add(sensed)
             motion = strategy.step(sensed, self.mapper.grid)
-            observe(SurveyMoment(sensed, strategy.doing, motion))
+            observe(ExplorationStep(sensed, strategy.doing, motion))
             if strategy.is_done or self.course.time > self.plan.time_limit:
                 done = strategy.is_done
                 self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT
@@ -235,7 +244,7 @@ class Survey:
 
 _BEAMS = 90
 _FOV = math.radians(356)
-_SCANNER = ScannerFacts("x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), _FOV, _BEAMS)
+_SCANNER = ScannerInfo("x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), _FOV, _BEAMS)
 _SCANS = 3
 _MANY = 1000  # points, more than a new map has room for
 
@@ -247,7 +256,7 @@ def warm_up() -> None:
         mapper = Mapper(_SCANNER, MapperSettings(slam=settings, body=0.2))
         for report in _drive():
             mapper.take(report)
-        floor = Floor(mapper.grid, 0.4)
+        floor = TraversabilityMap(mapper.grid, 0.4)
         middle = Pose2(0.0, 0.0)
         floor.way_to(middle, floor.frontiers | floor.unvisited)
         floor.rim(floor.reachable(middle))

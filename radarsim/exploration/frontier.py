@@ -10,17 +10,21 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from radarsim.exploration.path_follower import LEAST_SCANS, Habits, Walker
-from radarsim.exploration.traversability import Floor
+from radarsim.exploration.path_follower import (
+    LEAST_SCANS,
+    ExplorationSettings,
+    PathFollower,
+)
+from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import wrap_angle
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
-from radarsim.navigation.control import STAND, Motion
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import STAND, Twist
+from radarsim.navigation.observation import Observation
 
 FULL: Final = 2 * math.pi
 STAYS: Final = 1.5  # m around a target where more of it is worth staying
 
-Choice = Callable[[Floor], Mask]
+Choice = Callable[[TraversabilityMap], Mask]
 
 
 class ToNearest:
@@ -32,7 +36,12 @@ class ToNearest:
     """
 
     def __init__(
-        self, habits: Habits, choice: Choice, doing: str, *, turn: float = 0.0
+        self,
+        habits: ExplorationSettings,
+        choice: Choice,
+        doing: str,
+        *,
+        turn: float = 0.0,
     ) -> None:
         """Get ready.
 
@@ -48,10 +57,10 @@ class ToNearest:
         self._yaw = math.nan
         self._pace = habits.pace
         self._choice = choice
-        self._walker = Walker(habits)
+        self._walker = PathFollower(habits)
         self._scans = 0
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
@@ -64,11 +73,11 @@ class ToNearest:
             self.is_done = not self._walker.plan(sensed, self._kept(targets))
         return self._walker.walk(sensed)
 
-    def _look_around(self, sensed: Sensed) -> Motion:
+    def _look_around(self, sensed: Observation) -> Twist:
         if not math.isnan(self._yaw):
             self._turn -= abs(wrap_angle(sensed.pose.yaw - self._yaw))
         self._yaw = sensed.pose.yaw
-        return Motion(0.0, self._pace.turn)
+        return Twist(0.0, self._pace.turn)
 
     def _kept(self, targets: Mask) -> Mask:
         """Stay with what is around the last target as long as anything is."""
@@ -80,15 +89,15 @@ class ToNearest:
         return around if around.any() else targets
 
 
-def _frontiers(floor: Floor) -> Mask:
+def _frontiers(floor: TraversabilityMap) -> Mask:
     return floor.frontiers
 
 
-def to_frontiers(habits: Habits, choice: Choice = _frontiers) -> ToNearest:
+def to_frontiers(habits: ExplorationSettings, choice: Choice = _frontiers) -> ToNearest:
     """Explore by going to the nearest frontier, of all or of some."""
     return ToNearest(habits, choice, "frontier", turn=FULL)
 
 
-def to_fill(habits: Habits) -> ToNearest:
+def to_fill(habits: ExplorationSettings) -> ToNearest:
     """Explore by going to the nearest floor that was not seen at short range."""
     return ToNearest(habits, lambda floor: floor.unvisited, "filling")

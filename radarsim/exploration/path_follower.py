@@ -12,12 +12,19 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from radarsim.exploration.traversability import Floor, Point
+from radarsim.exploration.traversability import Point, TraversabilityMap
 from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import STAND, Motion, Pace, bearing_of, distance, moved
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import (
+    STAND,
+    SpeedLimits,
+    Twist,
+    bearing_of,
+    distance,
+    moved,
+)
+from radarsim.navigation.observation import Observation
 
 LEAST_SCANS: Final = 10  # that the map has before it is judged
 
@@ -40,12 +47,12 @@ class Strategy(Protocol):
     def is_done(self) -> bool:
         """Whether nothing is left to do for it."""
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Habits:
+class ExplorationSettings:
     """How a robot explores.
 
     Attributes:
@@ -56,23 +63,23 @@ class Habits:
     """
 
     bumpers: Bumpers
-    pace: Pace = field(default_factory=Pace)
+    pace: SpeedLimits = field(default_factory=SpeedLimits)
     on_left: bool = True
     radius: float = 12.0
 
-    def floor(self, grid: OccupancyGrid) -> Floor:
+    def floor(self, grid: OccupancyGrid) -> TraversabilityMap:
         """Look at a map."""
-        return Floor(grid, self.bumpers.safety_distance)
+        return TraversabilityMap(grid, self.bumpers.safety_distance)
 
-    def careful(self, sensed: Sensed, motion: Motion) -> Motion:
+    def careful(self, sensed: Observation, motion: Twist) -> Twist:
         """Let the bumpers overrule a motion: turn where something ahead is too near."""
         behind = motion.speed < 0
         ahead = math.pi if behind else 0.0
         if not motion.speed or not self.bumpers.towards(sensed, ahead).too_near:
             return motion
-        return Motion(0.0, motion.turn or self.pace.turn)
+        return Twist(0.0, motion.turn or self.pace.turn)
 
-    def clear_bearing(self, sensed: Sensed, bearing: float) -> float:
+    def clear_bearing(self, sensed: Observation, bearing: float) -> float:
         """Give the nearest to a bearing that is not too near to anything, rad."""
         for k in range(int(math.pi / _TRIED) + 1):
             for tried in (bearing + k * _TRIED, bearing - k * _TRIED):
@@ -81,29 +88,29 @@ class Habits:
         return bearing
 
 
-class Walker:
+class PathFollower:
     """Walks to the nearest of some places, over floor that is sensed and open.
 
     Attributes:
         floor: As it was at the last look; None before the first.
     """
 
-    def __init__(self, habits: Habits) -> None:
-        self.floor: Floor | None = None
+    def __init__(self, habits: ExplorationSettings) -> None:
+        self.floor: TraversabilityMap | None = None
         self._habits = habits
         self._looked = -math.inf
         self._way: Sequence[Point] = ()
         self._given_up: list[Point] = []
         self._since: tuple[float, Pose2] | None = None
 
-    def look(self, sensed: Sensed, grid: OccupancyGrid) -> bool:
+    def look(self, sensed: Observation, grid: OccupancyGrid) -> bool:
         """Look at the map if it is time to; tells whether it was."""
         if self.floor is not None and sensed.time < self._looked + LOOK_EVERY:
             return False
         self.floor, self._looked = self._habits.floor(grid), sensed.time
         return True
 
-    def plan(self, sensed: Sensed, targets: Mask) -> bool:
+    def plan(self, sensed: Observation, targets: Mask) -> bool:
         """Find the way to the nearest of some tiles; tells whether there is one."""
         assert self.floor is not None
         for place in self._given_up:
@@ -114,7 +121,7 @@ class Walker:
             self._since = sensed.time, sensed.pose
         return bool(self._way)
 
-    def walk(self, sensed: Sensed) -> Motion:
+    def walk(self, sensed: Observation) -> Twist:
         """Decide how to go on along the way."""
         if not self._way:
             return STAND
@@ -143,7 +150,7 @@ class Walker:
                 chosen = place
         return chosen
 
-    def _mind(self, sensed: Sensed) -> None:
+    def _mind(self, sensed: Observation) -> None:
         """Give a place up that it does not get nearer to."""
         assert self._since is not None
         since, pose = self._since
@@ -160,7 +167,7 @@ class Walker:
 THERE: Final = 0.25  # m
 
 
-class AlongWay:
+class WaypointFollower:
     """Goes to some places in turn, as near to each as sensed and open floor leads.
 
     Attributes:
@@ -171,7 +178,7 @@ class AlongWay:
 
     doing = "underway"
 
-    def __init__(self, habits: Habits, places: Sequence[Point]) -> None:
+    def __init__(self, habits: ExplorationSettings, places: Sequence[Point]) -> None:
         """Get ready.
 
         Args:
@@ -179,12 +186,12 @@ class AlongWay:
             places: Where to, m, map frame.
         """
         self.is_done = False
-        self.left_out: list[Point] = []
-        self._walker = Walker(habits)
+        self.unreached: list[Point] = []
+        self._walker = PathFollower(habits)
         self._places = list(places)
         self._scans = 0
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
@@ -194,17 +201,17 @@ class AlongWay:
             self.is_done = not self._choose(sensed)
         return STAND if self.is_done else self._walker.walk(sensed)
 
-    def _choose(self, sensed: Sensed) -> bool:
+    def _choose(self, sensed: Observation) -> bool:
         """Find the next place that can be got nearer to; tells whether there is one."""
         while self._places:
             if distance(sensed.pose, *self._places[0]) >= THERE:
                 if self._is_on_way(sensed):
                     return True
-                self.left_out.append(self._places[0])
+                self.unreached.append(self._places[0])
             self._places.pop(0)
         return False
 
-    def _is_on_way(self, sensed: Sensed) -> bool:
+    def _is_on_way(self, sensed: Observation) -> bool:
         """Plan to get as near to a place as can be; tells whether that is nearer."""
         floor = self._walker.floor
         assert floor is not None

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled
+from radarsim.jit import njit_cached
 
 Cell = tuple[int, int]
 
 
-def nearest_way(
+def shortest_path(
     cost: Floats, start: Cell, targets: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
     """Find the cheapest way to any of some cells, to all eight neighbours of each.
@@ -44,7 +44,7 @@ def reached(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
     return found
 
 
-@compiled
+@njit_cached
 def _flood(passable: Any, row: Any, column: Any, found: Any) -> None:
     rows, columns = passable.shape
     found[row, column] = True
@@ -58,7 +58,7 @@ def _flood(passable: Any, row: Any, column: Any, found: Any) -> None:
                     waiting.append((k, n))
 
 
-@compiled
+@njit_cached
 def _spread(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
     """Visit cells in the order of their cost until one is a target; -1 for none."""
     rows, columns = cost.shape

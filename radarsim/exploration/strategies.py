@@ -14,20 +14,25 @@ from typing import Final
 import numpy as np
 
 from radarsim.exploration.contour import Contour
-from radarsim.exploration.coverage import CentreOut, TurnAway
+from radarsim.exploration.coverage import CentreOut, RandomBounce
 from radarsim.exploration.frontier import to_frontiers
 from radarsim.exploration.options import StrategyName
-from radarsim.exploration.path_follower import LEAST_SCANS, LOOK_EVERY, Habits, Strategy
-from radarsim.exploration.traversability import Floor
+from radarsim.exploration.path_follower import (
+    LEAST_SCANS,
+    LOOK_EVERY,
+    ExplorationSettings,
+    Strategy,
+)
+from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
-from radarsim.navigation.control import STAND, Motion
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import STAND, Twist
+from radarsim.navigation.observation import Observation
 
 BORDERED: Final = 0.5  # share of directions that end at something
 
 
-_CHOICES: Final[dict[StrategyName, Callable[[Habits], Strategy]]] = {
+_CHOICES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]] = {
     StrategyName.CONTOUR: Contour,
     StrategyName.CENTRE_OUT: CentreOut,
     StrategyName.FRONTIERS: to_frontiers,
@@ -35,7 +40,7 @@ _CHOICES: Final[dict[StrategyName, Callable[[Habits], Strategy]]] = {
 
 
 def strategy_named(
-    name: StrategyName, habits: Habits, rng: np.random.Generator
+    name: StrategyName, habits: ExplorationSettings, rng: np.random.Generator
 ) -> Strategy:
     """Make a strategy.
 
@@ -45,7 +50,7 @@ def strategy_named(
         rng: For the one that goes by chance.
     """
     if name == StrategyName.TURN_AWAY:
-        return TurnAway(habits, rng)
+        return RandomBounce(habits, rng)
     return Auto(habits) if name == StrategyName.AUTO else _CHOICES[name](habits)
 
 
@@ -57,7 +62,7 @@ class Auto:
         chosen: Those that it has chosen so far.
     """
 
-    def __init__(self, habits: Habits) -> None:
+    def __init__(self, habits: ExplorationSettings) -> None:
         self.is_done = False
         self.chosen: list[StrategyName] = []
         self._habits = habits
@@ -71,7 +76,7 @@ class Auto:
         """What the chosen one is at."""
         return "looking" if self._now is None else self._now.doing
 
-    def step(self, sensed: Sensed, grid: OccupancyGrid) -> Motion:
+    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         self._start = self._start or sensed.pose
@@ -81,7 +86,7 @@ class Auto:
             self._choose(sensed, grid)
         return STAND if self._now is None else self._now.step(sensed, grid)
 
-    def _is_elsewhere(self, sensed: Sensed) -> bool:
+    def _is_elsewhere(self, sensed: Observation) -> bool:
         """Tell whether a border has turned up where none was, or the other way."""
         if sensed.time < self._looked + LOOK_EVERY:
             return False
@@ -92,7 +97,7 @@ class Auto:
         is_new = StrategyName.CENTRE_OUT not in self.chosen
         return is_new and last == StrategyName.FRONTIERS and not is_bordered(sensed)
 
-    def _choose(self, sensed: Sensed, grid: OccupancyGrid) -> None:
+    def _choose(self, sensed: Observation, grid: OccupancyGrid) -> None:
         name = self._best(sensed, grid)
         self.is_done, self._now = name is None, None
         if name is None:
@@ -104,7 +109,7 @@ class Auto:
         else:
             self._now = _CHOICES[name](self._habits)
 
-    def _best(self, sensed: Sensed, grid: OccupancyGrid) -> StrategyName | None:
+    def _best(self, sensed: Observation, grid: OccupancyGrid) -> StrategyName | None:
         """Choose one that fits, each no more often than makes sense."""
         floor, bordered = self._habits.floor(grid), is_bordered(sensed)
         left = self._frontiers(floor) & floor.reachable(sensed.pose)
@@ -117,13 +122,13 @@ class Auto:
                 return name
         return None
 
-    def _frontiers(self, floor: Floor) -> Mask:
+    def _frontiers(self, floor: TraversabilityMap) -> Mask:
         if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:
             return floor.frontiers
         start, radius = self._start, self._habits.radius
         return floor.frontiers & floor.within(start.x, start.y, radius)
 
 
-def is_bordered(sensed: Sensed) -> bool:
+def is_bordered(sensed: Observation) -> bool:
     """Tell whether most directions end at something."""
     return bool(np.isfinite(sensed.ranges).mean() > BORDERED)

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.exploration.shortest_path import Cell, nearest_way, reached
+from radarsim.exploration.shortest_path import Cell, reached, shortest_path
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import clearance
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
@@ -32,7 +32,7 @@ _PADDING: Final = 4  # tiles of the unknown around the map
 Point = tuple[float, float]
 
 
-class Floor:
+class TraversabilityMap:
     """The floor by the map of one moment.
 
     Attributes:
@@ -127,7 +127,7 @@ class Floor:
         start = self._tile(pose.x, pose.y)
         if not self._is_inside(start):
             return ()
-        way = nearest_way(self._cost(pose, start), start, targets)
+        way = shortest_path(self._cost(pose, start), start, targets)
         across, up = self.middles()
         return [(float(across[column]), float(up[row])) for row, column in way]
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
 from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import ROBOT, Shot
+from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Pose2
 from radarsim.plotting.ray_segments import cut, opacity_of
@@ -51,12 +51,12 @@ class Return(NamedTuple):
     strength: float
 
 
-def shot_of(seed: int) -> Shot:
+def shot_of(seed: int) -> ScanSpec:
     """Give the scan that the beam is taken from."""
-    return Shot(MAP, "radar", seed, _SETTINGS)
+    return ScanSpec(MAP, "radar", seed, _SETTINGS)
 
 
-def take_beam(shot: Shot) -> tuple[Scan, Rays]:
+def take_beam(shot: ScanSpec) -> tuple[Scan, Rays]:
     """Scan, and give the scan and all rays of the beam."""
     tracer, scanner = tracer_of(shot.scene), shot.scanner
     plan = scanner.plan(tracer, shot.pose, generator_for(shot.seed, shot.sensor))
@@ -116,7 +116,7 @@ def _caption(returns: Sequence[Return]) -> str:
     )
 
 
-def _draw_beam(axes: Axes, shot: Shot, scan: Scan, rays: Rays) -> None:
+def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
     """Draw what stands there, the robot and the rays, the beam to the right."""
     place, angle = scan.pose.position()[:2], float(scan.angles[BEAM])
     c, s = math.cos(angle), math.sin(angle)

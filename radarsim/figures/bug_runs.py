@@ -5,15 +5,15 @@ from typing import Final
 
 from radarsim.client import Client
 from radarsim.evaluation.free_space import plan_of
-from radarsim.evaluation.trials import Referee, load_trial
+from radarsim.evaluation.trials import GroundTruthMonitor, load_trial
 from radarsim.figures.figure import Plate
 from radarsim.figures.scan_spec import ROBOT
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
-from radarsim.navigation.mission import Mission, carry_out
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.options import Algorithm
-from radarsim.navigation.run_log import Record
-from radarsim.navigation.runner import Moment
+from radarsim.navigation.run_log import RunLog
+from radarsim.navigation.runner import NavigationStep
 from radarsim.plotting.runs import figure_of
 
 OPEN: Final = "bug_u_trap"  # a goal that can be reached
@@ -39,7 +39,7 @@ class Run:
 
     map: str
     algorithm: Algorithm
-    record: Record
+    record: RunLog
     outcome: str
     circuits: int
     collisions: int
@@ -51,7 +51,7 @@ def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
     """Let a robot try to reach the goal of a map's trial."""
     scene, trial = load_trial(map_)
     host = Host(scene, seed=seed)
-    referee, record = Referee(host), Record()
+    referee, record = GroundTruthMonitor(host), RunLog()
     mission = Mission(
         algorithm=algorithm,
         goals=(trial.goal,),
@@ -60,11 +60,11 @@ def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
         time_limit=LIMIT,
     )
 
-    def observe(moment: Moment) -> None:
+    def observe(moment: NavigationStep) -> None:
         record.add(moment)
 
-    with Client(HostLink(host, after_tick=referee.watch)) as client:
-        result = carry_out(client, mission, observe)
+    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
+        result = run_mission(client, mission, observe)
     return Run(
         map_,
         algorithm,

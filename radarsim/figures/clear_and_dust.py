@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import ROBOT, Shot, answers_of, scene_of
+from radarsim.figures.scan_spec import ROBOT, ScanSpec, answers_of, scene_of
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
 from radarsim.plotting.style import Legend, scan_points
@@ -27,7 +27,7 @@ WHO: Final = {
     RADAR: "the 94 GHz radar of the Marulan data sets",
     LASER: "a laser that loses light in dust",
 }
-CLOUD: Final = "cloud"  # the name of the dust in the map
+SMOKE_CELL: Final = "cloud"  # the name of the dust in the map
 COUNT: Final = 10  # scans
 CELL: Final = 0.2  # m; readings that differ by no more are the same
 THING_COLOUR: Final = "#1f4e9c"
@@ -63,9 +63,11 @@ class Counts:
     all_things: int
 
 
-def shot_of(sensor: str, air: str, seed: int) -> Shot:
+def shot_of(sensor: str, air: str, seed: int) -> ScanSpec:
     """Give the scans of one of the figures; the air is ``clear`` or ``dust``."""
-    return Shot(MAP if air == "clear" else f"{MAP}@{air}", sensor, seed, count=COUNT)
+    return ScanSpec(
+        MAP if air == "clear" else f"{MAP}@{air}", sensor, seed, count=COUNT
+    )
 
 
 def count_readings(sensor: str, air: str, seed: int) -> Counts:
@@ -79,13 +81,13 @@ def count_readings(sensor: str, air: str, seed: int) -> Counts:
         moved = np.array([np.abs(one.ranges - two.ranges) for one, two in pairs])
     same = found & (moved <= CELL)
     answers = [answers_of(scan) for scan in scans]
-    names = {name for each in answers for name in each.tolist()} - {"", CLOUD}
+    names = {name for each in answers for name in each.tolist()} - {"", SMOKE_CELL}
     return Counts(
         clear=int(found.sum()),
         crossing=int(across.sum()),
         kept=int((same & across).sum()),
         beside=int((same & ~across).sum()),
-        cloud=sum(int((each == CLOUD).sum()) for each in answers),
+        cloud=sum(int((each == SMOKE_CELL).sum()) for each in answers),
         things=len(names),
         all_things=len({part.object_name for part in _things()}),
     )
@@ -109,7 +111,7 @@ def draw_readings(seed: int, *, sensor: str, air: str) -> Plate:
     return Plate((drawing,), caption, (shot.command,))
 
 
-def _caption(shot: Shot, counts: Counts, *, dusty: bool) -> str:
+def _caption(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
     step = shot.scanner.settings.resolution_deg
     taken = f"{COUNT} scans by {WHO[shot.sensor]}, a beam every {step:g}°."
     if not dusty:
@@ -141,7 +143,7 @@ def _things() -> list[Part]:
 def _cloud() -> Floats:
     """Give the lower and upper x, y of the dust, (2, 2) m."""
     parts = scene_of(f"{MAP}@dust").parts
-    (cloud,) = (part for part in parts if part.object_name == CLOUD)
+    (cloud,) = (part for part in parts if part.object_name == SMOKE_CELL)
     corners = cloud.vertices[:, :2]
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
@@ -154,7 +156,7 @@ def _crosses(scan: Scan) -> Mask:
     return np.asarray(shapely.intersects(lines, shapely.box(*_cloud().ravel())))
 
 
-def _draw_map(axes: Axes, shot: Shot, legend: Legend, *, dusty: bool) -> None:
+def _draw_map(axes: Axes, shot: ScanSpec, legend: Legend, *, dusty: bool) -> None:
     """Draw everything that stands there, the robot, and the dust."""
     if dusty:
         low, high = _cloud()
@@ -190,7 +192,7 @@ def _draw_rings(axes: Axes, scans: list[Scan], legend: Legend) -> None:
 def _draw_dots(axes: Axes, scans: list[Scan], legend: Legend) -> None:
     points = np.concatenate([scan_points(scan) for scan in scans])
     names = np.concatenate([answers_of(scan) for scan in scans])
-    of_cloud = names == CLOUD
+    of_cloud = names == SMOKE_CELL
     for chosen, colour, text in (
         ((names != "") & ~of_cloud, THING_COLOUR, "reading of a thing"),
         (of_cloud, CLOUD_COLOUR, "reading of the dust"),

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import Shot, answers_of, ends_of
+from radarsim.figures.scan_spec import ScanSpec, answers_of, ends_of
 from radarsim.plotting import figure_of
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.rng import generator_for
@@ -87,7 +87,7 @@ def count_ends(scene: Scene, scan: Scan) -> Counts:
     return Counts(len(behind), int(behind.sum()), inside, tuple(sorted(things)))
 
 
-def count_everywhere(shot: Shot) -> tuple[int, int, int]:
+def count_everywhere(shot: ScanSpec) -> tuple[int, int, int]:
     """Scan from places all over the near side of the bushes.
 
     Returns:
@@ -105,18 +105,18 @@ def count_everywhere(shot: Shot) -> tuple[int, int, int]:
     )
 
 
-def hokuyo(seed: int) -> Shot:
+def hokuyo(seed: int) -> ScanSpec:
     """Give the scan of figure 7."""
-    return Shot(MAP, "hokuyo", seed, (("max_range", FAR),))
+    return ScanSpec(MAP, "hokuyo", seed, (("max_range", FAR),))
 
 
-def radar(seed: int, offset: int) -> Shot:
+def radar(seed: int, offset: int) -> ScanSpec:
     """Give the scan of figures 8 to 10, with side rays so many UU away."""
     if offset:
-        return Shot(MAP, "radar", seed, (("side_offset_uu", offset),))
+        return ScanSpec(MAP, "radar", seed, (("side_offset_uu", offset),))
     # all three rays coincide, and the pictures show the centre one
     settings = (("side_offset_uu", 0), ("ray_weights", (0, 1, 0)))
-    return Shot(MAP, "radar", seed, settings)
+    return ScanSpec(MAP, "radar", seed, settings)
 
 
 def draw_hokuyo(seed: int) -> Plate:
@@ -195,7 +195,7 @@ def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
     )
 
 
-def _everywhere(shot: Shot) -> str:
+def _everywhere(shot: ScanSpec) -> str:
     places, beams, behind = count_everywhere(shot)
     return (
         f"From {places} places all over this side, {behind} of {beams} beams end behind"
@@ -203,7 +203,7 @@ def _everywhere(shot: Shot) -> str:
     )
 
 
-def _draw(shot: Shot, scans: Sequence[Scan]) -> Figure:
+def _draw(shot: ScanSpec, scans: Sequence[Scan]) -> Figure:
     """Draw scans, and what of the map is behind the bushes in yellow."""
     drawing = figure_of(shot.scene, scans)
     axes = drawing.axes[0]

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from radarsim.client import Client
 from radarsim.evaluation.map_score import BESIDE, TOLERANCE, MapScore, judge_mapper
-from radarsim.evaluation.trials import Referee
-from radarsim.exploration.exploration import Survey, SurveyPlan
+from radarsim.evaluation.trials import GroundTruthMonitor
+from radarsim.exploration.exploration import Exploration, ExplorationPlan
 from radarsim.exploration.traversability import Point
 from radarsim.figures.foliage_wall import FAR, MAP, bushes_of, things_behind
 from radarsim.figures.scan_spec import START, scene_of, start_of
 from radarsim.geometry import Floats
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
+from radarsim.host.lockstep import InProcessTransport
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.mapping.trajectory import Trajectory
 from radarsim.presets.robots import Item, load_robot
@@ -25,7 +25,7 @@ from radarsim.rng import generator_for
 from radarsim.robots.obstacles import outlines
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 WAY: Final = ((-2.0, -5.0), (-2.0, 5.0))  # along all bushes, 2.5 m before their middles
 
@@ -70,10 +70,10 @@ class Drive:
         """Drive, and judge what the robot has mapped."""
         scene = scene_of(MAP)
         host = Host(scene, conditions=self._conditions, seed=self.seed)
-        referee = Referee(host)
-        plan = SurveyPlan(way=self.way, robot_class=self.robot, start=START)
-        survey = Survey(plan, generator_for(self.seed, "exploring"))
-        with Client(HostLink(host, after_tick=referee.watch)) as client:
+        referee = GroundTruthMonitor(host)
+        plan = ExplorationPlan(way=self.way, robot_class=self.robot, start=START)
+        survey = Exploration(plan, generator_for(self.seed, "exploring"))
+        with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
             survey.run(client)
         mapper = survey.mapper
         assert mapper is not None  # or the survey had said why
@@ -90,8 +90,8 @@ class Drive:
         return load_robot(self.robot).items_of("RangeScanner")[0]
 
     @property
-    def _conditions(self) -> Conditions:
-        return Conditions(item_settings={self._item.name: dict(self.settings)})
+    def _conditions(self) -> SimulationConfig:
+        return SimulationConfig(item_settings={self._item.name: dict(self.settings)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import ROBOT, Shot
+from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
 from radarsim.plotting.ray_segments import RAY_COLOURS, cut, opacity_of
@@ -28,14 +28,14 @@ _AROUND: Final = 1.3  # m of the robot that are seen closer
 _EDGE: Final = 0.4  # m around the room
 
 
-def shot_of(seed: int, offset: int, side: int) -> Shot:
+def shot_of(seed: int, offset: int, side: int) -> ScanSpec:
     """Give a scan whose rays are all on one side, so many UU off."""
     settings = (
         ("side_mode", "lateral"),
         ("side_offset_uu", offset),
         ("ray_weights", WEIGHTS[side]),
     )
-    return Shot(MAP, "radar", seed, settings)
+    return ScanSpec(MAP, "radar", seed, settings)
 
 
 def starts_apart(scans: dict[int, Scan]) -> float:
@@ -84,7 +84,7 @@ def _caption(offset: int, scans: dict[int, Scan]) -> str:
     )
 
 
-def _draw_rays(axes: Axes, shot: Shot, scans: dict[int, Scan]) -> None:
+def _draw_rays(axes: Axes, shot: ScanSpec, scans: dict[int, Scan]) -> None:
     """Draw the plan, and the rays of all scans, none of them above all others."""
     lines = outlines(shot.scene.parts, shot.pose.z)
     axes.add_collection(

@@ -19,7 +19,7 @@ START = "RobotStart1"
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class ScanSpec:
     """Scans that a robot's sensor takes at a start of a map.
 
     Attributes:

@@ -15,7 +15,7 @@ from matplotlib.patheffects import withStroke
 
 from radarsim.figures.figure import Plate
 from radarsim.figures.foliage_wall import bushes_of, things_behind
-from radarsim.figures.scan_spec import ROBOT, START, Shot, scene_of
+from radarsim.figures.scan_spec import ROBOT, START, ScanSpec, scene_of
 from radarsim.figures.scene_view import (
     ABOVE,
     View,
@@ -55,7 +55,7 @@ def draw_trial_scene(seed: int) -> Plate:
     _draw_plan(plan, scene)
     _label(plan, things_of(scene), letter=0.38)
     plan.set_xlim(right=plan.get_xlim()[1] + 4.5)  # for the names
-    caption = _trial_caption(scene, Shot(TRIAL, "radar", seed).pose)
+    caption = _trial_caption(scene, ScanSpec(TRIAL, "radar", seed).pose)
     return Plate((drawing,), caption, (f"radarsim check {TRIAL}",))
 
 
@@ -68,7 +68,7 @@ def draw_test_map(seed: int) -> Plate:
     things = [part for part in things_of(scene) if "wall" not in part.object_name]
     _label(plan, things, letter=0.15)
     _legend(plan, scene)
-    caption = _map_caption(scene, Shot(ROOM, "radar", seed).pose)
+    caption = _map_caption(scene, ScanSpec(ROOM, "radar", seed).pose)
     return Plate((drawing,), caption, (f"radarsim check {ROOM}",))
 
 
@@ -127,7 +127,7 @@ def _inside(scene: Scene) -> tuple[float, float]:
 
 def _with_robot(scene: Scene) -> Scene:
     """Leave the ground out, and put a box for a robot at the first start."""
-    model, pose = load_robot(ROBOT), Shot(scene.name, "radar", 0).robot
+    model, pose = load_robot(ROBOT), ScanSpec(scene.name, "radar", 0).robot
     vertices, faces = box(*model.dimensions)
     place = np.array([pose.x, pose.y, model.height / 2])
     hull = Part("robot", Material("robot"), vertices + place, faces)
@@ -138,7 +138,7 @@ def _with_robot(scene: Scene) -> Scene:
 def _draw_plan(axes: Axes, scene: Scene) -> None:
     """Draw a scene from above, with a robot at its first start."""
     draw_solids(axes, scene, ABOVE)
-    pose = Shot(scene.name, "radar", 0).robot
+    pose = ScanSpec(scene.name, "radar", 0).robot
     draw_robot(axes, ROBOT, pose)
     _show(axes, _corners(scene)[:, :2])
     front = pose.x + load_robot(ROBOT).length / 2

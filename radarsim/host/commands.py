@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError
 from radarsim.geometry import Pose2
-from radarsim.host.connection import Client, Notice, malformed, unknown_fields
+from radarsim.host.connection import Client, Diagnostic, malformed, unknown_fields
 from radarsim.host.replies import configuration, geometry, matching
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
 from radarsim.protocol.commands import (
@@ -22,7 +22,7 @@ from radarsim.protocol.commands import (
     read_switch,
 )
 from radarsim.protocol.reports import Report, StartPoses
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import Vehicle
 
@@ -35,20 +35,20 @@ SPAWNS_A_TICK = 4  # of all clients
 OPCODES = ("SCAN", "RESET", "POSE", "ECHOES")
 
 
-class Orders:
+class CommandHandler:
     """Obeys clients.
 
     Attributes:
         simulation: Where their robots are.
     """
 
-    def __init__(self, simulation: Simulation, conditions: Conditions) -> None:
+    def __init__(self, simulation: Simulation, conditions: SimulationConfig) -> None:
         self.simulation = simulation
         self._conditions = conditions
         self._spawns = (-1, 0)  # the last tick with any, and how many
         self._classes = {name.casefold(): name for name in robot_names()}
 
-    def obey(self, client: Client, line: str) -> tuple[bool, Notice | None]:
+    def handle(self, client: Client, line: str) -> tuple[bool, Diagnostic | None]:
         """Carry out one line.
 
         Returns:
@@ -76,7 +76,7 @@ class Orders:
             self.simulation.remove(client.vehicle)
             client.vehicle = None
 
-    def _carry_out(self, client: Client, command: Command) -> Notice | None:
+    def _carry_out(self, client: Client, command: Command) -> Diagnostic | None:
         match command:
             case GetStartPoses():
                 starts = self.simulation.scene.starts
@@ -86,19 +86,21 @@ class Orders:
             case Init():
                 return self._init(client, command)
             case Unsupported(verb):
-                return Notice(verb, f"{verb} does nothing here")
+                return Diagnostic(verb, f"{verb} does nothing here")
             case _:
                 return self._order(client, command)
 
-    def _order(self, client: Client, command: RobotCommand) -> Notice | None:
+    def _order(self, client: Client, command: RobotCommand) -> Diagnostic | None:
         """Carry out what needs a robot that is alive."""
         vehicle = client.vehicle
         verb = type(command).__name__.removesuffix("Item").upper()
         if vehicle is None:
             text = f"{verb} without a robot, expected INIT"
-            return Notice(f"{verb} without robot", text)
+            return Diagnostic(f"{verb} without robot", text)
         if not vehicle.alive:
-            return Notice("battery", f"{verb} with an empty battery, expected nothing")
+            return Diagnostic(
+                "battery", f"{verb} with an empty battery, expected nothing"
+            )
         match command:
             case Drive():
                 return _drive(vehicle, command)
@@ -110,12 +112,12 @@ class Orders:
             case _:
                 return _set(vehicle, command)
 
-    def _init(self, client: Client, command: Init) -> Notice | None:
+    def _init(self, client: Client, command: Init) -> Diagnostic | None:
         """Spawn a robot, in the place of the client's last one."""
         try:
             model = self._model(command.class_name)
         except PresetError as error:
-            return Notice("class", str(error))
+            return Diagnostic("class", str(error))
         now, (last, count) = self.simulation.ticks, self._spawns
         self._spawns = (now, count + 1 if now == last else 1)
         client.next_spawn = now + SPAWN_TICKS
@@ -128,20 +130,20 @@ class Orders:
             self._spawns = (now, SPAWNS_A_TICK)
             client.next_spawn = now + VAIN_SPAWN_TICKS
             text = f"INIT at {place}, expected a free place within 1 m"
-            return _joined(doubt, Notice("no place", text))
+            return _joined(doubt, Diagnostic("no place", text))
         pose = client.vehicle.robot.pose
         if (pose.x, pose.y) != (wanted.x, wanted.y):
             self._spawns = (now, SPAWNS_A_TICK)  # a search is most of a tick's work
             moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
             text = f"INIT moved {moved}, the nearest free place"
-            return _joined(doubt, Notice("moved", text))
+            return _joined(doubt, Diagnostic("moved", text))
         return doubt
 
     def _model(self, class_name: str) -> RobotModel:
         # by its own name: presets are remembered by the spelling that was asked for
         return load_robot(self._classes.get(class_name.casefold(), class_name))
 
-    def _wanted_pose(self, command: Init) -> tuple[Pose2, Notice | None]:
+    def _wanted_pose(self, command: Init) -> tuple[Pose2, Diagnostic | None]:
         """Find where a robot is to stand; an unknown start is the origin."""
         if command.start is not None:
             start = self.simulation.scene.start(command.start)
@@ -149,21 +151,21 @@ class Orders:
                 names = [start.name for start in self.simulation.scene.starts]
                 text = f"start {command.start[:80]!r}, expected one of {names}"
                 text += "; taken as the origin"
-                return Pose2(0.0, 0.0), Notice("start", text)
+                return Pose2(0.0, 0.0), Diagnostic("start", text)
             return Pose2(start.pose.x, start.pose.y, start.pose.yaw), None
         x, y, _ = command.position or (0.0, 0.0, 0.0)
         _, _, yaw = command.rotation or (0.0, 0.0, 0.0)
         return Pose2(x, y, yaw), None
 
 
-def _joined(first: Notice | None, second: Notice) -> Notice:
+def _joined(first: Diagnostic | None, second: Diagnostic) -> Diagnostic:
     """Say two things at once, the cause before what came of it."""
     if first is None:
         return second
-    return Notice(f"{first.kind}, {second.kind}", f"{first.text}; {second.text}")
+    return Diagnostic(f"{first.kind}, {second.kind}", f"{first.text}; {second.text}")
 
 
-def _drive(vehicle: Vehicle, command: Drive) -> Notice | None:
+def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     vehicle.robot.drive(
         command.left,
         command.right,
@@ -172,37 +174,37 @@ def _drive(vehicle: Vehicle, command: Drive) -> Notice | None:
     )
     if (command.left is None) != (command.right is None):
         text = f"DRIVE of one side, expected Left and Right: {command}"
-        return Notice("one side", text)
+        return Diagnostic("one side", text)
     return None
 
 
-def _answer(client: Client, kind: str, found: Report | None) -> Notice | None:
+def _answer(client: Client, kind: str, found: Report | None) -> Diagnostic | None:
     if found is None:
-        return Notice("no item", f"no item of type {kind[:80]!r} on this robot")
+        return Diagnostic("no item", f"no item of type {kind[:80]!r} on this robot")
     client.answers.append(found)
     return None
 
 
-def _set(vehicle: Vehicle, command: SetItem) -> Notice | None:
+def _set(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
     items = matching(vehicle, command.type, command.name)
     if not items:
         named = (
             command.type if command.name is None else f"{command.type} {command.name}"
         )
-        return Notice("no item", f"SET of {named[:80]!r}, which is not there")
+        return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")
     opcode = command.opcode.upper()
     if opcode not in OPCODES:
         text = f"opcode {command.opcode[:80]!r}, expected one of {list(OPCODES)}"
-        return Notice("opcode", text)
+        return Diagnostic("opcode", text)
     try:
         return _order_items(vehicle, items, opcode, command.params)
     except MalformedMessage as error:
-        return Notice(f"malformed {opcode}", f"SET {opcode}: {error}")
+        return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {error}")
 
 
 def _order_items(
     vehicle: Vehicle, items: Sequence[Item], opcode: str, params: str
-) -> Notice | None:
+) -> Diagnostic | None:
     """Order items of one type.
 
     Raises:
@@ -216,7 +218,7 @@ def _order_items(
         case "ECHOES":
             if items[0].type != "RangeScanner":
                 text = f"SET ECHOES of {items[0].type}, expected of RangeScanner"
-                return Notice("opcode", text)
+                return Diagnostic("opcode", text)
             on = read_switch(params)
             for item in items:
                 vehicle.listen(item, on)

@@ -7,7 +7,7 @@ from radarsim.errors import MalformedMessage
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.message import decode_message
 from radarsim.protocol.reports import Report
-from radarsim.protocol.send_queue import Outbox
+from radarsim.protocol.send_queue import SendQueue
 from radarsim.simulation.vehicle import Vehicle
 
 # The fields that have a meaning here; clients of other servers send others too.
@@ -22,7 +22,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Notice:
+class Diagnostic:
     """Something that a client did and that had no effect, or not the one it asked for.
 
     Attributes:
@@ -34,13 +34,13 @@ class Notice:
     text: str
 
 
-def malformed(line: str, error: MalformedMessage) -> Notice:
+def malformed(line: str, error: MalformedMessage) -> Diagnostic:
     """Tell of a line that is no command; those of one verb are alike."""
     verb = line.partition("{")[0].strip().upper()
-    return Notice(f"malformed {verb if verb in FIELDS else 'line'}", str(error))
+    return Diagnostic(f"malformed {verb if verb in FIELDS else 'line'}", str(error))
 
 
-def unknown_fields(line: str) -> Notice | None:
+def unknown_fields(line: str) -> Diagnostic | None:
     """Tell of the fields of a command that have no meaning here, if it has any."""
     message = decode_message(line)
     verb = message.verb.upper()
@@ -49,7 +49,7 @@ def unknown_fields(line: str) -> Notice | None:
     strange = [key for key, _ in message.segments if key.lower() not in lowered]
     if not strange:
         return None
-    return Notice(
+    return Diagnostic(
         f"{verb} fields", f"{verb} {strange[0][:80]!r}, expected of {list(known)}"
     )
 
@@ -76,6 +76,6 @@ class Client:
     pending: deque[str] = field(default_factory=deque)
     turns: int = 0
     next_spawn: int = 0
-    outbox: Outbox = field(default_factory=Outbox)
+    outbox: SendQueue = field(default_factory=SendQueue)
     answers: list[Report] = field(default_factory=list)
     vehicle: Vehicle | None = None

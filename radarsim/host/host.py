@@ -8,7 +8,7 @@ answered with waits for the tick's one write, as does everything that the tick i
 tells. A client without a robot has no ticks: its answers can be sent at once.
 
 Rule 1: nothing that a client sends raises. What cannot be carried out is ignored, as
-the original server ignores it, and told to the shell as a ``Notice`` for its log.
+the original server ignores it, and told to the shell as a ``Diagnostic`` for its log.
 Rule 2: the order in a write is status, answers, readings, echoes, scans. Clients rely
 on it. Echoes are told to none but those that ask.
 Rule 3: a client that does not read loses readings, not answers; one that goes on
@@ -18,13 +18,13 @@ beyond that waits for the next ticks (``is_busy``), so that a flood delays nobod
 How the bytes were cut on their way changes nothing.
 """
 
-from radarsim.host.commands import Orders
-from radarsim.host.connection import Client, Notice
+from radarsim.host.commands import CommandHandler
+from radarsim.host.connection import Client, Diagnostic
 from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.reports import Greeting, Report
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
-from radarsim.simulation.simulation import Simulation, Told
+from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.simulation import Simulation, TickOutput
 
 COMMANDS_A_TICK = 20  # clients in the field send a few; answers cost most of a tick
 
@@ -37,18 +37,18 @@ class Host:
     """
 
     def __init__(
-        self, scene: Scene, *, conditions: Conditions | None = None, seed: int = 0
+        self, scene: Scene, *, conditions: SimulationConfig | None = None, seed: int = 0
     ) -> None:
         """Make a world without robots.
 
         Raises:
             PresetError: If the conditions do not fit the robot classes.
         """
-        conditions = conditions or Conditions()
+        conditions = conditions or SimulationConfig()
         conditions.check()
         self._dialect = conditions.dialect
         self.simulation = Simulation(scene, conditions=conditions, seed=seed)
-        self._orders = Orders(self.simulation, conditions)
+        self._orders = CommandHandler(self.simulation, conditions)
         self._clients: dict[int, Client] = {}
         self._connected = 0
 
@@ -68,7 +68,7 @@ class Host:
         """Forget a client; its robot vanishes, and the robot's name is free again."""
         self._orders.dismiss(self._clients.pop(number))
 
-    def receive(self, number: int, data: bytes) -> list[Notice]:
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         """Carry out what a client sent, as far as its turn goes.
 
         Returns:
@@ -80,7 +80,7 @@ class Host:
         client.pending.extend(client.lines.feed(data))
         notices = self._take_turns(client)
         if client.lines.overflow is not None:
-            notices.append(Notice("line", str(client.lines.overflow)))
+            notices.append(Diagnostic("line", str(client.lines.overflow)))
         return notices
 
     def is_busy(self, number: int) -> bool:
@@ -96,7 +96,7 @@ class Host:
         client = self._clients[number]
         return client.lines.overflow is not None or client.outbox.flooded
 
-    def step(self) -> list[tuple[int, Notice]]:
+    def step(self) -> list[tuple[int, Diagnostic]]:
         """Let 10 ms pass; all that falls due waits in the clients' outboxes.
 
         Returns:
@@ -136,11 +136,11 @@ class Host:
         """Tell how many readings a client has lost by not reading."""
         return self._clients[number].outbox.dropped
 
-    def _take_turns(self, client: Client) -> list[Notice]:
+    def _take_turns(self, client: Client) -> list[Diagnostic]:
         notices = []
         while client.pending and client.turns:
             line = client.pending.popleft()
-            done, notice = self._orders.obey(client, line)
+            done, notice = self._orders.handle(client, line)
             if not done:
                 client.pending.appendleft(line)
                 break
@@ -155,7 +155,7 @@ class Host:
         self._put(client, client.answers, keep=True)
         client.answers.clear()
 
-    def _write_tick(self, client: Client, told: Told) -> None:
+    def _write_tick(self, client: Client, told: TickOutput) -> None:
         if told.status is not None:
             self._put(client, [told.status], keep=False)
         self._answer(client)

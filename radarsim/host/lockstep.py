@@ -10,7 +10,7 @@ from radarsim.host import Host
 from radarsim.simulation.config import TICK
 
 
-class HostLink:
+class InProcessTransport:
     """A client's connection to a host of this process.
 
     Attributes:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from radarsim.presets.robots import Item
 from radarsim.protocol import reports
 from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.vehicle import Vehicle
 
 TOUCH_DIAMETER = 0.01  # m; the original's number, of no meaning for a bumper
@@ -41,7 +41,7 @@ def geometry(vehicle: Vehicle, kind: str, name: str | None) -> reports.Report | 
 
 
 def configuration(
-    vehicle: Vehicle, conditions: Conditions, kind: str, name: str | None
+    vehicle: Vehicle, conditions: SimulationConfig, kind: str, name: str | None
 ) -> reports.Report | None:
     """Tell settings; arguments and None as in ``geometry``."""
     model = vehicle.model
@@ -73,7 +73,7 @@ def _telling(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
 
 
 def _scanners(
-    kind: str, items: Sequence[Item], conditions: Conditions
+    kind: str, items: Sequence[Item], conditions: SimulationConfig
 ) -> reports.Report:
     rows = []
     for item in items:
@@ -87,27 +87,27 @@ def _scanners(
 
 
 def _intervals(
-    kind: str, items: Sequence[Item], conditions: Conditions
+    kind: str, items: Sequence[Item], conditions: SimulationConfig
 ) -> reports.Report:
     rows = tuple((item.name, conditions.interval(item)) for item in items)
     return reports.IntervalConf(kind, rows)
 
 
-def _encoders(kind: str, items: Sequence[Item], _: Conditions) -> reports.Report:
+def _encoders(kind: str, items: Sequence[Item], _: SimulationConfig) -> reports.Report:
     rows = tuple((item.name, ENCODER_RESOLUTION) for item in items)
     return reports.EncoderConf(kind, rows)
 
 
-def _touches(kind: str, items: Sequence[Item], _: Conditions) -> reports.Report:
+def _touches(kind: str, items: Sequence[Item], _: SimulationConfig) -> reports.Report:
     return reports.TouchConf(kind, tuple((item.name, TOUCH_DIAMETER) for item in items))
 
 
-def _names(kind: str, items: Sequence[Item], _: Conditions) -> reports.Report:
+def _names(kind: str, items: Sequence[Item], _: SimulationConfig) -> reports.Report:
     return reports.NameConf(kind, tuple(item.name for item in items))
 
 
 _CONFIGURATIONS: dict[
-    str, Callable[[str, Sequence[Item], Conditions], reports.Report]
+    str, Callable[[str, Sequence[Item], SimulationConfig], reports.Report]
 ] = {
     "RangeScanner": _scanners,
     "GroundTruth": _intervals,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled
+from radarsim.jit import njit_cached
 
 
 def clearance(cells: NDArray[np.bool_], reach: float) -> Floats:
@@ -27,7 +27,7 @@ def clearance(cells: NDArray[np.bool_], reach: float) -> Floats:
     return distances
 
 
-@compiled
+@njit_cached
 def _fill(cells: Any, reach: Any, squares: Any) -> None:
     """Find the nearest one in each row, then the best of the rows near by."""
     rows, columns = cells.shape

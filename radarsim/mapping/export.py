@@ -11,8 +11,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from radarsim.mapping.occupancy_grid import (
+    FOLIAGE_CELL,
     OBSTACLE,
-    THICKET,
     UNKNOWN,
     Mask,
     OccupancyGrid,
@@ -114,7 +114,7 @@ def _encoded(pixels: NDArray[np.uint8], form: str) -> bytes:
 def _trinary(grid: OccupancyGrid) -> NDArray[np.uint8]:
     levels = np.full(5, FREE_LEVEL, np.uint8)
     levels[UNKNOWN] = UNKNOWN_LEVEL
-    levels[[OBSTACLE, THICKET]] = OCCUPIED_LEVEL
+    levels[[OBSTACLE, FOLIAGE_CELL]] = OCCUPIED_LEVEL
     return levels[grid.classes()]
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.mapping.scan import BLIND, HIT, SPENT, UNSURE
 
 FOR: Final = 9  # tenths; odds of 2.5 to 1
@@ -55,7 +55,7 @@ class Beams(NamedTuple):
             not depend on it, to the last bit.
         ways: (N, 2) unit vectors.
         reach: (N,) how far they are known, cells.
-        ends: (N,) as in ``Scan2``.
+        ends: (N,) as in ``PlanarScan``.
         short: How far near is, cells.
         sees_through: Whether what was met tells of foliage and smoke.
     """
@@ -69,7 +69,7 @@ class Beams(NamedTuple):
     sees_through: bool
 
 
-@leaf
+@njit_inline
 def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
     """List the cells along a beam, in order, those at both ends included.
 
@@ -105,7 +105,7 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
     return count
 
 
-@leaf
+@njit_inline
 def _speak_for(cells: Any, layer: Any, row: Any, column: Any) -> None:
     """Give a cell evidence for a layer, once a scan."""
     bit = _HAD << layer
@@ -115,14 +115,14 @@ def _speak_for(cells: Any, layer: Any, row: Any, column: Any) -> None:
         cells.evidence[layer, row, column] = sure
 
 
-@compiled
+@njit_cached
 def meet(cells: Any, beams: Any, met: Any, path: Any) -> None:
     """Take in what beams met.
 
     Args:
         cells: To be changed.
         beams: Of the scan.
-        met: Its ``Marks``, in cells.
+        met: Its ``BeamHits``, in cells.
         path: (P, 2) scratch.
     """
     for k in range(len(met.beams)):
@@ -136,7 +136,7 @@ def meet(cells: Any, beams: Any, met: Any, path: Any) -> None:
             cells.marks[path[0, 0], path[0, 1]] |= SENSED
 
 
-@leaf
+@njit_inline
 def _speak_against(cells: Any, row: Any, column: Any, sees_through: Any) -> None:
     """Give a cell that a beam went through evidence against what it did not meet."""
     marks = cells.marks[row, column]
@@ -150,7 +150,7 @@ def _speak_against(cells: Any, row: Any, column: Any, sees_through: Any) -> None
             cells.evidence[layer, row, column] = sure
 
 
-@compiled
+@njit_cached
 def cross(cells: Any, beams: Any, path: Any) -> None:
     """Take in where beams went through; of those that ended, all but the last cell."""
     for k in range(len(beams.reach)):
@@ -169,7 +169,7 @@ def cross(cells: Any, beams: Any, path: Any) -> None:
                 cells.marks[row, column] |= NEAR
 
 
-@compiled
+@njit_cached
 def forget(cells: Any, beams: Any, path: Any) -> None:
     """Make the cells ready for the next scan."""
     for k in range(len(beams.reach)):

@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.client import ScannerFacts
+from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
-from radarsim.mapping.scan import SMOKE, Scan2, read_scan
+from radarsim.mapping.scan import SMOKE, PlanarScan, read_scan
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
-from radarsim.navigation.observation import Sensed, Stamps, from_centre
+from radarsim.navigation.observation import Observation, Stamps, from_centre
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -26,7 +26,7 @@ from radarsim.protocol.reports import (
 )
 
 
-class Gathering:
+class EchoCollector:
     """Collects the lines that belong together; holds those of one scan at a time."""
 
     def __init__(self) -> None:
@@ -103,7 +103,7 @@ class Mapper:
 
     def __init__(
         self,
-        scanner: ScannerFacts,
+        scanner: ScannerInfo,
         settings: MapperSettings | None = None,
         *,
         clock: Callable[[], float] = lambda: 0.0,
@@ -124,7 +124,7 @@ class Mapper:
         self.scanner = scanner
         self._mount = Pose2(mount.x, mount.y, mount.yaw)
         self._stamps = Stamps(clock)
-        self._echoes = Gathering()
+        self._echoes = EchoCollector()
         self._echoes_due = math.nan
         self._spawned: Pose2 | None = None
         self._seed: Pose2 | None = None
@@ -139,7 +139,7 @@ class Mapper:
         """Where the robot was at each scan, by its own reckoning."""
         return self.slam.trajectory
 
-    def take(self, report: Report) -> Sensed | None:
+    def take(self, report: Report) -> Observation | None:
         """Take in a report.
 
         Returns:
@@ -169,7 +169,7 @@ class Mapper:
             if report.time > last + TRUTH_EVERY - 1e-9:
                 self.truth.add(report.time, pose)
 
-    def _take_scan(self, report: RangeScan) -> Sensed | None:
+    def _take_scan(self, report: RangeScan) -> Observation | None:
         settings = self.settings
         if settings.slam.seed != "none" and not self._is_seeded():
             self.missing = f"pose from {settings.slam.seed}"
@@ -204,14 +204,14 @@ class Mapper:
         """Give where the map begins, for a seed that counts from anywhere."""
         return None if self.settings.slam.seed == "ins" else self._spawned
 
-    def _draw(self, pose: Pose2, scan: Scan2) -> None:
+    def _draw(self, pose: Pose2, scan: PlanarScan) -> None:
         self.grid.add(pose, scan)
         if self.settings.body:
             self.grid.stand(pose, self.settings.body)
         self.scans += 1
         self.missing = f"scan of {self.scanner.name!r}"
 
-    def _sensed(self, pose: Pose2, scan: Scan2) -> Sensed:
+    def _sensed(self, pose: Pose2, scan: PlanarScan) -> Observation:
         nearest = np.full(len(scan.angles), math.inf)
         marks = scan.marks
         solid = marks.what != SMOKE
@@ -219,4 +219,4 @@ class Mapper:
         bearings, ranges = from_centre(
             nearest, scan.angles, self.scanner.mount, math.inf
         )
-        return Sensed(scan.time, pose, bearings, ranges)
+        return Observation(scan.time, pose, bearings, ranges)

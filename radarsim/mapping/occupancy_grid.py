@@ -27,7 +27,7 @@ from radarsim.mapping.inverse_sensor_model import (
     forget,
     meet,
 )
-from radarsim.mapping.scan import FOLIAGE, SMOKE, SOLID, Marks, Scan2
+from radarsim.mapping.scan import FOLIAGE, SMOKE, SOLID, BeamHits, PlanarScan
 
 T = TypeVar("T", bound=np.generic)
 
@@ -37,7 +37,7 @@ MOST_CELLS: Final = 1 << 26
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class GridFrame:
     """Where cells are.
 
     Attributes:
@@ -81,7 +81,7 @@ class Lattice:
         up: Floats = y + half + self.resolution * rows
         return across, up
 
-    def grown(self, low: tuple[float, float], high: tuple[float, float]) -> "Lattice":
+    def grown(self, low: tuple[float, float], high: tuple[float, float]) -> "GridFrame":
         """Give one that holds a box too, in steps of many cells.
 
         Args:
@@ -102,9 +102,9 @@ class Lattice:
                 f" {MOST_CELLS:.3g} in all;"
                 " the place of the robot may be wrong, or the cells are too small"
             )
-        return Lattice(self.resolution, column, row, columns, rows)
+        return GridFrame(self.resolution, column, row, columns, rows)
 
-    def moved(self, cells: NDArray[T], to: "Lattice") -> NDArray[T]:
+    def moved(self, cells: NDArray[T], to: "GridFrame") -> NDArray[T]:
         """Lay cells of this lattice into a larger one; what is new is 0."""
         larger: NDArray[Any] = np.zeros(to.shape, cells.dtype)
         row, column = self.row - to.row, self.column - to.column
@@ -113,7 +113,7 @@ class Lattice:
 
 
 def _reach(
-    first: int, count: int, low: float, high: float, lattice: Lattice
+    first: int, count: int, low: float, high: float, lattice: GridFrame
 ) -> tuple[int, int]:
     """Give first cell and number of cells along one axis."""
     least = math.floor(low / lattice.resolution)
@@ -140,7 +140,7 @@ def _reach(
 # ended them.
 
 # The classes of cells.
-UNKNOWN, FREE, OBSTACLE, THICKET, CLOUD = range(5)
+UNKNOWN, FREE, OBSTACLE, FOLIAGE_CELL, SMOKE_CELL = range(5)
 RESOLUTION: Final = 0.05  # m
 SHORT_RANGE: Final = 3.0  # m, within which UsarCommander calls free space safe
 
@@ -163,12 +163,12 @@ class OccupancyGrid:
             resolution: Side of a cell, m.
             short_range: What is free so near to the scanner is ``near``, m.
         """
-        self.lattice = Lattice(resolution)
+        self.lattice = GridFrame(resolution)
         self._short = short_range / resolution
         self._evidence = np.zeros((LAYERS, 0, 0), np.int8)
         self._marks = np.zeros((0, 0), np.uint8)
 
-    def add(self, pose: Pose2, scan: Scan2) -> None:
+    def add(self, pose: Pose2, scan: PlanarScan) -> None:
         """Take in a scan.
 
         Args:
@@ -199,7 +199,7 @@ class OccupancyGrid:
             scan.sees_through,
         )
         met = scan.marks
-        met = Marks(met.beams, met.near / size, met.far / size, met.what)
+        met = BeamHits(met.beams, met.near / size, met.far / size, met.what)
         path = np.zeros((2 * max(self.lattice.shape) + 2, 2), np.int64)
         cells = Cells(self._evidence, self._marks)
         meet(cells, beams, met, path)
@@ -277,10 +277,10 @@ class OccupancyGrid:
         return far & self.sensed_cells()
 
     def classes(self) -> NDArray[np.uint8]:
-        """Give what each cell is, (R, C): ``UNKNOWN`` to ``CLOUD``."""
+        """Give what each cell is, (R, C): ``UNKNOWN`` to ``SMOKE_CELL``."""
         found = np.where(self.sensed_cells(), FREE, UNKNOWN).astype(np.uint8)
-        found[self._evidence[SMOKE] > 0] = CLOUD
-        found[self._evidence[FOLIAGE] > 0] = THICKET
+        found[self._evidence[SMOKE] > 0] = SMOKE_CELL
+        found[self._evidence[FOLIAGE] > 0] = FOLIAGE_CELL
         found[self._evidence[SOLID] > 0] = OBSTACLE
         return found
 

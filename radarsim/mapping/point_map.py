@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 
 FINEST: Final = 0.1  # m
 LEVELS: Final = 5
@@ -71,12 +71,12 @@ def _new_table(rows: int) -> Table:
     return Table(np.zeros(rows, np.int64), np.zeros((rows, 6)))
 
 
-@leaf
+@njit_inline
 def _key(level: Any, column: Any, row: Any) -> Any:
     return ((level + 1) << 56) | ((column + _MIDDLE) << 28) | (row + _MIDDLE)
 
 
-@leaf
+@njit_inline
 def _find(keys: Any, key: Any) -> Any:
     """Give the row of a cell, or the empty one where it would be."""
     mask = len(keys) - 1
@@ -86,7 +86,7 @@ def _find(keys: Any, key: Any) -> Any:
     return row
 
 
-@compiled
+@njit_cached
 def _move(table: Any, other: Any) -> None:
     for i in range(len(table.keys)):
         if table.keys[i] != 0:
@@ -95,7 +95,7 @@ def _move(table: Any, other: Any) -> None:
             other.moments[row] = table.moments[i]
 
 
-@compiled
+@njit_cached
 def _add(table: Any, points: Any) -> Any:
     """Add points; give how many cells are new."""
     new = 0
@@ -124,13 +124,13 @@ def _add(table: Any, points: Any) -> Any:
     return new
 
 
-@leaf
+@njit_inline
 def _nearness(step: Any, t: Any) -> Any:
     """Weigh a cell ``step`` cells away from that of a place ``t`` off its middle."""
     return 0.75 - t * t if step == 0 else 0.5 * (0.5 + step * t) ** 2
 
 
-@leaf
+@njit_inline
 def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
     """Add up the moments of the cells around a place, as seen from it."""
     column, line = np.int64(np.floor(x / size)), np.int64(np.floor(y / size))
@@ -154,7 +154,7 @@ def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
     return n, a, b, aa, ab, bb
 
 
-@leaf
+@njit_inline
 def shape_around(table: Any, x: Any, y: Any) -> Any:
     """Describe the points around a place, m.
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.jit import compiled
+from radarsim.jit import njit_cached
 from radarsim.protocol.reports import RangeScan, Seen
 
 # What ended a beam. UNSURE is a range without echoes, AIR a drop of rain.
@@ -33,7 +33,7 @@ _ENDS: Final = np.array([BLIND, BLIND, BLIND, HIT, SPENT, AIR], np.int8)
 ROUNDING: Final = 0.006  # m; what a range on the wire may be short of the greatest one
 
 
-class Marks(NamedTuple):
+class BeamHits(NamedTuple):
     """What beams met, a row each.
 
     Attributes:
@@ -50,7 +50,7 @@ class Marks(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scan2:
+class PlanarScan:
     """What a scanner saw at one time, in the plane.
 
     Attributes:
@@ -69,7 +69,7 @@ class Scan2:
     angles: Floats
     reach: Floats
     ends: NDArray[np.int8]
-    marks: Marks
+    marks: BeamHits
     sees_through: bool
 
     def points(self, *, sure: bool = True) -> tuple[Floats, Floats]:
@@ -96,7 +96,7 @@ def read_scan(
     max_range: float,
     min_range: float = 0.0,
     mount: Pose2 | None = None,
-) -> Scan2:
+) -> PlanarScan:
     """Read a scan as a server tells it.
 
     Args:
@@ -123,8 +123,8 @@ def read_scan(
     kept = ~blind[marks.beams]
     columns: Any = (column[kept] for column in marks)
     mount = mount or Pose2(0.0, 0.0)
-    return Scan2(
-        report.time, mount, angles, reach, ends, Marks(*columns), seen is not None
+    return PlanarScan(
+        report.time, mount, angles, reach, ends, BeamHits(*columns), seen is not None
     )
 
 
@@ -170,7 +170,7 @@ class _Echoes(NamedTuple):
         reach[self.beams[last]] = self.ranges[last]
         ends[self.beams[last]] = _ENDS[self.kinds[last]]
 
-    def marks(self, reach: Floats) -> Marks:
+    def marks(self, reach: Floats) -> BeamHits:
         """Find what the beams met."""
         near, far = np.zeros((2, len(self.beams)))
         is_mark = np.zeros(len(self.beams), np.bool_)
@@ -179,10 +179,10 @@ class _Echoes(NamedTuple):
         what[self.kinds == _HIT] = SOLID
         far = np.minimum(far, reach[self.beams])
         rows = np.flatnonzero(is_mark & (near <= far))
-        return Marks(self.beams[rows], near[rows], far[rows], what[rows])
+        return BeamHits(self.beams[rows], near[rows], far[rows], what[rows])
 
 
-@compiled
+@njit_cached
 def _pair(echoes: Any, reach: Any, near: Any, far: Any, is_mark: Any) -> None:
     """Join the places where beams enter things with those where they leave them.
 
@@ -218,8 +218,8 @@ def _pair(echoes: Any, reach: Any, near: Any, far: Any, is_mark: Any) -> None:
             depth, begun = 0, 0.0
 
 
-def _points(beams: NDArray[np.int64], ranges: Floats) -> Marks:
-    return Marks(beams, ranges, ranges, np.full(len(beams), SOLID, np.int8))
+def _points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:
+    return BeamHits(beams, ranges, ranges, np.full(len(beams), SOLID, np.int8))
 
 
 def _joined(columns: Sequence[Any], kind: Any) -> Any:

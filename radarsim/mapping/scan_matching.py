@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.mapping.point_map import Table, shape_around
 
 ROUNDS: Final = 12
@@ -78,7 +78,7 @@ def best_start(table: Table, points: Points, starts: Floats) -> int:
     return int(_best_start(table, some, starts))
 
 
-@leaf
+@njit_inline
 def _worth(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
     """Give the information matrix of a distance to a shape, xx, xy and yy, 1/m^2.
 
@@ -107,7 +107,7 @@ def _worth(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
     return c / area, -b / area, a / area
 
 
-@leaf
+@njit_inline
 def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
     """Compare a point with the map.
 
@@ -129,7 +129,7 @@ def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
     return rx, ry, ex, ey, worth, weight
 
 
-@leaf
+@njit_inline
 def _merit(worth: Any, weight: Any) -> Any:
     """Give what a point counts when poses are compared.
 
@@ -139,7 +139,7 @@ def _merit(worth: Any, weight: Any) -> Any:
     return weight * sharp / (sharp + SHARP)
 
 
-@leaf
+@njit_inline
 def _add_up(table: Any, points: Any, state: Any, normal: Any, pull: Any) -> Any:
     """Add the points to the normal equations; give their merits' sum."""
     turn = math.cos(state[2]), math.sin(state[2])
@@ -162,7 +162,7 @@ def _add_up(table: Any, points: Any, state: Any, normal: Any, pull: Any) -> Any:
     return score
 
 
-@leaf
+@njit_inline
 def _factor(normal: Any) -> None:
     """Factor three equations in place, after Cholesky; the lower half is read."""
     for j in range(3):
@@ -174,7 +174,7 @@ def _factor(normal: Any) -> None:
             normal[i, j] /= normal[j, j]
 
 
-@leaf
+@njit_inline
 def _solve(normal: Any, pull: Any) -> None:
     """Solve three equations in place."""
     _factor(normal)
@@ -188,7 +188,7 @@ def _solve(normal: Any, pull: Any) -> None:
         pull[j] /= normal[j, j]
 
 
-@compiled
+@njit_cached
 def _fit(table: Any, points: Any, state: Any, prior: Any, trust: Any) -> Any:
     """Move a pose to where the scan fits; give the score before the last step."""
     normal, pull, score = np.zeros((3, 3)), np.zeros(3), 0.0
@@ -205,7 +205,7 @@ def _fit(table: Any, points: Any, state: Any, prior: Any, trust: Any) -> Any:
     return score
 
 
-@compiled
+@njit_cached
 def _best_start(table: Any, points: Any, starts: Any) -> Any:
     best, most = 0, -1.0
     for k in range(len(starts)):

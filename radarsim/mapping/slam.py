@@ -22,11 +22,11 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.mapping.point_map import PointMap
-from radarsim.mapping.scan import Scan2
+from radarsim.mapping.scan import PlanarScan
 from radarsim.mapping.scan_matching import Points, best_start, fit
 from radarsim.mapping.trajectory import Trajectory
 
-SeedKind: TypeAlias = Literal["ins", "odometry", "none"]
+MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
 
 FIRST_SCANS: Final = 10  # are kept wherever the robot is
 FEWEST: Final = 3  # points that are worth a try
@@ -48,7 +48,7 @@ class SlamSettings:
         search_turn: The same of its turn, rad.
     """
 
-    seed: SeedKind = "ins"
+    seed: MotionSource = "ins"
     beam_spread: float = 0.08
     still: tuple[float, float] = (0.005, 0.003)
     drift: float = 0.1
@@ -86,7 +86,7 @@ class Slam:
         self._kept = self.pose
         self._count = 0
 
-    def step(self, scan: Scan2, seed: Pose2 | None = None) -> Pose2:
+    def step(self, scan: PlanarScan, seed: Pose2 | None = None) -> Pose2:
         """Find out where the robot was when it took a scan.
 
         Args:
@@ -110,7 +110,7 @@ class Slam:
         elif len(self.trajectory):
             self.pose = self._next(points, seed)
         self._starts_at_seed = False
-        self._motion = self.pose.seen_from(last)
+        self._motion = self.pose.relative_to(last)
         self._seed = seed
         self.trajectory.add(scan.time, self.pose)
         if len(places) and self._is_to_be_kept():
@@ -134,7 +134,7 @@ class Slam:
             x, y = self.pose.x + dx, self.pose.y + dy
             predicted = Pose2(x, y, wrap_angle(self.pose.yaw + turn))
         else:
-            predicted = self.pose.compose(now.seen_from(before))
+            predicted = self.pose.compose(now.relative_to(before))
         way_off, turn_off = self.settings.still
         way_off += self.settings.drift * math.hypot(dx, dy)
         turn_off += self.settings.drift * abs(turn)

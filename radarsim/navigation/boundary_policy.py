@@ -77,7 +77,7 @@ AT_LINE = 0.1  # m beside the line to the goal that are still on it
 LEAST_GAIN = 0.1  # m nearer to the goal that count as nearer
 
 
-class Verdict(Enum):
+class Decision(Enum):
     """What to do next at a boundary."""
 
     ONWARD = auto()
@@ -104,7 +104,7 @@ class Step:
     free: bool
 
 
-class Circling(Protocol):
+class BoundaryPolicy(Protocol):
     """Decides, step by step, how long to follow one boundary.
 
     Attributes:
@@ -115,7 +115,7 @@ class Circling(Protocol):
     circuits: int
     missed: bool
 
-    def step(self, step: Step) -> Verdict:
+    def step(self, step: Step) -> Decision:
         """Decide what to do next."""
         ...
 
@@ -146,7 +146,7 @@ class Trail:
         return closing[0] if closing else None
 
 
-class AllRound:
+class Bug1Policy:
     """Bug1: all the way round, then to the place nearest to the goal."""
 
     def __init__(self, hit: Landmark, goal: tuple[float, float], reach: float) -> None:
@@ -163,17 +163,17 @@ class AllRound:
         self._onward = True
         self._turned = False
 
-    def step(self, step: Step) -> Verdict:
+    def step(self, step: Step) -> Decision:
         """Decide what to do next."""
         self._travelled += step.moved
         return self._return(step) if self.circuits else self._circle(step)
 
-    def _circle(self, step: Step) -> Verdict:
+    def _circle(self, step: Step) -> Decision:
         near = distance(step.pose, *self._goal)
         self._seen.append((near, self._travelled, step.pose, step.direction))
         began = self._trail.closes(step, self._travelled)
         if began is None:
-            return Verdict.ONWARD
+            return Decision.ONWARD
         self.circuits = 1
         _, at, pose, direction = min(
             (seen for seen in self._seen if seen[1] >= began), key=lambda seen: seen[0]
@@ -185,9 +185,9 @@ class AllRound:
         self._onward = at - began <= back
         self._left_to_go = min(at - began, back)
         self._travelled = 0.0
-        return Verdict.ONWARD if self._onward else Verdict.BACK
+        return Decision.ONWARD if self._onward else Decision.BACK
 
-    def _return(self, step: Step) -> Verdict:
+    def _return(self, step: Step) -> Decision:
         passed = self._leave.passed(step.pose, onward=self._onward)
         slack = max(1.0, 0.2 * self._left_to_go)
         close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
@@ -196,23 +196,23 @@ class AllRound:
             # who went astray does not know which obstacle is before the goal here
             self.missed = self._turned
             given_up = not step.free and not self.missed
-            return Verdict.NO_PATH if given_up else Verdict.LEAVE
+            return Decision.NO_PATH if given_up else Decision.LEAVE
         if self._travelled > self._left_to_go + 2 * slack:
             return self._missed()
-        return Verdict.ONWARD
+        return Decision.ONWARD
 
-    def _missed(self) -> Verdict:
+    def _missed(self) -> Decision:
         """Turn back once, all the way if need be; then go on from where it is."""
         if self._turned:
             self.missed = True
-            return Verdict.LEAVE
+            return Decision.LEAVE
         self._turned = True
         self._onward = not self._onward
         self._left_to_go, self._travelled = self._length, 0.0
-        return Verdict.BACK
+        return Decision.BACK
 
 
-class AlongLine:
+class Bug2Policy:
     """Bug2: until the line to the goal is met, nearer to the goal."""
 
     def __init__(
@@ -240,7 +240,7 @@ class AlongLine:
         self._from_hit = distance(Pose2(hit.x, hit.y), *self._goal)
         self._side: float | None = None
 
-    def step(self, step: Step) -> Verdict:
+    def step(self, step: Step) -> Decision:
         """Decide what to do next."""
         self._travelled += step.moved
         met, crossed = self._meets_line(step.pose)
@@ -248,14 +248,14 @@ class AlongLine:
         nearer = near < self._from_hit - LEAST_GAIN
         again = self._trail.closes(step, self._travelled) is not None
         if met and nearer and step.free:
-            return Verdict.LEAVE
+            return Decision.LEAVE
         if again:
             self.circuits += 1
-            return Verdict.NO_PATH
+            return Decision.NO_PATH
         if crossed and not nearer and self._give_up == GiveUp.LINE:
             away = distance(step.pose, self._hit.x, self._hit.y)
-            return Verdict.NO_PATH if away > LEAST_CIRCUIT / 2 else Verdict.ONWARD
-        return Verdict.ONWARD
+            return Decision.NO_PATH if away > LEAST_CIRCUIT / 2 else Decision.ONWARD
+        return Decision.ONWARD
 
     def _meets_line(self, pose: Pose2) -> tuple[bool, bool]:
         """Tell whether the robot is at the line, and whether it has just crossed it."""

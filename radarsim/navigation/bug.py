@@ -12,18 +12,25 @@ from enum import StrEnum
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.boundary_policy import (
-    AllRound,
-    AlongLine,
-    Circling,
+    BoundaryPolicy,
+    Bug1Policy,
+    Bug2Policy,
+    Decision,
     Landmark,
     Step,
-    Verdict,
 )
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import STAND, Motion, Pace, bearing_of, distance, moved
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import (
+    STAND,
+    SpeedLimits,
+    Twist,
+    bearing_of,
+    distance,
+    moved,
+)
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm, GiveUp
-from radarsim.navigation.wall_following import Follower, Way
+from radarsim.navigation.wall_following import FollowSide, WallFollower
 
 TOLERANCE = 0.1  # m; as near as that is there
 GRAZE = 0.1  # m beyond the safety distance; what is nearer beside the way is in it
@@ -33,7 +40,7 @@ _LOST = 1.5  # circles without a boundary after which it is taken to be gone
 Point = tuple[float, float]
 
 
-class Doing(StrEnum):
+class Activity(StrEnum):
     """What a bug is at."""
 
     GOING = "going"
@@ -59,7 +66,7 @@ class BugSettings:
 
     algorithm: Algorithm
     bumpers: Bumpers
-    pace: Pace = field(default_factory=Pace)
+    pace: SpeedLimits = field(default_factory=SpeedLimits)
     on_left: bool = True
     give_up: GiveUp = GiveUp.HIT_POINT
     tolerance: float = TOLERANCE
@@ -79,16 +86,16 @@ class Bug:
     def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
         if not goals:
             raise ValueError("no goals, expected at least one")
-        self.doing = Doing.GOING
+        self.doing = Activity.GOING
         self.goals = list(goals)
         self.hits: list[Point] = []
         self.leaves: list[Point] = []
         self.circuits = 0
         self._settings = settings
-        self._follower = Follower(settings.bumpers, settings.pace)
-        self._first_way = Way(on_left=settings.on_left)
+        self._follower = WallFollower(settings.bumpers, settings.pace)
+        self._first_way = FollowSide(on_left=settings.on_left)
         self._way = self._first_way
-        self._circling: Circling | None = None
+        self._circling: BoundaryPolicy | None = None
         self._start: Pose2 | None = None
         self._before: Pose2 | None = None
         self._lost = 0.0
@@ -99,9 +106,9 @@ class Bug:
     @property
     def is_done(self) -> bool:
         """Whether it has reached its last goal, or given up."""
-        return self.doing in (Doing.REACHED, Doing.NO_PATH)
+        return self.doing in (Activity.REACHED, Activity.NO_PATH)
 
-    def step(self, sensed: Sensed) -> Motion:
+    def step(self, sensed: Observation) -> Twist:
         """Take in a scan and decide how to move until the next."""
         step = 0.0 if self._before is None else moved(self._before, sensed.pose)
         self._before = sensed.pose
@@ -115,7 +122,7 @@ class Bug:
             if self._is_free(sensed) and not self._is_grazed(sensed):
                 return self._go(sensed)
             self._hit(sensed)
-        if self.doing is Doing.ALIGNING:
+        if self.doing is Activity.ALIGNING:
             return self._align(sensed)
         return self._follow(sensed, step)
 
@@ -126,15 +133,15 @@ class Bug:
         self.goals.pop(0)
         self._start, self._circling = pose, None
         self._best_leave = self._seen_from = math.inf
-        self.doing = Doing.GOING if self.goals else Doing.REACHED
+        self.doing = Activity.GOING if self.goals else Activity.REACHED
 
-    def _is_free(self, sensed: Sensed) -> bool:
+    def _is_free(self, sensed: Observation) -> bool:
         """Tell whether nothing before the goal is in the way to it."""
         bumpers, pose = self._settings.bumpers, sensed.pose
         ahead = bumpers.towards(sensed, bearing_of(pose, *self.goals[0]))
         return not ahead.blocked or self._is_beyond(sensed, ahead.distance)
 
-    def _is_faced(self, sensed: Sensed) -> bool:
+    def _is_faced(self, sensed: Observation) -> bool:
         """Tell whether the boundary that is followed is before the goal."""
         goal = bearing_of(sensed.pose, *self.goals[0])
         ahead = self._settings.bumpers.towards(sensed, goal)
@@ -142,12 +149,12 @@ class Bug:
             return False
         return self._follower.faces(sensed, self._way, goal)
 
-    def _is_beyond(self, sensed: Sensed, obstacle: float) -> bool:
+    def _is_beyond(self, sensed: Observation, obstacle: float) -> bool:
         """Tell whether the goal comes before an obstacle in its direction."""
         goal = distance(sensed.pose, *self.goals[0])
         return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
 
-    def _is_grazed(self, sensed: Sensed) -> bool:
+    def _is_grazed(self, sensed: Observation) -> bool:
         """Tell whether something beside the way is too near to go on."""
         bumpers, pose = self._settings.bumpers, sensed.pose
         goal = bearing_of(pose, *self.goals[0])
@@ -157,33 +164,33 @@ class Bug:
         # who has followed a boundary into a gap may go on in it
         return near < bumpers.safety_distance + (0.0 if self._leaving else GRAZE)
 
-    def _go(self, sensed: Sensed) -> Motion:
+    def _go(self, sensed: Observation) -> Twist:
         left = distance(sensed.pose, *self.goals[0])
         bearing = bearing_of(sensed.pose, *self.goals[0])
         return self._settings.pace.towards(bearing, most=0.05 + 0.8 * left)
 
-    def _hit(self, sensed: Sensed) -> None:
+    def _hit(self, sensed: Observation) -> None:
         pose = sensed.pose
         self.hits.append((pose.x, pose.y))
-        self.doing, self._way, self._lost = Doing.ALIGNING, self._first_way, 0.0
+        self.doing, self._way, self._lost = Activity.ALIGNING, self._first_way, 0.0
         reach = self._follower.wanted
         obstacle = bearing_of(pose, *self.goals[0])
         direction = self._follower.direction(sensed, self._way, obstacle)
         hit = Landmark(pose, direction, reach=reach)
         if self._settings.algorithm == Algorithm.BUG1:
-            self._circling = AllRound(hit, self.goals[0], reach)
+            self._circling = Bug1Policy(hit, self.goals[0], reach)
         else:
             assert self._start is not None
             line = (self._start, self.goals[0])
-            self._circling = AlongLine(hit, line, self._settings.give_up, reach)
+            self._circling = Bug2Policy(hit, line, self._settings.give_up, reach)
 
-    def _align(self, sensed: Sensed) -> Motion:
+    def _align(self, sensed: Observation) -> Twist:
         obstacle = bearing_of(sensed.pose, *self.goals[0])
         motion, aligned = self._follower.align(sensed, self._way, obstacle)
-        self.doing = Doing.FOLLOWING if aligned else Doing.ALIGNING
+        self.doing = Activity.FOLLOWING if aligned else Activity.ALIGNING
         return motion
 
-    def _follow(self, sensed: Sensed, step: float) -> Motion:
+    def _follow(self, sensed: Observation, step: float) -> Twist:
         assert self._circling is not None
         if self._sees_goal(sensed):
             self._seen_from = distance(sensed.pose, *self.goals[0])
@@ -193,29 +200,29 @@ class Bug:
         free = not self._is_faced(sensed)
         verdict = self._circling.step(Step(sensed.pose, step, direction, free))
         self.circuits += self._circling.circuits - before
-        if verdict is Verdict.NO_PATH or (
-            verdict is Verdict.LEAVE
+        if verdict is Decision.NO_PATH or (
+            verdict is Decision.LEAVE
             and not self._circling.missed
             and self._is_no_nearer(sensed.pose)
         ):
-            self.doing = Doing.NO_PATH
+            self.doing = Activity.NO_PATH
             return STAND
-        if verdict is Verdict.LEAVE:
+        if verdict is Decision.LEAVE:
             return self._leave(sensed)
-        if verdict is Verdict.BACK:
+        if verdict is Decision.BACK:
             self._way = self._way.reversed
         if self._circling.circuits:
-            self.doing = Doing.RETURNING
+            self.doing = Activity.RETURNING
         return self._along(sensed, step)
 
-    def _along(self, sensed: Sensed, step: float) -> Motion:
+    def _along(self, sensed: Observation, step: float) -> Twist:
         motion, found = self._follower.step(sensed, self._way)
         self._lost = 0.0 if found else self._lost + step
         if self._lost > _LOST * 2 * math.pi * self._follower.wanted:
             return self._leave(sensed)
         return motion
 
-    def _sees_goal(self, sensed: Sensed) -> bool:
+    def _sees_goal(self, sensed: Observation) -> bool:
         """Tell whether the goal is so near that no boundary is needed any more.
 
         Who has hit something again on the way there has to come nearer before the next
@@ -234,7 +241,7 @@ class Bug:
         self._best_leave = min(self._best_leave, near)
         return stays and self._settings.algorithm == Algorithm.BUG1
 
-    def _leave(self, sensed: Sensed) -> Motion:
+    def _leave(self, sensed: Observation) -> Twist:
         self.leaves.append((sensed.pose.x, sensed.pose.y))
-        self.doing, self._circling, self._leaving = Doing.GOING, None, True
+        self.doing, self._circling, self._leaving = Activity.GOING, None, True
         return self._go(sensed)

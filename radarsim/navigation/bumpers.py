@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Rule
 
 BAND = 0.5  # m from too near to not pressed
@@ -109,7 +109,7 @@ class Bumpers:
             return FOUR if self.count == 4 else EIGHT
         return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
 
-    def read(self, sensed: Sensed) -> tuple[Bumper, ...]:
+    def read(self, sensed: Observation) -> tuple[Bumper, ...]:
         """Give the state of all bumpers, in the order of ``names``."""
         sectors = self._sectors(sensed.bearings)
         return tuple(
@@ -117,7 +117,7 @@ class Bumpers:
             for k, name in enumerate(self.names)
         )
 
-    def towards(self, sensed: Sensed, bearing: float) -> Bumper:
+    def towards(self, sensed: Observation, bearing: float) -> Bumper:
         """Give the state that the front bumper has once the robot faces a bearing."""
         apart = np.remainder(sensed.bearings - bearing + math.pi, 2 * math.pi) - math.pi
         return self._state("front", sensed.ranges[np.abs(apart) <= self.width / 2])

@@ -5,28 +5,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from radarsim.client import Client, RobotFacts, ScannerFacts
+from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import ClientError, ClientTimeout, NavigationError
 from radarsim.geometry import Pose2, wrap_angle
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.observation import Observation
 from radarsim.protocol.reports import Report
 
 HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class Twist:
     """Speed forward in m/s and turn counter-clockwise in rad/s."""
 
     speed: float
     turn: float
 
 
-STAND = Motion(0.0, 0.0)
+STAND = Twist(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class SpeedLimits:
     """How fast a navigator wants to be: m/s, and rad/s on the spot."""
 
     speed: float = 0.3
@@ -37,7 +37,7 @@ class Pace:
             if not 0 < value < math.inf:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
-    def towards(self, bearing: float, *, most: float = math.inf) -> Motion:
+    def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
         """Turn to a bearing, and go the faster the better the robot faces it.
 
         Args:
@@ -46,7 +46,7 @@ class Pace:
         """
         turn = max(-self.turn, min(self.turn, HEADING_GAIN * bearing))
         facing = max(0.0, math.cos(bearing))
-        return Motion(min(self.speed, most) * facing**4, turn)
+        return Twist(min(self.speed, most) * facing**4, turn)
 
 
 def bearing_of(pose: Pose2, x: float, y: float) -> float:
@@ -73,15 +73,15 @@ _TURNS = 0.3  # rad
 STOOD_FOR: Final = 60.0  # s
 
 
-class Push:
+class StuckDetector:
     """Compares where a robot is with how far it was told to go."""
 
     def __init__(self) -> None:
-        self._since: Sensed | None = None
+        self._since: Observation | None = None
         self._last = 0.0
         self._told = 0.0
 
-    def check(self, sensed: Sensed, motion: Motion) -> None:
+    def check(self, sensed: Observation, motion: Twist) -> None:
         """Take in a scan, and what was decided by it.
 
         Raises:
@@ -101,13 +101,13 @@ class Push:
             )
 
 
-class Standstill:
+class StandstillDetector:
     """Notices that a robot neither goes nor turns any more, whatever the reason."""
 
     def __init__(self) -> None:
-        self._since: Sensed | None = None
+        self._since: Observation | None = None
 
-    def check(self, sensed: Sensed) -> None:
+    def check(self, sensed: Observation) -> None:
         """Take in a scan.
 
         Raises:
@@ -138,7 +138,7 @@ def _has_moved(before: Pose2, now: Pose2) -> bool:
 STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
 
 
-def check_beams(count: int, scanner: ScannerFacts) -> None:
+def check_beams(count: int, scanner: ScannerInfo) -> None:
     """Refuse a scan of so few beams that some bumper may see nothing.
 
     Args:
@@ -153,22 +153,27 @@ def check_beams(count: int, scanner: ScannerFacts) -> None:
         raise ClientError(f"{text}, expected {scanner.beams}")
 
 
-class Lookout(Protocol):
+class ObservationSource(Protocol):
     """Puts reports together to what is known of the surroundings."""
 
     @property
     def missing(self) -> str:
         """What it waits for."""
 
-    def take(self, report: Report) -> Sensed | None:
+    def take(self, report: Report) -> Observation | None:
         """Take in a report; give what is known if it completes that."""
 
 
-class Helm:
+class ControlLoop:
     """Steers one robot by what a lookout sees."""
 
     def __init__(
-        self, client: Client, facts: RobotFacts, lookout: Lookout, *, timeout: float
+        self,
+        client: Client,
+        facts: RobotInfo,
+        lookout: ObservationSource,
+        *,
+        timeout: float,
     ) -> None:
         """Get ready.
 
@@ -183,11 +188,11 @@ class Helm:
         self._lookout = lookout
         self._timeout = timeout
 
-    def drive(self, motion: Motion) -> None:
+    def drive(self, motion: Twist) -> None:
         """Set the wheels to a motion."""
         self._client.drive(*self._facts.wheel_speeds(motion.speed, motion.turn))
 
-    def scans(self) -> Iterator[Sensed]:
+    def scans(self) -> Iterator[Observation]:
         """Give what is known at every scan; stops the robot while none comes.
 
         Raises:
@@ -196,7 +201,7 @@ class Helm:
         while True:
             yield self._next()
 
-    def _next(self) -> Sensed:
+    def _next(self) -> Observation:
         clock = self._client.link.time
         began, stopped = clock(), False
         came: set[str] = set()

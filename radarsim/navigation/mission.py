@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from radarsim.client import Client, DriveUnit, RobotFacts, ScannerFacts
+from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import TOLERANCE, Bug, BugSettings, Point
 from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
-from radarsim.navigation.control import Pace
+from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
-from radarsim.navigation.runner import Moment, Pilot, Result
+from radarsim.navigation.runner import NavigationStep, Navigator, Result
 
 MARGIN = 0.13  # m on top of what is needed at least, for noise and for the way to stop
 
@@ -56,15 +56,17 @@ class Mission:
     on_left: bool = True
     give_up: GiveUp = GiveUp.HIT_POINT
     source: PoseSource = PoseSource.INS
-    pace: Pace = field(default_factory=Pace)
+    pace: SpeedLimits = field(default_factory=SpeedLimits)
     tolerance: float = TOLERANCE
     time_limit: float = math.inf
     timeout: float = 2.0
     drive_unit: DriveUnit = "rad_per_s"
 
 
-def carry_out(
-    client: Client, mission: Mission, observe: Callable[[Moment], None] = lambda _: None
+def run_mission(
+    client: Client,
+    mission: Mission,
+    observe: Callable[[NavigationStep], None] = lambda _: None,
 ) -> Result:
     """Spawn a robot and let it find its way; it stands at the end.
 
@@ -82,7 +84,9 @@ def carry_out(
     facts = client.facts(drive_unit=mission.drive_unit)
     scanner = facts.scanner(mission.scanner)
     bumpers = Bumpers(
-        safety_distance=distance_to_keep(facts, mission.safety_distance, mission.depth),
+        safety_distance=safety_distance_for(
+            facts, mission.safety_distance, mission.depth
+        ),
         count=mission.bumpers,
         share=mission.share,
         rule=mission.rule,
@@ -91,12 +95,12 @@ def carry_out(
     settings = BugSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        pace=Pace(min(mission.pace.speed, facts.top_speed), mission.pace.turn),
+        pace=SpeedLimits(min(mission.pace.speed, facts.top_speed), mission.pace.turn),
         on_left=mission.on_left,
         give_up=mission.give_up,
         tolerance=mission.tolerance,
     )
-    pilot = Pilot(
+    pilot = Navigator(
         client, facts, scanner, source=mission.source, timeout=mission.timeout
     )
     bug = Bug(mission.goals, settings)
@@ -127,7 +131,7 @@ def find_start(client: Client, wanted: str | None) -> str | None:
     return wanted
 
 
-def distance_to_keep(facts: RobotFacts, wanted: float | None, depth: float) -> float:
+def safety_distance_for(facts: RobotInfo, wanted: float | None, depth: float) -> float:
     """Give the safety distance of a robot, m.
 
     Args:
@@ -150,7 +154,7 @@ def distance_to_keep(facts: RobotFacts, wanted: float | None, depth: float) -> f
     return wanted
 
 
-def check_sight(bumpers: Bumpers, scanner: ScannerFacts) -> None:
+def check_sight(bumpers: Bumpers, scanner: ScannerInfo) -> None:
     """Refuse a scanner that does not see all around.
 
     Raises:

@@ -50,7 +50,7 @@ FAR = 1e3  # m; where a beam without return is taken to end, to have a bearing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sensed:
+class Observation:
     """One scan, seen from the robot's centre, and the pose that belongs to it.
 
     Attributes:
@@ -86,7 +86,7 @@ def from_centre(
         max_range: m.
 
     Returns:
-        Bearings and ranges as in ``Sensed``, (N,) each.
+        Bearings and ranges as in ``Observation``, (N,) each.
     """
     ended = ranges < max_range - 1e-6
     reach = np.where(ended, ranges, FAR)

@@ -9,11 +9,11 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from radarsim.geometry import Floats, wrap_angle
-from radarsim.navigation.bug import Doing, Point
-from radarsim.navigation.runner import Moment
+from radarsim.navigation.bug import Activity, Point
+from radarsim.navigation.runner import NavigationStep
 
 CELL = 0.05  # m; of sensed points that share a square of this size, one is kept
-AT_BOUNDARY = frozenset({Doing.ALIGNING, Doing.FOLLOWING, Doing.RETURNING})
+AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
 _ROWS = 2**31  # of squares; the number of a square is column * _ROWS + row
 _DIGITS = 4  # of metres and radians in a trace
 
@@ -40,7 +40,7 @@ class Row:
     x: float
     y: float
     yaw: float
-    doing: Doing
+    doing: Activity
     goal_x: float | None
     goal_y: float | None
     speed: float
@@ -70,7 +70,7 @@ class Leg:
     goal: Point
 
 
-class Record:
+class RunLog:
     """Keeps a run.
 
     Attributes:
@@ -91,7 +91,7 @@ class Record:
         self.length = 0.0
         self._cells: Counter[int] = Counter()
 
-    def add(self, moment: Moment) -> Row:
+    def add(self, moment: NavigationStep) -> Row:
         """Keep a moment, and give what is kept of it."""
         row = _row(moment)
         self._note(self.rows[-1] if self.rows else None, row)
@@ -145,14 +145,14 @@ class Record:
             self.legs.append(Leg(here, row.goal))
         if row.doing in AT_BOUNDARY and not (was_at_boundary and same_goal):
             self.hits.append(here)
-        if row.doing is Doing.GOING and was_at_boundary and same_goal:
+        if row.doing is Activity.GOING and was_at_boundary and same_goal:
             self.leaves.append(here)
         if before is not None:
             self.length += math.hypot(row.x - before.x, row.y - before.y)
-            self.circuits += before.doing != row.doing == Doing.RETURNING
+            self.circuits += before.doing != row.doing == Activity.RETURNING
 
 
-def _row(moment: Moment) -> Row:
+def _row(moment: NavigationStep) -> Row:
     sensed, motion = moment.sensed, moment.motion
     goal_x, goal_y = moment.goal or (None, None)
     return Row(

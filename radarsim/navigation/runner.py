@@ -4,13 +4,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from radarsim.client import Client, RobotFacts, ScannerFacts, beam_angles
+from radarsim.client import Client, RobotInfo, ScannerInfo, beam_angles
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Bug, Doing, Point
+from radarsim.navigation.bug import Activity, Bug, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
-from radarsim.navigation.control import Helm, Motion, Push, check_beams, moved
-from radarsim.navigation.observation import Sensed, Stamps, from_centre
+from radarsim.navigation.control import (
+    ControlLoop,
+    StuckDetector,
+    Twist,
+    check_beams,
+    moved,
+)
+from radarsim.navigation.observation import Observation, Stamps, from_centre
 from radarsim.navigation.options import PoseSource
 from radarsim.protocol.reports import (
     GroundTruth,
@@ -21,7 +27,7 @@ from radarsim.protocol.reports import (
 )
 
 
-class Course:
+class TripMeter:
     """Adds up a run, scan by scan.
 
     Attributes:
@@ -43,7 +49,7 @@ class Course:
         self._began = 0.0
         self._last = Pose2(0.0, 0.0)
 
-    def add(self, sensed: Sensed) -> None:
+    def add(self, sensed: Observation) -> None:
         """Take in a scan."""
         if self.start is None:
             self.start = self._last = sensed.pose
@@ -64,7 +70,7 @@ class Course:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class NavigationStep:
     """One scan, and what the bug made of it.
 
     Attributes:
@@ -75,9 +81,9 @@ class Moment:
         goal: The next one; None once there is none.
     """
 
-    sensed: Sensed
-    doing: Doing
-    motion: Motion
+    sensed: Observation
+    doing: Activity
+    motion: Twist
     pressed: tuple[str, ...]
     goal: Point | None
 
@@ -110,11 +116,11 @@ class Result:
     safety_distance: float
 
 
-class Eyes:
+class ObservationBuilder:
     """Puts scans and poses together as they come in."""
 
     def __init__(
-        self, scanner: ScannerFacts, source: PoseSource, clock: Callable[[], float]
+        self, scanner: ScannerInfo, source: PoseSource, clock: Callable[[], float]
     ) -> None:
         """Begin.
 
@@ -130,7 +136,7 @@ class Eyes:
         self._spawned: Pose2 | None = None
         self.missing = f"pose from {source.value}"
 
-    def take(self, report: Report) -> Sensed | None:
+    def take(self, report: Report) -> Observation | None:
         """Take in a report; give what is known if it completes that.
 
         Raises:
@@ -161,16 +167,16 @@ class Eyes:
     def _by_wheels(self) -> bool:
         return self._source == PoseSource.ODOMETRY
 
-    def _sensed(self, report: RangeScan, pose: Pose2) -> Sensed:
+    def _sensed(self, report: RangeScan, pose: Pose2) -> Observation:
         scanner = self._scanner
         check_beams(len(report.ranges), scanner)
         bearings, ranges = from_centre(
             report.ranges, beam_angles(report), scanner.mount, scanner.max_range
         )
-        return Sensed(self._stamps.time_of(report.time), pose, bearings, ranges)
+        return Observation(self._stamps.time_of(report.time), pose, bearings, ranges)
 
 
-class Pilot:
+class Navigator:
     """Drives one robot.
 
     Attributes:
@@ -181,8 +187,8 @@ class Pilot:
     def __init__(
         self,
         client: Client,
-        facts: RobotFacts,
-        scanner: ScannerFacts,
+        facts: RobotInfo,
+        scanner: ScannerInfo,
         *,
         source: PoseSource = PoseSource.INS,
         timeout: float = 2.0,
@@ -198,8 +204,8 @@ class Pilot:
         """
         self.client = client
         self.facts = facts
-        eyes = Eyes(scanner, source, client.link.time)
-        self._helm = Helm(client, facts, eyes, timeout=timeout)
+        eyes = ObservationBuilder(scanner, source, client.link.time)
+        self._helm = ControlLoop(client, facts, eyes, timeout=timeout)
 
     def run(
         self,
@@ -207,7 +213,7 @@ class Pilot:
         bumpers: Bumpers,
         *,
         time_limit: float = math.inf,
-        observe: Callable[[Moment], None] = lambda _: None,
+        observe: Callable[[NavigationStep], None] = lambda _: None,
     ) -> Result:
         """Drive until the bug is done, and leave the robot standing.
 
@@ -222,14 +228,14 @@ class Pilot:
                 told to stop if the connection still stood.
             NavigationError: If the robot does not move though it is told to.
         """
-        tally, push = _Tally(), Push()
+        tally, push = _Tally(), StuckDetector()
         try:
             for sensed in self._helm.scans():
                 motion = bug.step(sensed)
                 tally.add(sensed)
                 goal = bug.goals[0] if bug.goals else None
                 pressed = pressed_names(bumpers.read(sensed))
-                observe(Moment(sensed, bug.doing, motion, pressed, goal))
+                observe(NavigationStep(sensed, bug.doing, motion, pressed, goal))
                 if bug.is_done or tally.course.time > time_limit:
                     break
                 push.check(sensed, motion)
@@ -243,10 +249,10 @@ class _Tally:
     """Adds up what a run tells of itself."""
 
     def __init__(self) -> None:
-        self.course = Course()
+        self.course = TripMeter()
         self.nearest = math.inf
 
-    def add(self, sensed: Sensed) -> None:
+    def add(self, sensed: Observation) -> None:
         self.course.add(sensed)
         if len(sensed.ranges):
             self.nearest = min(self.nearest, float(sensed.ranges.min()))

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, wrap_angle
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import Motion, Pace
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import SpeedLimits, Twist
+from radarsim.navigation.observation import Observation
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
 MOST_LEAN = 0.8  # rad
@@ -50,33 +50,33 @@ _ALIKE = 0.05  # m within which places of the boundary count as equally near
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class FollowSide:
     """How to go along: with the boundary on which hand, and forward or backward."""
 
     on_left: bool = True
     forward: bool = True
 
     @property
-    def reversed(self) -> "Way":
+    def reversed(self) -> "FollowSide":
         """The same boundary on the same hand, the other way along."""
-        return Way(self.on_left, not self.forward)
+        return FollowSide(self.on_left, not self.forward)
 
     @property
     def _mirrored(self) -> bool:
         # going backward, what is on the robot's left is on the right of its way
         return self.on_left != self.forward
 
-    def seen(self, sensed: Sensed) -> Sensed:
+    def seen(self, sensed: Observation) -> Observation:
         """Turn and mirror a scan, so that the boundary is on the left of the way."""
         bearings = sensed.bearings if self.forward else sensed.bearings + math.pi
         bearings = -bearings if self._mirrored else bearings
         bearings = np.remainder(bearings + math.pi, 2 * math.pi) - math.pi
-        return Sensed(sensed.time, sensed.pose, bearings, sensed.ranges)
+        return Observation(sensed.time, sensed.pose, bearings, sensed.ranges)
 
-    def told(self, motion: Motion) -> Motion:
+    def told(self, motion: Twist) -> Twist:
         """Turn and mirror a motion back."""
         speed = motion.speed if self.forward else -motion.speed
-        return Motion(speed, -motion.turn if self._mirrored else motion.turn)
+        return Twist(speed, -motion.turn if self._mirrored else motion.turn)
 
     def bearing(self, seen: float) -> float:
         """Turn and mirror a bearing back, rad; any number of turns."""
@@ -93,7 +93,7 @@ class Boundary:
 
 
 @dataclass(frozen=True, slots=True)
-class Follower:
+class WallFollower:
     """Goes along boundaries.
 
     Attributes:
@@ -102,14 +102,14 @@ class Follower:
     """
 
     bumpers: Bumpers
-    pace: Pace
+    pace: SpeedLimits
 
     @property
     def wanted(self) -> float:
         """Distance of the boundary that is kept where there is room, m."""
         return self.bumpers.safety_distance + self.bumpers.band / 2
 
-    def step(self, sensed: Sensed, way: Way) -> tuple[Motion, bool]:
+    def step(self, sensed: Observation, way: FollowSide) -> tuple[Twist, bool]:
         """Decide how to move.
 
         Returns:
@@ -121,11 +121,13 @@ class Follower:
         if boundary is None:
             # the circle that a corner out of sight would ask for
             speed = self.pace.speed
-            return way.told(Motion(speed, speed / self.wanted)), False
+            return way.told(Twist(speed, speed / self.wanted)), False
         heading = self._clear_heading(seen, self._along(seen, boundary))
         return way.told(self._move(seen, heading)), True
 
-    def align(self, sensed: Sensed, way: Way, obstacle: float) -> tuple[Motion, bool]:
+    def align(
+        self, sensed: Observation, way: FollowSide, obstacle: float
+    ) -> tuple[Twist, bool]:
         """Turn on the spot until the obstacle is abeam.
 
         Args:
@@ -139,14 +141,14 @@ class Follower:
         seen = way.seen(sensed)
         ahead = wrap_angle(self._sidelong(seen, way, obstacle))
         motion = self.pace.towards(ahead)
-        return way.told(Motion(0.0, motion.turn)), abs(ahead) < ALIGNED
+        return way.told(Twist(0.0, motion.turn)), abs(ahead) < ALIGNED
 
-    def direction(self, sensed: Sensed, way: Way, obstacle: float) -> float:
+    def direction(self, sensed: Observation, way: FollowSide, obstacle: float) -> float:
         """Give the direction along an obstacle, rad, map frame; arguments as above."""
         ahead = self._sidelong(way.seen(sensed), way, obstacle)
         return sensed.pose.yaw + way.bearing(ahead)
 
-    def tangent(self, sensed: Sensed, way: Way) -> float:
+    def tangent(self, sensed: Observation, way: FollowSide) -> float:
         """Give the direction along the boundary, rad, map frame; any number of turns.
 
         Where there is no boundary it is the way ahead.
@@ -155,7 +157,7 @@ class Follower:
         ahead = 0.0 if boundary is None else boundary.bearing - ABEAM
         return sensed.pose.yaw + way.bearing(ahead)
 
-    def faces(self, sensed: Sensed, way: Way, bearing: float) -> bool:
+    def faces(self, sensed: Observation, way: FollowSide, bearing: float) -> bool:
         """Tell whether a direction leads into the boundary that is followed.
 
         What is on the other side of a gap is another matter.
@@ -174,12 +176,12 @@ class Follower:
         apart = np.remainder(apart + math.pi, 2 * math.pi) - math.pi
         return bool((np.abs(apart) <= FACING).any())
 
-    def _side(self, seen: Sensed) -> NDArray[np.bool_]:
+    def _side(self, seen: Observation) -> NDArray[np.bool_]:
         """Tell which beams look ahead or to the left, (N,)."""
         left: NDArray[np.bool_] = seen.bearings >= -ASIDE
         return left | (seen.bearings < self.bumpers.width / 2 - math.pi)
 
-    def _sidelong(self, seen: Sensed, way: Way, obstacle: float) -> float:
+    def _sidelong(self, seen: Observation, way: FollowSide, obstacle: float) -> float:
         """Give the heading that brings the nearest of what is there abeam, rad."""
         centre = way.bearing(obstacle)  # turning and mirroring undo themselves
         apart = np.remainder(seen.bearings - centre + math.pi, 2 * math.pi) - math.pi
@@ -192,7 +194,7 @@ class Follower:
         nearest = ranges <= ranges.min() + _ALIKE
         return _mean_bearing(seen.bearings[nearest]) - ABEAM
 
-    def _boundary(self, seen: Sensed) -> Boundary | None:
+    def _boundary(self, seen: Observation) -> Boundary | None:
         """Find what is nearest ahead or on the left."""
         left = self._side(seen)
         ranges, bearings = seen.ranges[left], seen.bearings[left]
@@ -201,14 +203,14 @@ class Follower:
         distance = float(ranges.min())
         return Boundary(_mean_bearing(bearings[ranges <= distance + _ALIKE]), distance)
 
-    def _along(self, seen: Sensed, boundary: Boundary) -> float:
+    def _along(self, seen: Observation, boundary: Boundary) -> float:
         """Give the heading that brings the boundary abeam, and to its distance."""
         half = max(self._gap(seen, boundary) / 2, self.bumpers.safety_distance)
         lean = DISTANCE_GAIN * (boundary.distance - min(self.wanted, half))
         lean = max(-MOST_LEAN, min(MOST_LEAN, lean))
         return boundary.bearing - ABEAM + lean
 
-    def _gap(self, seen: Sensed, boundary: Boundary) -> float:
+    def _gap(self, seen: Observation, boundary: Boundary) -> float:
         """Give how far what is on the other side is from the boundary's place, m."""
         apart = seen.bearings - boundary.bearing + ABEAM
         apart = np.remainder(apart + math.pi, 2 * math.pi) - math.pi
@@ -220,7 +222,7 @@ class Follower:
         y -= boundary.distance * math.sin(boundary.bearing)
         return float(np.hypot(x, y).min())
 
-    def _clear_heading(self, seen: Sensed, heading: float) -> float:
+    def _clear_heading(self, seen: Observation, heading: float) -> float:
         """Turn a heading away from the boundary until the next step is clear.
 
         Clear is a step after which nothing is nearer than the safety distance, or than
@@ -241,10 +243,10 @@ class Follower:
             return heading - ABEAM  # walled in: turn, and hope for a way out
         return float(tried[clear[0]])
 
-    def _move(self, seen: Sensed, heading: float) -> Motion:
+    def _move(self, seen: Observation, heading: float) -> Twist:
         motion = self.pace.towards(max(-math.pi, min(math.pi, heading)))
         if self.bumpers.towards(seen, 0.0).too_near:
-            return Motion(0.0, motion.turn)
+            return Twist(0.0, motion.turn)
         return motion
 
 

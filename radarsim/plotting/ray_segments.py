@@ -28,7 +28,7 @@ from radarsim.sensors.scan import Scan
 FALL: Final = 1 / 12  # share of the full power that one piece may lose
 
 
-class Pieces(NamedTuple):
+class RaySegments(NamedTuple):
     """Pieces of rays, ray by ray, the nearest first; none has no length.
 
     Attributes:
@@ -46,7 +46,7 @@ class Pieces(NamedTuple):
     lines: Floats
 
 
-def cut(tracer: Tracer, rays: Rays) -> Pieces:
+def cut(tracer: Tracer, rays: Rays) -> RaySegments:
     """Follow rays and cut them where their power changes.
 
     Raises:
@@ -74,7 +74,7 @@ def cut(tracer: Tracer, rays: Rays) -> Pieces:
     way = (there - before)[each] / counts[each, None]
     near = before[each] + rank[:, None] * way
     lines = np.stack([near, near + way], axis=1)
-    return Pieces(ray[each], starts, ends, shares, lines)
+    return RaySegments(ray[each], starts, ends, shares, lines)
 
 
 def _shares(power: Floats, full: Floats) -> Floats:

@@ -16,8 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from radarsim.geometry import Floats
-from radarsim.navigation.bug import Doing, Point
-from radarsim.navigation.run_log import Record
+from radarsim.navigation.bug import Activity, Point
+from radarsim.navigation.run_log import RunLog
 
 FORMS: Final = ("png", "svg", "pdf")
 AROUND: Final = 3.0  # m around the way that are shown
@@ -44,14 +44,14 @@ GOING: Final = Stroke("going to the goal", "#0072b2", 2.0, 4.0)
 FOLLOWING: Final = Stroke("following a boundary", "#e69f00", 2.6, 3.0)
 RETURNING: Final = Stroke("returning to the leave point", "#7b3294", 1.2, 3.5)
 STROKES: Final = {
-    Doing.ALIGNING: FOLLOWING,
-    Doing.FOLLOWING: FOLLOWING,
-    Doing.RETURNING: RETURNING,
+    Activity.ALIGNING: FOLLOWING,
+    Activity.FOLLOWING: FOLLOWING,
+    Activity.RETURNING: RETURNING,
 }
 
 
 def draw_run(
-    record: Record, title: str, *, plan: Floats = NO_LINES, form: str = "png"
+    record: RunLog, title: str, *, plan: Floats = NO_LINES, form: str = "png"
 ) -> bytes:
     """Draw a run.
 
@@ -73,7 +73,7 @@ def draw_run(
     return data.getvalue()
 
 
-def figure_of(record: Record, title: str, plan: Floats = NO_LINES) -> Figure:
+def figure_of(record: RunLog, title: str, plan: Floats = NO_LINES) -> Figure:
     """Draw a run; arguments as in ``draw_run``."""
     low, high = _extent(record)
     wide, tall = (high - low) * _LONGEST / max(high - low)
@@ -98,7 +98,7 @@ def figure_of(record: Record, title: str, plan: Floats = NO_LINES) -> Figure:
     return figure
 
 
-def _extent(record: Record) -> tuple[Floats, Floats]:
+def _extent(record: RunLog) -> tuple[Floats, Floats]:
     """Give the corners of what is shown: the way, and what was sensed near it."""
     ends = [end for leg in record.legs for end in (leg.start, leg.goal)]
     way = np.concatenate([record.way, np.array(ends).reshape(-1, 2)])
@@ -109,7 +109,7 @@ def _extent(record: Record) -> tuple[Floats, Floats]:
     return shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
 
 
-def _draw_surroundings(axes: Axes, record: Record, plan: Floats) -> list[Line2D]:
+def _draw_surroundings(axes: Axes, record: RunLog, plan: Floats) -> list[Line2D]:
     rows = []
     if len(plan):
         lines = LineCollection(list(plan), colors="black", linewidths=1.5, zorder=1.5)
@@ -130,7 +130,7 @@ def _draw_surroundings(axes: Axes, record: Record, plan: Floats) -> list[Line2D]
     return rows
 
 
-def _draw_way(axes: Axes, record: Record) -> list[Line2D]:
+def _draw_way(axes: Axes, record: RunLog) -> list[Line2D]:
     """Draw the way in the colours of what the robot was at; give the legend's rows."""
     way = record.way
     doings = [row.doing for row in record.rows]
@@ -185,7 +185,7 @@ LEAVE: Final = Mark("leave point", "L", "^", "#006d2c", 7.0, (9, 8))
 END: Final = Mark("end, goal not reached", "", "X", "black", 9.0, (0, 0))
 
 
-def _draw_marks(axes: Axes, record: Record) -> list[Line2D]:
+def _draw_marks(axes: Axes, record: RunLog) -> list[Line2D]:
     last = record.rows[-1]
     ends = [] if last.goal is None else [(last.x, last.y)]
     return [

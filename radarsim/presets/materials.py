@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from radarsim.errors import PresetError
 from radarsim.presets.hydrometeors import PowerLaw, rain_attenuation
 from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.presets.sensors import Number
+from radarsim.presets.sensors import SourcedValue
 
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
 AMOUNTS: Final[tuple[Amount, ...]] = ("g_per_m3", "mm_per_h")
@@ -57,7 +57,7 @@ class LibraryEntry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     about: str
-    numbers: dict[Key, Number]
+    numbers: dict[Key, SourcedValue]
 
     @property
     def amount(self) -> Amount | None:
@@ -66,7 +66,7 @@ class LibraryEntry(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Substance:
+class MaterialProperties:
     """A material of the library at one amount.
 
     Attributes:
@@ -124,7 +124,7 @@ def library_entry(name: str) -> LibraryEntry:
 
 def library_material(
     name: str, *, g_per_m3: float | None = None, mm_per_h: float | None = None
-) -> Substance:
+) -> MaterialProperties:
     """Take a material from the library.
 
     Args:
@@ -148,7 +148,7 @@ def library_material(
     values |= {key: amount for key, amount in given.items() if amount is not None}
     mirror = values.get("mirror", "none")
     radar_db, laser_db = _losses(values)
-    return Substance(
+    return MaterialProperties(
         density=float("inf" if values.get("density") == "opaque" else 0),
         laser_density=float("inf" if values.get("laser_density") == "opaque" else 0),
         solid=values["solid"],

@@ -12,7 +12,7 @@ from radarsim.errors import PresetError
 from radarsim.presets.sensor_settings import SensorSettings
 
 
-class Number(BaseModel):
+class SourcedValue(BaseModel):
     """A setting of a preset, with its origin.
 
     Attributes:
@@ -41,7 +41,7 @@ class SensorPreset(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     about: str
-    settings: dict[str, Number]
+    settings: dict[str, SourcedValue]
 
 
 @functools.cache

@@ -20,11 +20,11 @@ from radarsim.protocol.message import (
     Message,
     Triple,
     decode_message,
-    needed,
+    flip_axes,
     pose_from_wire,
     read_if_there,
     read_turned,
-    turn_over,
+    require,
 )
 from radarsim.protocol.numbers import LARGEST_READ, read_flag, read_number, read_numbers
 
@@ -163,7 +163,7 @@ def read_switch(params: str) -> bool:
 
 
 def _init(message: Message) -> Init:
-    class_name = needed(message, "ClassName").rpartition(".")[2]
+    class_name = require(message, "ClassName").rpartition(".")[2]
     name = message.get("Name") or None
     start = message.get("Start") or None
     if start is not None:
@@ -189,9 +189,9 @@ def _drive(message: Message, dialect: Dialect) -> Drive:
 
 def _set(message: Message) -> SetItem:
     return SetItem(
-        needed(message, "Type"),
+        require(message, "Type"),
         message.get("Name") or None,
-        needed(message, "Opcode"),
+        require(message, "Opcode"),
         message.get("Params") or "",
     )
 
@@ -202,10 +202,10 @@ _PARSERS: dict[str, Callable[[Message, Dialect], Command]] = {
     "SET": lambda message, _: _set(message),
     "GETSTARTPOSES": lambda *_: GetStartPoses(),
     "GETGEO": lambda message, _: GetGeo(
-        needed(message, "Type"), message.get("Name") or None
+        require(message, "Type"), message.get("Name") or None
     ),
     "GETCONF": lambda message, _: GetConf(
-        needed(message, "Type"), message.get("Name") or None
+        require(message, "Type"), message.get("Name") or None
     ),
 }
 
@@ -254,8 +254,8 @@ def _(command: Init) -> str:
         ("ClassName", class_name),
         ("Name", command.name),
         ("Start", command.start),
-        ("Location", None if location is None else _format_vector(turn_over(location))),
-        ("Rotation", None if rotation is None else _format_vector(turn_over(rotation))),
+        ("Location", None if location is None else _format_vector(flip_axes(location))),
+        ("Rotation", None if rotation is None else _format_vector(flip_axes(rotation))),
     )
 
 

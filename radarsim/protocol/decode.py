@@ -20,12 +20,12 @@ from radarsim.protocol.message import (
     decode_message,
     items_of,
     name_of,
-    needed,
     number_or_nan,
     read_if_there,
     read_needed,
     read_triple,
     read_turned,
+    require,
 )
 from radarsim.protocol.numbers import read_flag, read_list, read_number
 from radarsim.protocol.reports import (
@@ -79,7 +79,7 @@ def read_configuration(
         return _robot_conf(message)
     if message.get("MaxRange") is not None:
         return _scanner_conf(message)
-    kind = needed(message, "Type")
+    kind = require(message, "Type")
     for settings, key in SETTING_KEYS.items():
         if message.get(key) is not None:
             return settings(kind, _values(message, key))
@@ -87,7 +87,7 @@ def read_configuration(
 
 
 def _is_of_robot(message: Message) -> bool:
-    return needed(message, "Type").lower() in _VEHICLES
+    return require(message, "Type").lower() in _VEHICLES
 
 
 def _robot_geo(message: Message) -> RobotGeo:
@@ -119,7 +119,7 @@ def _item_geo(message: Message) -> ItemGeo:
         mounts.append((name_of(item), _mount(item)))
         told = item.get("Mount") or ""
         robot = robot or ("" if told.lower() == _RIGID else told)
-    return ItemGeo(needed(message, "Type"), tuple(mounts), robot)
+    return ItemGeo(require(message, "Type"), tuple(mounts), robot)
 
 
 def _taken_apart(message: Message) -> Message:
@@ -147,7 +147,7 @@ def _scanner_conf(message: Message) -> ScannerConf:
         )
         for item in items_of(message)
     ]
-    return ScannerConf(needed(message, "Type"), tuple(rows))
+    return ScannerConf(require(message, "Type"), tuple(rows))
 
 
 def _values(message: Message, key: str) -> tuple[tuple[str, float], ...]:
@@ -258,7 +258,7 @@ def _encoder(message: Message) -> Encoder:
 
 
 def _touch(message: Message) -> Touch:
-    touched = read_flag(needed(message, "Touch"), any_case=True)
+    touched = read_flag(require(message, "Touch"), any_case=True)
     return Touch(_time(message), name_of(message), touched)
 
 
@@ -268,7 +268,7 @@ def _time(message: Message) -> float:
 
 def _pose(message: Message) -> Pose3:
     location = read_needed(message, "Location", read_turned)
-    return _wrapped_pose(location, needed(message, "Orientation"))
+    return _wrapped_pose(location, require(message, "Orientation"))
 
 
 def _wrapped_pose(location: Triple, orientation: str) -> Pose3:

@@ -13,7 +13,7 @@ import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.message import Message, needed, read_needed
+from radarsim.protocol.message import Message, read_needed, require
 from radarsim.protocol.numbers import (
     NumberFormat,
     format_ranges,
@@ -65,15 +65,15 @@ def read_echo_fields(message: Message, time: float, name: str) -> EchoLine:
 
 def _read_seen(message: Message) -> Seen:
     flag = partial(read_flag, any_case=True)
-    rows = [_read_echo(word) for word in needed(message, "Echoes").split()]
+    rows = [_read_echo(word) for word in require(message, "Echoes").split()]
     numbers = np.array([row for _, row in rows])
     return Seen(
-        object=needed(message, "Object"),
-        material=needed(message, "Material"),
+        object=require(message, "Object"),
+        material=require(message, "Material"),
         density=read_needed(message, "Density", _read_density),
         transparency=read_needed(message, "Transparency", read_number),
-        laser_passes=flag(needed(message, "LaserPasses")),
-        robot_passes=flag(needed(message, "RobotPasses")),
+        laser_passes=flag(require(message, "LaserPasses")),
+        robot_passes=flag(require(message, "RobotPasses")),
         beams=numbers[:, 0].astype(np.int64),
         ranges=numbers[:, 1],
         kinds=tuple(kind for kind, _ in rows),

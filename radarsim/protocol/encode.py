@@ -16,8 +16,8 @@ from radarsim.protocol.message import (
     Message,
     Triple,
     angles_on_wire,
+    flip_axes,
     position_on_wire,
-    turn_over,
 )
 from radarsim.protocol.numbers import NumberFormat, format_ranges
 from radarsim.protocol.reports import (
@@ -215,7 +215,7 @@ def _(report: RobotGeo, dialect: Dialect) -> str:
         ("Type", VEHICLE),
         ("Name", report.name),
         ("Dimensions", number.join(size)),
-        ("COG", number.join(turn_over(report.cog))),
+        ("COG", number.join(flip_axes(report.cog))),
         ("WheelRadius", number.text(report.wheel_radius)),
         ("WheelSeparation", number.text(report.wheel_separation)),
         ("WheelBase", number.text(report.wheel_base)),

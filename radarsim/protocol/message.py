@@ -91,7 +91,7 @@ def _expected(what: str, index: int, line: str) -> MalformedMessage:
 Triple = tuple[float, float, float]
 
 
-def turn_over(triple: Triple) -> Triple:
+def flip_axes(triple: Triple) -> Triple:
     """Take a position or roll, pitch, yaw from one frame to the other; never -0.0.
 
     >>> turn_over((1.0, 2.0, 0.0))
@@ -103,18 +103,18 @@ def turn_over(triple: Triple) -> Triple:
 
 def position_on_wire(pose: Pose3) -> Triple:
     """Give x, y, z of a pose in the frame of the wire, m."""
-    return turn_over((pose.x, pose.y, pose.z))
+    return flip_axes((pose.x, pose.y, pose.z))
 
 
 def angles_on_wire(pose: Pose3) -> Triple:
     """Give roll, pitch, yaw of a pose in the frame of the wire, rad."""
-    return turn_over((pose.roll, pose.pitch, pose.yaw))
+    return flip_axes((pose.roll, pose.pitch, pose.yaw))
 
 
 def pose_from_wire(numbers: Sequence[float]) -> Pose3:
     """Make a pose of x, y, z, roll, pitch, yaw in the frame of the wire."""
     x, y, z, roll, pitch, yaw = numbers
-    return Pose3(*turn_over((x, y, z)), *turn_over((roll, pitch, yaw)))
+    return Pose3(*flip_axes((x, y, z)), *flip_axes((roll, pitch, yaw)))
 
 
 # Section from protocol.fields.
@@ -123,7 +123,7 @@ def pose_from_wire(numbers: Sequence[float]) -> Pose3:
 Value = TypeVar("Value")
 
 
-def needed(message: Message, key: str) -> str:
+def require(message: Message, key: str) -> str:
     """Give the text of a field that must be there, and not be empty.
 
     Raises:
@@ -143,7 +143,7 @@ def read_needed(message: Message, key: str, read: Callable[[str], Value]) -> Val
     Raises:
         MalformedMessage: If it is not, or cannot be read; says which field it is.
     """
-    return _read(message, key, needed(message, key), read)
+    return _read(message, key, require(message, key), read)
 
 
 def read_if_there(
@@ -174,7 +174,7 @@ def read_turned(text: str) -> Triple:
     Raises:
         MalformedMessage: If these are not three numbers.
     """
-    return turn_over(read_triple(text))
+    return flip_axes(read_triple(text))
 
 
 def number_or_nan(message: Message, key: str) -> float:

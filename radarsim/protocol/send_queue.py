@@ -16,7 +16,7 @@ b'NFO {A b}\r\n'
 from collections import deque
 
 
-class Outbox:
+class SendQueue:
     """Lines that wait for one client.
 
     Attributes:

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.client import ScannerFacts, Session
-from radarsim.client.robot_info import NOWHERE, ScannersTold, same_name
+from radarsim.client import ScannerInfo, Session
+from radarsim.client.robot_info import NOWHERE, ScannerDescriptions, same_name
 from radarsim.client.session import SCANNERS
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
@@ -38,7 +38,7 @@ ANY: Final = ""  # instead of a name: all items of a type
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class ScannerDefaults:
     """What to take where the server is not asked.
 
     Attributes:
@@ -51,11 +51,11 @@ class Given:
     max_range: float | None = None
 
 
-NOTHING_GIVEN: Final = Given()
+NOTHING_GIVEN: Final = ScannerDefaults()
 
 
 @dataclass(slots=True, eq=False)
-class Overheard:
+class ConnectionState:
     """All that was heard on one connection.
 
     Attributes:
@@ -106,8 +106,8 @@ class Overheard:
         return key in self._mounts and key in self._settings
 
     def scanner(
-        self, name: str | None = None, given: Given = NOTHING_GIVEN
-    ) -> ScannerFacts | None:
+        self, name: str | None = None, given: ScannerDefaults = NOTHING_GIVEN
+    ) -> ScannerInfo | None:
         """Tell what is known of a scanner; the more was heard, the better.
 
         Args:
@@ -121,7 +121,7 @@ class Overheard:
         scan = scans.get(next(iter(scans), "") if name is None else name)
         if scan is None:
             return None
-        told = ScannersTold()
+        told = ScannerDescriptions()
         told.take(
             self._mounts.get(scan.name.casefold()) or _supposed_mount(scan, given)
         )
@@ -158,12 +158,12 @@ class Overheard:
         if np.count_nonzero(scan.ranges == largest) >= ALIKE:
             self._limits[scan.name] = max(largest, self._limits.get(scan.name, 0.0))
 
-    def _supposed_limit(self, scan: RangeScan, given: Given) -> ScannerConf:
+    def _supposed_limit(self, scan: RangeScan, given: ScannerDefaults) -> ScannerConf:
         limit = given.max_range
         if limit is None:
             limit = self._limits.get(scan.name, math.inf)
         return ScannerConf(SCANNERS, ((scan.name, limit, 0.0, math.nan, math.nan),))
 
 
-def _supposed_mount(scan: RangeScan, given: Given) -> ItemGeo:
+def _supposed_mount(scan: RangeScan, given: ScannerDefaults) -> ItemGeo:
     return ItemGeo(SCANNERS, ((scan.name, given.mount or NOWHERE),), "")

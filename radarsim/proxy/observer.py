@@ -14,7 +14,7 @@ from typing import Final, Protocol, TypeGuard
 
 from radarsim.client.robot_info import same_name
 from radarsim.protocol.reports import RangeScan, Report
-from radarsim.proxy.connection_state import Overheard
+from radarsim.proxy.connection_state import ConnectionState
 from radarsim.proxy.line_queue import Backlog, Line, Side
 
 PATIENCE: Final = 3.0  # s from the first scan for the client to ask about its scanner
@@ -39,7 +39,7 @@ class Choice:
 
     def __init__(
         self,
-        begin: Callable[[Overheard, str], Consumer],
+        begin: Callable[[ConnectionState, str], Consumer],
         *,
         scanner: str | None = None,
         patience: float = PATIENCE,
@@ -52,7 +52,7 @@ class Choice:
             scanner: The name of a scanner; None for whichever scans first.
             patience: How long that may take after the first scan, s of the server.
         """
-        self.chosen: Overheard | None = None
+        self.chosen: ConnectionState | None = None
         self.consumer: Consumer | None = None
         self._begin = begin
         self._scanner = scanner
@@ -62,7 +62,7 @@ class Choice:
         self._kept: dict[int, deque[Report]] = {}
         self._waiting: list[Report] = []
 
-    def take(self, overheard: Overheard, report: Report) -> None:
+    def take(self, overheard: ConnectionState, report: Report) -> None:
         """Take in what a server says on one of the connections."""
         if self._first is None and self._is_wanted(report):
             self._choose(overheard, report)
@@ -86,12 +86,14 @@ class Choice:
             return False
         return self._scanner is None or same_name(report.name, self._scanner)
 
-    def _choose(self, overheard: Overheard, first: RangeScan) -> None:
+    def _choose(self, overheard: ConnectionState, first: RangeScan) -> None:
         self.chosen, self._first = overheard, first
         self._waiting = [*self._kept.get(overheard.number, ())]
         self._kept.clear()
 
-    def _give(self, overheard: Overheard, first: RangeScan, report: Report) -> None:
+    def _give(
+        self, overheard: ConnectionState, first: RangeScan, report: Report
+    ) -> None:
         if self.consumer is not None:
             self.consumer.take(report)
             return
@@ -132,7 +134,7 @@ class Listener:
         self.error: Exception | None = None
         self._choice = choice
         self._backlog = backlog or Backlog()
-        self._overheard: dict[int, Overheard] = {}
+        self._overheard: dict[int, ConnectionState] = {}
         self._is_settled = False
         self._turn = 0.0
         # A consumer that hangs does not keep the process from ending.
@@ -150,7 +152,7 @@ class Listener:
         self._thread.start()
 
     def hear(self, number: int, side: Side, data: bytes) -> None:
-        """Keep a piece of what one side says; what ``Tap`` calls."""
+        """Keep a piece of what one side says; what ``TcpProxy`` calls."""
         self._backlog.put(number, side, data)
 
     def finish(self, timeout: float = 30.0) -> bool:
@@ -178,7 +180,9 @@ class Listener:
             log.warning("nothing is made of what passes any more: %s", error)
 
     def _understand(self, line: Line) -> None:
-        overheard = self._overheard.setdefault(line.number, Overheard(line.number))
+        overheard = self._overheard.setdefault(
+            line.number, ConnectionState(line.number)
+        )
         if line.side == "client":
             overheard.hear_client(line.text)
             return

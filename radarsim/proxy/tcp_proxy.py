@@ -194,7 +194,7 @@ Hear: TypeAlias = Callable[[int, Side, bytes], None]
 PATIENCE = 5.0  # s for the server to accept a connection
 
 
-class Tap:
+class TcpProxy:
     """Forwards between clients and a server, which notice nothing of it.
 
     Attributes:
@@ -282,7 +282,7 @@ class Tap:
 
 
 async def forward_until_signal(
-    tap: Tap,
+    tap: TcpProxy,
     address: str,
     port: int,
     announce: Callable[[tuple[str, int]], None],

@@ -15,7 +15,7 @@ from radarsim.host import Host
 from radarsim.protocol.dialect import dialect_named
 from radarsim.scene.map_file import load_map
 from radarsim.server import Server
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 MOST_STOP = 5.0  # s; it takes some milliseconds
 
@@ -34,7 +34,7 @@ def make_host(options: dict[str, Any]) -> Host:
         raise ValueError(f"speed {speed}, expected above 0")
     dialect = dialect_named(options["dialect"])
     scene = load_map(options["map"])
-    conditions = Conditions(dialect, item_settings=options["settings"])
+    conditions = SimulationConfig(dialect, item_settings=options["settings"])
     return Host(scene, conditions=conditions, seed=seed)
 
 

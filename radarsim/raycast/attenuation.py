@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 
 ROUNDING: Final = 1e-12  # share of a power that may be left of it by rounding
 
@@ -82,7 +82,7 @@ _OUT_OF_RANGE, MIRRORED, _ABSORBED = map(int, list(EventKind)[6:9])
 _ENDED, _ENDED_BY_HIT, _ENDED_SPENT, _ENDED_ABSORBED = map(int, Outcome)
 
 
-class Toll(NamedTuple):
+class RayCosts(NamedTuple):
     """What the parts of a scene cost one kind of ray.
 
     Attributes:
@@ -98,7 +98,7 @@ class Toll(NamedTuple):
     air_part: int = -1
 
 
-class Walk(NamedTuple):
+class RayState(NamedTuple):
     """Where one ray is followed, and what it met; made once for many rays.
 
     Attributes:
@@ -139,7 +139,7 @@ class Stop(NamedTuple):
     part: int
 
 
-class Ending(NamedTuple):
+class RayEnd(NamedTuple):
     """Where a ray ended.
 
     Attributes:
@@ -156,8 +156,10 @@ class Ending(NamedTuple):
     power: float
 
 
-@compiled
-def new_walk(parts: int, crossings: NDArray[np.void], events: NDArray[np.void]) -> Walk:
+@njit_cached
+def new_walk(
+    parts: int, crossings: NDArray[np.void], events: NDArray[np.void]
+) -> RayState:
     """Make room for walks in a scene.
 
     Args:
@@ -165,7 +167,7 @@ def new_walk(parts: int, crossings: NDArray[np.void], events: NDArray[np.void]) 
         crossings: As many as one ray may have.
         events: One more than all rays together may write, or none.
     """
-    return Walk(
+    return RayState(
         crossings,
         np.zeros(parts, np.int32),
         np.zeros(parts, np.int32),
@@ -177,7 +179,7 @@ def new_walk(parts: int, crossings: NDArray[np.void], events: NDArray[np.void]) 
     )
 
 
-@leaf
+@njit_inline
 def wind(walk: Any, part: Any, turn: Any) -> Any:
     """Add to a part's winding number; above zero, the part is around the ray.
 
@@ -207,7 +209,7 @@ def wind(walk: Any, part: Any, turn: Any) -> Any:
     return 0
 
 
-@leaf
+@njit_inline
 def forget(walk: Any) -> None:
     """Leave all parts."""
     for i in range(walk.sizes[0]):
@@ -218,7 +220,7 @@ def forget(walk: Any) -> None:
     walk.sizes[1] = 0
 
 
-@leaf
+@njit_inline
 def _density(walk: Any, toll: Any) -> Any:
     total = toll.air
     for i in range(walk.sizes[1]):
@@ -226,7 +228,7 @@ def _density(walk: Any, toll: Any) -> Any:
     return total
 
 
-@leaf
+@njit_inline
 def write(walk: Any, ray: Any, t: Any, what: Any, power: Any, kept: Any) -> None:
     """Write an event down, if anybody asks; ``what`` is its kind and its part."""
     last = walk.events.size - 1
@@ -246,7 +248,7 @@ def write(walk: Any, ray: Any, t: Any, what: Any, power: Any, kept: Any) -> None
     walk.events[last].ray = n + 1
 
 
-@leaf
+@njit_inline
 def _cross(walk: Any, toll: Any, crossing: Any, power: Any) -> Any:
     """Go through one surface.
 
@@ -262,7 +264,7 @@ def _cross(walk: Any, toll: Any, crossing: Any, power: Any) -> Any:
     return _LEAVE if change < 0 else -1, power
 
 
-@leaf
+@njit_inline
 def begin(ray: Any, power: Any, walk: Any) -> Any:
     """Start to walk a ray whose winding numbers at the start are set.
 
@@ -281,14 +283,14 @@ def begin(ray: Any, power: Any, walk: Any) -> Any:
     return 0.0, power, least, np.int64(-1)
 
 
-@leaf
+@njit_inline
 def _innermost(walk: Any, toll: Any) -> Any:
     """Give the last entered of the volumes around a ray; the air if there is none."""
     n = walk.sizes[1]
     return np.int64(walk.around[n - 1]) if n else np.int64(toll.air_part)
 
 
-@leaf
+@njit_inline
 def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
     """Go on from crossing to crossing, as far as the power carries.
 
@@ -327,7 +329,7 @@ def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
     return at, power, least, np.int64(-1)
 
 
-@leaf
+@njit_inline
 def end(ray: Any, state: Any, stop: Any, keeps: Any, walk: Any) -> Any:
     """Say how a ray ended; its winding numbers are forgotten.
 
@@ -343,26 +345,26 @@ def end(ray: Any, state: Any, stop: Any, keeps: Any, walk: Any) -> Any:
     t = walk.leg[BEFORE] + at
     if spent >= 0:
         write(walk, ray, at, (_SPENT, spent), 0.0, 0.0)
-        return Ending(t, _ENDED_SPENT, spent, 0.0)
+        return RayEnd(t, _ENDED_SPENT, spent, 0.0)
     part: Any = np.int64(stop.part)
     if part < 0:
         write(walk, ray, at, (_OUT_OF_RANGE, part), left, 0.0)
-        return Ending(t, _ENDED, part, left)
+        return RayEnd(t, _ENDED, part, left)
     if keeps > 0.0 and is_absorbed(left, least, keeps):
         write(walk, ray, at, (_ABSORBED, part), left, keeps)
-        return Ending(t, _ENDED_ABSORBED, part, 0.0)
+        return RayEnd(t, _ENDED_ABSORBED, part, 0.0)
     kept = min(keeps, left)  # rounding may make it more
     write(walk, ray, at, (_HIT, part), left, kept)
-    return Ending(t, _ENDED_BY_HIT, part, left - kept)
+    return RayEnd(t, _ENDED_BY_HIT, part, left - kept)
 
 
-@leaf
+@njit_inline
 def is_absorbed(left: Any, least: Any, keeps: Any) -> Any:
     """Say whether a surface keeps all that is left of a ray."""
     return np.isinf(keeps) or keeps - left > least
 
 
-@leaf
+@njit_inline
 def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
     """Walk one ray from its start to where it ends.
 
@@ -375,7 +377,7 @@ def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
             the start; these are forgotten afterwards.
 
     Returns:
-        An ``Ending``.
+        An ``RayEnd``.
     """
     state = follow(ray, begin(ray, power, walk), stop, toll, walk)
     return end(ray, state, stop, 0.0, walk)

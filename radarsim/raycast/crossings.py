@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from radarsim.jit import leaf
+from radarsim.jit import njit_inline
 
 LINE_SIZE: Final = 6  # numbers that say where a line is
 AXES_SIZE: Final = 3  # which axis of space is the line's first, second, third
@@ -36,12 +36,12 @@ BARELY: Final = 1e-290
 TINY: Final = 1e-30
 
 
-@leaf
+@njit_inline
 def _tidy(number: Any) -> Any:
     return 0.0 if abs(number) < TINY else number
 
 
-@leaf
+@njit_inline
 def aim(origin: Any, direction: Any, line: Any, axes: Any) -> None:
     """Write down a line for ``cross``.
 
@@ -66,7 +66,7 @@ def aim(origin: Any, direction: Any, line: Any, axes: Any) -> None:
     line[5] = stretch
 
 
-@leaf
+@njit_inline
 def _side(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
     """Say on which side of the edge from a to b the line passes, and how far."""
     area = ax * by - ay * bx
@@ -78,7 +78,7 @@ def _side(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
     return BARELY if ahead > behind else -BARELY
 
 
-@leaf
+@njit_inline
 def cross(line: Any, axes: Any, corners: Any) -> Any:
     """Cross one triangle.
 
@@ -116,7 +116,7 @@ def cross(line: Any, axes: Any, corners: Any) -> Any:
 CROSSING: Final = np.dtype([("t", "f8"), ("part", "i4"), ("turn", "i4")])
 
 
-@leaf
+@njit_inline
 def _comes_after(one: Any, other: Any) -> Any:
     """Order by distance; where distances are equal, by part, and in before out."""
     if one.t != other.t:
@@ -126,14 +126,14 @@ def _comes_after(one: Any, other: Any) -> Any:
     return one.turn < other.turn
 
 
-@leaf
+@njit_inline
 def _swap(one: Any, other: Any) -> None:
     one.t, other.t = other.t, one.t
     one.part, other.part = other.part, one.part
     one.turn, other.turn = other.turn, one.turn
 
 
-@leaf
+@njit_inline
 def sort_crossings(crossings: Any, count: Any) -> None:
     """Sort the first ``count`` crossings in place: Shell's sort, in gaps of 3k + 1."""
     gap = 1

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import callback
+from radarsim.jit import c_callback
 from radarsim.raycast.crossings import TINY
 from radarsim.raycast.intersect import meet, meet_nearby, pointer
 
@@ -137,7 +137,7 @@ WIDER: Final = 2e-6
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
 
 
-@callback
+@c_callback
 def _bound(call: Any) -> None:
     """Embree asks: in which box is triangle i?"""
     fields = carray(call, 3, np.uint64)  # the table, i, where the answer goes

@@ -14,7 +14,7 @@ from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import callback, compiled, leaf, predicate
+from radarsim.jit import c_callback, c_predicate, njit_cached, njit_inline
 from radarsim.raycast.crossings import AXES_SIZE, LINE_SIZE, aim, cross
 
 BEHIND: Final = -5e-324  # m, the greatest number below 0
@@ -79,7 +79,7 @@ pointer: Any = intrinsic(_take_pointer)
 _call_intersect: Any = intrinsic(_generate_call)
 
 
-@callback
+@c_callback
 def meet(call: Any) -> None:
     """Embree says: the ray meets the box of triangle i."""
     fields = carray(call, 5, np.uint64)  # valid, user data, i, context, ray
@@ -154,7 +154,7 @@ class Block(NamedTuple):
     address: np.uint64
 
 
-@compiled
+@njit_cached
 def new_block(handle: Any, crossings: Any) -> Any:
     """Lay out the memory for a scene's ``handle`` and a list of CROSSING."""
     raw = np.zeros(BLOCK_SIZE + 8, np.uint64)
@@ -175,7 +175,7 @@ def new_block(handle: Any, crossings: Any) -> Any:
     return Block(words, block.view(np.float32), ours, reals, address)
 
 
-@leaf
+@njit_inline
 def _cast(
     handle: Any, block: Any, origin: Any, way: Any, direction: Any, span: Any
 ) -> None:
@@ -205,7 +205,7 @@ def _cast(
     _call_intersect(numbers[0], numbers[1], block.address, arguments)
 
 
-@leaf
+@njit_inline
 def _look(block: Any, roles: Any, near: Any, far: Any, window: Any) -> None:
     """Begin a list of what is from ``near`` to ``far`` on the line."""
     ours, reals = block.ours, block.reals
@@ -216,7 +216,7 @@ def _look(block: Any, roles: Any, near: Any, far: Any, window: Any) -> None:
     reals[STOPPED_AT] = np.inf
 
 
-@leaf
+@njit_inline
 def look_back(handle: Any, block: Any, roles: Any, origin: Any, direction: Any) -> Any:
     """List what is behind a ray, and hold its line for ``look_ahead``.
 
@@ -238,7 +238,7 @@ def look_back(handle: Any, block: Any, roles: Any, origin: Any, direction: Any) 
     return np.int64(block.ours[COUNT])
 
 
-@leaf
+@njit_inline
 def look_ahead(
     handle: Any, block: Any, roles: Any, origin: Any, direction: Any, span: Any
 ) -> Any:
@@ -307,7 +307,7 @@ def _generate_nearby_call(
 _call_point_query: Any = intrinsic(_generate_nearby_call)
 
 
-@predicate
+@c_predicate
 def meet_nearby(call: Any) -> Any:
     """Embree says: the box of triangle i is within the radius."""
     fields = carray(call, 2, np.uint64)  # query, user data
@@ -323,7 +323,7 @@ def meet_nearby(call: Any) -> Any:
     return True
 
 
-@compiled
+@njit_cached
 def is_anything_opaque(
     numbers: Any, asked: Any, roles: Any, point: Any, radius: Any
 ) -> Any:

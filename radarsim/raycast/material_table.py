@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.intersect import LISTED, OPAQUE, PASSED_BY
-from radarsim.raycast.rays import RADAR, Kind
+from radarsim.raycast.rays import RADAR, RayClass
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 
@@ -18,7 +18,7 @@ from radarsim.scene.scene import Part
 LAYERS: Final = 8.0
 
 
-class Tolls(NamedTuple):
+class MaterialTable(NamedTuple):
     """The parts of a scene, for each kind of ray.
 
     Attributes:
@@ -51,14 +51,14 @@ class Tolls(NamedTuple):
     high: Floats
 
 
-def cost_of(material: Material, kind: Kind) -> float:
+def attenuation_of(material: Material, kind: RayClass) -> float:
     """Give the power that rays of a kind lose per metre in a material."""
     if kind.medium == RADAR:
         return material.density + kind.power_per_db * material.radar_db[kind.band]
     return material.laser_density + kind.power_per_db * material.laser_db
 
 
-def kept_by(material: Material, kind: Kind) -> float:
+def absorption_of(material: Material, kind: RayClass) -> float:
     """Give the power that a surface of a material keeps of rays of a kind.
 
     What is lost where a ray ends is lost once, on a way that power counts one half of.
@@ -80,7 +80,7 @@ def middle_of(parts: Sequence[Part]) -> Floats:
 
 
 class Volumes(NamedTuple):
-    """The penetrable volumes of a scene; attributes as in ``Tolls``."""
+    """The penetrable volumes of a scene; attributes as in ``MaterialTable``."""
 
     volume: NDArray[np.int32]
     low: Floats
@@ -108,8 +108,11 @@ def find_volumes(parts: Sequence[Part], middle: Floats) -> Volumes:
 
 
 def tabulate(
-    parts: Sequence[Part], volumes: Volumes, kinds: Sequence[Kind], air: Material | None
-) -> Tolls:
+    parts: Sequence[Part],
+    volumes: Volumes,
+    kinds: Sequence[RayClass],
+    air: Material | None,
+) -> MaterialTable:
     """Make the tables for some kinds of rays.
 
     Args:
@@ -120,7 +123,7 @@ def tabulate(
     """
     made_of = [part.material for part in parts]
     sheet = np.array([material.sheet_loss is not None for material in made_of], bool)
-    density = np.array([[cost_of(m, kind) for m in made_of] for kind in kinds])
+    density = np.array([[attenuation_of(m, kind) for m in made_of] for kind in kinds])
     density = density.reshape(len(kinds), len(parts))
     through = np.isfinite(density)
     loss = np.full(density.shape, np.nan)
@@ -130,12 +133,12 @@ def tabulate(
             for material in made_of
             if material.sheet_loss is not None
         ]  # a sheet that lets light through takes none
-    return Tolls(
+    return MaterialTable(
         density,
         loss,
-        _table(parts, kinds, kept_by, np.float64),
+        _table(parts, kinds, absorption_of, np.float64),
         _table(parts, kinds, _is_mirror, np.uint8),
-        np.array([cost_of(air, kind) if air else 0.0 for kind in kinds]),
+        np.array([attenuation_of(air, kind) if air else 0.0 for kind in kinds]),
         np.array([kind.bounces for kind in kinds], np.int64),
         np.where(through, _like_density(density, loss), 0.0).max(axis=1, initial=0.0),
         np.where(through, LISTED, OPAQUE).astype(np.uint8),
@@ -149,15 +152,15 @@ def _like_density(density: Floats, loss: Floats) -> Floats:
     return np.where(np.isnan(loss), density, LAYERS * loss)
 
 
-def _is_mirror(material: Material, kind: Kind) -> float:
+def _is_mirror(material: Material, kind: RayClass) -> float:
     radar = kind.medium == RADAR
     return float(material.radar_mirror if radar else material.laser_mirror)
 
 
 def _table(
     parts: Sequence[Part],
-    kinds: Sequence[Kind],
-    value: Callable[[Material, Kind], float],
+    kinds: Sequence[RayClass],
+    value: Callable[[Material, RayClass], float],
     dtype: Any,
 ) -> NDArray[Any]:
     """Tabulate what each part's material is to each kind of ray, (K, P)."""

@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.raycast.attenuation import (
     BEFORE,
     MIRRORED,
     Outcome,
+    RayCosts,
     Stop,
-    Toll,
     begin,
     end,
     follow,
@@ -45,7 +45,7 @@ INCLUSIVE: Final = 1e-9  # m; a surface this far out of reach is within
 CLEAR: Final = 1e-9  # m; so far before a mirror the next leg of a ray starts
 
 
-@leaf
+@njit_inline
 def _is_in_box(tolls: Any, k: Any, origin: Any, margin: Any) -> Any:
     for axis in range(3):
         if origin[axis] < tolls.low[k, axis] - margin:
@@ -55,7 +55,7 @@ def _is_in_box(tolls: Any, k: Any, origin: Any, margin: Any) -> Any:
     return True
 
 
-@leaf
+@njit_inline
 def _is_near_volume(tolls: Any, roles: Any, origin: Any, margin: Any) -> Any:
     """Say whether a point is in the box of a volume that the ray penetrates."""
     count = tolls.volume.size
@@ -67,7 +67,7 @@ def _is_near_volume(tolls: Any, roles: Any, origin: Any, margin: Any) -> Any:
     return False
 
 
-@leaf
+@njit_inline
 def _wind_start(work: Any, roles: Any, origin: Any, direction: Any, walk: Any) -> Any:
     """Set the winding numbers at a ray's start; give how many surfaces are behind."""
     handle, block = work
@@ -80,7 +80,7 @@ def _wind_start(work: Any, roles: Any, origin: Any, direction: Any, walk: Any) -
     return count
 
 
-@leaf
+@njit_inline
 def _find_stop(work: Any, roles: Any, line: Any, span: Any, limit: Any) -> Any:
     """Find what stops a ray, after the surfaces that it crosses before.
 
@@ -109,7 +109,7 @@ def _find_stop(work: Any, roles: Any, line: Any, span: Any, limit: Any) -> Any:
     return Stop(count, last, part)
 
 
-@leaf
+@njit_inline
 def _walk_on(ray: Any, state: Any, work: Any, way: Any, limit: Any, walk: Any) -> Any:
     """Walk a leg of a ray, window by window, from its start to where it ends.
 
@@ -140,7 +140,7 @@ def _walk_on(ray: Any, state: Any, work: Any, way: Any, limit: Any, walk: Any) -
         span = Span(np.nextafter(stop.t, np.inf), span.far, span.window * WIDENED)
 
 
-@leaf
+@njit_inline
 def _before_mirror(stop: Any, mirrors: Any, work: Any, line: Any) -> Any:
     """Leave out what is crossed just where a mirror turns a ray round.
 
@@ -167,7 +167,7 @@ def _before_mirror(stop: Any, mirrors: Any, work: Any, line: Any) -> Any:
     return Stop(count, stop.t, part)
 
 
-@leaf
+@njit_inline
 def _normal(triangles: Any, k: Any) -> Any:
     """Give the unit normal of a triangle."""
     ax, ay = triangles[k, 3] - triangles[k, 0], triangles[k, 4] - triangles[k, 1]
@@ -178,12 +178,12 @@ def _normal(triangles: Any, k: Any) -> Any:
     return nx / length, ny / length, nz / length
 
 
-@leaf
+@njit_inline
 def _incidence(hit: Any, block: Any, origin: Any, heading: Any, walk: Any) -> Any:
     """Give the cosine between a ray and the normal of what it hit; nan for nothing.
 
     Args:
-        hit: The scene's triangles, the boxes, the number of parts, and the ``Ending``.
+        hit: The scene's triangles, the boxes, the number of parts, and the ``RayEnd``.
         block: Of the last look ahead.
         origin: (3,) m, of the last leg.
         heading: (3,) unit vector of the last leg.
@@ -200,7 +200,7 @@ def _incidence(hit: Any, block: Any, origin: Any, heading: Any, walk: Any) -> An
     return min(abs(along), 1.0)
 
 
-@leaf
+@njit_inline
 def _begin_leg(walk: Any, origin: Any, middle: Any, heading: Any, before: Any) -> None:
     """Note where a leg starts, for the events on it."""
     walk.leg[BEFORE] = before
@@ -211,7 +211,7 @@ def _begin_leg(walk: Any, origin: Any, middle: Any, heading: Any, before: Any) -
         walk.leg[axis + 3] = heading[axis]
 
 
-@leaf
+@njit_inline
 def _mirror(triangles: Any, k: Any, t: Any, origin: Any, heading: Any) -> None:
     """Turn a ray round at a triangle; its next leg starts a hair before the mirror."""
     nx, ny, nz = _normal(triangles, k)
@@ -226,14 +226,14 @@ def _mirror(triangles: Any, k: Any, t: Any, origin: Any, heading: Any) -> None:
     heading[2] -= 2.0 * along * nz
 
 
-@leaf
+@njit_inline
 def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
     """Follow a ray up to what stops it.
 
     Args:
         ray: Its number, its kind, and how often it may still be mirrored.
         state: At the start of the leg; of the first one, only its power.
-        scene: As in ``follow_all``.
+        scene: As in ``trace_rays``.
         leg: The boxes, the one that the ray does not meet, and the reach that is left.
         room: The block, the walk, the start of the leg, and its unit vector.
 
@@ -254,7 +254,7 @@ def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
     parts = tolls.density.shape[1]
     limit = Stop(0, last, parts + box if box >= 0 else -1)
     air = tolls.air[kind]
-    toll = Toll(tolls.density[kind], tolls.sheet_loss[kind], air, parts - 1)
+    toll = RayCosts(tolls.density[kind], tolls.sheet_loss[kind], air, parts - 1)
     window = WINDOWED * state[1] / tolls.densest[kind]
     mirrors = (tolls.mirror[kind], triangles, bounces)
     way = (tolls.ahead[kind], toll, (origin, heading), window, mirrors)
@@ -264,7 +264,7 @@ def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
     return _walk_on(i, state, work, way, limit, walk)
 
 
-@leaf
+@njit_inline
 def _tell(i: Any, ending: Any, found: Any) -> None:
     """Write down how a ray ended."""
     ranges, outcomes, parts, left, _ = found
@@ -274,11 +274,11 @@ def _tell(i: Any, ending: Any, found: Any) -> None:
     left[i] = ending.power
 
 
-@leaf
+@njit_inline
 def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
-    """Follow one ray; arguments and what is given back as in ``follow_all``.
+    """Follow one ray; arguments and what is given back as in ``trace_rays``.
 
-    Here, and not in the loop, rows are taken of tables: see ``compiled.leaf``.
+    Here, and not in the loop, rows are taken of tables: see ``njit_cached.njit_inline``.
     """
     _, middle, tolls, triangles = scene
     origins, directions, reach, power, medium, owns = rays
@@ -322,8 +322,8 @@ def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) 
     return 0
 
 
-@compiled
-def follow_all(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
+@njit_cached
+def trace_rays(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
     """Follow rays one after the other.
 
     Args:

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import leaf
+from radarsim.jit import njit_inline
 from radarsim.raycast.attenuation import EventKind
 
 RADAR: Final = 0
 LASER: Final = 1
 
 
-class Kind(NamedTuple):
+class RayClass(NamedTuple):
     """What rays have in common that a scene takes alike.
 
     Attributes:
@@ -33,7 +33,7 @@ class Kind(NamedTuple):
     bounces: int = 0
 
 
-PLAIN: Final = (Kind(RADAR), Kind(LASER))
+PLAIN: Final = (RayClass(RADAR), RayClass(LASER))
 COLUMNS: Final = ("origins", "directions", "reach", "power", "medium", "own")
 UNIT: Final = 2e-9  # how far a direction's squared length may be from 1
 
@@ -59,7 +59,7 @@ class Rays:
     power: Floats
     medium: NDArray[np.uint8]
     own: NDArray[np.int64]
-    kinds: tuple[Kind, ...] = PLAIN
+    kinds: tuple[RayClass, ...] = PLAIN
 
     @classmethod
     def alike(
@@ -96,7 +96,7 @@ class Rays:
         ]
         return cls(*[*columns, kinds])
 
-    def of_kinds(self, kinds: tuple[Kind, ...]) -> "Rays":
+    def of_kinds(self, kinds: tuple[RayClass, ...]) -> "Rays":
         """Give the same rays with their kinds out of others; all must be there."""
         numbers = np.array([kinds.index(kind) for kind in self.kinds], np.uint8)
         return replace(self, medium=numbers[self.medium], kinds=kinds)
@@ -199,7 +199,7 @@ def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
     return tuple(columns)
 
 
-@leaf
+@njit_inline
 def is_fit(origin: Any, direction: Any, reach: Any, power: Any) -> Any:
     """Say whether one ray has finite numbers, and a unit vector."""
     length = 0.0

@@ -7,7 +7,7 @@ import numpy as np
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import leaf
+from radarsim.jit import njit_inline
 
 # Columns of the boxes as they are laid out; the last but one is how far a corner is
 # from the middle, seen from above.
@@ -61,7 +61,7 @@ class Boxes:
         return np.column_stack(columns)
 
 
-@leaf
+@njit_inline
 def _slab(at: Any, step: Any, half: Any) -> Any:
     """Give where a ray enters and leaves the slab from -half to half along one axis."""
     if step == 0.0:
@@ -70,7 +70,7 @@ def _slab(at: Any, step: Any, half: Any) -> Any:
     return min(first, second), max(first, second)
 
 
-@leaf
+@njit_inline
 def meet_boxes(laid: Any, own: Any, origin: Any, direction: Any, reach: Any) -> Any:
     """Find the nearest surface of all boxes but one's own.
 
@@ -97,7 +97,7 @@ def meet_boxes(laid: Any, own: Any, origin: Any, direction: Any, reach: Any) -> 
     return nearest, name
 
 
-@leaf
+@njit_inline
 def box_incidence(laid: Any, name: Any, origin: Any, direction: Any, t: Any) -> Any:
     """Give the cosine between a ray and the normal of the box face that it hit.
 

@@ -28,12 +28,17 @@ from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.intersect import is_anything_opaque
-from radarsim.raycast.material_table import Tolls, find_volumes, middle_of, tabulate
-from radarsim.raycast.propagate import follow_all
+from radarsim.raycast.material_table import (
+    MaterialTable,
+    find_volumes,
+    middle_of,
+    tabulate,
+)
+from radarsim.raycast.propagate import trace_rays
 from radarsim.raycast.rays import (
     PLAIN,
     Event,
-    Kind,
+    RayClass,
     Rays,
     Traces,
     columns_of,
@@ -75,14 +80,14 @@ class Tracer:
         self._middle = middle_of(parts)
         self._volumes = find_volumes(parts, self._middle)
         self._air = air
-        self._tolls: dict[tuple[Kind, ...], Tolls] = {}
+        self._tolls: dict[tuple[RayClass, ...], MaterialTable] = {}
         self._scene = EmbreeScene(
             [Mesh(part.vertices - self._middle, part.faces) for part in parts]
         )
         self._room = FIRST_ROOM
         self._events_of_a_ray = 4  # as many as a call has needed on average
 
-    def densities(self, kind: Kind) -> tuple[Floats, float]:
+    def densities(self, kind: RayClass) -> tuple[Floats, float]:
         """Give what rays of a kind lose per metre in each part, (P,), and in air."""
         tolls = self._tolls_of((kind,))
         density: Floats = tolls.density[0]
@@ -162,7 +167,7 @@ class Tracer:
             events[int(row["ray"])].append(event)
         return events
 
-    def _tolls_of(self, kinds: tuple[Kind, ...]) -> Tolls:
+    def _tolls_of(self, kinds: tuple[RayClass, ...]) -> MaterialTable:
         """Give the tables for kinds of rays, made when first asked for."""
         tolls = self._tolls.get(kinds)
         if tolls is None:
@@ -189,7 +194,7 @@ class Tracer:
             )
             notes = np.zeros(events + 1 if events else 0, EVENT)
             room = (np.zeros(self._room, CROSSING), notes)
-            needed = follow_all(scene, columns, laid, room, found)
+            needed = trace_rays(scene, columns, laid, room, found)
             written = int(notes[-1]["ray"]) if events else 0
             if needed < 0:
                 refuse(rays, -1 - int(needed))

@@ -21,7 +21,7 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
-from radarsim.robots.obstacles import Obstacles, Standing
+from radarsim.robots.obstacles import Body, Obstacles
 
 CONTACT_GAP = 1e-3  # m that is left when something is run into
 TOUCH_RANGE = 2e-3  # m; what is nearer than this touches
@@ -32,7 +32,7 @@ _MEETING = 0.1  # m between two robots' circles below which their outlines count
 _PUSHES = 8  # most of them between two walls; more would not get out of a wedge
 
 
-class Moving(Standing, Protocol):
+class MovingBody(Body, Protocol):
     """A robot among others."""
 
     @property
@@ -41,14 +41,14 @@ class Moving(Standing, Protocol):
         ...
 
 
-class Mover:
+class CollisionResolver:
     """Moves one robot; remembers how much room it has.
 
     Attributes:
         hindered: Whether the last move did not end where it was to end.
     """
 
-    def __init__(self, robot: Moving, obstacles: Obstacles) -> None:
+    def __init__(self, robot: MovingBody, obstacles: Obstacles) -> None:
         self.hindered = False
         self._robot = robot
         self._footprint: Footprint = robot.footprint
@@ -59,14 +59,14 @@ class Mover:
         self._asked_at = (math.inf, math.inf)
         self._room = 0.0  # m; no wall is nearer
         self._apart = 0.0  # m; no other robot is nearer
-        self._others: tuple[Moving, ...] = ()
+        self._others: tuple[MovingBody, ...] = ()
         self._closing = 0.0  # m/s; the fastest of the others
         self._refused: tuple[Pose2, Pose2] | None = None  # from where, where to
 
     def move(
         self,
         wanted: Pose2,
-        others: tuple[Moving, ...],
+        others: tuple[MovingBody, ...],
         *,
         sweep: float,
         dt: float,
@@ -93,7 +93,7 @@ class Mover:
                 return pose
         return self._look(wanted, others, sweep)
 
-    def rest(self, others: tuple[Moving, ...]) -> None:
+    def rest(self, others: tuple[MovingBody, ...]) -> None:
         """Stand for one step while others move."""
         self._others = others
         self._apart = 0.0
@@ -105,7 +105,9 @@ class Mover:
         pose = self._robot.pose
         return self._measure(pose, self._around(pose, self._others)) <= TOUCH_RANGE
 
-    def _look(self, wanted: Pose2, others: tuple[Moving, ...], sweep: float) -> Pose2:
+    def _look(
+        self, wanted: Pose2, others: tuple[MovingBody, ...], sweep: float
+    ) -> Pose2:
         """Move with a look at what is there."""
         self._others = others
         around = self._around(wanted, others)
@@ -129,7 +131,7 @@ class Mover:
             self._apart = min(gap, self._apart)
         return gap
 
-    def _around(self, pose: Pose2, others: tuple[Moving, ...]) -> Floats:
+    def _around(self, pose: Pose2, others: tuple[MovingBody, ...]) -> Floats:
         """Give the lines that matter near a pose; those left out set ``_apart``."""
         place = (pose.x, pose.y)
         if math.dist(place, self._asked_at) > _REACH / 2:
@@ -138,7 +140,7 @@ class Mover:
         outlines = self._meet(pose, others)
         return np.concatenate([self._walls, *outlines]) if outlines else self._walls
 
-    def _meet(self, pose: Pose2, others: tuple[Moving, ...]) -> list[Floats]:
+    def _meet(self, pose: Pose2, others: tuple[MovingBody, ...]) -> list[Floats]:
         """Give the outlines of the others that are close."""
         self._apart, self._closing = math.inf, 0.0
         outlines = []

@@ -72,7 +72,7 @@ def _all_open(places: Floats) -> NDArray[np.bool_]:
     return np.ones(len(places), np.bool_)
 
 
-class Standing(Protocol):
+class Body(Protocol):
     """Something with a footprint that stands on the floor, such as a robot."""
 
     @property
@@ -127,7 +127,7 @@ class Obstacles:
         return near
 
     def clear(
-        self, footprint: Footprint, pose: Pose2, others: Sequence[Standing] = ()
+        self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
     ) -> bool:
         """Tell whether a footprint fits at a pose, free of obstacles and of others."""
         walls = self.near(pose.x, pose.y, footprint.radius)
@@ -137,7 +137,7 @@ class Obstacles:
         self,
         footprint: Footprint,
         pose: Pose2,
-        others: Sequence[Standing] = (),
+        others: Sequence[Body] = (),
         *,
         within: float = 1.0,
         are_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
@@ -174,14 +174,14 @@ class Obstacles:
 
 
 def _fits(
-    footprint: Footprint, pose: Pose2, walls: Floats, others: Sequence[Standing]
+    footprint: Footprint, pose: Pose2, walls: Floats, others: Sequence[Body]
 ) -> bool:
     if footprint.contact(pose, walls).gap <= MARGIN:
         return False
     return not any(_overlap(footprint, pose, other) for other in others)
 
 
-def _overlap(footprint: Footprint, pose: Pose2, other: Standing) -> bool:
+def _overlap(footprint: Footprint, pose: Pose2, other: Body) -> bool:
     apart = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
     if apart > footprint.radius + other.footprint.radius:
         return False

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.robots.collision import MOST_DISPLACED, Mover, Moving
+from radarsim.robots.collision import MOST_DISPLACED, CollisionResolver, MovingBody
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.skid_steer import WheelDrive, advance
@@ -39,7 +39,7 @@ class Battery:
 # Section from robots.robot.
 # One robot on the floor: what it was told, where it is, how far its wheels turned.
 
-Others: TypeAlias = tuple[Moving, ...]
+Others: TypeAlias = tuple[MovingBody, ...]
 
 _LONGEST_SWEEP = 0.05  # m; a longer step is made in parts, so that nothing is jumped
 
@@ -83,7 +83,7 @@ class Robot:
         self._normalized = False
         self._left = self._right = 0.0  # rad/s
         self._left_angle = self._right_angle = 0.0  # rad
-        self._mover = Mover(self, obstacles)
+        self._mover = CollisionResolver(self, obstacles)
 
     @property
     def pose(self) -> Pose2:

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.jit import compiled
+from radarsim.jit import njit_cached
 from radarsim.presets.divergence import (
     METRES_PER_UNIT,
     offset_angle,
     two_way_deviation,
 )
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import LASER, RADAR, Kind
+from radarsim.raycast.rays import LASER, RADAR, RayClass
 
 
-def kind_of(settings: SensorSettings) -> Kind:
+def kind_of(settings: SensorSettings) -> RayClass:
     """Tell what the rays of a sensor have in common."""
     radar = settings.medium == "radar"
-    return Kind(
+    return RayClass(
         RADAR if radar else LASER,
         BANDS_GHZ.index(settings.band_ghz) if radar else 0,
         settings.power_per_db,
@@ -69,7 +69,7 @@ AXIS: Final = 1e-9  # rad; a ray this near to its beam's middle is on no side
 
 
 @dataclass(frozen=True, slots=True)
-class Fan:
+class BeamRays:
     """The rays of one scan, beam by beam.
 
     Attributes:
@@ -81,7 +81,7 @@ class Fan:
     directions: Floats
 
 
-class Drawn(NamedTuple):
+class SampledRays(NamedTuple):
     """The rays of one scan, seen from the sensor.
 
     Attributes:
@@ -123,7 +123,7 @@ class BeamPattern:
         beams = len(self.angles)
         self._every = np.tile(np.arange(self.rays, dtype=np.int16), beams)
 
-    def draw(self, rng: np.random.Generator | None) -> Drawn:
+    def draw(self, rng: np.random.Generator | None) -> SampledRays:
         """Draw the rays of one scan; nothing is drawn where all of them are cast."""
         if self._spread is not None and rng is not None:
             return self._draw_spread(rng, self._spread)
@@ -131,7 +131,7 @@ class BeamPattern:
             nodes = self._every
         else:
             nodes = self._draw_nodes(rng)
-        return Drawn(nodes, self._node_sides.take(nodes), self._ways)
+        return SampledRays(nodes, self._node_sides.take(nodes), self._ways)
 
     def _draw_nodes(self, rng: np.random.Generator) -> Nodes:
         chance = rng.random(len(self.angles))
@@ -142,20 +142,20 @@ class BeamPattern:
             nodes += chance >= edge
         return nodes
 
-    def _draw_spread(self, rng: np.random.Generator, spread: Floats) -> Drawn:
+    def _draw_spread(self, rng: np.random.Generator, spread: Floats) -> SampledRays:
         """Draw the angles of random rays, so many for each beam as are cast."""
         offsets = rng.standard_normal((self.rays, len(self.angles), 2)) * spread
         sides = _sides(offsets).T.ravel()
-        return Drawn(self._every, sides, ways_of(self.angles, offsets))
+        return SampledRays(self._every, sides, ways_of(self.angles, offsets))
 
-    def centred(self, drawn: Drawn, rows: NDArray[np.int64]) -> Drawn:
+    def centred(self, drawn: SampledRays, rows: NDArray[np.int64]) -> SampledRays:
         """Let the centre ray take the place of some of three."""
         nodes, sides = drawn.nodes.copy(), drawn.sides.copy()
         nodes[rows] = 1
         sides[rows] = CENTRE
-        return Drawn(nodes, sides, drawn.ways)
+        return SampledRays(nodes, sides, drawn.ways)
 
-    def only(self, side: int) -> Drawn:
+    def only(self, side: int) -> SampledRays:
         """Give one ray of each beam, on one side of three.
 
         Raises:
@@ -165,9 +165,9 @@ class BeamPattern:
         if self._spread is not None or len(found) != 1 or len(self.weights) > 3:
             raise ValueError(f"ray {side}, expected a beam of three rays")
         nodes = np.full(len(self.angles), found[0], np.int16)
-        return Drawn(nodes, self._node_sides[nodes], self._ways)
+        return SampledRays(nodes, self._node_sides[nodes], self._ways)
 
-    def aim(self, pose: Pose3, drawn: Drawn) -> Fan:
+    def aim(self, pose: Pose3, drawn: SampledRays) -> BeamRays:
         """Point the rays of a scan.
 
         Args:
@@ -177,10 +177,10 @@ class BeamPattern:
         origins, directions = np.zeros((2, len(drawn.nodes), 3))
         place, turn = pose.position(), pose.rotation()
         _aim((drawn.ways, self._starts), drawn.nodes, place, turn, origins, directions)
-        return Fan(origins, directions)
+        return BeamRays(origins, directions)
 
 
-@compiled
+@njit_cached
 def _aim(
     tables: Any, nodes: Any, place: Any, turn: Any, origins: Any, directions: Any
 ) -> None:
@@ -233,7 +233,7 @@ def ways_of(angles: Floats, offsets: Floats) -> Floats:
     return ways
 
 
-@compiled
+@njit_cached
 def _fill_ways(angles: Any, offsets: Any, ways: Any) -> None:
     of_each = offsets.shape[1] > 1
     for k in range(len(offsets)):

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import Traces
@@ -64,7 +64,7 @@ class Columns(NamedTuple):
         return Columns(*columns)
 
 
-def send_back(traces: Traces) -> Floats:
+def backscatter(traces: Traces) -> Floats:
     """Give what the end of each ray sends back of what arrives, (N,), 0 to 1.
 
     Where the incidence was not asked for, everything; of what is nowhere, nothing.
@@ -112,7 +112,7 @@ def gather(
     return columns.take(slice(_gather(traces.events, how, columns)))
 
 
-@leaf
+@njit_inline
 def _share(event: Any, full: Any) -> Any:
     """Give the share of its power that a ray has left on arrival."""
     if event.kind == SPENT:
@@ -122,7 +122,7 @@ def _share(event: Any, full: Any) -> Any:
     return event.power / full
 
 
-@leaf
+@njit_inline
 def _share_kept(event: Any, full: Any) -> Any:
     """Give the share that is lost at a place."""
     if full == 0.0 or np.isinf(full):
@@ -130,7 +130,7 @@ def _share_kept(event: Any, full: Any) -> Any:
     return event.kept / full
 
 
-@leaf
+@njit_inline
 def _split(lost: Any, densities: Any, around: Any, count: Any, strengths: Any) -> None:
     """Give each volume around a ray its share of what is lost, at where it begins."""
     of_parts, total = densities
@@ -144,7 +144,7 @@ def _split(lost: Any, densities: Any, around: Any, count: Any, strengths: Any) -
             strengths[entry] += lost * of_parts[around[0, k]] / total
 
 
-@leaf
+@njit_inline
 def _note(events: Any, i: Any, around: Any, count: Any) -> Any:
     """Keep the account of the parts around a ray; give how many they are."""
     event = events[i]
@@ -155,7 +155,7 @@ def _note(events: Any, i: Any, around: Any, count: Any) -> Any:
     return _leave(around, count, event.part) if event.kind == LEAVE else count
 
 
-@compiled
+@njit_cached
 def _give_back(
     events: Any, densities: Any, full: Any, around: Any, strengths: Any
 ) -> None:
@@ -183,7 +183,7 @@ def _give_back(
         count = _note(events, i, around, count)
 
 
-@leaf
+@njit_inline
 def _leave(around: Any, count: Any, part: Any) -> Any:
     """Take a part out of those around a ray; give how many are left."""
     for k in range(count):
@@ -193,7 +193,7 @@ def _leave(around: Any, count: Any, part: Any) -> Any:
     return count
 
 
-@leaf
+@njit_inline
 def _sent_back(event: Any, incidence: Any) -> Any:
     """Give what is sent back at an event of what arrives there."""
     if not incidence.size:
@@ -201,7 +201,7 @@ def _sent_back(event: Any, incidence: Any) -> Any:
     return incidence[event.ray] ** 2 if event.kind == HIT else LEAVES
 
 
-@leaf
+@njit_inline
 def _sort(keys: Any, picked: Any, count: Any) -> None:
     """Sort events by range, of equal ones the first first: Shell's sort.
 
@@ -226,7 +226,7 @@ def _sort(keys: Any, picked: Any, count: Any) -> None:
         gap //= 3
 
 
-@leaf
+@njit_inline
 def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
     weights, of_a_beam, strengths, incidence = how
     event = events[i]
@@ -243,7 +243,7 @@ def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
     columns.ends[place] = kind in (HIT, SPENT)
 
 
-@compiled
+@njit_cached
 def _gather(events: Any, how: Any, columns: Any) -> Any:
     """Fill columns, beam by beam; give how many rows there are."""
     weights, of_a_beam, _, _ = how
@@ -287,6 +287,6 @@ def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:
         np.where(hit, HIT, SPENT).astype(np.uint8),
         traces.parts[rows],
         power,
-        np.where(hit, share * send_back(traces)[rows], 0.0),
+        np.where(hit, share * backscatter(traces)[rows], 0.0),
         np.ones(len(rows), np.uint8),
     )

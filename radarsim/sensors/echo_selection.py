@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.sensors.echo_extraction import Columns
 
 LAST, FIRST, STRONGEST = 0, 1, 2
@@ -26,7 +26,7 @@ def merge(columns: Columns, cell: float) -> Columns:
     return merged.take(slice(_merge(merged, cell)))
 
 
-@leaf
+@njit_inline
 def _first_giving(columns: Any, i: Any) -> Any:
     """Give the first echo of a beam from ``i`` on that gives back, or is an end."""
     n, beam = len(columns.t), columns.beam[i]
@@ -37,7 +37,7 @@ def _first_giving(columns: Any, i: Any) -> Any:
     return n
 
 
-@leaf
+@njit_inline
 def _is_better(columns: Any, one: Any, other: Any) -> Any:
     """Say whether an echo rather than another tells what a merged one is."""
     if columns.ends[one] != columns.ends[other]:
@@ -45,7 +45,7 @@ def _is_better(columns: Any, one: Any, other: Any) -> Any:
     return columns.strength[one] > columns.strength[other] * (1.0 + ROUNDING)
 
 
-@compiled
+@njit_cached
 def _merge(columns: Any, cell: Any) -> Any:
     """Merge in place; give how many are left."""
     left, i, n = 0, 0, len(columns.t)
@@ -74,7 +74,7 @@ def _merge(columns: Any, cell: Any) -> Any:
     return left
 
 
-@leaf
+@njit_inline
 def _move(columns: Any, source: Any, target: Any) -> None:
     columns.beam[target] = columns.beam[source]
     columns.row[target] = columns.row[source]
@@ -84,7 +84,7 @@ def _move(columns: Any, source: Any, target: Any) -> None:
     columns.ends[target] = columns.ends[source]
 
 
-@compiled
+@njit_cached
 def choose(columns: Any, mode: Any, beams: Any, threshold: Any) -> Any:
     """Choose the echo that gives each beam's range.
 

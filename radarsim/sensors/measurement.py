@@ -26,7 +26,13 @@ from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.sensors.beams import BeamPattern, Sides
-from radarsim.sensors.echo_extraction import SPENT, Columns, ends_of, gather, send_back
+from radarsim.sensors.echo_extraction import (
+    SPENT,
+    Columns,
+    backscatter,
+    ends_of,
+    gather,
+)
 from radarsim.sensors.echo_selection import FIRST, LAST, STRONGEST, choose, merge
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.rain import speckle, with_rain
@@ -64,7 +70,7 @@ class Plan(NamedTuple):
     incidence: bool
 
 
-class Reader:
+class ScanBuilder:
     """Makes scans of traces.
 
     Attributes:
@@ -125,7 +131,7 @@ class Reader:
             return None
         several = self._pattern.rays
         weights = self._shares.reshape(-1, several)
-        chances = weights * send_back(traces).reshape(-1, several)
+        chances = weights * backscatter(traces).reshape(-1, several)
         nowhere = ~(chances.sum(axis=1) > 0)
         chances[nowhere] = weights[nowhere]
         edges = np.cumsum(chances, axis=1)

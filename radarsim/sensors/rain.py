@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import compiled, leaf
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import Tracer
@@ -147,7 +147,7 @@ def speckle(
     return found
 
 
-@leaf
+@njit_inline
 def _contrast_here(around: Any, contrasts: Any) -> Any:
     """Give the contrast where a ray is, and the part that it is of."""
     total, part = 0.0, -1
@@ -157,7 +157,7 @@ def _contrast_here(around: Any, contrasts: Any) -> Any:
     return total, part
 
 
-@leaf
+@njit_inline
 def _search(at: Any, end: Any, cell: Any, here: Any, left: Any) -> Any:
     """Go from cell to cell until one shows.
 
@@ -175,7 +175,7 @@ def _search(at: Any, end: Any, cell: Any, here: Any, left: Any) -> Any:
     return at, left
 
 
-@compiled
+@njit_cached
 def _speckle(
     events: Any, rays: Any, rain: Any, drawn: Any, limits: Any, found: Any
 ) -> None:

@@ -22,8 +22,8 @@ from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import BeamPattern, Drawn, Sides, kind_of
-from radarsim.sensors.measurement import Plan, Reader
+from radarsim.sensors.beams import BeamPattern, SampledRays, Sides, kind_of
+from radarsim.sensors.measurement import Plan, ScanBuilder
 from radarsim.sensors.scan import Scan
 
 NONE: Final = np.zeros(0)
@@ -46,7 +46,7 @@ class RangeScanner:
         self._pattern = BeamPattern(settings)
         self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
-        self._reader = Reader(name, settings, self._pattern)
+        self._reader = ScanBuilder(name, settings, self._pattern)
         nowhere = np.zeros((len(self.angles) * self._pattern.rays, 3))
         self._alike = Rays.alike(
             nowhere,
@@ -175,7 +175,7 @@ class RangeScanner:
         """
         return self._reader.read(plan, traces)
 
-    def _rays(self, pose: Pose3, drawn: Drawn, own: int) -> Rays:
+    def _rays(self, pose: Pose3, drawn: SampledRays, own: int) -> Rays:
         fan = self._pattern.aim(pose, drawn)
         same, n = self._alike, len(drawn.nodes)
         if n < len(same.reach):
@@ -195,7 +195,7 @@ class RangeScanner:
         self,
         tracer: Tracer,
         pose: Pose3,
-        drawn: Drawn,
+        drawn: SampledRays,
         boxes: Boxes | None,
         own: int,
     ) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan import Scan
 
 
-def take_together(
+def scan_batch(
     tracer: Tracer,
     planned: Sequence[tuple[RangeScanner, Plan]],
     boxes: Boxes | None = None,

@@ -6,7 +6,7 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
-from radarsim.host import Host, Notice
+from radarsim.host import Diagnostic, Host
 from radarsim.server.lifecycle import exit_code_of_signal, listen
 from radarsim.simulation.config import TICK
 
@@ -202,7 +202,7 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport is not None:
             self._part(str(error or "closed"))
 
-    def report(self, notices: list[Notice]) -> None:
+    def report(self, notices: list[Diagnostic]) -> None:
         """Log what had no effect, once for each kind."""
         for notice in notices:
             if notice.kind not in self._said and len(self._said) < MOST_SAID:

@@ -33,7 +33,7 @@ MAX_SPEEDS: dict[SpinUnit, float] = {"rad_per_s": 8.17, "rev_per_s": 1.3}
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class SimulationConfig:
     """How robots are driven, and how their items differ from their presets.
 
     Attributes:

@@ -22,7 +22,7 @@ from radarsim.sensors.proprioceptive import (
     Odometry,
     Tachometer,
 )
-from radarsim.simulation.config import Conditions, ticks_of
+from radarsim.simulation.config import SimulationConfig, ticks_of
 
 DRAW_TICKS = ticks_of(INS_DRAW_INTERVAL)
 
@@ -58,7 +58,7 @@ class Mounting:
     item: Item
     robot: Robot
     rng: np.random.Generator
-    conditions: Conditions
+    conditions: SimulationConfig
     time: float
 
 

@@ -24,8 +24,8 @@ from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import take_together
-from radarsim.simulation.config import TICK, Conditions, seconds
+from radarsim.sensors.scan_batch import scan_batch
+from radarsim.simulation.config import TICK, SimulationConfig, seconds
 from radarsim.simulation.echo_lines import echo_lines
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
@@ -33,7 +33,7 @@ SEARCH_RADIUS = 1.0  # m around a place that is taken
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class TickOutput:
     """What one robot tells in one tick.
 
     Attributes:
@@ -60,10 +60,10 @@ class Simulation:
     """
 
     def __init__(
-        self, scene: Scene, *, conditions: Conditions | None = None, seed: int = 0
+        self, scene: Scene, *, conditions: SimulationConfig | None = None, seed: int = 0
     ) -> None:
         self.scene = scene
-        self.conditions = conditions or Conditions()
+        self.conditions = conditions or SimulationConfig()
         self.seed = seed
         self.ticks = 0
         self._tracer = tracer_of(scene)
@@ -132,7 +132,7 @@ class Simulation:
         for vehicle in self._vehicles.values():
             vehicle.step(TICK, self._robots)
 
-    def tell(self) -> dict[int, Told]:
+    def tell(self) -> dict[int, TickOutput]:
         """Read all that is due in this tick, by the number of the robot."""
         due = [
             (vehicle, mounted)
@@ -146,7 +146,7 @@ class Simulation:
             if vehicle.is_listening(mounted.item.name):
                 echoes[vehicle.number] += self._echo_lines(mounted, scan)
         return {
-            number: Told(
+            number: TickOutput(
                 vehicle.status(),
                 tuple(vehicle.readings()),
                 tuple(echoes[number]),
@@ -168,7 +168,7 @@ class Simulation:
             pose = vehicle.sensor_pose(mounted.item)
             plan = scanner.plan(self._tracer, pose, mounted.rng, boxes, vehicle.number)
             planned.append((scanner, plan))
-        return take_together(self._tracer, planned, boxes)
+        return scan_batch(self._tracer, planned, boxes)
 
     def _warm_up(self) -> None:
         """Have all that a scan runs compiled now, and not while clients wait for it."""
@@ -180,7 +180,7 @@ class Simulation:
             (scanner, scanner.plan(self._tracer, place, rng, boxes, own=0))
             for scanner in (radar, radar.listing, together)
         ]
-        take_together(self._tracer, planned, boxes)
+        scan_batch(self._tracer, planned, boxes)
 
     def _report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
         settings = mounted.scanner.settings

@@ -11,7 +11,12 @@ from radarsim.protocol.reports import Report, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.config import DEFAULT_INTERVAL, Conditions, seconds, ticks_of
+from radarsim.simulation.config import (
+    DEFAULT_INTERVAL,
+    SimulationConfig,
+    seconds,
+    ticks_of,
+)
 from radarsim.simulation.items import (
     INSTRUMENTS,
     InsInstrument,
@@ -44,7 +49,13 @@ class Vehicle:
     """
 
     def __init__(
-        self, number: int, robot: Robot, conditions: Conditions, *, seed: int, tick: int
+        self,
+        number: int,
+        robot: Robot,
+        conditions: SimulationConfig,
+        *,
+        seed: int,
+        tick: int,
     ) -> None:
         self.number = number
         self.robot = robot

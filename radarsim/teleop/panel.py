@@ -7,7 +7,7 @@ import numpy as np
 
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.reports import GroundTruth, Ins, Odometry
-from radarsim.teleop.robot_state import Readings
+from radarsim.teleop.robot_state import RobotState
 from radarsim.teleop.view import Fragments, ink_of
 
 WIDTH: Final = 31  # columns
@@ -20,7 +20,7 @@ POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth)
 
 
 def panel_lines(
-    readings: Readings,
+    readings: RobotState,
     *,
     speed: float,
     ordered: tuple[float, float],
@@ -60,7 +60,7 @@ def panel_lines(
     return lines + [[(WARNING, text)] for text in warnings(readings, silence)]
 
 
-def nearest(readings: Readings) -> tuple[str, str]:
+def nearest(readings: RobotState) -> tuple[str, str]:
     """Tell how near the nearest obstacle is, and in which direction, in its ink."""
     points = readings.points()
     if not len(points):
@@ -86,7 +86,7 @@ def bearing(angle: float) -> str:
     return f"{size}° {'left' if degrees > 0 else 'right'}"
 
 
-def warnings(readings: Readings, silence: float) -> list[str]:
+def warnings(readings: RobotState, silence: float) -> list[str]:
     """Give what a driver should know at once."""
     texts = []
     if silence > QUIET:
@@ -100,7 +100,7 @@ def warnings(readings: Readings, silence: float) -> list[str]:
     return texts
 
 
-def _touch(readings: Readings) -> tuple[str, str]:
+def _touch(readings: RobotState) -> tuple[str, str]:
     if not readings.touched:
         return "", "-"
     return (WARNING, "TOUCHING") if any(readings.touched.values()) else ("", "no")

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.client.robot_info import RobotFacts, ScannerFacts, beam_angles, same_name
+from radarsim.client.robot_info import RobotInfo, ScannerInfo, beam_angles, same_name
 from radarsim.geometry import Floats, Pose2, Pose3, wrap_angle
 from radarsim.navigation.observation import from_centre
 from radarsim.protocol.reports import (
@@ -33,7 +33,7 @@ POSES: Final[tuple[type[GroundTruth | Ins | Odometry], ...]] = (
 
 
 @dataclass(slots=True)
-class Readings:
+class RobotState:
     """The newest of each kind, from one robot.
 
     Attributes:
@@ -47,8 +47,8 @@ class Readings:
         scan: None before the first.
     """
 
-    facts: RobotFacts
-    scanner: ScannerFacts
+    facts: RobotInfo
+    scanner: ScannerInfo
     level: str
     time: float = math.nan
     poses: dict[type, Pose2] = field(default_factory=dict)

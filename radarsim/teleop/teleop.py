@@ -16,7 +16,7 @@ from radarsim.client import AsyncClient, ClientTimeout, DriveUnit
 from radarsim.errors import ClientError, RadarsimError
 from radarsim.teleop.keyboard import Key, Steering
 from radarsim.teleop.panel import panel_lines
-from radarsim.teleop.robot_state import Readings
+from radarsim.teleop.robot_state import RobotState
 from radarsim.teleop.terminal import make_bindings, make_screen
 from radarsim.teleop.view import RADII, Fragments, draw_view
 
@@ -57,10 +57,10 @@ async def drive(host: str, port: int, wish: Wish) -> int:
     """
     async with await AsyncClient.connect(host, port) as client:
         readings = await prepare(client, wish)
-        return await Driver(client, readings, wish.speed).run()
+        return await Teleop(client, readings, wish.speed).run()
 
 
-async def prepare(client: AsyncClient, wish: Wish) -> Readings:
+async def prepare(client: AsyncClient, wish: Wish) -> RobotState:
     """Have the robot made, and find out what it is.
 
     Raises:
@@ -70,7 +70,7 @@ async def prepare(client: AsyncClient, wish: Wish) -> Readings:
     start = await _choose_start(client, wish.start)
     await client.spawn(wish.robot, start=start)
     facts = await client.facts(drive_unit=wish.drive_unit)
-    return Readings(facts, facts.scanner(wish.scanner), greeting.level)
+    return RobotState(facts, facts.scanner(wish.scanner), greeting.level)
 
 
 async def _choose_start(client: AsyncClient, wished: str | None) -> str | None:
@@ -87,7 +87,7 @@ async def _choose_start(client: AsyncClient, wished: str | None) -> str | None:
     return wished
 
 
-class Driver:
+class Teleop:
     """A robot, a keyboard and a screen.
 
     Attributes:
@@ -101,7 +101,7 @@ class Driver:
     def __init__(
         self,
         client: AsyncClient,
-        readings: Readings,
+        readings: RobotState,
         speed: float,
         *,
         patience: float = PATIENCE,

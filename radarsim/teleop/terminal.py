@@ -58,7 +58,7 @@ STYLE: Final = Style(
 )
 
 
-class Drawn(UIControl):
+class SampledRays(UIControl):
     """A part of the screen that a function draws, given its columns and rows."""
 
     def __init__(self, draw: Draw) -> None:
@@ -124,12 +124,12 @@ def make_screen(
         return app.output.get_size().columns >= LEAST_COLUMNS
 
     beside = VSplit(
-        [Window(width=1, char="│"), Window(Drawn(panel), width=WIDTH)],
+        [Window(width=1, char="│"), Window(SampledRays(panel), width=WIDTH)],
     )
     picture = VSplit(
-        [Window(Drawn(view)), ConditionalContainer(beside, Condition(is_wide))]
+        [Window(SampledRays(view)), ConditionalContainer(beside, Condition(is_wide))]
     )
-    footer = Window(Drawn(_help), height=1, style="class:help")
+    footer = Window(SampledRays(_help), height=1, style="class:help")
     app = Application(
         Layout(HSplit([picture, footer])),
         key_bindings=bindings,

@@ -6,7 +6,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.client.robot_info import RobotFacts
+from radarsim.client.robot_info import RobotInfo
 from radarsim.geometry import Floats
 
 Fragments: TypeAlias = list[tuple[str, str]]  # of one line: style and text
@@ -120,7 +120,7 @@ def ink_of(distance: float, clearance: float) -> str:
 
 
 def draw_view(
-    points: Floats, facts: RobotFacts, radius: float, columns: int, rows: int
+    points: Floats, facts: RobotInfo, radius: float, columns: int, rows: int
 ) -> list[Fragments]:
     """Draw obstacles, robot and scale.
 
@@ -167,7 +167,7 @@ def scale_bar(dots_per_metre: float, columns: int) -> str:
     return f"├{'─' * (cells - 2)}┤ {length:g} m "
 
 
-def _hull(facts: RobotFacts, dots_per_metre: float) -> Floats:
+def _hull(facts: RobotInfo, dots_per_metre: float) -> Floats:
     """Give places on the outline, a dot apart, (N, 2) m."""
     along = np.arange(-0.5, 0.5, 1 / (max(facts.length, facts.width) * dots_per_metre))
     half = np.full_like(along, 0.5)

@@ -21,7 +21,7 @@ from radarsim.figures import offset_rays as offsets
 from radarsim.figures.catalogue import FIGURES, NUMBERS
 from radarsim.figures.figure import is_ours
 from radarsim.figures.page import blocks_in
-from radarsim.figures.scan_spec import Shot
+from radarsim.figures.scan_spec import ScanSpec
 from radarsim.mapping.export import commander_png
 from radarsim.navigation.options import Algorithm
 
@@ -106,7 +106,7 @@ def test_a_file_is_no_folder(radarsim: Command, tmp_path: Path) -> None:
 def test_commands_in_captions_take_the_same_scans(
     radarsim: Command, number: str
 ) -> None:
-    shot: Shot = SHOTS[number]
+    shot: ScanSpec = SHOTS[number]
     told = json.loads(radarsim(*shlex.split(shot.command)[1:]).text)
     scans = [told] if shot.count == 1 else told
     for scan, one in zip(shot.take(), scans, strict=True):

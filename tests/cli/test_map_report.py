@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from radarsim.cli.map_report import MapRun, as_json, as_text
-from radarsim.client import ScannerFacts
+from radarsim.client import ScannerInfo
 from radarsim.evaluation.map_score import MapScore
-from radarsim.evaluation.trials import Referee
+from radarsim.evaluation.trials import GroundTruthMonitor
 from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.mapping.mapper import Mapper, MapperSettings
@@ -21,7 +21,7 @@ from radarsim.scene.scene import Scene
 @pytest.fixture
 def mapper() -> Mapper:
     """Map one scan of a server that tells no poses."""
-    facts = ScannerFacts("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
+    facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
     settings = MapperSettings(slam=SlamSettings(seed="none"), echo_wait=0.0)
     mapper = Mapper(facts, settings)
     ranges = np.full(181, 3.0)
@@ -45,7 +45,7 @@ def test_a_map_of_nothing_has_no_cells() -> None:
 
 
 def test_in_the_open_a_judge_knows_no_share_of_the_floor(empty_room: Scene) -> None:
-    run = MapRun("auto", "ins", referee=Referee(Host(empty_room)))
+    run = MapRun("auto", "ins", referee=GroundTruthMonitor(Host(empty_room)))
     assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
     run.score = MapScore(
         right=3,
@@ -58,6 +58,6 @@ def test_in_the_open_a_judge_knows_no_share_of_the_floor(empty_room: Scene) -> N
         within_one_cell=None,
         within_two_cells=None,
         false_obstacles=0.0,
-        told_apart=None,
+        class_accuracy=None,
     )
     assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from radarsim.client import AsyncClient, Client, Link
+from radarsim.client import AsyncClient, Client, Transport
 from radarsim.host import Host
 
 Serve = Callable[[Callable[[socket.socket], None]], int]
@@ -48,7 +48,7 @@ class InTurns:
 
 
 @pytest.fixture
-def link_to() -> Callable[[Host], Link]:
+def link_to() -> Callable[[Host], Transport]:
     """Connect to a host in simulated time."""
     return InTurns
 

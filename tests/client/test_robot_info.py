@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.client.robot_info import (
-    RobotFacts,
-    ScannerFacts,
-    ScannersTold,
+    RobotInfo,
+    ScannerDescriptions,
+    ScannerInfo,
     beam_angles,
     robot_facts,
 )
@@ -31,8 +31,8 @@ from radarsim.protocol.reports import (
 GEO = RobotGeo("P3AT", (0.6, 0.8, 0.4), (0, 0, 0), 0.1, 0.4, 0.3)
 CONF = RobotConf("P3AT", 10, 8, 50)
 MOUNT = Pose3(0.2, 0, 0.1)
-SCANNER = ScannerFacts("S", MOUNT, 0.1, 80, radians(1), radians(180), 181)
-ROBOT = RobotFacts("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
+SCANNER = ScannerInfo("S", MOUNT, 0.1, 80, radians(1), radians(180), 181)
+ROBOT = RobotInfo("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
 
 
 def test_facts_of_a_robot_that_tells_all() -> None:
@@ -120,14 +120,14 @@ def test_a_hull_of_less_than_nothing_is_refused() -> None:
 def test_a_scanner_that_cannot_be_is_refused(
     limits: tuple[float, float, float, float], text: str
 ) -> None:
-    told = ScannersTold()
+    told = ScannerDescriptions()
     told.take(ScannerConf("RangeScanner", (("S", *limits),)))
     with pytest.raises(ClientError, match=rf"scanner 'S' has .*{text}"):
         told.facts({})
 
 
 def test_a_scanner_away_from_its_robot_is_refused() -> None:
-    told = ScannersTold()
+    told = ScannerDescriptions()
     told.take(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
     with pytest.raises(
         ClientError, match=r"mount 11\.3\d* m .*, expected at most 10 m"
@@ -136,14 +136,14 @@ def test_a_scanner_away_from_its_robot_is_refused() -> None:
 
 
 def test_names_in_any_case_are_one_scanner() -> None:
-    told = ScannersTold()
+    told = ScannerDescriptions()
     told.take(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
     told.take(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
     scans = {"LMS200": RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
     assert told.names(scans) == ["lms200"]
     assert told.incomplete(scans) == []
     (facts,) = told.facts(scans)
-    assert facts == ScannerFacts("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
+    assert facts == ScannerInfo("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
 
 
 def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
@@ -167,7 +167,7 @@ def test_beams_are_counted_right_by_what_is_printed(
     step_deg: float, fov_deg: float
 ) -> None:
     step, fov = radians(step_deg), radians(fov_deg)
-    told = ScannersTold()
+    told = ScannerDescriptions()
     told.take(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
     (facts,) = told.facts({})
     assert facts.beams == len(facts.angles) == int(fov_deg / step_deg + 1e-9) + 1
@@ -177,7 +177,7 @@ def test_beams_are_counted_right_by_what_is_printed(
 
 def test_a_scan_tells_best_of_beams() -> None:
     scan = RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
-    told = ScannersTold()
+    told = ScannerDescriptions()
     told.take(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
     told.take(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
     (facts,) = told.facts({"S": scan})
@@ -188,7 +188,7 @@ def test_a_scan_tells_best_of_beams() -> None:
 
 
 def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
-    told = ScannersTold()
+    told = ScannerDescriptions()
     told.take(NameConf("RangeScanner", ("S",)))
     told.take(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
     scans = {
@@ -199,8 +199,8 @@ def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
     assert told.incomplete(scans) == ["mute", "S", "one"]
     nowhere = Pose3(0, 0, 0)
     assert told.facts(scans) == (
-        ScannerFacts("S", nowhere, 0, inf, 0.5, 1.0, 3),
-        ScannerFacts("one", nowhere, 0, inf, 0.5, 0.0, 1),
+        ScannerInfo("S", nowhere, 0, inf, 0.5, 1.0, 3),
+        ScannerInfo("one", nowhere, 0, inf, 0.5, 0.0, 1),
     )
 
 

@@ -6,16 +6,16 @@ from math import degrees, pi
 import numpy as np
 import pytest
 
-from radarsim.client import Client, ClientError, ClientTimeout, Link
+from radarsim.client import Client, ClientError, ClientTimeout, Transport
 from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import EchoLine, GroundTruth, RangeScan, Status
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
-LinkTo = Callable[[Host], Link]
+LinkTo = Callable[[Host], Transport]
 
 
 @pytest.mark.parametrize("name", sorted(robot_names()))
@@ -45,7 +45,7 @@ def test_facts_are_those_of_the_robot_s_class(
 def test_a_robot_moves_as_it_is_told(
     empty_room: Scene, link_to: LinkTo, dialect: Dialect
 ) -> None:
-    host = Host(empty_room, conditions=Conditions(dialect))
+    host = Host(empty_room, conditions=SimulationConfig(dialect))
     with Client(link_to(host)) as client:
         client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
         facts = client.facts(drive_unit=dialect.drive_unit)
@@ -67,7 +67,7 @@ def test_a_robot_moves_as_it_is_told(
 
 def test_long_scans_come_whole(empty_room: Scene, link_to: LinkTo) -> None:
     settings = {"lms200": {"fov_deg": 270, "resolution_deg": 0.25}}
-    host = Host(empty_room, conditions=Conditions(item_settings=settings))
+    host = Host(empty_room, conditions=SimulationConfig(item_settings=settings))
     with Client(link_to(host)) as client:
         client.spawn("P3AT")
         angles = client.facts().scanner().angles

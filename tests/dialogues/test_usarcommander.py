@@ -18,17 +18,19 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.host import Host, Notice
+from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene
 from radarsim.server import Server
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 ONE_READ = 4096
 GROUND = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")
 HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES")
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
-NO_DRIFT = Conditions(item_settings={"InsTest": STILL})
-NO_NOISE = Conditions(item_settings={"InsTest": STILL, "lms200": {"side_offset_uu": 0}})
+NO_DRIFT = SimulationConfig(item_settings={"InsTest": STILL})
+NO_NOISE = SimulationConfig(
+    item_settings={"InsTest": STILL, "lms200": {"side_offset_uu": 0}}
+)
 
 # seconds, forward, left: turns on the spot, curves and straight stretches
 TOUR = (
@@ -38,7 +40,7 @@ TOUR = (
 SHORT_TOUR = ((2, 0, 0), (4, 0, 1.5), (3, 4, 0), (3, 3, 1), (1, 0, 0))
 
 
-class Link(Protocol):
+class Transport(Protocol):
     """A connection with a clock."""
 
     def send(self, data: bytes) -> None: ...
@@ -56,9 +58,9 @@ class World:
         self.host = host
         self.phase = phase  # ms that the client's clock is ahead
         self.links: list[LockstepLink] = []
-        self.notices: list[Notice] = []
+        self.notices: list[Diagnostic] = []
 
-    def connect(self) -> Link:
+    def connect(self) -> Transport:
         return LockstepLink(self)
 
     def tick(self) -> None:
@@ -103,7 +105,7 @@ class LockstepLink:
         self.world.host.disconnect(self.number)
 
 
-class SocketLink:
+class SocketTransport:
     def __init__(self, address: tuple[str, int], speed: float) -> None:
         self.socket = socket.create_connection(address, timeout=5)
         self.speed = speed
@@ -151,7 +153,7 @@ class Patch:
 class Commander:
     """The agent: its answers drive the chain of questions, its scans make the map."""
 
-    link: Link
+    link: Transport
     name: str = "Rob"
     battery: int = 0
     sent: list[str] = field(default_factory=list)
@@ -294,7 +296,7 @@ def apart(
     return moved > way or abs(math.remainder(one[2] - other[2], 2 * math.pi)) > turn
 
 
-def probe_level(connect: Callable[[], Link]) -> str:
+def probe_level(connect: Callable[[], Transport]) -> str:
     """Read the level as the dialogs do, which never ask for a robot."""
     link = connect()
     link.sleep(1)
@@ -303,7 +305,7 @@ def probe_level(connect: Callable[[], Link]) -> str:
     return next(p[6:] for p in parts_of(text) if p.startswith("Level "))
 
 
-def probe_starts(connect: Callable[[], Link]) -> dict[str, tuple[str, str]]:
+def probe_starts(connect: Callable[[], Transport]) -> dict[str, tuple[str, str]]:
     """Read the start poses as the dialogs do: one read a second after the question."""
     link = connect()
     link.sleep(1)
@@ -323,7 +325,7 @@ def probe_starts(connect: Callable[[], Link]) -> dict[str, tuple[str, str]]:
 
 
 def dialogue(
-    connect: Callable[[], Link], legs: Iterable[tuple[float, float, float]]
+    connect: Callable[[], Transport], legs: Iterable[tuple[float, float, float]]
 ) -> tuple[str, Commander]:
     """Do all that a user does: look at the map, choose a start, drive about."""
     level = probe_level(connect)
@@ -437,7 +439,7 @@ async def test_over_tcp_its_walls_are_those_of_the_room(empty_room: Scene) -> No
     await server.start(port=0)
     try:
         level, commander = await asyncio.to_thread(
-            dialogue, lambda: SocketLink(server.address, speed), SHORT_TOUR
+            dialogue, lambda: SocketTransport(server.address, speed), SHORT_TOUR
         )
         commander.link.close()
     finally:

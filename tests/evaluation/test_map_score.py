@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from radarsim.evaluation.map_score import MapScore, Truth, judge_map
 from radarsim.mapping.occupancy_grid import (
-    CLOUD,
+    FOLIAGE_CELL,
     FREE,
     OBSTACLE,
-    THICKET,
+    SMOKE_CELL,
     UNKNOWN,
-    Lattice,
+    GridFrame,
     Mask,
     OccupancyGrid,
 )
@@ -22,7 +22,7 @@ from radarsim.scene.scene import Scene
 
 HEIGHT = 0.346
 START = (-8.0, 0.0)
-LATTICE = Lattice(0.05).grown((-12.0, -8.0), (12.0, 8.0))
+LATTICE = GridFrame(0.05).grown((-12.0, -8.0), (12.0, 8.0))
 
 
 class Painted(OccupancyGrid):
@@ -44,7 +44,7 @@ def perfect(scene: Scene) -> NDArray[np.uint8]:
     """Draw a map that is right everywhere indoors."""
     truth = Truth(scene, LATTICE, HEIGHT)
     classes = np.where(truth.indoors, FREE, UNKNOWN).astype(np.uint8)
-    for kind in (CLOUD, THICKET):
+    for kind in (SMOKE_CELL, FOLIAGE_CELL):
         classes[truth.kinds[kind]] = kind
     classes[truth.kinds[OBSTACLE]] = UNKNOWN  # no beam gets into it
     classes[truth.kinds[OBSTACLE] & truth.faces(outdoors=False)] = OBSTACLE
@@ -66,7 +66,7 @@ def test_nothing_is_wrong_with_the_truth(name: str) -> None:
     scene = load_map(name)
     score = judged(perfect(scene), scene)
     assert score.wrong == score.unknown == 0
-    assert score.coverage == score.within_one_cell == score.told_apart == 1.0
+    assert score.coverage == score.within_one_cell == score.class_accuracy == 1.0
     assert score.false_obstacles == 0.0
     assert score.right > 100_000
 
@@ -81,7 +81,9 @@ def test_what_nobody_knows_is_unknown_and_not_wrong(foliage_room: Scene) -> None
     assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
     assert score.coverage == score.hidden_coverage == 0.0
     assert score.near_coverage == pytest.approx(0.1, abs=0.02)  # around the start
-    assert score.within_one_cell is score.within_two_cells is score.told_apart is None
+    assert (
+        score.within_one_cell is score.within_two_cells is score.class_accuracy is None
+    )
     assert score.unknown is not None
     assert score.unknown * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.02)
 
@@ -118,12 +120,12 @@ def test_walls_may_be_two_cells_off(empty_room: Scene, cells: int) -> None:
     ("place", "kind", "is_right"),
     [
         pytest.param((-5.0, 0.0), OBSTACLE, False, id="a wall in the air"),
-        pytest.param((-5.0, 0.0), THICKET, False, id="foliage in the air"),
-        pytest.param((-5.0, 0.0), CLOUD, False, id="smoke in the air"),
+        pytest.param((-5.0, 0.0), FOLIAGE_CELL, False, id="foliage in the air"),
+        pytest.param((-5.0, 0.0), SMOKE_CELL, False, id="smoke in the air"),
         pytest.param((0.5, -1.64), FREE, False, id="nothing in foliage"),
         pytest.param((0.5, -1.64), OBSTACLE, True, id="a wall in foliage"),
         pytest.param((4.0, 3.2), FREE, False, id="nothing in a crate"),
-        pytest.param((4.0, 3.2), THICKET, True, id="foliage in a crate"),
+        pytest.param((4.0, 3.2), FOLIAGE_CELL, True, id="foliage in a crate"),
         pytest.param((-5.0, 9.0), FREE, True, id="nothing outside"),
     ],
 )
@@ -143,16 +145,16 @@ def test_what_is_wrong_is_counted(
 
 def test_foliage_and_walls_are_told_apart_or_not(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
-    classes[classes == THICKET] = OBSTACLE
+    classes[classes == FOLIAGE_CELL] = OBSTACLE
     score = judged(classes, foliage_room)
     assert score.wrong == 0
-    assert score.told_apart is not None
-    assert 0.0 < score.told_apart < 0.9
+    assert score.class_accuracy is not None
+    assert 0.0 < score.class_accuracy < 0.9
 
 
 def test_smoke_is_to_be_known_as_such(smoke_room: Scene) -> None:
     classes = perfect(smoke_room)
-    classes[classes == CLOUD] = FREE
+    classes[classes == SMOKE_CELL] = FREE
     score = judged(classes, smoke_room)
     assert score.wrong * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
 
@@ -166,9 +168,9 @@ def test_in_the_open_there_is_no_floor_to_be_known() -> None:
 
 def test_leaves_have_no_inside() -> None:
     scene = load_map("forest_edge")
-    lattice = Lattice(0.05).grown((-21.0, -16.0), (21.0, 16.0))
+    lattice = GridFrame(0.05).grown((-21.0, -16.0), (21.0, 16.0))
     truth = Truth(scene, lattice, HEIGHT)
-    leaves = truth.kinds[THICKET] & ~truth.inside[THICKET]
+    leaves = truth.kinds[FOLIAGE_CELL] & ~truth.inside[FOLIAGE_CELL]
     assert np.count_nonzero(leaves) > 1000
     assert truth.indoors[lattice.cell(-15.0, 0.0) or (0, 0)]
 

@@ -9,7 +9,7 @@ from radarsim.errors import MapError, PresetError
 from radarsim.evaluation.bug_bounds import bug_bounds
 from radarsim.evaluation.trials import (
     Entry,
-    Referee,
+    GroundTruthMonitor,
     Score,
     conditions_of,
     entries,
@@ -19,7 +19,7 @@ from radarsim.evaluation.trials import (
 )
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
+from radarsim.host.lockstep import InProcessTransport
 from radarsim.scene.scene import Scene
 
 QUICK = Entry("bug_box", "bug2", "radar", 0)
@@ -122,9 +122,9 @@ def test_json_has_millimetres_and_none() -> None:
 
 def test_the_referee_counts_a_touch_once_and_the_true_way(empty_room: Scene) -> None:
     host = Host(empty_room)
-    referee = Referee(host)
+    referee = GroundTruthMonitor(host)
     assert referee.distance((0.0, 0.0)) == math.inf
-    with Client(HostLink(host, after_tick=referee.watch)) as client:
+    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
         client.spawn("P3AT", pose=Pose2(9.0, 0.0, 0.0))
         client.drive(6.0, 6.0)
         for _ in range(100):

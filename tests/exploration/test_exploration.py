@@ -9,36 +9,43 @@ import pytest
 
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
-from radarsim.evaluation.trials import Referee
-from radarsim.exploration.exploration import Outcome, Survey, SurveyMoment, SurveyPlan
+from radarsim.evaluation.trials import GroundTruthMonitor
+from radarsim.exploration.exploration import (
+    Exploration,
+    ExplorationPlan,
+    ExplorationStep,
+    Outcome,
+)
 from radarsim.exploration.options import StrategyName
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
-from radarsim.mapping.occupancy_grid import THICKET
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.mapping.occupancy_grid import FOLIAGE_CELL
 from radarsim.mapping.trajectory import trajectory_errors
-from radarsim.navigation.control import Pace
-from radarsim.navigation.observation import Sensed
-from radarsim.navigation.runner import Course
+from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.observation import Observation
+from radarsim.navigation.runner import TripMeter
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
-LASER = Conditions(
+LASER = SimulationConfig(
     item_settings={"lms200": {"sensor": "laser", "fov_deg": 359, "resolution_deg": 1}}
 )
 
 
-def survey(**wish: Any) -> Survey:
-    values = {"pace": Pace(speed=0.6), **wish}
-    return Survey(SurveyPlan(**values), generator_for(0, "exploring"))
+def survey(**wish: Any) -> Exploration:
+    values = {"pace": SpeedLimits(speed=0.6), **wish}
+    return Exploration(ExplorationPlan(**values), generator_for(0, "exploring"))
 
 
-def run(scene: Scene, conditions: Conditions | None = None, **wish: Any) -> Survey:
+def run(
+    scene: Scene, conditions: SimulationConfig | None = None, **wish: Any
+) -> Exploration:
     made = survey(**wish)
     host = Host(scene, conditions=conditions)
-    referee = Referee(host)
-    with Client(HostLink(host, after_tick=referee.watch)) as client:
+    referee = GroundTruthMonitor(host)
+    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
         made.run(client)
     assert referee.collisions == 0
     assert referee.path_length == pytest.approx(made.course.length, rel=0.05, abs=0.2)
@@ -54,14 +61,14 @@ def test_a_room_is_explored(empty_room: Scene) -> None:
 
 
 def test_when_the_time_is_up_the_map_so_far_is_there(foliage_room: Scene) -> None:
-    moments: list[SurveyMoment] = []
+    moments: list[ExplorationStep] = []
     made = survey(time_limit=5.0)
-    with Client(HostLink(Host(foliage_room))) as client:
+    with Client(InProcessTransport(Host(foliage_room))) as client:
         made.run(client, moments.append)
     assert made.outcome is Outcome.TIME_LIMIT
     assert made.mapper is not None
     assert made.mapper.scans == len(moments) == 52
-    assert (made.mapper.grid.classes() == THICKET).any()
+    assert (made.mapper.grid.classes() == FOLIAGE_CELL).any()
     assert made.course.time == pytest.approx(5.1)
     assert moments[0].doing == "looking"
     assert {moment.doing for moment in moments} == {"looking", "seeking"}
@@ -69,7 +76,7 @@ def test_when_the_time_is_up_the_map_so_far_is_there(foliage_room: Scene) -> Non
 
 def test_the_robot_stands_when_it_is_done(empty_room: Scene) -> None:
     host = Host(empty_room)
-    client = Client(HostLink(host))
+    client = Client(InProcessTransport(host))
     survey(time_limit=5.0).run(client)
     host.step()
     pose = host.simulation.vehicles[0].robot.pose
@@ -93,14 +100,14 @@ def test_a_laser_sees_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> N
     made = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
     assert made.mapper is not None
     assert not made.mapper.grid.sensed(5.0, 0.0)
-    assert not (made.mapper.grid.classes() == THICKET).any()
+    assert not (made.mapper.grid.classes() == FOLIAGE_CELL).any()
 
 
 def test_without_echoes_it_has_to_stay_farther_away(foliage_room: Scene) -> None:
     made = run(foliage_room, echoes=False, depth=1.43, time_limit=2.0)
     assert made.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
     assert made.mapper is not None
-    assert not (made.mapper.grid.classes() == THICKET).any()
+    assert not (made.mapper.grid.classes() == FOLIAGE_CELL).any()
 
 
 def test_who_pushes_against_what_it_does_not_see_is_stuck(foliage_room: Scene) -> None:
@@ -108,7 +115,7 @@ def test_who_pushes_against_what_it_does_not_see_is_stuck(foliage_room: Scene) -
         echoes=False, strategy=StrategyName.CONTOUR, pose=Pose2(-2.0, 3.9, 0.0)
     )
     with (
-        Client(HostLink(Host(foliage_room))) as client,
+        Client(InProcessTransport(Host(foliage_room))) as client,
         pytest.raises(NavigationError, match="the robot stays at"),
     ):
         made.run(client)
@@ -117,7 +124,7 @@ def test_who_pushes_against_what_it_does_not_see_is_stuck(foliage_room: Scene) -
     assert made.mapper.scans > 10
 
 
-class Mute(HostLink):
+class Mute(InProcessTransport):
     """A server whose scans stay away after some s."""
 
     def receive(self, timeout: float) -> bytes:
@@ -140,7 +147,7 @@ def test_a_server_that_scans_no_more_ends_it(empty_room: Scene) -> None:
     assert made.mapper.scans > 10
 
 
-class Still(HostLink):
+class Still(InProcessTransport):
     """A server whose time stamps stand still."""
 
     def receive(self, timeout: float) -> bytes:
@@ -157,7 +164,7 @@ def test_time_passes_by_the_clock_where_stamps_stand_still(empty_room: Scene) ->
     assert made.mapper.scans == 52
 
 
-class Jumping(HostLink):
+class Jumping(InProcessTransport):
     """A server whose INS is suddenly a kilometre away."""
 
     def receive(self, timeout: float) -> bytes:
@@ -180,7 +187,7 @@ def test_a_map_of_two_places_far_apart_is_refused(empty_room: Scene) -> None:
     assert made.mapper.scans > 10
 
 
-class Narrowing(HostLink):
+class Narrowing(InProcessTransport):
     """A server whose scans have few beams after some s."""
 
     def receive(self, timeout: float) -> bytes:
@@ -204,7 +211,7 @@ def test_a_robot_that_looks_ahead_goes_where_it_is_sent(foliage_room: Scene) -> 
     way = ((-6.0, 2.0), (-3.0, 0.0))
     made = run(foliage_room, robot_class="P3AT", way=way)
     assert made.outcome is Outcome.EXPLORED
-    assert made.left_out == ()
+    assert made.unreached == ()
     assert made.mapper is not None
     poses = made.mapper.trajectory.poses
     for place in way:
@@ -224,7 +231,7 @@ def test_what_cannot_be_is_said_before_anything_moves(
 ) -> None:
     made = survey(**wish)
     with (
-        Client(HostLink(Host(empty_room))) as client,
+        Client(InProcessTransport(Host(empty_room))) as client,
         pytest.raises(NavigationError, match=text),
     ):
         made.run(client)
@@ -233,11 +240,11 @@ def test_what_cannot_be_is_said_before_anything_moves(
 
 
 def test_a_course_adds_up_what_is_more_than_noise() -> None:
-    course = Course(noise=0.05)
+    course = TripMeter(noise=0.05)
     assert course.start is None
     places = [0.0, 0.03, 0.0, 0.04, 0.1, 0.2, 0.19]
     for k, x in enumerate(places):
-        course.add(Sensed(1 + 0.1 * k, Pose2(x, 0.0), np.zeros(0), np.zeros(0)))
+        course.add(Observation(1 + 0.1 * k, Pose2(x, 0.0), np.zeros(0), np.zeros(0)))
     assert course.start == Pose2(0.0, 0.0)
     assert course.time == pytest.approx(0.6)
     assert course.length == pytest.approx(0.2)

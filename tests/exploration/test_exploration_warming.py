@@ -6,9 +6,9 @@ from typing import Any
 
 import radarsim.mapping
 from radarsim.client import Client
-from radarsim.exploration.exploration import Survey, SurveyPlan, warm_up
+from radarsim.exploration.exploration import Exploration, ExplorationPlan, warm_up
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
+from radarsim.host.lockstep import InProcessTransport
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 
@@ -29,7 +29,10 @@ def test_a_survey_compiles_nothing_more(foliage_room: Scene) -> None:
     warm_up()
     before = versions()
     assert before["radarsim.mapping.inverse_sensor_model.cross"] == 1
-    for wish in (SurveyPlan(time_limit=8.0), SurveyPlan(seed="none", time_limit=2.0)):
-        with Client(HostLink(Host(foliage_room))) as client:
-            Survey(wish, generator_for(0, "exploring")).run(client)
+    for wish in (
+        ExplorationPlan(time_limit=8.0),
+        ExplorationPlan(seed="none", time_limit=2.0),
+    ):
+        with Client(InProcessTransport(Host(foliage_room))) as client:
+            Exploration(wish, generator_for(0, "exploring")).run(client)
     assert versions() == before

@@ -21,22 +21,28 @@ from shapely.geometry import Point, Polygon, box
 
 from radarsim.cli.map_report import MapRun, as_json
 from radarsim.client import Client
-from radarsim.exploration.exploration import Outcome, Survey, SurveyPlan
+from radarsim.exploration.exploration import Exploration, ExplorationPlan, Outcome
 from radarsim.geometry import Floats
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
+from radarsim.host.lockstep import InProcessTransport
 from radarsim.mapping.export import nav_map
 from radarsim.mapping.mapper import Mapper
-from radarsim.mapping.occupancy_grid import CLOUD, FREE, OBSTACLE, THICKET, UNKNOWN
-from radarsim.navigation.control import Pace
+from radarsim.mapping.occupancy_grid import (
+    FOLIAGE_CELL,
+    FREE,
+    OBSTACLE,
+    SMOKE_CELL,
+    UNKNOWN,
+)
+from radarsim.navigation.control import SpeedLimits
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map, shipped_maps
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 Mask = NDArray[np.bool_]
-Way = tuple[tuple[float, float], ...]
+FollowSide = tuple[tuple[float, float], ...]
 
 SIZE = 0.05  # m, of a cell
 HEIGHT = 0.346  # m, of a P3AT's scanner
@@ -78,7 +84,7 @@ READING = re.compile(
 )
 
 
-class Listening(HostLink):
+class Listening(InProcessTransport):
     """A connection that writes down what the server says of where the robot is."""
 
     def __init__(self, host: Host) -> None:
@@ -98,7 +104,7 @@ class Listening(HostLink):
 class Drive:
     """A drive that has been made, and poses by rows of s, m, m, rad."""
 
-    survey: Survey
+    survey: Exploration
     truth: Floats
     ins: Floats
 
@@ -114,11 +120,13 @@ class Drive:
 
 
 @cache
-def drive(name: str, way: Way, robot: Robot, speed: float) -> Drive:
+def drive(name: str, way: FollowSide, robot: Robot, speed: float) -> Drive:
     class_name, settings = robot
-    plan = SurveyPlan(way=way, robot_class=class_name, pace=Pace(speed=speed))
-    survey = Survey(plan, generator_for(0, "exploring"))
-    conditions = Conditions(item_settings={"lms200": dict(settings)})
+    plan = ExplorationPlan(
+        way=way, robot_class=class_name, pace=SpeedLimits(speed=speed)
+    )
+    survey = Exploration(plan, generator_for(0, "exploring"))
+    conditions = SimulationConfig(item_settings={"lms200": dict(settings)})
     link = Listening(Host(load_map(name), conditions=conditions, seed=1))
     with Client(link) as client:
         survey.run(client)
@@ -359,7 +367,7 @@ def test_next_to_nothing_is_mapped_in_free_air(robot: Robot) -> None:
 def test_files_have_the_classes_of_the_map(robot: Robot) -> None:
     grid = along_bushes(robot).mapper.grid
     told = np.zeros(5, np.int8)
-    told[[UNKNOWN, FREE, OBSTACLE, THICKET, CLOUD]] = (-1, 0, 100, 100, 0)
+    told[[UNKNOWN, FREE, OBSTACLE, FOLIAGE_CELL, SMOKE_CELL]] = (-1, 0, 100, 100, 0)
     places = np.meshgrid(*grid.lattice.middles())
     assert (nav_of(robot).at(*places) == told[grid.classes()]).all()
 
@@ -382,7 +390,7 @@ def errors(poses: Floats, truth: Floats) -> tuple[float, float]:
     ],
 )
 def test_over_60_m_the_pose_stays_right_though_the_ins_drifts(
-    name: str, way: Way
+    name: str, way: FollowSide
 ) -> None:
     made = drive(name, way, RADAR, speed=0.6)
     assert np.hypot(*np.diff(made.truth[:, 1:3], axis=0).T).sum() > 60

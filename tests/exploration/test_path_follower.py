@@ -10,35 +10,37 @@ import pytest
 import shapely
 
 from radarsim.exploration.contour import Contour
-from radarsim.exploration.coverage import CentreOut, TurnAway
+from radarsim.exploration.coverage import CentreOut, RandomBounce
 from radarsim.exploration.frontier import to_fill, to_frontiers
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import (
     PATIENCE,
     THERE,
-    AlongWay,
-    Habits,
+    ExplorationSettings,
+    PathFollower,
     Strategy,
-    Walker,
+    WaypointFollower,
 )
 from radarsim.exploration.strategies import Auto, strategy_named
-from radarsim.exploration.traversability import Floor
+from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.occupancy_grid import OccupancyGrid
-from radarsim.mapping.scan import HIT, NOTHING, UNSURE, Scan2
+from radarsim.mapping.scan import HIT, NOTHING, UNSURE, PlanarScan
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import Motion, Pace
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import SpeedLimits, Twist
+from radarsim.navigation.observation import Observation
 from radarsim.rng import generator_for
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 FAR = 9.0  # m to which the sensor sees
 STEP = 0.2  # s between two scans
 CLEARANCE = 0.371  # m; half the diagonal of a P3AT
-HABITS = Habits(
-    bumpers=Bumpers(safety_distance=0.5), pace=Pace(speed=0.6, turn=1.0), radius=5.0
+HABITS = ExplorationSettings(
+    bumpers=Bumpers(safety_distance=0.5),
+    pace=SpeedLimits(speed=0.6, turn=1.0),
+    radius=5.0,
 )
-STRAIGHT = Motion(0.3, 0.0)
+STRAIGHT = Twist(0.3, 0.0)
 
 
 def rectangle(west: float, south: float, east: float, north: float) -> Floats:
@@ -81,10 +83,10 @@ class World:
         return sum(map(math.dist, places, places[1:]))
 
     @property
-    def floor(self) -> Floor:
+    def floor(self) -> TraversabilityMap:
         return HABITS.floor(self.grid)
 
-    def scan(self) -> Sensed:
+    def scan(self) -> Observation:
         time = len(self.track) * STEP
         scan = self.look(self.walls, self.pose, time=time)
         nothing = scan.ends == NOTHING
@@ -94,9 +96,9 @@ class World:
         self.grid.stand(self.pose, 0.25)
         ended = (scan.ends == HIT) | (scan.ends == UNSURE)
         ranges = np.where(ended, scan.reach, math.inf)
-        return Sensed(time, self.pose, scan.angles.copy(), ranges)
+        return Observation(time, self.pose, scan.angles.copy(), ranges)
 
-    def move(self, motion: Motion) -> None:
+    def move(self, motion: Twist) -> None:
         pose, middle = self.pose, self.pose.yaw + motion.turn * STEP / 2
         way = motion.speed * STEP
         self.pose = Pose2(
@@ -144,7 +146,7 @@ def test_every_strategy_ends_and_keeps_its_distance(
     here.run(strategy)
     assert strategy.is_done
     assert here.nearest > CLEARANCE
-    assert strategy.step(here.scan(), here.grid) == Motion(0.0, 0.0)
+    assert strategy.step(here.scan(), here.grid) == Twist(0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", ["contour", "turn_away", "auto"])
@@ -161,7 +163,9 @@ def test_a_contour_is_followed_once_and_then_the_interior_filled(
     world: Make, on_left: bool
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
-    habits = Habits(bumpers=HABITS.bumpers, pace=HABITS.pace, on_left=on_left)
+    habits = ExplorationSettings(
+        bumpers=HABITS.bumpers, pace=HABITS.pace, on_left=on_left
+    )
     strategy = Contour(habits)
     here.run(strategy)
     assert here.doings == ["seeking", "aligning", "following", "filling"]
@@ -186,11 +190,11 @@ def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
 
 def test_where_nothing_is_sensed_a_wall_is_looked_for_ahead(look: Look) -> None:
     class Nearsighted(World):
-        def scan(self) -> Sensed:
+        def scan(self) -> Observation:
             sensed = super().scan()
             self.grid = OccupancyGrid()  # forgets all
             ranges = np.where(sensed.ranges < 2.0, sensed.ranges, math.inf)
-            return Sensed(sensed.time, sensed.pose, sensed.bearings, ranges)
+            return Observation(sensed.time, sensed.pose, sensed.bearings, ranges)
 
     here = Nearsighted(look, HALL, Pose2(0.0, 0.0, 0.0))
     strategy = Contour(HABITS)
@@ -231,7 +235,7 @@ def test_turning_away_is_by_chance_and_the_same_with_the_same_seed(
     tracks = []
     for seed in (0, 0, 1):
         here = world(HALL, -3.0, 0.5)
-        strategy = TurnAway(HABITS, chance(seed))
+        strategy = RandomBounce(HABITS, chance(seed))
         for _ in range(150):
             here.move(strategy.step(here.scan(), here.grid))
         tracks.append(here.track)
@@ -240,7 +244,7 @@ def test_turning_away_is_by_chance_and_the_same_with_the_same_seed(
 
 def test_a_vacuum_robot_goes_straight_between_walls(world: Make) -> None:
     here = world(HALL, -3.0, 0.5)
-    strategy = TurnAway(HABITS, chance())
+    strategy = RandomBounce(HABITS, chance())
     for _ in range(200):
         doing = strategy.doing
         motion = strategy.step(here.scan(), here.grid)
@@ -255,7 +259,7 @@ def test_a_vacuum_robot_goes_straight_between_walls(world: Make) -> None:
 
 def test_who_is_walled_in_turns_about(world: Make) -> None:
     here = world(rectangle(-0.8, -0.8, 0.8, 0.8))
-    strategy = TurnAway(HABITS, chance())
+    strategy = RandomBounce(HABITS, chance())
     here.run(strategy, steps=50)
     assert here.length == 0.0
 
@@ -281,7 +285,7 @@ def test_a_spiral_leaves_out_what_is_in_the_way(world: Make) -> None:
 
 def test_a_spiral_ends_where_a_border_is_all_round(world: Make) -> None:
     here = world(CLOSET)
-    strategy = CentreOut(Habits(bumpers=HABITS.bumpers, radius=50.0))
+    strategy = CentreOut(ExplorationSettings(bumpers=HABITS.bumpers, radius=50.0))
     here.run(strategy, steps=300)
     assert here.length < 5
 
@@ -308,20 +312,22 @@ def test_who_comes_to_a_border_stops_going_round(world: Make) -> None:
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
-    strategy = Auto(Habits(bumpers=HABITS.bumpers, pace=HABITS.pace, radius=8.0))
+    strategy = Auto(
+        ExplorationSettings(bumpers=HABITS.bumpers, pace=HABITS.pace, radius=8.0)
+    )
     here.run(strategy)
     assert [name.value for name in strategy.chosen] == ["centre_out", "frontiers"]
     assert max(pose.x for pose in here.track) < 9.0
 
 
-def sensed_with(near: dict[float, float], time: float = 0.0) -> Sensed:
+def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
     """Something at some bearings, deg, so near, m."""
     bearings = np.radians(np.arange(360.0) - 180)
     ranges = np.full(360, math.inf)
     for bearing, distance in near.items():
         apart = np.abs(np.degrees(bearings) - bearing)
         ranges[apart <= 20] = distance
-    return Sensed(time, Pose2(0, 0), bearings, ranges)
+    return Observation(time, Pose2(0, 0), bearings, ranges)
 
 
 @pytest.mark.parametrize(
@@ -330,14 +336,14 @@ def sensed_with(near: dict[float, float], time: float = 0.0) -> Sensed:
         pytest.param({}, STRAIGHT, STRAIGHT, id="nothing"),
         pytest.param({0: 0.6}, STRAIGHT, STRAIGHT, id="something in the band"),
         pytest.param({90: 0.4}, STRAIGHT, STRAIGHT, id="beside"),
-        pytest.param({0: 0.4}, STRAIGHT, Motion(0.0, 1.0), id="ahead"),
-        pytest.param({0: 0.4}, Motion(0.3, -0.5), Motion(0.0, -0.5), id="turning"),
-        pytest.param({0: 0.4}, Motion(-0.3, 0.1), Motion(-0.3, 0.1), id="backward"),
-        pytest.param({0: 0.4}, Motion(0.0, 0.1), Motion(0.0, 0.1), id="standing"),
+        pytest.param({0: 0.4}, STRAIGHT, Twist(0.0, 1.0), id="ahead"),
+        pytest.param({0: 0.4}, Twist(0.3, -0.5), Twist(0.0, -0.5), id="turning"),
+        pytest.param({0: 0.4}, Twist(-0.3, 0.1), Twist(-0.3, 0.1), id="backward"),
+        pytest.param({0: 0.4}, Twist(0.0, 0.1), Twist(0.0, 0.1), id="standing"),
     ],
 )
 def test_bumpers_overrule(
-    near: dict[float, float], motion: Motion, allowed: Motion
+    near: dict[float, float], motion: Twist, allowed: Twist
 ) -> None:
     assert HABITS.careful(sensed_with(near), motion) == allowed
 
@@ -365,8 +371,8 @@ def test_a_place_that_it_does_not_get_nearer_to_is_given_up(world: Make) -> None
 
 def test_who_has_no_way_stands(world: Make) -> None:
     here = world(HALL)
-    walker = Walker(HABITS)
-    assert walker.walk(here.scan()) == Motion(0.0, 0.0)
+    walker = PathFollower(HABITS)
+    assert walker.walk(here.scan()) == Twist(0.0, 0.0)
     assert walker.end is None
     assert walker.look(here.scan(), here.grid)
     assert not walker.look(here.scan(), here.grid)
@@ -375,9 +381,9 @@ def test_who_has_no_way_stands(world: Make) -> None:
 def test_a_way_leads_from_place_to_place(world: Make) -> None:
     here = world(HALL, -4.0)
     places = [(-3.0, -2.0), (3.0, -2.0), (3.0, 2.0)]
-    strategy = AlongWay(HABITS, places)
+    strategy = WaypointFollower(HABITS, places)
     here.run(strategy)
-    assert strategy.left_out == []
+    assert strategy.unreached == []
     near = [
         min(math.dist(place, (pose.x, pose.y)) for pose in here.track)
         for place in places
@@ -389,9 +395,9 @@ def test_a_way_leads_from_place_to_place(world: Make) -> None:
 
 def test_what_no_way_leads_to_is_left_out(world: Make) -> None:
     here = world(TOO_NARROW, -4.0)
-    strategy = AlongWay(HABITS, [(3.0, 0.0), (-4.0, 1.5)])
+    strategy = WaypointFollower(HABITS, [(3.0, 0.0), (-4.0, 1.5)])
     here.run(strategy)
-    assert strategy.left_out == [(3.0, 0.0)]
+    assert strategy.unreached == [(3.0, 0.0)]
     assert math.dist((here.pose.x, here.pose.y), (-4.0, 1.5)) < THERE
     assert max(pose.x for pose in here.track) > -1.2  # as near as it can get
 
@@ -400,9 +406,9 @@ def test_a_place_near_by_is_gone_to_and_not_left_out(world: Make) -> None:
     for away in np.arange(0.05, 0.6, 0.05):
         here = world(HALL, -3.0)
         place = (-3.0 - away, 0.0)
-        strategy = AlongWay(HABITS, [place])
+        strategy = WaypointFollower(HABITS, [place])
         here.run(strategy)
-        assert strategy.left_out == []
+        assert strategy.unreached == []
         assert math.dist((here.pose.x, here.pose.y), place) < THERE
 
 
@@ -411,7 +417,7 @@ def test_a_place_outside_is_left_out_once_it_gets_no_nearer(
     world: Make, far: float
 ) -> None:
     here = world(HALL, -3.0)
-    strategy = AlongWay(HABITS, [(far, 0.0), (0.0, 0.0)])
+    strategy = WaypointFollower(HABITS, [(far, 0.0), (0.0, 0.0)])
     here.run(strategy, steps=800)
-    assert strategy.left_out == [(far, 0.0)]
+    assert strategy.unreached == [(far, 0.0)]
     assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < THERE

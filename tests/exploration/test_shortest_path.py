@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from radarsim.exploration.shortest_path import nearest_way, reached
+from radarsim.exploration.shortest_path import reached, shortest_path
 from radarsim.geometry import Floats
 
 COSTS = arrays(
@@ -46,7 +46,7 @@ def test_the_way_is_the_cheapest_that_there_is(
     targets = np.zeros(cost.shape, np.bool_)
     targets[end] = True
     due = cheapest(cost, start)[end]
-    way = nearest_way(cost, start, targets)
+    way = shortest_path(cost, start, targets)
     if math.isinf(due):
         assert len(way) == 0
         return
@@ -63,7 +63,7 @@ def test_of_many_places_the_nearest_is_gone_to(
     targets = np.zeros(cost.shape, np.bool_)
     targets[::2, ::3] = True
     due = cheapest(cost, start)[targets].min()
-    way = nearest_way(cost, start, targets)
+    way = shortest_path(cost, start, targets)
     assert length(way, cost) == pytest.approx(due) if len(way) else math.isinf(due)
 
 

@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from radarsim.exploration.traversability import MARGIN, Floor
+from radarsim.exploration.traversability import MARGIN, TraversabilityMap
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.occupancy_grid import OccupancyGrid
-from radarsim.mapping.scan import FOLIAGE, Marks, Scan2
+from radarsim.mapping.scan import FOLIAGE, BeamHits, PlanarScan
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 SAFETY = 0.5
 MIDDLE = Pose2(0.0, 2.0)
 
@@ -29,23 +29,23 @@ def seen(
 
 
 @pytest.fixture(scope="module")
-def floor(look: Look, room: Floats) -> Floor:
-    return Floor(seen(look, room, MIDDLE), SAFETY)
+def floor(look: Look, room: Floats) -> TraversabilityMap:
+    return TraversabilityMap(seen(look, room, MIDDLE), SAFETY)
 
 
-def test_open_floor_keeps_its_distance(floor: Floor) -> None:
+def test_open_floor_keeps_its_distance(floor: TraversabilityMap) -> None:
     nearest = 4.0 - SAFETY - MARGIN  # of the wall at y = 4
     assert floor.is_open(0.0, nearest - 0.15)
     assert not floor.is_open(0.0, nearest + 0.15)
     assert not floor.is_open(0.0, 99.0)
 
 
-def test_a_straight_way_goes_through_nothing(floor: Floor) -> None:
+def test_a_straight_way_goes_through_nothing(floor: TraversabilityMap) -> None:
     assert floor.is_straight(MIDDLE, -4.0, 2.0)
     assert not floor.is_straight(MIDDLE, -4.6, -2.0)  # a box is between
 
 
-def test_the_unknown_is_behind_things_and_walls(floor: Floor) -> None:
+def test_the_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> None:
     across, up = floor.middles()
     for x, y, due in [
         (4.5, 0.0, True),
@@ -57,7 +57,7 @@ def test_the_unknown_is_behind_things_and_walls(floor: Floor) -> None:
         assert floor.unknown[row, column] == due
 
 
-def test_frontiers_are_where_the_unknown_begins(floor: Floor) -> None:
+def test_frontiers_are_where_the_unknown_begins(floor: TraversabilityMap) -> None:
     rows, columns = np.nonzero(floor.frontiers)
     across, up = floor.middles()
     assert len(rows) > 10
@@ -65,21 +65,21 @@ def test_frontiers_are_where_the_unknown_begins(floor: Floor) -> None:
     assert (np.abs(across[columns]) < 6).all()
 
 
-def test_a_way_to_a_frontier_keeps_its_distance_too(floor: Floor) -> None:
+def test_a_way_to_a_frontier_keeps_its_distance_too(floor: TraversabilityMap) -> None:
     way = floor.way_to(MIDDLE, floor.frontiers)
     assert math.dist(way[0], (MIDDLE.x, MIDDLE.y)) < 0.1
     assert all(floor.is_open(*place) for place in way)
     assert max(math.dist(a, b) for a, b in pairwise(way)) < 0.15
 
 
-def test_nothing_leads_through_walls_or_from_nowhere(floor: Floor) -> None:
+def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -> None:
     outside = floor.within(0.0, 6.0, 1.0)
     assert not floor.way_to(MIDDLE, outside)
     assert not floor.way_to(Pose2(99.0, 0.0), floor.frontiers)
     assert not floor.reachable(Pose2(99.0, 0.0)).any()
 
 
-def test_who_is_too_near_may_leave(floor: Floor) -> None:
+def test_who_is_too_near_may_leave(floor: TraversabilityMap) -> None:
     near = Pose2(0.0, 3.75)
     assert not floor.is_open(near.x, near.y)
     way = floor.way_to(near, floor.within(0.0, 1.0, 0.3))
@@ -90,7 +90,7 @@ def test_who_is_too_near_may_leave(floor: Floor) -> None:
 
 def test_a_rim_goes_along_walls_and_not_round_islands(look: Look, room: Floats) -> None:
     corners = [Pose2(x, y) for x in (-5, 0, 5) for y in (-3, 3)]
-    floor = Floor(seen(look, room, *corners), SAFETY)
+    floor = TraversabilityMap(seen(look, room, *corners), SAFETY)
     rim = floor.rim(floor.reachable(MIDDLE))
     assert rim.any()
     assert not (rim & floor.within(2.0, 1.0, 1.5)).any()
@@ -101,7 +101,7 @@ def test_a_rim_goes_along_walls_and_not_round_islands(look: Look, room: Floats) 
 def test_floor_is_unvisited_where_it_was_seen_from_afar(
     look: Look, room: Floats
 ) -> None:
-    floor = Floor(seen(look, room, Pose2(-4.0, 1.0)), SAFETY)
+    floor = TraversabilityMap(seen(look, room, Pose2(-4.0, 1.0)), SAFETY)
     assert not (floor.unvisited & floor.within(-4.0, 1.0, 2.8)).any()
     assert (floor.unvisited & floor.within(4.0, 2.0, 0.5)).any()
     assert floor.area(floor.within(0.0, 0.0, 1.0)) == pytest.approx(math.pi, rel=0.05)
@@ -111,7 +111,7 @@ def test_floor_is_unvisited_where_it_was_seen_from_afar(
 def test_cells_of_any_size_give_the_same_floor(
     look: Look, room: Floats, resolution: float
 ) -> None:
-    floor = Floor(seen(look, room, MIDDLE, resolution=resolution), SAFETY)
+    floor = TraversabilityMap(seen(look, room, MIDDLE, resolution=resolution), SAFETY)
     assert floor.is_open(-3.0, 2.0)
     assert not floor.is_open(2.0, -0.2 + 1.0)  # beside a box
     assert floor.way_to(MIDDLE, floor.within(-4.0, 2.0, 0.3))
@@ -124,18 +124,18 @@ def test_foliage_keeps_a_robot_out_though_beams_get_in(
     beams = np.arange(170, 191)
     here, there = np.full(len(beams), 2.0), np.full(len(beams), 3.0)
     what = np.full(len(beams), FOLIAGE, np.int8)
-    scan = Scan2(
+    scan = PlanarScan(
         scan.time,
         scan.mount,
         scan.angles,
         scan.reach,
         scan.ends,
-        Marks(beams, here, there, what),
+        BeamHits(beams, here, there, what),
         sees_through=True,
     )
     grid = OccupancyGrid()
     grid.add(Pose2(0.0, 0.0), scan)
-    floor = Floor(grid, SAFETY)
+    floor = TraversabilityMap(grid, SAFETY)
     assert floor.is_open(1.2, 0.0)
     assert not floor.is_open(1.6, 0.0)
     assert not floor.is_open(2.5, 0.0)

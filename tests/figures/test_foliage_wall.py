@@ -24,12 +24,12 @@ from radarsim.figures.foliage_wall import (
     radar,
     things_behind,
 )
-from radarsim.figures.scan_spec import Shot, ends_of, scene_of
+from radarsim.figures.scan_spec import ScanSpec, ends_of, scene_of
 
 ROOM = scene_of("foliage_room")
 
 
-def counts_of(shot: Shot) -> Counts:
+def counts_of(shot: ScanSpec) -> Counts:
     (scan,) = shot.take()
     return count_ends(shot.scene, scan)
 
@@ -72,7 +72,7 @@ def test_noise_grows_with_the_offset() -> None:
         (scan,) = radar(0, offset).take()
         moved[offset] = count_moved(scan, 0)
         shot = radar(0, offset)
-        many = Shot(shot.map, shot.sensor, 0, shot.settings, count=10)
+        many = ScanSpec(shot.map, shot.sensor, 0, shot.settings, count=10)
         scans = many.take()
         spread[offset] = sum(count_changes(ROOM, scans))
         ranges = np.array([one.ranges for one in scans])
@@ -84,7 +84,7 @@ def test_noise_grows_with_the_offset() -> None:
 
 def test_beams_ahead_jump_or_end_in_bushes_and_those_aside_meet_walls() -> None:
     shot = radar(0, 100)
-    scans = Shot(shot.map, shot.sensor, 0, shot.settings, count=10).take()
+    scans = ScanSpec(shot.map, shot.sensor, 0, shot.settings, count=10).take()
     changes = count_changes(ROOM, scans)
     assert min(changes) > 0
     aside = np.abs(np.degrees(scans[0].angles))

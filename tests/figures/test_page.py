@@ -19,7 +19,7 @@ def made(number: str, caption: str = "See 3 < 4 & more.") -> Made:
     return Made(number, "Walls & bushes", file, caption, (COMMAND,), png())
 
 
-class Reader(HTMLParser):
+class ScanBuilder(HTMLParser):
     """Collects what a browser would fetch, and the text of captions."""
 
     VOID = frozenset({"meta", "img"})
@@ -47,8 +47,8 @@ class Reader(HTMLParser):
         self.text += data if "figcaption" in self.open else ""
 
 
-def read(page: str) -> Reader:
-    reader = Reader()
+def read(page: str) -> ScanBuilder:
+    reader = ScanBuilder()
     reader.feed(page)
     assert not reader.open
     return reader

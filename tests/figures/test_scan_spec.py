@@ -3,9 +3,9 @@ import math
 import pytest
 
 from radarsim import Scan
-from radarsim.figures.scan_spec import Shot, ends_of, scene_of, start_of
+from radarsim.figures.scan_spec import ScanSpec, ends_of, scene_of, start_of
 
-MIXED = Shot(
+MIXED = ScanSpec(
     "empty_room", "radar", 3, (("ray_weights", (0, 1, 0)), ("max_range", 80.0))
 )
 
@@ -21,7 +21,7 @@ def test_the_command_tells_all_settings() -> None:
         "radarsim scan empty_room --sensor radar --set ray_weights=0,1,0"
         " --set max_range=80 --start RobotStart1 --seed 3"
     )
-    words = Shot("m@dust", "radar", 0, (("side_mode", "cone"),), count=10).command
+    words = ScanSpec("m@dust", "radar", 0, (("side_mode", "cone"),), count=10).command
     assert words.endswith(
         "--set side_mode=cone --start RobotStart1 --seed 0 --count 10"
     )

@@ -12,7 +12,7 @@ from radarsim.host.commands import SPAWN_TICKS
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import Message, decode_message
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
 BOTH = b"INIT {ClassName USARBot.P3AT_Compare} {Name R1} {Start RobotStart1}\r\n"
@@ -54,7 +54,7 @@ def talk(
     dialect: Dialect = COMPAT,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Talk:
-    conditions = Conditions(dialect, item_settings=settings or {})
+    conditions = SimulationConfig(dialect, item_settings=settings or {})
     return Talk(Host(scene, conditions=conditions), init)
 
 

@@ -13,7 +13,7 @@ from radarsim.host.commands import SPAWN_TICKS, SPAWNS_A_TICK, VAIN_SPAWN_TICKS
 from radarsim.host.host import COMMANDS_A_TICK
 from radarsim.presets.robots import robot_names
 from radarsim.scene.scene import Scene, StartPose
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 STARTS = (
@@ -601,7 +601,7 @@ def test_set_reset_begins_the_odometry_anew(host: Host) -> None:
 
 def test_conditions_that_no_robot_fits_are_refused(empty_room: Scene) -> None:
     with pytest.raises(PresetError, match="item 'lms'"):
-        Host(empty_room, conditions=Conditions(item_settings={"lms": {}}))
+        Host(empty_room, conditions=SimulationConfig(item_settings={"lms": {}}))
 
 
 def test_two_clients_do_not_hear_each_other(host: Host) -> None:

@@ -8,7 +8,7 @@ from radarsim.host import Host
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 
 def answers(
@@ -16,7 +16,7 @@ def answers(
     asked: str,
     *,
     class_name: str = "P3AT",
-    conditions: Conditions | None = None,
+    conditions: SimulationConfig | None = None,
     yaw: float = 0.0,
 ) -> list[str]:
     """Ask a robot on its first tick, in which it has nothing else to say."""
@@ -141,7 +141,7 @@ def test_in_the_forms_that_clients_read(
 def test_in_the_forms_of_the_original(
     empty_room: Scene, asked: str, answer: str
 ) -> None:
-    assert answers(empty_room, asked, conditions=Conditions(UDK)) == [answer]
+    assert answers(empty_room, asked, conditions=SimulationConfig(UDK)) == [answer]
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
@@ -159,7 +159,7 @@ def test_everything_that_a_robot_carries_is_answered_for(
         empty_room,
         "\r\n".join(asked),
         class_name=class_name,
-        conditions=Conditions(dialect),
+        conditions=SimulationConfig(dialect),
     )
     assert len(told) == 2 * len(items)
     for question, answer in zip(asked, told, strict=True):
@@ -190,7 +190,7 @@ def test_two_scanners_share_a_line(empty_room: Scene) -> None:
 
 
 def test_changed_settings_are_told(empty_room: Scene) -> None:
-    changed = Conditions(
+    changed = SimulationConfig(
         item_settings={"LMS200": {"fov_deg": 90, "max_range": 12, "min_range": 1}}
     )
     assert answers(empty_room, "GETCONF {Type RangeScanner}", conditions=changed) == [
@@ -200,6 +200,6 @@ def test_changed_settings_are_told(empty_room: Scene) -> None:
 
 
 def test_the_largest_speed_is_in_the_unit_of_drive(empty_room: Scene) -> None:
-    turns = Conditions(drive_unit="rev_per_s")
+    turns = SimulationConfig(drive_unit="rev_per_s")
     (conf,) = answers(empty_room, "GETCONF {Type Robot}", conditions=turns)
     assert "{MaxSpeed 1.3000}" in conf

@@ -21,22 +21,22 @@ from radarsim.mapping.export import (
     nav_map,
 )
 from radarsim.mapping.occupancy_grid import (
-    CLOUD,
+    FOLIAGE_CELL,
     FREE,
     OBSTACLE,
-    THICKET,
+    SMOKE_CELL,
     UNKNOWN,
     OccupancyGrid,
 )
-from radarsim.mapping.scan import Scan2, read_scan
+from radarsim.mapping.scan import PlanarScan, read_scan
 from radarsim.protocol.reports import RangeScan, Seen
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 HERE = Pose2(1.0, -0.5, 0.4)
 NAV_UNKNOWN, NAV_FREE, NAV_OCCUPIED = -1, 0, 100
 
 
-def hedge(*, passes: bool) -> Scan2:
+def hedge(*, passes: bool) -> PlanarScan:
     """Scan a slab before a wall, 2 to 3 m and 6 m ahead."""
     slope = 1 / np.cos(np.radians(np.linspace(-30, 30, 61)))
     n = len(slope)
@@ -121,8 +121,10 @@ def test_trinary_is_loaded_with_the_same_classes(mapped: OccupancyGrid) -> None:
     cells, head = loaded(mapped, "trinary")
     classes = classes_in(mapped, head, cells.shape)
     assert head["image"] == "yard.pgm"
-    assert (cells[(classes == OBSTACLE) | (classes == THICKET)] == NAV_OCCUPIED).all()
-    assert (cells[(classes == FREE) | (classes == CLOUD)] == NAV_FREE).all()
+    assert (
+        cells[(classes == OBSTACLE) | (classes == FOLIAGE_CELL)] == NAV_OCCUPIED
+    ).all()
+    assert (cells[(classes == FREE) | (classes == SMOKE_CELL)] == NAV_FREE).all()
     assert (cells[classes == UNKNOWN] == NAV_UNKNOWN).all()
     assert all((classes == kind).any() for kind in range(5))
 
@@ -150,7 +152,7 @@ def test_scale_is_loaded_with_probabilities(mapped: OccupancyGrid) -> None:
     known = cells[classes != UNKNOWN]
     assert ((known >= 0) & (known <= 100)).all()
     assert (cells[classes == OBSTACLE] > 90).all()
-    assert cells[classes == FREE].max() < cells[classes == THICKET].min()
+    assert cells[classes == FREE].max() < cells[classes == FOLIAGE_CELL].min()
 
 
 def test_the_files_cover_all_that_is_sensed_and_little_more(

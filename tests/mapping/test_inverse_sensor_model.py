@@ -29,7 +29,7 @@ from radarsim.mapping.scan import (
     SMOKE,
     SOLID,
     SPENT,
-    Marks,
+    BeamHits,
 )
 
 SIDE = 40
@@ -60,7 +60,7 @@ class Sheet:
         """Take in beams of angle, reach and end, and marks of beam, near, far, what."""
         angle, reach, ends = (np.array(column) for column in zip(*rays, strict=True))
         ways = np.column_stack([np.cos(angle), np.sin(angle)])
-        met = Marks(
+        met = BeamHits(
             np.array([mark[0] for mark in marks], np.int64),
             np.array([mark[1] for mark in marks], np.float64),
             np.array([mark[2] for mark in marks], np.float64),

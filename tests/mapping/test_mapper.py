@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.client import ScannerFacts
+from radarsim.client import ScannerInfo
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.mapping.mapper import STALE, Mapper, MapperSettings
-from radarsim.mapping.occupancy_grid import FREE, OBSTACLE, THICKET, UNKNOWN
-from radarsim.mapping.scan import Scan2
+from radarsim.mapping.occupancy_grid import FOLIAGE_CELL, FREE, OBSTACLE, UNKNOWN
+from radarsim.mapping.scan import PlanarScan
 from radarsim.mapping.slam import SlamSettings
 from radarsim.protocol.reports import (
     EchoLine,
@@ -27,7 +27,7 @@ from radarsim.protocol.reports import (
 FAR = 20.0
 BEAMS = 9
 FOV = math.radians(80)
-SCANNER = ScannerFacts(
+SCANNER = ScannerInfo(
     "lms200", Pose3(0.2, 0.0, 0.2), 0.1, FAR, math.radians(10), FOV, BEAMS
 )
 AHEAD = 4  # the beam straight ahead
@@ -105,7 +105,7 @@ def test_echoes_tell_foliage_from_walls() -> None:
         echoes(0.1, (5.0, "hit"), object="wall", material="brick", line=2, lines=2),
         scan(0.1, 5.0),
     )
-    assert class_at(maker, 2.7, 0.0) == THICKET
+    assert class_at(maker, 2.7, 0.0) == FOLIAGE_CELL
     assert class_at(maker, 4.0, 0.0) == FREE
     assert class_at(maker, 5.2, 0.0) == OBSTACLE
 
@@ -211,7 +211,7 @@ def test_true_poses_are_kept_as_often_as_scans_come_and_not_more() -> None:
 
 
 def test_a_server_that_tells_no_time_and_no_limits_is_mapped_too() -> None:
-    facts = ScannerFacts("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
+    facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
     fed(maker, ins(math.nan), scan(math.nan, 3.0))
     assert class_at(maker, 3.0, 0.0) == OBSTACLE
@@ -227,12 +227,12 @@ def test_the_floor_under_the_robot_is_free() -> None:
 
 
 @pytest.fixture
-def drive(look: Callable[..., Scan2], room: Floats) -> Iterator[Report]:
+def drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
     """Give what comes of a robot that goes round in a room."""
     return _drive(look, room)
 
 
-def _drive(look: Callable[..., Scan2], room: Floats) -> Iterator[Report]:
+def _drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
     for k in range(400):
         t = 0.1 * k
         pose = Pose2(0.5 * math.cos(t / 5), 1 + 0.5 * math.sin(t / 5), t / 5)
@@ -245,7 +245,7 @@ def _drive(look: Callable[..., Scan2], room: Floats) -> Iterator[Report]:
 
 def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) -> None:
     """The map and what poses are found by grow with the room, and not with time."""
-    facts = ScannerFacts("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
+    facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
     sizes = []
     for report in drive:
@@ -274,4 +274,4 @@ def test_echoes_belong_to_scans_without_time_stamps_too() -> None:
         fed(maker, ins(math.nan), echoes(math.nan, (near, "enter"), (4.0, "spent")))
         fed(maker, scan(math.nan, 4.0))
     assert maker.scans == 3
-    assert class_at(maker, 0.2 + 3.0, 0.0) == THICKET
+    assert class_at(maker, 0.2 + 3.0, 0.0) == FOLIAGE_CELL

@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.occupancy_grid import (
-    CLOUD,
+    FOLIAGE_CELL,
     FREE,
     OBSTACLE,
-    THICKET,
+    SMOKE_CELL,
     UNKNOWN,
     OccupancyGrid,
 )
-from radarsim.mapping.scan import Scan2, read_scan
+from radarsim.mapping.scan import PlanarScan, read_scan
 from radarsim.protocol.reports import RangeScan, Seen
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 HERE = Pose2(1.0, -0.5, 0.4)
 MAX_RANGE = 20.0
 places = st.floats(-7, 7)
@@ -40,7 +40,7 @@ def thing(
     return Seen(name, name, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones)
 
 
-def through(near: float, far: float, end: float | None, *, passes: bool) -> Scan2:
+def through(near: float, far: float, end: float | None, *, passes: bool) -> PlanarScan:
     """Scan a slab across the view, from ``near`` to ``far`` m, and a wall at ``end``.
 
     Without a wall the beams are spent in the slab.
@@ -57,7 +57,7 @@ def through(near: float, far: float, end: float | None, *, passes: bool) -> Scan
     return read_scan(report, seen, max_range=MAX_RANGE)
 
 
-def grid_of(*scans: Scan2, pose: Pose2 | None = None) -> OccupancyGrid:
+def grid_of(*scans: PlanarScan, pose: Pose2 | None = None) -> OccupancyGrid:
     grid = OccupancyGrid()
     for scan in scans:
         grid.add(pose or Pose2(0.0, 0.0), scan)
@@ -107,10 +107,10 @@ def test_walls_are_where_beams_end(
 
 
 def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
-    seen_from = Pose2(1.0, 0.0, 0.9)
-    scan = look(room, seen_from)
+    relative_to = Pose2(1.0, 0.0, 0.9)
+    scan = look(room, relative_to)
     mount = Pose2(0.2, 0.1, 0.5)
-    moved = Scan2(
+    moved = PlanarScan(
         scan.time,
         mount,
         scan.angles,
@@ -121,7 +121,7 @@ def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
     )
     c, s = math.cos(0.4), math.sin(0.4)
     body = Pose2(1.0 - (0.2 * c - 0.1 * s), -(0.2 * s + 0.1 * c), 0.4)
-    one = grid_of(scan, pose=seen_from)
+    one = grid_of(scan, pose=relative_to)
     other = grid_of(moved, pose=body)
     assert one.lattice == other.lattice
     assert (one.classes() != other.classes()).mean() < 1e-3  # rounding at borders
@@ -129,7 +129,7 @@ def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
 
 def test_foliage_is_sensed_and_nobody_drives_there() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
-    assert class_at(grid, 2.5, 0.0) == THICKET
+    assert class_at(grid, 2.5, 0.0) == FOLIAGE_CELL
     assert grid.sensed(2.5, 0.0)
     assert not grid.drivable(2.5, 0.0, 0.0)
     assert class_at(grid, 4.5, 0.0) == FREE
@@ -138,13 +138,13 @@ def test_foliage_is_sensed_and_nobody_drives_there() -> None:
 
 def test_smoke_is_sensed_and_robots_drive_there() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=True))
-    assert class_at(grid, 2.5, 0.0) == CLOUD
+    assert class_at(grid, 2.5, 0.0) == SMOKE_CELL
     assert grid.drivable(2.5, 0.0, 0.3)
 
 
 def test_where_power_runs_out_is_an_end_and_no_obstacle() -> None:
     grid = grid_of(through(2.0, 3.5, None, passes=False))
-    assert class_at(grid, 3.49, 0.0) == THICKET
+    assert class_at(grid, 3.49, 0.0) == FOLIAGE_CELL
     assert class_at(grid, 3.7, 0.0) == UNKNOWN
     cell = grid.lattice.cell(3.5, 0.0)
     assert cell is not None

@@ -6,15 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import MappingError
-from radarsim.mapping.occupancy_grid import STEP, Lattice
+from radarsim.mapping.occupancy_grid import STEP, GridFrame
 
 SIZE = 0.05
 metres = st.floats(-40, 40)
 points = st.tuples(metres, metres)
 
 
-def holding(*places: tuple[float, float]) -> Lattice:
-    lattice = Lattice(SIZE)
+def holding(*places: tuple[float, float]) -> GridFrame:
+    lattice = GridFrame(SIZE)
     for place in places:
         lattice = lattice.grown(place, place)
     return lattice
@@ -67,19 +67,19 @@ def test_it_grows_by_many_cells_at_once() -> None:
 
 
 def test_outside_there_is_no_cell() -> None:
-    assert Lattice(SIZE).cell(0, 0) is None
+    assert GridFrame(SIZE).cell(0, 0) is None
     assert holding((0.0, 0.0)).cell(-0.01, 0) is None
 
 
 @pytest.mark.parametrize("far", [1e4, math.inf, math.nan])
 def test_a_place_too_far_away_is_an_error(far: float) -> None:
     with pytest.raises((MappingError, ValueError, OverflowError)):
-        Lattice(SIZE).grown((0.0, 0.0), (far, 0.0))
+        GridFrame(SIZE).grown((0.0, 0.0), (far, 0.0))
 
 
 def test_an_area_too_large_is_an_error() -> None:
     side = SIZE * 8000
-    lattice = Lattice(SIZE).grown((0.0, 0.0), (side, side))
+    lattice = GridFrame(SIZE).grown((0.0, 0.0), (side, side))
     assert lattice.shape > (8000, 8000)
     with pytest.raises(MappingError, match=r"in cells of 0\.\d+ m, expected at most"):
         lattice.grown((-side, 0.0), (0.0, 0.0))

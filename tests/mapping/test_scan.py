@@ -19,7 +19,7 @@ from radarsim.mapping.scan import (
     SOLID,
     SPENT,
     UNSURE,
-    Scan2,
+    PlanarScan,
     read_scan,
 )
 from radarsim.protocol.reports import RangeScan, Seen
@@ -46,13 +46,13 @@ def seen(
     )
 
 
-def met(scan: Scan2) -> list[tuple[int, float, float, int]]:
+def met(scan: PlanarScan) -> list[tuple[int, float, float, int]]:
     """List the marks: beam, near, far, what."""
     columns = (column.tolist() for column in scan.marks)
     return sorted(zip(*columns, strict=True))
 
 
-def told(*ranges: float, by: list[Seen], min_range: float = 0.0) -> Scan2:
+def told(*ranges: float, by: list[Seen], min_range: float = 0.0) -> PlanarScan:
     return read_scan(scan_of(*ranges), by, max_range=FAR, min_range=min_range)
 
 

@@ -8,18 +8,18 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.point_map import PointMap
-from radarsim.mapping.scan import Scan2
+from radarsim.mapping.scan import PlanarScan
 from radarsim.mapping.scan_matching import Points, best_start, fit
 from radarsim.rng import generator_for
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 LOOSE: Floats = np.array([0.3, 0.3, 0.2])
 HERE = Pose2(1.0, -0.5, 0.4)
 offsets = st.floats(-0.1, 0.1)
 turns = st.floats(-0.08, 0.08)
 
 
-def points_of(scan: Scan2, *, spread: float = 0.0, spots: bool = True) -> Points:
+def points_of(scan: PlanarScan, *, spread: float = 0.0, spots: bool = True) -> Points:
     places, along = scan.points()
     return Points(places, along, spread, spots)
 

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.scan import Scan2
-from radarsim.mapping.slam import SeedKind, Slam, SlamSettings
+from radarsim.mapping.scan import PlanarScan
+from radarsim.mapping.slam import MotionSource, Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory, TrajectoryErrors, trajectory_errors
 from radarsim.rng import generator_for
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 START = Pose2(-4.0, 0.5, 0.3)
 STEP = 0.08  # m between two scans
 
@@ -62,11 +62,13 @@ def path() -> list[Pose2]:
 
 
 @pytest.fixture(scope="module")
-def scans(look: Look, room: Floats, path: list[Pose2]) -> list[Scan2]:
+def scans(look: Look, room: Floats, path: list[Pose2]) -> list[PlanarScan]:
     return [look(room, pose, time=0.1 * i) for i, pose in enumerate(path)]
 
 
-def matched(scans: list[Scan2], seeds: list[Pose2 | None], kind: SeedKind) -> Slam:
+def matched(
+    scans: list[PlanarScan], seeds: list[Pose2 | None], kind: MotionSource
+) -> Slam:
     slam = Slam(SlamSettings(seed=kind), START)
     for scan, seed in zip(scans, seeds, strict=True):
         slam.step(scan, seed)
@@ -74,7 +76,7 @@ def matched(scans: list[Scan2], seeds: list[Pose2 | None], kind: SeedKind) -> Sl
 
 
 def test_matching_takes_most_of_the_drift_away(
-    scans: list[Scan2], path: list[Pose2]
+    scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     ins = drifting(path, 0.15)
     drift = errors(path, ins)
@@ -88,7 +90,7 @@ def test_matching_takes_most_of_the_drift_away(
 
 
 def test_odometry_may_count_from_anywhere(
-    scans: list[Scan2], path: list[Pose2]
+    scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     """It counts from where it was switched on, on axes of its own."""
     c, s = math.cos(START.yaw), math.sin(START.yaw)
@@ -105,7 +107,7 @@ def test_odometry_may_count_from_anywhere(
 
 
 def test_without_a_seed_the_scans_are_enough(
-    scans: list[Scan2], path: list[Pose2]
+    scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     slam = matched(scans, [None] * len(path), "none")
     found = errors(path, slam.trajectory.poses)
@@ -114,7 +116,7 @@ def test_without_a_seed_the_scans_are_enough(
 
 
 def test_a_seed_that_stops_telling_does_no_harm(
-    scans: list[Scan2], path: list[Pose2]
+    scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     seeds = [pose if i % 7 else None for i, pose in enumerate(path)]
     slam = matched(scans, seeds, "ins")
@@ -175,7 +177,7 @@ def test_without_a_start_the_first_seed_is_the_start(look: Look, room: Floats) -
 
 
 def test_the_same_scans_give_the_same_poses(
-    scans: list[Scan2], path: list[Pose2]
+    scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     one, other = (matched(scans, [*path], "ins") for _ in range(2))
     assert one.trajectory.poses == other.trajectory.poses

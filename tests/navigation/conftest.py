@@ -10,8 +10,8 @@ import shapely
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import Bug
-from radarsim.navigation.control import Motion
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import Twist
+from radarsim.navigation.observation import Observation
 
 BEARINGS: Floats = np.radians(np.arange(360.0) - 180.0)
 STEP = 0.1  # s between two scans
@@ -43,7 +43,7 @@ class Flatland:
         ends = zip(self.track, self.track[1:], strict=False)
         return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in ends)
 
-    def scan(self) -> Sensed:
+    def scan(self) -> Observation:
         """See what there is, from the robot's centre."""
         angles = BEARINGS + self.pose.yaw
         ways = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -57,9 +57,9 @@ class Flatland:
             ) / across
         met = (ranges > 0) & (along <= 0) & (along >= -1)
         nearest = np.where(met, ranges, math.inf).min(axis=1, initial=math.inf)
-        return Sensed(len(self.track) * STEP, self.pose, BEARINGS.copy(), nearest)
+        return Observation(len(self.track) * STEP, self.pose, BEARINGS.copy(), nearest)
 
-    def move(self, motion: Motion) -> None:
+    def move(self, motion: Twist) -> None:
         """Let one step pass."""
         pose, middle = self.pose, self.pose.yaw + motion.turn * STEP / 2
         way = motion.speed * STEP

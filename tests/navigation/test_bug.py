@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Bug, BugSettings, Doing
+from radarsim.navigation.bug import Activity, Bug, BugSettings
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import Pace
+from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import Algorithm, GiveUp, Rule
 
 
@@ -21,7 +21,7 @@ class World(Protocol):
 
 
 S = 0.5
-FAST = Pace(0.6, 1.5)  # exact worlds allow it, and tests are over sooner
+FAST = SpeedLimits(0.6, 1.5)  # exact worlds allow it, and tests are over sooner
 BOTH = pytest.mark.parametrize("algorithm", list(Algorithm))
 HANDS = pytest.mark.parametrize("on_left", [True, False], ids=["left", "right"])
 
@@ -47,7 +47,7 @@ def test_it_gets_round_within_the_bounds_of_choset(
     world = flatland(shape, at=Pose2(-6.0, 0.0))
     walker = bug(algorithm, (6.0, 0.2), on_left=on_left)
     world.run(walker)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert math.hypot(world.pose.x - 6, world.pose.y - 0.2) <= 0.15
     assert world.nearest > 0.45
     grown = shape.buffer(S + 0.5).exterior
@@ -78,7 +78,7 @@ def test_it_says_that_there_is_no_path(
     world = flatland(CELL, at=Pose2(*start, 1.0))
     walker = bug(algorithm, goal, on_left=on_left)
     world.run(walker)
-    assert walker.doing is Doing.NO_PATH
+    assert walker.doing is Activity.NO_PATH
     assert walker.circuits == 1
     assert not walker.leaves
     assert world.nearest > 0.45
@@ -136,7 +136,7 @@ def test_a_goal_beside_the_boundary_is_reached_from_it(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(Algorithm.BUG1, (2.1, 0.5))  # 0.6 m behind the box
     world.run(walker)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert walker.circuits == 0
 
 
@@ -151,7 +151,7 @@ def test_the_shorter_rule_gives_up_where_hit_point_goes_on(flatland: World) -> N
         walker = bug(Algorithm.BUG2, (6.5, 0.0), give_up=rule, on_left=False)
         world.run(walker)
         ends[rule] = walker.doing
-    assert ends == {GiveUp.HIT_POINT: Doing.REACHED, GiveUp.LINE: Doing.NO_PATH}
+    assert ends == {GiveUp.HIT_POINT: Activity.REACHED, GiveUp.LINE: Activity.NO_PATH}
 
 
 @pytest.mark.parametrize("count", [4, 5, 6, 8, 12])
@@ -161,7 +161,7 @@ def test_any_number_of_bumpers_will_do(flatland: World, count: int) -> None:
         Algorithm.BUG2, (6.0, 0.0), bumpers=Bumpers(safety_distance=S, count=count)
     )
     world.run(walker)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -170,14 +170,14 @@ def test_the_literal_rule_will_do(flatland: World) -> None:
     bumpers = Bumpers(safety_distance=S, rule=Rule.ALL)
     walker = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
     world.run(walker)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert world.nearest > 0.42
 
 
 def test_a_boundary_that_vanishes_is_left(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(Algorithm.BUG1, (6.0, 0.0))
-    while walker.doing != Doing.FOLLOWING:
+    while walker.doing != Activity.FOLLOWING:
         world.move(walker.step(world.scan()))
     empty = flatland(at=world.pose)
     empty.run(walker)
@@ -210,7 +210,7 @@ def test_no_box_keeps_it_from_a_goal_behind(
     world = flatland(box, at=Pose2(-5.5, 0.0))
     walker = bug(algorithm, (5.5, 0.0), on_left=on_left)
     world.run(walker, steps=4000)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -224,7 +224,7 @@ def test_a_goal_that_is_too_near_to_something_ends_in_no_path_or_at_the_goal(
     world.run(walker, steps=3000)
     assert len(walker.hits) < 8
     assert world.nearest > 0.38
-    assert walker.doing in (Doing.NO_PATH, Doing.REACHED)
+    assert walker.doing in (Activity.NO_PATH, Activity.REACHED)
 
 
 def gate(width: float) -> list[shapely.Polygon]:
@@ -246,7 +246,7 @@ def test_it_gets_past_two_obstacles_however_far_apart(
     world = flatland(first, second, at=Pose2(-5.0, 0.3))
     walker = bug(algorithm, (4.0, 0.3), on_left=on_left)
     world.run(walker)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -261,7 +261,7 @@ def test_it_goes_through_gaps_wider_than_twice_the_safety_distance(
     world = flatland(room, *gate(width), at=Pose2(-4.0, start))
     walker = bug(algorithm, (4.0, 1.0), on_left=on_left)
     world.run(walker)
-    assert walker.doing is Doing.REACHED
+    assert walker.doing is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -277,4 +277,4 @@ def test_it_comes_back_out_of_a_dead_end(
         world = flatland(dead_end, at=Pose2(-6.0, 0.1))
         walker = bug(algorithm, (6.0, 0.1), on_left=on_left)
         world.run(walker)
-        assert walker.doing is Doing.REACHED
+        assert walker.doing is Activity.REACHED

@@ -7,25 +7,25 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumper, Bumpers, nearest_share, pressed_names
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Rule
 
 BEARINGS = np.radians(np.arange(360) - 180.0)
 HERE = Pose2(0.0, 0.0)
 
 
-def sensed(ranges: object) -> Sensed:
+def sensed(ranges: object) -> Observation:
     values = np.broadcast_to(np.asarray(ranges, float), (360,)).copy()
-    return Sensed(0.0, HERE, BEARINGS, values)
+    return Observation(0.0, HERE, BEARINGS, values)
 
 
-def wall_ahead(distance: float) -> Sensed:
+def wall_ahead(distance: float) -> Observation:
     """A flat wall across the way."""
     facing = np.cos(BEARINGS)
     return sensed(np.where(facing > 1e-9, distance / np.maximum(facing, 1e-9), np.inf))
 
 
-def read(bumpers: Bumpers, seen: Sensed) -> dict[str, Bumper]:
+def read(bumpers: Bumpers, seen: Observation) -> dict[str, Bumper]:
     return {bumper.name: bumper for bumper in bumpers.read(seen)}
 
 
@@ -129,7 +129,7 @@ def test_bumpers_without_beams_are_named(fov: int, blind: tuple[str, ...]) -> No
     angles = np.radians(np.arange(-fov / 2, fov / 2 + 0.5))
     bumpers = Bumpers(safety_distance=1.0)
     assert bumpers.blind(angles) == blind
-    seen = Sensed(0.0, HERE, angles, np.full(len(angles), 0.2))
+    seen = Observation(0.0, HERE, angles, np.full(len(angles), 0.2))
     states = read(bumpers, seen)
     assert tuple(name for name, state in states.items() if state.blind) == blind
     assert not any(states[name].blocked for name in blind)

@@ -7,16 +7,16 @@ import pytest
 
 from radarsim.errors import NavigationError
 from radarsim.geometry import Pose2
-from radarsim.navigation.control import Motion, Push, Standstill
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import StandstillDetector, StuckDetector, Twist
+from radarsim.navigation.observation import Observation
 
 
-def at(time: float, x: float = 0.0, yaw: float = 0.0) -> Sensed:
-    return Sensed(time, Pose2(x, 1.5, yaw), np.zeros(0), np.zeros(0))
+def at(time: float, x: float = 0.0, yaw: float = 0.0) -> Observation:
+    return Observation(time, Pose2(x, 1.5, yaw), np.zeros(0), np.zeros(0))
 
 
 def test_a_minute_without_a_move_is_too_long() -> None:
-    watch = Standstill()
+    watch = StandstillDetector()
     for time in range(61):
         watch.check(at(time, 0.05 * math.sin(time), 0.1 * math.cos(time)))
     with pytest.raises(NavigationError, match=r"stood at 0\.00 1\.50 for 60 s"):
@@ -24,23 +24,23 @@ def test_a_minute_without_a_move_is_too_long() -> None:
 
 
 @pytest.mark.parametrize(
-    "pace", [Motion(0.01, 0.0), Motion(0.0, 0.02)], ids=["creeps", "turns"]
+    "pace", [Twist(0.01, 0.0), Twist(0.0, 0.02)], ids=["creeps", "turns"]
 )
-def test_who_moves_however_slowly_does_not_stand(pace: Motion) -> None:
-    watch = Standstill()
+def test_who_moves_however_slowly_does_not_stand(pace: Twist) -> None:
+    watch = StandstillDetector()
     for time in range(300):
         watch.check(at(time, pace.speed * time, pace.turn * time))
 
 
 def test_3_m_told_and_none_made_is_pushing() -> None:
-    push = Push()
+    push = StuckDetector()
     for time in range(13):
-        push.check(at(time), Motion(0.25, 0.0))
+        push.check(at(time), Twist(0.25, 0.0))
     with pytest.raises(NavigationError, match=r"stays at 0\.00 1\.50, told to go 3 m"):
-        push.check(at(13.0), Motion(0.25, 0.0))
+        push.check(at(13.0), Twist(0.25, 0.0))
 
 
 def test_who_is_told_to_stand_does_not_push() -> None:
-    push = Push()
+    push = StuckDetector()
     for time in range(300):
-        push.check(at(time), Motion(0.0, 0.5))
+        push.check(at(time), Twist(0.0, 0.5))

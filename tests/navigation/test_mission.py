@@ -7,17 +7,17 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
-from radarsim.navigation.mission import MARGIN, Mission, carry_out
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.navigation.mission import MARGIN, Mission, run_mission
 from radarsim.navigation.options import Algorithm
-from radarsim.navigation.runner import Moment, Result
+from radarsim.navigation.runner import NavigationStep, Result
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 HALF_DIAGONAL = 0.371  # m, of a P3AT
 
 
-class Untold(HostLink):
+class Untold(InProcessTransport):
     """A link to a server that tells no start poses."""
 
     def receive(self, timeout: float) -> bytes:
@@ -31,21 +31,23 @@ def mission(**wish: Any) -> Mission:
     return Mission(**values)
 
 
-def first_pose(link: HostLink, **wish: Any) -> Pose2:
+def first_pose(link: InProcessTransport, **wish: Any) -> Pose2:
     """Give where the robot really is when it starts."""
     poses: list[Pose2] = []
 
-    def look(_: Moment) -> None:
+    def look(_: NavigationStep) -> None:
         poses.append(link.host.simulation.vehicles[0].robot.pose)
 
     with Client(link) as client:
-        carry_out(client, mission(time_limit=0.1, **wish), look)
+        run_mission(client, mission(time_limit=0.1, **wish), look)
     return poses[0]
 
 
-def run(scene: Scene, conditions: Conditions | None = None, **wish: Any) -> Result:
-    with Client(HostLink(Host(scene, conditions=conditions))) as client:
-        return carry_out(client, mission(**wish))
+def run(
+    scene: Scene, conditions: SimulationConfig | None = None, **wish: Any
+) -> Result:
+    with Client(InProcessTransport(Host(scene, conditions=conditions))) as client:
+        return run_mission(client, mission(**wish))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +62,9 @@ def run(scene: Scene, conditions: Conditions | None = None, **wish: Any) -> Resu
 def test_where_it_starts(
     foliage_room: Scene, wish: dict[str, Any], expected: Pose2
 ) -> None:
-    pose = first_pose(HostLink(Host(foliage_room)), safety_distance=0.5, **wish)
+    pose = first_pose(
+        InProcessTransport(Host(foliage_room)), safety_distance=0.5, **wish
+    )
     assert (pose.x, pose.y) == pytest.approx((expected.x, expected.y), abs=0.05)
     assert math.remainder(pose.yaw - expected.yaw, 2 * math.pi) == pytest.approx(
         0, abs=0.05
@@ -117,7 +121,7 @@ def test_it_keeps_hull_and_foliage_and_a_margin_away_by_itself(
 
 @pytest.mark.parametrize("unit", ["rad_per_s", "rev_per_s"])
 def test_it_drives_in_the_unit_of_the_server(empty_room: Scene, unit: Any) -> None:
-    result = run(empty_room, Conditions(drive_unit=unit), drive_unit=unit)
+    result = run(empty_room, SimulationConfig(drive_unit=unit), drive_unit=unit)
     assert result.outcome == "reached"
     assert result.time == pytest.approx(0.9 / 0.3, abs=0.7)
 
@@ -137,6 +141,6 @@ def test_it_turns_so_that_the_boundary_comes_to_the_chosen_hand(
         on_left=on_left,
         time_limit=30.0,
     )
-    with Client(HostLink(Host(foliage_room))) as client:
-        carry_out(client, wish, lambda moment: turns.append(moment.motion.turn))
+    with Client(InProcessTransport(Host(foliage_room))) as client:
+        run_mission(client, wish, lambda moment: turns.append(moment.motion.turn))
     assert max(turns, key=abs) * sign == pytest.approx(wish.pace.turn)

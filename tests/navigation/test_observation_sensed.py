@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, Pose3
-from radarsim.navigation.observation import Sensed, from_centre
+from radarsim.navigation.observation import Observation, from_centre
 
 ANGLES = np.radians(np.arange(-179.5, 180.0))
 
@@ -38,7 +38,7 @@ def test_what_did_not_come_back_is_infinitely_far_and_keeps_its_bearing() -> Non
 
 
 def test_points_are_where_beams_ended_on_the_map() -> None:
-    sensed = Sensed(
+    sensed = Observation(
         0.0,
         Pose2(1.0, 2.0, math.pi / 2),
         np.array([0.0, 1.0]),

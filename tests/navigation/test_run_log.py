@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Bug, BugSettings, Doing
+from radarsim.navigation.bug import Activity, Bug, BugSettings
 from radarsim.navigation.bumpers import Bumpers, pressed_names
-from radarsim.navigation.control import STAND, Motion, Pace
-from radarsim.navigation.observation import Sensed
+from radarsim.navigation.control import STAND, SpeedLimits, Twist
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm
-from radarsim.navigation.run_log import CELL, Leg, Record
-from radarsim.navigation.runner import Moment
+from radarsim.navigation.run_log import CELL, Leg, RunLog
+from radarsim.navigation.runner import NavigationStep
 
 BUMPERS = Bumpers(safety_distance=0.5)
 BOX = shapely.box(-1.5, -2, 1.5, 2.5)
@@ -25,24 +25,26 @@ GOALS = ((6.0, 0.2), (0.0, 5.0))
 
 
 def moment(
-    x: float, y: float, doing: Doing, *ranges: float, time: float = 0.0
-) -> Moment:
+    x: float, y: float, doing: Activity, *ranges: float, time: float = 0.0
+) -> NavigationStep:
     bearings = np.linspace(-1.0, 1.0, len(ranges))
-    sensed = Sensed(time, Pose2(x, y, 0.5), bearings, np.array(ranges))
-    goal = None if doing is Doing.REACHED else (5.0, 0.0)
-    return Moment(sensed, doing, Motion(0.3, -0.1), ("front", "left"), goal)
+    sensed = Observation(time, Pose2(x, y, 0.5), bearings, np.array(ranges))
+    goal = None if doing is Activity.REACHED else (5.0, 0.0)
+    return NavigationStep(sensed, doing, Twist(0.3, -0.1), ("front", "left"), goal)
 
 
-def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, Record]:
+def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
     """Let a bug drive in a flat world, and record it."""
-    settings = BugSettings(algorithm=algorithm, bumpers=BUMPERS, pace=Pace(0.6, 1.5))
-    bug, record = Bug(GOALS, settings), Record()
+    settings = BugSettings(
+        algorithm=algorithm, bumpers=BUMPERS, pace=SpeedLimits(0.6, 1.5)
+    )
+    bug, record = Bug(GOALS, settings), RunLog()
     while not bug.is_done:
         sensed = world.scan()
         motion = bug.step(sensed)
         goal = bug.goals[0] if bug.goals else None
         pressed = pressed_names(BUMPERS.read(sensed))
-        record.add(Moment(sensed, bug.doing, motion, pressed, goal))
+        record.add(NavigationStep(sensed, bug.doing, motion, pressed, goal))
         world.move(motion)
     return bug, record
 
@@ -63,25 +65,25 @@ def test_it_knows_what_the_bug_knows(
 
 
 def test_where_the_goal_is_reached_at_a_boundary_is_no_leave_point() -> None:
-    record = Record()
-    record.add(moment(0, 0, Doing.GOING))
-    record.add(moment(1, 0, Doing.ALIGNING))
-    record.add(moment(1, 1, Doing.FOLLOWING))
-    record.add(moment(5, 0, Doing.REACHED))
+    record = RunLog()
+    record.add(moment(0, 0, Activity.GOING))
+    record.add(moment(1, 0, Activity.ALIGNING))
+    record.add(moment(1, 1, Activity.FOLLOWING))
+    record.add(moment(5, 0, Activity.REACHED))
     assert record.hits == [(1, 0)]
     assert record.leaves == []
     assert record.rows[-1].goal_distance == 0
 
 
 def test_a_run_that_begins_at_an_obstacle_begins_with_a_hit_point() -> None:
-    record = Record()
-    record.add(moment(0, 0, Doing.FOLLOWING))
-    record.add(moment(1, 0, Doing.GOING))
+    record = RunLog()
+    record.add(moment(0, 0, Activity.FOLLOWING))
+    record.add(moment(1, 0, Activity.GOING))
     assert (record.hits, record.leaves) == ([(0, 0)], [(1, 0)])
 
 
 def test_nothing_is_known_of_nothing() -> None:
-    record = Record()
+    record = RunLog()
     assert (record.time, record.length, record.nearest) == (0.0, 0.0, math.inf)
     assert record.way.shape == (0, 2)
     assert record.sensed.shape == (0, 3)
@@ -96,8 +98,8 @@ def test_nothing_is_known_of_nothing() -> None:
 def test_every_sensed_point_is_kept_to_half_a_square(
     x: float, y: float, ranges: list[float]
 ) -> None:
-    record = Record()
-    seen = moment(x, y, Doing.GOING, *ranges, math.inf)
+    record = RunLog()
+    seen = moment(x, y, Activity.GOING, *ranges, math.inf)
     record.add(seen)
     record.add(seen)
     kept = record.sensed
@@ -108,9 +110,9 @@ def test_every_sensed_point_is_kept_to_half_a_square(
 
 
 def test_a_trace_has_a_row_for_each_moment_and_gaps_for_what_is_not() -> None:
-    record = Record()
-    record.add(moment(-0.00001, 1.23456, Doing.GOING, 2.5, 1.5, time=0.2))
-    record.add(moment(0.1, 1.25, Doing.REACHED, math.inf, time=0.30000000000000004))
+    record = RunLog()
+    record.add(moment(-0.00001, 1.23456, Activity.GOING, 2.5, 1.5, time=0.2))
+    record.add(moment(0.1, 1.25, Activity.REACHED, math.inf, time=0.30000000000000004))
     first, last = csv.DictReader(io.StringIO(record.as_csv()))
     assert first == {
         "time": "0.2",
@@ -129,7 +131,7 @@ def test_a_trace_has_a_row_for_each_moment_and_gaps_for_what_is_not() -> None:
 
 
 def test_yaw_stays_within_half_a_turn() -> None:
-    record = Record()
-    sensed = Sensed(0.0, Pose2(0, 0, 7.0), np.zeros(0), np.zeros(0))
-    row = record.add(Moment(sensed, Doing.NO_PATH, STAND, (), (1.0, 0.0)))
+    record = RunLog()
+    sensed = Observation(0.0, Pose2(0, 0, 7.0), np.zeros(0), np.zeros(0))
+    row = record.add(NavigationStep(sensed, Activity.NO_PATH, STAND, (), (1.0, 0.0)))
     assert row.yaw == pytest.approx(7.0 - 2 * math.pi)

@@ -11,11 +11,11 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
-from radarsim.host.lockstep import HostLink
-from radarsim.navigation.bug import Doing
-from radarsim.navigation.mission import Mission, carry_out
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.navigation.bug import Activity
+from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.options import Algorithm, PoseSource
-from radarsim.navigation.runner import Moment, Result
+from radarsim.navigation.runner import NavigationStep, Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
 from radarsim.scene.scene import Scene
@@ -50,7 +50,7 @@ class Ill:
     rewrite: Callable[[bytes], bytes] = bytes
 
     def __post_init__(self) -> None:
-        self._link = HostLink(self.host)
+        self._link = InProcessTransport(self.host)
         self._kept = b""
 
     @property
@@ -100,16 +100,19 @@ class Ill:
         return self.host.simulation.vehicles[0].robot.pose
 
 
-def go(link: Ill, observe: Callable[[Moment], None] = lambda _: None) -> Result:
+def go(link: Ill, observe: Callable[[NavigationStep], None] = lambda _: None) -> Result:
     return go_with(link, observe=observe)
 
 
 def go_with(
-    link: Ill, *, observe: Callable[[Moment], None] = lambda _: None, **wish: object
+    link: Ill,
+    *,
+    observe: Callable[[NavigationStep], None] = lambda _: None,
+    **wish: object,
 ) -> Result:
     values = {"algorithm": Algorithm.BUG2, "goals": (GOAL,), **wish}
     mission = Mission(**values)  # type: ignore[arg-type]
-    return carry_out(Client(link), mission, observe)
+    return run_mission(Client(link), mission, observe)
 
 
 def stops(link: Ill) -> list[float]:
@@ -121,14 +124,14 @@ def test_it_gets_to_a_goal_by_any_reading_of_its_pose_and_stands(
     empty_room: Scene, source: PoseSource
 ) -> None:
     link = Ill(Host(empty_room))
-    moments: list[Moment] = []
+    moments: list[NavigationStep] = []
     result = go_with(link, source=source, observe=moments.append)
     assert (result.outcome, result.goals_left) == ("reached", 0)
     assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
     assert stops(link) == [link.driven[-1][0]]
     assert result.path_length == pytest.approx(math.dist((-8, 0), GOAL), abs=0.3)
     assert result.time == pytest.approx((len(moments) - 1) * 0.1, abs=1e-6)
-    assert moments[-1].doing is Doing.REACHED
+    assert moments[-1].doing is Activity.REACHED
     assert moments[-1].goal is None
     assert {moment.goal for moment in moments[:-1]} == {GOAL}
     assert result.nearest == min(moment.sensed.ranges.min() for moment in moments)
@@ -239,7 +242,7 @@ def test_time_is_limited(empty_room: Scene) -> None:
 def test_whatever_goes_wrong_the_robot_is_told_to_stop(empty_room: Scene) -> None:
     link = Ill(Host(empty_room))
 
-    def interrupt(moment: Moment) -> None:
+    def interrupt(moment: NavigationStep) -> None:
         if moment.sensed.time > 2.0:
             raise KeyboardInterrupt
 
@@ -270,7 +273,7 @@ def test_time_is_limited_at_a_server_without_a_clock(
     empty_room: Scene, rewrite: Callable[[bytes], bytes]
 ) -> None:
     link = Ill(Host(empty_room), rewrite=rewrite)
-    moments: list[Moment] = []
+    moments: list[NavigationStep] = []
     result = go_with(link, time_limit=2.0, observe=moments.append)
     assert result.outcome == "failed"
     assert result.time == pytest.approx(2.1)
@@ -287,7 +290,7 @@ def test_a_robot_that_stays_is_given_up_at_a_server_without_a_clock(
 
 
 def test_scans_are_known_by_their_name_in_any_case(empty_room: Scene) -> None:
-    seen: list[Moment] = []
+    seen: list[NavigationStep] = []
 
     def rewrite(data: bytes) -> bytes:
         return data.replace(b"lms200", b"LMS200") if seen else data
@@ -297,7 +300,7 @@ def test_scans_are_known_by_their_name_in_any_case(empty_room: Scene) -> None:
 
 
 def test_a_scan_that_lost_most_of_its_beams_is_refused(empty_room: Scene) -> None:
-    seen: list[Moment] = []
+    seen: list[NavigationStep] = []
 
     def rewrite(data: bytes) -> bytes:
         return re.sub(rb"\{Range [^}]*\}", b"{Range 5,5}", data) if seen else data

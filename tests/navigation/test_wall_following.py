@@ -7,8 +7,8 @@ import shapely
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import Pace
-from radarsim.navigation.wall_following import Follower, Way
+from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.wall_following import FollowSide, WallFollower
 
 
 class World(Protocol):
@@ -18,15 +18,17 @@ class World(Protocol):
 
 
 S = 0.5
-FOLLOWER = Follower(Bumpers(safety_distance=S), Pace(0.3))
+FOLLOWER = WallFollower(Bumpers(safety_distance=S), SpeedLimits(0.3))
 WAYS = [
-    pytest.param(Way(on_left, forward), id=f"{'left' if on_left else 'right'}, {name}")
+    pytest.param(
+        FollowSide(on_left, forward), id=f"{'left' if on_left else 'right'}, {name}"
+    )
     for on_left in (True, False)
     for forward, name in ((True, "forward"), (False, "backward"))
 ]
 
 
-def alongside(way: Way, *, distance: float) -> Pose2:
+def alongside(way: FollowSide, *, distance: float) -> Pose2:
     """A pose beside a boundary at y = 0 that is above the robot."""
     facing_east = way.on_left  # the boundary's hand, whatever the way along
     return Pose2(0.0, -distance, 0.0 if facing_east else math.pi)
@@ -35,7 +37,7 @@ def alongside(way: Way, *, distance: float) -> Pose2:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("distance", [0.55, 0.75, 0.98])
 def test_along_a_wall_it_settles_in_the_middle_of_the_band(
-    flatland: World, way: Way, distance: float
+    flatland: World, way: FollowSide, distance: float
 ) -> None:
     world = flatland(shapely.box(-30, 0, 30, 1), at=alongside(way, distance=distance))
     for _ in range(300):
@@ -69,7 +71,7 @@ def test_along_a_wall_it_settles_in_the_middle_of_the_band(
     ],
 )
 def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
-    flatland: World, shape: shapely.Polygon, way: Way
+    flatland: World, shape: shapely.Polygon, way: FollowSide
 ) -> None:
     world = flatland(shape, at=alongside(way, distance=0.75))
     begin, turned = world.pose, 0.0
@@ -92,7 +94,12 @@ def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
 
 def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0))
-    for way in (Way(), Way(on_left=False), Way(forward=False), Way(False, False)):
+    for way in (
+        FollowSide(),
+        FollowSide(on_left=False),
+        FollowSide(forward=False),
+        FollowSide(False, False),
+    ):
         motion, found = FOLLOWER.step(world.scan(), way)
         assert not found
         # about a centre on the boundary's hand, at the distance that is kept
@@ -106,7 +113,7 @@ def test_in_a_gap_it_keeps_to_the_middle(flatland: World) -> None:
     walls = shapely.box(-20, 0.6, 20, 1), shapely.box(-20, -1, 20, -0.6)
     world = flatland(*walls, at=Pose2(-15.0, 0.05, 0.0))
     for _ in range(600):
-        world.move(FOLLOWER.step(world.scan(), Way())[0])
+        world.move(FOLLOWER.step(world.scan(), FollowSide())[0])
     assert world.pose.x > 0
     assert world.nearest > 0.5
 
@@ -115,28 +122,28 @@ def test_walled_in_it_turns_and_stays(flatland: World) -> None:
     well = shapely.Point(0, 0).buffer(0.6).exterior.buffer(0.01)
     world = flatland(well, at=Pose2(0.0, 0.0))
     for _ in range(100):
-        world.move(FOLLOWER.step(world.scan(), Way())[0])
+        world.move(FOLLOWER.step(world.scan(), FollowSide())[0])
     assert world.nearest > 0.4
 
 
 def test_the_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
     wall = shapely.box(-9, 0, 9, 1)
-    for way, expected in ((Way(), 0.0), (Way(on_left=False), math.pi)):
+    for way, expected in ((FollowSide(), 0.0), (FollowSide(on_left=False), math.pi)):
         world = flatland(wall, at=Pose2(0.0, -0.8, expected + 0.4))
         tangent = FOLLOWER.tangent(world.scan(), way)
         assert math.cos(tangent - expected) == pytest.approx(1.0, abs=0.01)
     away = flatland(at=Pose2(0.0, 0.0, 0.4))
-    assert FOLLOWER.tangent(away.scan(), Way()) == pytest.approx(0.4)
+    assert FOLLOWER.tangent(away.scan(), FollowSide()) == pytest.approx(0.4)
 
 
 def test_going_back_is_the_same_hand_the_other_way() -> None:
-    way = Way(on_left=False)
-    assert way.reversed == Way(on_left=False, forward=False)
+    way = FollowSide(on_left=False)
+    assert way.reversed == FollowSide(on_left=False, forward=False)
     assert way.reversed.reversed == way
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_bearings_come_back_as_they_went(flatland: World, way: Way) -> None:
+def test_bearings_come_back_as_they_went(flatland: World, way: FollowSide) -> None:
     sensed = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
     seen = way.seen(sensed)
     back = np.array([way.bearing(float(b)) for b in seen.bearings])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from radarsim import Material, Part
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import FALL, Pieces, cut
+from radarsim.plotting.ray_segments import FALL, RaySegments, cut
 from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.shapes import box
@@ -28,11 +28,11 @@ def ray(power: float = 1.0, reach: float = 20.0, medium: int = RADAR) -> Rays:
     )
 
 
-def halfway(pieces: Pieces) -> Floats:
+def halfway(pieces: RaySegments) -> Floats:
     return np.asarray((pieces.starts + pieces.ends) / 2)
 
 
-def assert_they_lie_end_to_end(pieces: Pieces, end: float) -> None:
+def assert_they_lie_end_to_end(pieces: RaySegments, end: float) -> None:
     assert pieces.starts[0] == 0
     assert pieces.ends[:-1] == pytest.approx(pieces.starts[1:], abs=1e-12)
     assert pieces.ends[-1] == pytest.approx(end, abs=1e-9)

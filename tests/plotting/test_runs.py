@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Doing, Point
+from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.control import STAND
-from radarsim.navigation.observation import Sensed
-from radarsim.navigation.run_log import Record
-from radarsim.navigation.runner import Moment
+from radarsim.navigation.observation import Observation
+from radarsim.navigation.run_log import RunLog
+from radarsim.navigation.runner import NavigationStep
 from radarsim.plotting.runs import (
     AROUND,
     FOLLOWING,
@@ -29,27 +29,35 @@ from radarsim.plotting.runs import (
 PLAN = np.array([[[1.5, -1.0], [1.5, 1.0]], [[1.5, 1.0], [2.0, 1.0]]])
 BUG1 = [
     *(
-        (0.0, 0.0, Doing.GOING),
-        (1.0, 0.0, Doing.ALIGNING),
-        (1.0, -1.5, Doing.FOLLOWING),
+        (0.0, 0.0, Activity.GOING),
+        (1.0, 0.0, Activity.ALIGNING),
+        (1.0, -1.5, Activity.FOLLOWING),
     ),
-    *((2.5, 1.5, Doing.FOLLOWING), (1.0, 0.0, Doing.RETURNING)),
-    *((2.5, -0.2, Doing.GOING), (4.0, 0.0, Doing.REACHED)),
+    *((2.5, 1.5, Activity.FOLLOWING), (1.0, 0.0, Activity.RETURNING)),
+    *((2.5, -0.2, Activity.GOING), (4.0, 0.0, Activity.REACHED)),
 ]
-NO_PATH = [*BUG1[:4], (1.1, 0.0, Doing.NO_PATH)]
+NO_PATH = [*BUG1[:4], (1.1, 0.0, Activity.NO_PATH)]
 NEARLY_THE_SAME = [
-    *((0.0, 0.0, Doing.GOING), (1.0, 0.0, Doing.FOLLOWING), (1.0, 0.1, Doing.GOING)),
-    *((1.1, 0.1, Doing.FOLLOWING), (3.0, 1.0, Doing.GOING), (4.0, 0.0, Doing.REACHED)),
+    *(
+        (0.0, 0.0, Activity.GOING),
+        (1.0, 0.0, Activity.FOLLOWING),
+        (1.0, 0.1, Activity.GOING),
+    ),
+    *(
+        (1.1, 0.1, Activity.FOLLOWING),
+        (3.0, 1.0, Activity.GOING),
+        (4.0, 0.0, Activity.REACHED),
+    ),
 ]
 
 
-def record_of(*rows: tuple[float, float, Doing], goal: Point = (4.0, 0.0)) -> Record:
-    record = Record()
+def record_of(*rows: tuple[float, float, Activity], goal: Point = (4.0, 0.0)) -> RunLog:
+    record = RunLog()
     for time, (x, y, doing) in enumerate(rows):
         ranges = np.array([1.0, 2.0, 60.0, math.inf])
-        sensed = Sensed(float(time), Pose2(x, y), np.arange(4.0), ranges)
-        next_goal = None if doing is Doing.REACHED else goal
-        record.add(Moment(sensed, doing, STAND, (), next_goal))
+        sensed = Observation(float(time), Pose2(x, y), np.arange(4.0), ranges)
+        next_goal = None if doing is Activity.REACHED else goal
+        record.add(NavigationStep(sensed, doing, STAND, (), next_goal))
     return record
 
 
@@ -93,10 +101,10 @@ def test_points_that_lie_close_share_a_label() -> None:
 
 
 def test_several_goals_are_numbered() -> None:
-    record = record_of((0.0, 0.0, Doing.GOING), goal=(1.0, 0.0))
+    record = record_of((0.0, 0.0, Activity.GOING), goal=(1.0, 0.0))
     for row in record_of(*BUG1).rows:
-        sensed = Sensed(row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0))
-        record.add(Moment(sensed, row.doing, STAND, (), row.goal))
+        sensed = Observation(row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0))
+        record.add(NavigationStep(sensed, row.doing, STAND, (), row.goal))
     assert {"G1", "G2"} <= labels(figure_of(record, ""))
 
 
@@ -127,7 +135,7 @@ def test_what_is_far_from_the_way_does_not_shrink_it() -> None:
 
 
 def test_what_was_sensed_often_is_darker() -> None:
-    (axes,) = figure_of(record_of(*[(0.0, 0.0, Doing.GOING)] * 5, *BUG1), "").axes
+    (axes,) = figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1), "").axes
     (dots,) = (each for each in axes.collections if isinstance(each, PathCollection))
     shades, places = np.asarray(dots.get_array()), np.asarray(dots.get_offsets())
     ahead = np.hypot(*(places - (1.0, 0.0)).T).argmin()
@@ -152,6 +160,8 @@ def test_the_same_run_gives_the_same_file(form: str, begins: bytes) -> None:
 
 
 def test_a_robot_that_never_moved_is_a_picture_too() -> None:
-    data = draw_run(record_of((0.0, 0.0, Doing.GOING), goal=(0.0, 0.0)), "broken off")
+    data = draw_run(
+        record_of((0.0, 0.0, Activity.GOING), goal=(0.0, 0.0)), "broken off"
+    )
     with Image.open(io.BytesIO(data)) as image:
         assert min(image.size) > 300

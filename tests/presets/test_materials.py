@@ -6,7 +6,7 @@ import pytest
 from radarsim.errors import PresetError
 from radarsim.presets.materials import (
     AMOUNTS,
-    Substance,
+    MaterialProperties,
     library,
     library_entry,
     library_material,
@@ -118,7 +118,7 @@ def test_an_unknown_material_is_answered_with_those_there_are() -> None:
 
 
 def test_a_material_has_all_that_a_scene_asks_for() -> None:
-    assert library_material("brick") == Substance(
+    assert library_material("brick") == MaterialProperties(
         density=math.inf,
         laser_density=math.inf,
         solid=True,

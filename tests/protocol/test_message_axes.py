@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from radarsim.geometry import Pose3, rotation_matrix
 from radarsim.protocol.message import (
     angles_on_wire,
+    flip_axes,
     pose_from_wire,
     position_on_wire,
-    turn_over,
 )
 
 ANGLES = st.floats(-3, 3)
@@ -29,7 +29,7 @@ def test_a_pose_comes_back_from_the_wire(numbers: tuple[float, ...]) -> None:
 
 
 def test_zero_has_no_sign_on_the_wire() -> None:
-    for number in turn_over((0.0, 0.0, 0.0)):
+    for number in flip_axes((0.0, 0.0, 0.0)):
         assert math.copysign(1, number) == 1
 
 
@@ -37,5 +37,5 @@ def test_zero_has_no_sign_on_the_wire() -> None:
 def test_angles_turn_as_the_axes_do(roll: float, pitch: float, yaw: float) -> None:
     half_turn = np.diag([1.0, -1.0, -1.0])
     inside = rotation_matrix(roll, pitch, yaw)
-    outside = rotation_matrix(*turn_over((roll, pitch, yaw)))
+    outside = rotation_matrix(*flip_axes((roll, pitch, yaw)))
     assert outside == pytest.approx(half_turn @ inside @ half_turn)

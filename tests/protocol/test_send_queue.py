@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.protocol.send_queue import Outbox
+from radarsim.protocol.send_queue import SendQueue
 
 LINES = st.lists(
     st.tuples(st.binary(min_size=1, max_size=12), st.booleans()), max_size=60
@@ -10,7 +10,7 @@ LINES = st.lists(
 
 @given(LINES)
 def test_what_fits_comes_out_as_it_went_in(lines: list[tuple[bytes, bool]]) -> None:
-    outbox = Outbox(limit=10_000)
+    outbox = SendQueue(limit=10_000)
     for line, keep in lines:
         outbox.put(line, keep=keep)
     whole = b"".join(line for line, _ in lines)
@@ -25,7 +25,7 @@ def test_what_fits_comes_out_as_it_went_in(lines: list[tuple[bytes, bool]]) -> N
 def test_beyond_the_limit_readings_are_lost_whole_and_the_oldest_first(
     lines: list[tuple[bytes, bool]], limit: int
 ) -> None:
-    outbox = Outbox(limit=limit)
+    outbox = SendQueue(limit=limit)
     for number, (_, keep) in enumerate(lines):
         outbox.put(b"%d%s\n" % (number, b"k" if keep else b"r"), keep=keep)
     kept = outbox.take().split(b"\n")[:-1]
@@ -42,7 +42,7 @@ def test_beyond_the_limit_readings_are_lost_whole_and_the_oldest_first(
 
 
 def test_half_of_the_readings_stay() -> None:
-    outbox = Outbox(limit=100)
+    outbox = SendQueue(limit=100)
     for number in range(11):
         outbox.put(b"%8d\r\n" % number, keep=False)
     assert outbox.take().split() == [b"6", b"7", b"8", b"9", b"10"]
@@ -50,7 +50,7 @@ def test_half_of_the_readings_stay() -> None:
 
 
 def test_answers_beyond_the_ceiling_are_a_flood() -> None:
-    outbox = Outbox(limit=10, ceiling=30)
+    outbox = SendQueue(limit=10, ceiling=30)
     for _ in range(5):
         outbox.put(b"123456789\n", keep=False)
     for _ in range(3):
@@ -63,7 +63,7 @@ def test_answers_beyond_the_ceiling_are_a_flood() -> None:
 
 
 def test_many_answers_cost_no_more_each_than_few() -> None:
-    outbox = Outbox(limit=100)
+    outbox = SendQueue(limit=100)
     for _ in range(200_000):
         outbox.put(b"CONF {Type MisPkg}\r\n", keep=True)
         outbox.put(b"S\r\n", keep=False)

@@ -20,15 +20,15 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose3
-from radarsim.host import Host, Notice
+from radarsim.host import Diagnostic, Host
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import OBSTACLE
 from radarsim.protocol.decode import decode_report
-from radarsim.proxy import Choice, Listener, Overheard, Tap
+from radarsim.proxy import Choice, ConnectionState, Listener, TcpProxy
 from radarsim.proxy.line_queue import Backlog
 from radarsim.scene.scene import Scene
 from radarsim.server import Server
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from tests.dialogues import test_usarcommander as usarcommander
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 LEGS = ((1, 0, 0), (1, 0, 1.5), (3, 4, 0.2))
 PATIENCE = 5.0  # s
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
-CONDITIONS = Conditions(item_settings={"InsTest": STILL})
+CONDITIONS = SimulationConfig(item_settings={"InsTest": STILL})
 
 Address = tuple[str, int]
 
@@ -68,7 +68,7 @@ class Recorder(Host):
         self.said.append(b"")
         return number
 
-    def receive(self, number: int, data: bytes) -> list[Notice]:
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         notices = super().receive(number, data)
         self.heard[number - 1] += data
         return notices
@@ -91,7 +91,7 @@ class World:
         self.host = Recorder(scene)
         self.server = Server(self.host, speed=1e-9)
         self.address = ("", 0)
-        self.links: list[Link] = []
+        self.links: list[Transport] = []
         self.loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self.loop.run_forever)
         self._thread.start()
@@ -102,8 +102,8 @@ class World:
     async def tick(self) -> None:
         self.server.tick()
 
-    def connect(self) -> "Link":
-        return Link(self)
+    def connect(self) -> "Transport":
+        return Transport(self)
 
     def close(self) -> None:
         self.run(self.server.stop())
@@ -112,7 +112,7 @@ class World:
         self.loop.close()
 
 
-class Link:
+class Transport:
     """A socket whose bytes have arrived when a call returns."""
 
     def __init__(self, world: World) -> None:
@@ -199,7 +199,7 @@ def running(scene: Scene) -> Iterator[World]:
 
 @contextmanager
 def tapped(world: World, listener: Listener) -> Iterator[None]:
-    tap = Tap(world.server.address, listener.hear)
+    tap = TcpProxy(world.server.address, listener.hear)
     world.run(tap.start())
     world.address = tap.address
     listener.start()
@@ -222,10 +222,10 @@ class Mapping:
     """Makes a map of what is overheard."""
 
     def __init__(self) -> None:
-        self.overheard: Overheard | None = None
+        self.overheard: ConnectionState | None = None
         self.mapper: Mapper | None = None
 
-    def begin(self, overheard: Overheard, scanner: str) -> Mapper:
+    def begin(self, overheard: ConnectionState, scanner: str) -> Mapper:
         facts = overheard.scanner(scanner)
         assert facts is not None
         assert facts.mount == Pose3(0.2085, 0.0, 0.2)

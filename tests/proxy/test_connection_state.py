@@ -8,7 +8,7 @@ import pytest
 from radarsim.geometry import Pose3
 from radarsim.protocol.commands import Drive, GetStartPoses, Init
 from radarsim.protocol.reports import GroundTruth, RangeScan
-from radarsim.proxy import Given, Overheard
+from radarsim.proxy import ConnectionState, ScannerDefaults
 
 ScanLine = Callable[..., str]
 GEO = (
@@ -28,12 +28,12 @@ OPEN = "1.00,20.00,20.00,20.00,20.00"
 
 
 @pytest.fixture
-def overheard() -> Overheard:
-    return Overheard(7)
+def overheard() -> ConnectionState:
+    return ConnectionState(7)
 
 
 def test_before_a_scan_nothing_is_known_of_its_scanner(
-    overheard: Overheard, scan_line: ScanLine
+    overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     overheard.hear_server(GEO)
     overheard.hear_server(CONF)
@@ -43,9 +43,9 @@ def test_before_a_scan_nothing_is_known_of_its_scanner(
 
 
 def test_what_the_server_answers_counts_more_than_what_is_given(
-    overheard: Overheard, scan_line: ScanLine
+    overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
-    given = Given(Pose3(9, 9, 9), 5.0)
+    given = ScannerDefaults(Pose3(9, 9, 9), 5.0)
     overheard.hear_server(scan_line(1))
     assert not overheard.is_described("lms200")
     overheard.hear_server(GEO)
@@ -60,10 +60,10 @@ def test_what_the_server_answers_counts_more_than_what_is_given(
 
 
 def test_what_nobody_asks_for_is_what_is_given(
-    overheard: Overheard, scan_line: ScanLine
+    overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     overheard.hear_server(scan_line(1, OPEN))
-    scanner = overheard.scanner("lms200", Given(MOUNT, 5.0))
+    scanner = overheard.scanner("lms200", ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount, scanner.max_range) == (MOUNT, 5.0)
     assert (scanner.min_range, scanner.beams) == (0.0, 5)
@@ -71,11 +71,11 @@ def test_what_nobody_asks_for_is_what_is_given(
 
 
 def test_half_of_the_answers_leaves_the_rest_to_what_is_given(
-    overheard: Overheard, scan_line: ScanLine
+    overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     overheard.hear_server(scan_line(1))
     overheard.hear_server(GEO)
-    scanner = overheard.scanner(given=Given(MOUNT, 5.0))
+    scanner = overheard.scanner(given=ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount.x, scanner.max_range) == (0.2085, 5.0)
 
@@ -89,7 +89,7 @@ def test_half_of_the_answers_leaves_the_rest_to_what_is_given(
     ],
 )
 def test_without_either_a_range_that_many_beams_share_is_the_limit(
-    overheard: Overheard, scan_line: ScanLine, ranges: list[str], limit: float
+    overheard: ConnectionState, scan_line: ScanLine, ranges: list[str], limit: float
 ) -> None:
     for k, text in enumerate(ranges):
         overheard.hear_server(scan_line(k, text))
@@ -99,7 +99,7 @@ def test_without_either_a_range_that_many_beams_share_is_the_limit(
 
 
 def test_the_scanner_that_scans_first_is_the_one(
-    overheard: Overheard, scan_line: ScanLine
+    overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     for name in ("second", "first", "second"):
         overheard.hear_server(scan_line(1, name=name))
@@ -107,7 +107,9 @@ def test_the_scanner_that_scans_first_is_the_one(
     assert names == ["second", "first"]
 
 
-def test_lines_say_what_they_say(overheard: Overheard, scan_line: ScanLine) -> None:
+def test_lines_say_what_they_say(
+    overheard: ConnectionState, scan_line: ScanLine
+) -> None:
     truth = "SEN {Type GroundTruth} {Name t} {Location 1,2,3} {Orientation 0,0,0}"
     assert isinstance(overheard.hear_server(scan_line(1)), RangeScan)
     said = overheard.hear_server(truth)
@@ -122,7 +124,9 @@ def test_lines_say_what_they_say(overheard: Overheard, scan_line: ScanLine) -> N
     assert overheard.unread == 1
 
 
-def test_the_robot_is_the_one_that_the_client_wished(overheard: Overheard) -> None:
+def test_the_robot_is_the_one_that_the_client_wished(
+    overheard: ConnectionState,
+) -> None:
     overheard.hear_client("INIT {ClassName USARBot.P3AT} {Name Rob} {Start A}")
     assert overheard.robot == Init("P3AT", "Rob", "A")
     assert overheard.geometry is None
@@ -151,7 +155,7 @@ def test_the_robot_is_the_one_that_the_client_wished(overheard: Overheard) -> No
     ],
 )
 def test_echoes_are_expected_of_a_scanner_that_was_told_to_send_them(
-    overheard: Overheard, orders: list[str], echoes: bool
+    overheard: ConnectionState, orders: list[str], echoes: bool
 ) -> None:
     overheard.hear_client("SET {Type INS} {Opcode ECHOES} {Params true}")
     for order in orders:
@@ -160,7 +164,7 @@ def test_echoes_are_expected_of_a_scanner_that_was_told_to_send_them(
 
 
 def test_names_are_the_same_in_any_case(scan_line: ScanLine) -> None:
-    heard = Overheard(1)
+    heard = ConnectionState(1)
     heard.hear_server(
         "GEO {Type RangeScanner} {Name LMS200 Location 0.2,0,0 Orientation 0,0,0"
         " Mount HARD}"

@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from radarsim.errors import ServerError
-from radarsim.proxy import Tap, forward_until_signal
+from radarsim.proxy import TcpProxy, forward_until_signal
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ async def test_a_signal_ends_it_with_its_code(number: int, code: int) -> None:
         os.kill(os.getpid(), number)
         os.kill(os.getpid(), number)  # some people press Ctrl-C twice
 
-    tap = Tap(("127.0.0.1", 1), lambda *_: None)
+    tap = TcpProxy(("127.0.0.1", 1), lambda *_: None)
     assert await forward_until_signal(tap, "127.0.0.1", 0, announce) == code
     ((host, port),) = heard
     assert host == "127.0.0.1"
@@ -40,7 +40,7 @@ async def test_a_taken_port_ends_it_before_anybody_is_told() -> None:
     before = signal.getsignal(signal.SIGINT)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        tap = Tap(("127.0.0.1", 1), lambda *_: None)
+        tap = TcpProxy(("127.0.0.1", 1), lambda *_: None)
         with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}"):
             await forward_until_signal(tap, "127.0.0.1", port, heard.append)
     assert heard == []

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from radarsim.errors import ServerError
 from radarsim.host import Host
-from radarsim.proxy import Tap
+from radarsim.proxy import TcpProxy
 from radarsim.proxy.line_queue import Side
 from radarsim.scene.scene import Scene
 from radarsim.server import Server
@@ -71,7 +71,7 @@ class Between:
         self.heard: dict[tuple[int, Side], bytearray] = {}
         self.peers: list[Peer] = []
         self.arrivals: asyncio.Queue[Peer] = asyncio.Queue()
-        self.tap = Tap(("", 0), self.hear)
+        self.tap = TcpProxy(("", 0), self.hear)
 
     def hear(self, number: int, side: Side, data: bytes) -> None:
         self.heard.setdefault((number, side), bytearray()).extend(data)
@@ -111,7 +111,7 @@ async def comes_true(is_so: Callable[[], bool]) -> None:
 async def opened() -> AsyncIterator[Between]:
     between = Between()
     server = await asyncio.start_server(between.arrive, "127.0.0.1", 0, limit=2**14)
-    between.tap = Tap(server.sockets[0].getsockname(), between.hear)
+    between.tap = TcpProxy(server.sockets[0].getsockname(), between.hear)
     await between.tap.start()
     try:
         yield between
@@ -135,7 +135,7 @@ async def between() -> AsyncIterator[Between]:
 async def tapped(address: tuple[str, int]) -> AsyncIterator[Between]:
     """Open a tap before a server that is, or is not, at an address."""
     between = Between()
-    between.tap = Tap(address, between.hear)
+    between.tap = TcpProxy(address, between.hear)
     await between.tap.start()
     try:
         yield between
@@ -368,7 +368,7 @@ async def test_it_stops_at_once_while_clients_come_and_talk(between: Between) ->
 
 async def test_a_taken_port_is_said_in_one_sentence(between: Between) -> None:
     host, port = between.tap.address
-    tap = Tap((host, 1), between.hear)
+    tap = TcpProxy((host, 1), between.hear)
     with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}: "):
         await tap.start(port=port)
     await tap.stop()

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from radarsim.raycast import attenuation as penetration
 from radarsim.raycast.attenuation import (
     EVENT,
-    Ending,
     EventKind,
     Outcome,
+    RayCosts,
+    RayEnd,
+    RayState,
     Stop,
-    Toll,
-    Walk,
     new_walk,
     settle,
     wind,
@@ -26,7 +26,7 @@ from radarsim.raycast.crossings import CROSSING, sort_crossings
 Crossing = tuple[float, int, int]
 
 
-def walk_of(crossings: list[Crossing], parts: int, events: int = 0) -> Walk:
+def walk_of(crossings: list[Crossing], parts: int, events: int = 0) -> RayState:
     """Write crossings down, sorted; so no ray is cast."""
     rows = np.zeros(max(len(crossings), 1), CROSSING)
     rows[: len(crossings)] = crossings
@@ -44,7 +44,7 @@ def ended(
     hit: int = -1,
     sheets: dict[int, float] | None = None,
     within: tuple[int, ...] = (),
-) -> Ending:
+) -> RayEnd:
     walk = walk_of(crossings, len(densities))
     losses = np.full(len(densities), np.nan)
     for part, loss in (sheets or {}).items():
@@ -55,10 +55,10 @@ def ended(
         0,
         power,
         Stop(len(crossings), reach, hit),
-        Toll(np.array(densities), losses),
+        RayCosts(np.array(densities), losses),
         walk,
     )
-    assert isinstance(ending, Ending)
+    assert isinstance(ending, RayEnd)
     assert not walk.winding.any(), "winding numbers are forgotten"
     assert not walk.seen.any()
     assert walk.sizes.tolist() == [0, 0]
@@ -67,21 +67,21 @@ def ended(
 
 def test_power_runs_out_where_density_times_length_says() -> None:
     ending = ended([(2, 0, 1), (6, 0, -1)], [0.5])
-    assert ending == Ending(4.0, Outcome.SPENT, 0, 0.0)
+    assert ending == RayEnd(4.0, Outcome.SPENT, 0, 0.0)
 
 
 def test_what_is_left_goes_on_to_the_wall() -> None:
     ending = ended([(2, 0, 1), (3, 0, -1)], [0.5], reach=7.0, hit=4)
-    assert ending == Ending(7.0, Outcome.HIT, 4, 0.5)
+    assert ending == RayEnd(7.0, Outcome.HIT, 4, 0.5)
 
 
 def test_nothing_comes_back_from_out_of_reach() -> None:
-    assert ended([], [], reach=9.0) == Ending(9.0, Outcome.NOTHING, -1, 1.0)
+    assert ended([], [], reach=9.0) == RayEnd(9.0, Outcome.NOTHING, -1, 1.0)
 
 
 def test_densities_of_volumes_around_add_up_and_the_last_entered_is_named() -> None:
     ending = ended([(1, 0, 1), (2, 1, 1), (9, 1, -1), (9, 0, -1)], [0.25, 0.5])
-    assert ending == Ending(3.0, Outcome.SPENT, 1, 0.0)
+    assert ending == RayEnd(3.0, Outcome.SPENT, 1, 0.0)
 
 
 def test_a_start_inside_is_charged_from_there() -> None:
@@ -107,13 +107,13 @@ def test_a_grazed_edge_costs_nothing_in_either_order(first: int) -> None:
 
 def test_each_surface_of_a_sheet_takes_its_loss() -> None:
     ending = ended([(1, 0, 1), (2, 0, 1), (3, 0, -1)], [0.0], sheets={0: 0.25})
-    assert ending == Ending(100.0, Outcome.NOTHING, -1, 0.25)
+    assert ending == RayEnd(100.0, Outcome.NOTHING, -1, 0.25)
 
 
 def test_the_sheet_that_takes_the_rest_is_where_power_is_spent() -> None:
     crossings = [(float(t), 0, 1) for t in range(1, 12)]
     ending = ended(crossings, [0.0], sheets={0: 0.1})
-    assert ending == Ending(10.0, Outcome.SPENT, 0, 0.0)
+    assert ending == RayEnd(10.0, Outcome.SPENT, 0, 0.0)
 
 
 def test_power_used_up_to_the_last_bit_of_rounding_is_spent() -> None:
@@ -126,12 +126,12 @@ def test_power_used_up_to_the_last_bit_of_rounding_is_spent() -> None:
 @pytest.mark.parametrize("power", [math.inf, 1e300])
 def test_endless_power_is_not_spent(power: float) -> None:
     ending = ended([(1, 0, 1), (5, 0, -1)], [3.0], power=power, reach=6, hit=1)
-    assert ending == Ending(6.0, Outcome.HIT, 1, power)
+    assert ending == RayEnd(6.0, Outcome.HIT, 1, power)
 
 
 def test_no_power_ends_at_the_first_density_that_is_met() -> None:
     ending = ended([(1, 0, 1), (2, 1, 1)], [0.0, 0.5], power=0.0)
-    assert ending == Ending(2.0, Outcome.SPENT, 1, 0.0)
+    assert ending == RayEnd(2.0, Outcome.SPENT, 1, 0.0)
 
 
 LAYERS = st.lists(
@@ -209,7 +209,7 @@ def test_crossings_are_sorted_by_distance_then_part_then_in_before_out(
 
 def test_events_that_do_not_fit_are_counted() -> None:
     walk = walk_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
-    toll = Toll(np.array([0.1]), np.array([np.nan]))
+    toll = RayCosts(np.array([0.1]), np.array([np.nan]))
     settle(7, 1.0, Stop(2, 5.0, -1), toll, walk)
     assert walk.events[-1]["ray"] == 3
     assert walk.events[:2].tolist() == [
@@ -241,10 +241,10 @@ def test_python_and_machine_code_agree(
     hit: int,
     power: float,
 ) -> None:
-    toll = Toll(np.array([0.1, 0.3, 0.0]), np.array([np.nan, np.nan, 0.2]))
+    toll = RayCosts(np.array([0.1, 0.3, 0.0]), np.array([np.nan, np.nan, 0.2]))
     stop = Stop(len(crossings), 100.0, hit)
 
-    def run(walk: Walk) -> tuple[Any, Any]:
+    def run(walk: RayState) -> tuple[Any, Any]:
         for part in within:
             penetration.wind(walk, part, 1)
         return penetration.settle(0, power, stop, toll, walk), walk.events.tolist()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import LASER, RADAR, Kind, Rays
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
@@ -51,7 +51,7 @@ def cast(
         np.full(n, power),
         np.zeros(n, np.uint8),
         np.full(n, -1),
-        (Kind(**{"medium": RADAR, "bounces": bounces, **kind}),),
+        (RayClass(**{"medium": RADAR, "bounces": bounces, **kind}),),
     )
 
 

@@ -11,12 +11,18 @@ from radarsim.presets.divergence import offset_units, side_ray_at, two_way_devia
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
-from radarsim.sensors.beams import BeamPattern, Drawn, Fan, Sides, beam_angles
+from radarsim.sensors.beams import (
+    BeamPattern,
+    BeamRays,
+    SampledRays,
+    Sides,
+    beam_angles,
+)
 
 HERE = Pose3(1.0, -2.0, 0.5)
 
 
-def aim(settings: SensorSettings, pose: Pose3, side: int) -> Fan:
+def aim(settings: SensorSettings, pose: Pose3, side: int) -> BeamRays:
     pattern = BeamPattern(settings)
     return pattern.aim(pose, pattern.only(side))
 
@@ -101,7 +107,7 @@ def test_a_tilted_sensor_scans_its_own_plane() -> None:
 CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 
 
-def cone_offsets(pattern: BeamPattern, drawn: Drawn, beam: int) -> Floats:
+def cone_offsets(pattern: BeamPattern, drawn: SampledRays, beam: int) -> Floats:
     """Give how far each ray of one beam is off it, (K, 2) rad to the left and up."""
     ways = drawn.ways[:, beam]
     across = np.arctan2(ways[:, 1], ways[:, 0]) - pattern.angles[beam]

@@ -17,7 +17,13 @@ from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
-from radarsim.sensors.echo_extraction import LEAVES, Columns, ends_of, gather, send_back
+from radarsim.sensors.echo_extraction import (
+    LEAVES,
+    Columns,
+    backscatter,
+    ends_of,
+    gather,
+)
 from radarsim.sensors.echo_selection import FIRST, LAST, STRONGEST, choose, merge
 
 WALL = Material("wall")
@@ -263,7 +269,7 @@ def test_what_the_end_of_a_ray_sends_back(
         np.array([cosine]),
         np.zeros(0, EVENT),
     )
-    assert send_back(traces).tolist() == pytest.approx([wanted])
+    assert backscatter(traces).tolist() == pytest.approx([wanted])
 
 
 def test_the_ends_alone_are_the_last_echoes() -> None:

@@ -15,7 +15,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan_batch import take_together
+from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")
@@ -443,11 +443,11 @@ def test_scans_taken_together_are_those_taken_alone(foliage_room: Scene) -> None
         (scanner, scanner.plan(tracer, pose, generator_for(i)))
         for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True))
     ]
-    together = take_together(tracer, planned)
+    together = scan_batch(tracer, planned)
     for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True)):
         alone = scanner.scan(foliage_room, pose, generator_for(i))
         assert together[i].to_dict() == alone.to_dict()
-    assert take_together(tracer, []) == []
+    assert scan_batch(tracer, []) == []
 
 
 @pytest.mark.parametrize(
@@ -466,7 +466,7 @@ def test_a_second_robot_changes_none_of_the_first_ones_numbers(
     settings: dict[str, Any], foliage_room: Scene
 ) -> None:
     """The second one drives before the first, which draws the same all the same."""
-    conditions = radarsim.Conditions(item_settings={"lms200": settings})
+    conditions = radarsim.SimulationConfig(item_settings={"lms200": settings})
     told: list[list[str]] = []
     model = load_robot("P3AT")
     for others in (0, 1):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim import Conditions, Material, Part, Pose2, Pose3, Scan, Scene
+from radarsim import Material, Part, Pose2, Pose3, Scan, Scene, SimulationConfig
 from radarsim.geometry import Floats
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
@@ -183,7 +183,7 @@ def test_rain_knows_what_the_beam_has_lost_before_it() -> None:
 def test_a_second_robot_changes_no_drop_of_the_first_ones(empty_room: Scene) -> None:
     """It stands behind the first one, and draws from a generator of its own."""
     settings = {"lms200": {"return_mode": "first", "least_rcs_dbsm": -28}}
-    conditions = Conditions(item_settings=settings)
+    conditions = SimulationConfig(item_settings=settings)
     world, told = replace(empty_room, air=POURING), []
     for others in (0, 1):
         simulation = Simulation(world, conditions=conditions, seed=5)

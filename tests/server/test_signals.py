@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import ServerError
-from radarsim.host import Host, Notice
+from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene
 from radarsim.server import Server, serve
 
@@ -44,7 +44,7 @@ async def test_a_signal_ends_it_with_its_code(
 class Broken(Host):
     """Fails in its first tick."""
 
-    def step(self) -> list[tuple[int, Notice]]:
+    def step(self) -> list[tuple[int, Diagnostic]]:
         raise RuntimeError("broken")
 
 

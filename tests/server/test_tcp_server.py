@@ -14,11 +14,11 @@ import pytest
 
 from radarsim.errors import ServerError
 from radarsim.geometry import Pose3
-from radarsim.host import Host, Notice
+from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server import Server
 from radarsim.server.tcp_server import Connection
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 STARTS = (
@@ -27,7 +27,7 @@ STARTS = (
     b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
 )
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
-LONG_LINES = Conditions(item_settings={"lms200": {"resolution_deg": 0.1}})
+LONG_LINES = SimulationConfig(item_settings={"lms200": {"resolution_deg": 0.1}})
 TIME = re.compile(rb"SEN {Time ([0-9.]+)} {Type RangeScanner}")
 
 
@@ -77,7 +77,7 @@ class Peer:
         self.transport.abort()
 
 
-class Floor:
+class TraversabilityMap:
     """A running server, and the clients that came to it."""
 
     def __init__(self, host: Host, server: Server) -> None:
@@ -118,10 +118,12 @@ class Floor:
 
 
 @asynccontextmanager
-async def running(host: Host, *, speed: float = 5.0) -> AsyncIterator[Floor]:
+async def running(
+    host: Host, *, speed: float = 5.0
+) -> AsyncIterator[TraversabilityMap]:
     server = Server(host, speed=speed)
     await server.start(port=0)
-    floor = Floor(host, server)
+    floor = TraversabilityMap(host, server)
     try:
         yield floor
     finally:
@@ -134,7 +136,7 @@ async def running(host: Host, *, speed: float = 5.0) -> AsyncIterator[Floor]:
 
 
 @pytest.fixture
-async def floor(empty_room: Scene) -> AsyncIterator[Floor]:
+async def floor(empty_room: Scene) -> AsyncIterator[TraversabilityMap]:
     async with running(Host(empty_room)) as floor:
         yield floor
 
@@ -143,14 +145,18 @@ def assert_every_scan_came(times: list[float]) -> None:
     assert np.diff(times) == pytest.approx(0.1)
 
 
-async def test_bad_lines_are_skipped_and_the_next_is_answered(floor: Floor) -> None:
+async def test_bad_lines_are_skipped_and_the_next_is_answered(
+    floor: TraversabilityMap,
+) -> None:
     peer = await floor.peer()
     await peer.send(b"DRIVE Left\r\nFOO {}\n\r\xff\x00{{\r\nGETSTARTPOSES\r\n")
     peer.writer.write_eof()
     assert await peer.rest() == GREETING + STARTS
 
 
-async def test_half_a_command_waits_and_hinders_nobody(floor: Floor) -> None:
+async def test_half_a_command_waits_and_hinders_nobody(
+    floor: TraversabilityMap,
+) -> None:
     silent, other = await floor.peer(), await floor.driver()
     assert await silent.line() == GREETING
     await silent.send(b"GETSTART")
@@ -160,7 +166,7 @@ async def test_half_a_command_waits_and_hinders_nobody(floor: Floor) -> None:
 
 
 async def test_a_broken_connection_takes_its_robot_with_it(
-    floor: Floor, caplog: pytest.LogCaptureFixture
+    floor: TraversabilityMap, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "radarsim.server")
     other = await floor.driver(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
@@ -175,7 +181,7 @@ async def test_a_broken_connection_takes_its_robot_with_it(
 
 
 async def test_who_closes_takes_its_robot_with_it(
-    floor: Floor, caplog: pytest.LogCaptureFixture
+    floor: TraversabilityMap, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "radarsim.server")
     peer = await floor.driver()
@@ -185,7 +191,7 @@ async def test_who_closes_takes_its_robot_with_it(
 
 
 async def test_who_closes_its_side_and_does_not_read_leaves_as_well(
-    floor: Floor,
+    floor: TraversabilityMap,
 ) -> None:
     peer = await floor.peer(small=True)
     await peer.send(INIT)
@@ -237,7 +243,7 @@ async def test_who_reads_late_gets_whole_lines_and_the_newest(
 
 
 async def test_an_endless_line_closes_that_connection_only(
-    floor: Floor, caplog: pytest.LogCaptureFixture
+    floor: TraversabilityMap, caplog: pytest.LogCaptureFixture
 ) -> None:
     other, bad = await floor.driver(), await floor.peer()
     with suppress(ConnectionError):
@@ -261,7 +267,7 @@ async def test_who_asks_without_reading_is_disconnected(
         await floor.comes_true(lambda: "unread answers" in caplog.text)
 
 
-async def test_a_flood_of_commands_delays_nobody(floor: Floor) -> None:
+async def test_a_flood_of_commands_delays_nobody(floor: TraversabilityMap) -> None:
     other, flood = await floor.driver(), await floor.peer()
     await flood.send(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
     drives = [b"DRIVE {Left %d} {Right %d}\r\n" % (k, -k) for k in range(3000)]
@@ -272,7 +278,7 @@ async def test_a_flood_of_commands_delays_nobody(floor: Floor) -> None:
     assert await flood.until(b"{LightToggle True}")
 
 
-async def test_random_bytes_disturb_nobody(floor: Floor) -> None:
+async def test_random_bytes_disturb_nobody(floor: TraversabilityMap) -> None:
     other, wild = await floor.driver(), await floor.peer()
     rng = np.random.Generator(np.random.PCG64(1))
     for _ in range(20):
@@ -283,7 +289,7 @@ async def test_random_bytes_disturb_nobody(floor: Floor) -> None:
 
 
 async def test_what_had_no_effect_is_logged_once_for_each_kind_and_client(
-    floor: Floor, caplog: pytest.LogCaptureFixture
+    floor: TraversabilityMap, caplog: pytest.LogCaptureFixture
 ) -> None:
     for _ in range(2):
         peer = await floor.peer()
@@ -299,7 +305,7 @@ async def test_what_had_no_effect_is_logged_once_for_each_kind_and_client(
 
 
 async def test_commands_that_waited_are_logged_too(
-    floor: Floor, caplog: pytest.LogCaptureFixture
+    floor: TraversabilityMap, caplog: pytest.LogCaptureFixture
 ) -> None:
     peer = await floor.peer()
     await peer.send(INIT * 2 + b"FOO\r\n")
@@ -309,9 +315,9 @@ async def test_commands_that_waited_are_logged_too(
 class Talkative(Host):
     """Finds ever new things to notice."""
 
-    def receive(self, number: int, data: bytes) -> list[Notice]:
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         super().receive(number, data)
-        return [Notice(f"kind {k}", f"kind {k}") for k in range(1000)]
+        return [Diagnostic(f"kind {k}", f"kind {k}") for k in range(1000)]
 
 
 async def test_the_kinds_logged_of_one_client_are_few(
@@ -325,7 +331,7 @@ async def test_the_kinds_logged_of_one_client_are_few(
 
 
 async def test_too_many_clients_are_turned_away(
-    floor: Floor,
+    floor: TraversabilityMap,
     caplog: pytest.LogCaptureFixture,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -343,7 +349,7 @@ async def test_too_many_clients_are_turned_away(
     assert await (await floor.peer()).line() == GREETING
 
 
-async def test_a_taken_port_is_said_in_one_sentence(floor: Floor) -> None:
+async def test_a_taken_port_is_said_in_one_sentence(floor: TraversabilityMap) -> None:
     port = floor.server.address[1]
     with pytest.raises(ServerError) as caught:
         await Server(floor.host).start(port=port)
@@ -360,7 +366,9 @@ async def test_an_address_that_is_not_ours_is_said(empty_room: Scene) -> None:
     await server.stop()
 
 
-async def test_it_stops_at_once_with_robots_on_the_floor(floor: Floor) -> None:
+async def test_it_stops_at_once_with_robots_on_the_floor(
+    floor: TraversabilityMap,
+) -> None:
     peers = [await floor.driver() for _ in range(4)]
     async with asyncio.timeout(1):
         await floor.server.stop()
@@ -396,7 +404,7 @@ async def test_a_clock_that_is_too_late_says_so_and_goes_on(
 class Broken(Host):
     """Stops working after a while."""
 
-    def step(self) -> list[tuple[int, Notice]]:
+    def step(self) -> list[tuple[int, Diagnostic]]:
         if self.simulation.ticks == 5:
             raise RuntimeError("broken")
         return super().step()

@@ -7,7 +7,7 @@ from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.robots.skid_steer import WheelDrive
-from radarsim.simulation.config import Conditions
+from radarsim.simulation.config import SimulationConfig
 
 
 def item(name: str, class_name: str = "P3AT") -> Item:
@@ -17,27 +17,27 @@ def item(name: str, class_name: str = "P3AT") -> Item:
 @pytest.mark.parametrize(
     ("conditions", "drive"),
     [
-        pytest.param(Conditions(), WheelDrive(8.17, "rad_per_s"), id="compat"),
-        pytest.param(Conditions(UDK), WheelDrive(1.3, "rev_per_s"), id="udk"),
+        pytest.param(SimulationConfig(), WheelDrive(8.17, "rad_per_s"), id="compat"),
+        pytest.param(SimulationConfig(UDK), WheelDrive(1.3, "rev_per_s"), id="udk"),
         pytest.param(
-            Conditions(drive_unit="rev_per_s"),
+            SimulationConfig(drive_unit="rev_per_s"),
             WheelDrive(1.3, "rev_per_s"),
             id="compat in turns",
         ),
         pytest.param(
-            Conditions(UDK, drive_unit="rad_per_s"),
+            SimulationConfig(UDK, drive_unit="rad_per_s"),
             WheelDrive(8.17, "rad_per_s"),
             id="udk in radians",
         ),
         pytest.param(
-            Conditions(UDK, drive_unit="rev_per_s"),
+            SimulationConfig(UDK, drive_unit="rev_per_s"),
             WheelDrive(1.3, "rev_per_s"),
             id="udk in its own unit",
         ),
     ],
 )
 def test_drive_means_the_same_top_speed_in_either_unit(
-    conditions: Conditions, drive: WheelDrive
+    conditions: SimulationConfig, drive: WheelDrive
 ) -> None:
     assert conditions.wheel_drive() == drive
     assert drive.top_spin == pytest.approx(8.17, abs=0.01)
@@ -56,12 +56,12 @@ def test_the_longest_range_is_the_dialects(
     name: str, class_name: str, compat: float, udk: float
 ) -> None:
     scanner = item(name, class_name)
-    assert Conditions().scanner(scanner).settings.max_range == compat
-    assert Conditions(UDK).scanner(scanner).settings.max_range == udk
+    assert SimulationConfig().scanner(scanner).settings.max_range == compat
+    assert SimulationConfig(UDK).scanner(scanner).settings.max_range == udk
 
 
 def test_what_the_user_sets_counts_most() -> None:
-    conditions = Conditions(UDK, item_settings={"LMS200": {"max_range": 33}})
+    conditions = SimulationConfig(UDK, item_settings={"LMS200": {"max_range": 33}})
     assert conditions.scanner(item("lms200")).settings.max_range == 33
     assert conditions.scanner(item("lms200", "P3AT_SICK")).settings.max_range == 33
     full_circle = conditions.scanner(item("lms200", "P3AT_Radar360")).settings
@@ -82,18 +82,18 @@ def test_what_the_user_sets_counts_most() -> None:
 def test_rates_are_the_dialects(
     name: str, class_name: str, compat: float, udk: float
 ) -> None:
-    assert Conditions().interval(item(name, class_name)) == compat
-    assert Conditions(UDK).interval(item(name, class_name)) == udk
+    assert SimulationConfig().interval(item(name, class_name)) == compat
+    assert SimulationConfig(UDK).interval(item(name, class_name)) == udk
 
 
 def test_an_item_with_an_interval_of_its_own_keeps_it() -> None:
     slow = item("lms200").model_copy(update={"interval": 0.7})
-    assert Conditions(UDK).interval(slow) == 0.7
+    assert SimulationConfig(UDK).interval(slow) == 0.7
 
 
 def test_what_is_no_scanner_cannot_be_made_one() -> None:
     with pytest.raises(ValueError, match="item 'W1': type Encoder, expected a scanner"):
-        Conditions().scanner(item("W1"))
+        SimulationConfig().scanner(item("W1"))
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
@@ -107,7 +107,7 @@ def test_what_is_no_scanner_cannot_be_made_one() -> None:
     ],
 )
 def test_settings_that_fit_pass(dialect: Dialect, settings: dict[str, Any]) -> None:
-    Conditions(dialect, item_settings=settings).check()
+    SimulationConfig(dialect, item_settings=settings).check()
 
 
 @pytest.mark.parametrize(
@@ -136,13 +136,13 @@ def test_settings_that_do_not_fit_are_refused(
     settings: dict[str, Any], text: str
 ) -> None:
     with pytest.raises(PresetError) as caught:
-        Conditions(item_settings=settings).check()
+        SimulationConfig(item_settings=settings).check()
     assert str(caught.value) == text
 
 
 def test_a_setting_that_no_scanner_has_is_refused() -> None:
     with pytest.raises(PresetError, match="no setting 'power'"):
-        Conditions(item_settings={"lms200": {"power": 1}}).check()
+        SimulationConfig(item_settings={"lms200": {"power": 1}}).check()
 
 
 SCANNER = load_robot("P3AT").items_of("RangeScanner")[0]
@@ -154,7 +154,7 @@ def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
     wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
     for item in (SCANNER, wide):
         settings = {"LMS200": {"sensor": "k2pi", "min_range": 1.0}}
-        conditions = Conditions(dialect=dialect, item_settings=settings)
+        conditions = SimulationConfig(dialect=dialect, item_settings=settings)
         conditions.check()
         scanner = conditions.scanner(item)
         assert scanner.name == "k2pi"
@@ -164,18 +164,18 @@ def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
 
 def test_a_sensor_named_again_keeps_what_the_class_says_of_it() -> None:
     wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
-    same = Conditions(item_settings={"lms200": {"sensor": "radar"}})
-    assert same.scanner(wide).settings == Conditions().scanner(wide).settings
+    same = SimulationConfig(item_settings={"lms200": {"sensor": "radar"}})
+    assert same.scanner(wide).settings == SimulationConfig().scanner(wide).settings
 
 
 def test_the_rate_that_is_set_counts_more_than_the_dialects() -> None:
-    fast = Conditions(dialect=UDK, item_settings={"lms200": {"scan_rate_hz": 20}})
+    fast = SimulationConfig(dialect=UDK, item_settings={"lms200": {"scan_rate_hz": 20}})
     assert fast.interval(SCANNER) == pytest.approx(0.05)
-    assert Conditions(dialect=UDK).interval(SCANNER) == pytest.approx(0.2)
+    assert SimulationConfig(dialect=UDK).interval(SCANNER) == pytest.approx(0.2)
 
 
 def test_an_unknown_sensor_is_refused_before_anybody_connects() -> None:
     with pytest.raises(PresetError, match="sensor 'k3pi', expected one of"):
-        Conditions(item_settings={"lms200": {"sensor": "k3pi"}}).check()
+        SimulationConfig(item_settings={"lms200": {"sensor": "k3pi"}}).check()
     with pytest.raises(PresetError, match="sensor"):
-        Conditions(item_settings={"InsTest": {"sensor": "radar"}}).check()
+        SimulationConfig(item_settings={"InsTest": {"sensor": "radar"}}).check()

@@ -30,7 +30,7 @@ PARTS = tuple(
         ("cloud", SMOKE),
     )
 )
-WALL, BUSH, LEAVES, BARK, CLOUD = range(5)
+WALL, BUSH, LEAVES, BARK, SMOKE_CELL = range(5)
 ROBOTS = {1: "R1", 7: "R7"}
 
 Row = tuple[int, int]  # beam and part
@@ -170,7 +170,7 @@ def test_an_object_of_two_materials_is_told_twice() -> None:
     [
         pytest.param(WALL, ("concrete", math.inf, 0.0, False, False), id="opaque"),
         pytest.param(BUSH, ("foliage", 0.7, 0.3, False, False), id="shrub"),
-        pytest.param(CLOUD, ("smoke", 0.0, 1.0, True, True), id="smoke"),
+        pytest.param(SMOKE_CELL, ("smoke", 0.0, 1.0, True, True), id="smoke"),
         pytest.param(5 + 7, ("robot", math.inf, 0.0, False, False), id="robot"),
     ],
 )

@@ -20,12 +20,14 @@ from radarsim.protocol.reports import (
     Touch,
 )
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import Conditions
-from radarsim.simulation.simulation import Simulation, Told
+from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.simulation import Simulation, TickOutput
 from radarsim.simulation.vehicle import Vehicle
 
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
-EXACT = Conditions(item_settings={"lms200": {"side_offset_uu": 0}, "InsTest": STILL})
+EXACT = SimulationConfig(
+    item_settings={"lms200": {"side_offset_uu": 0}, "InsTest": STILL}
+)
 HALF_LENGTH, HALF_WIDTH = 0.276, 0.2485
 
 
@@ -35,9 +37,9 @@ def spawned(simulation: Simulation, pose: Pose2, name: str = "R1") -> Vehicle:
     return vehicle
 
 
-def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, Told]]]:
+def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, TickOutput]]]:
     """Let time pass; give what each robot told, with the ticks."""
-    told: dict[int, list[tuple[int, Told]]] = {}
+    told: dict[int, list[tuple[int, TickOutput]]] = {}
     for _ in range(ticks):
         simulation.step()
         for number, what in simulation.tell().items():
@@ -59,7 +61,7 @@ def test_poses_are_read_before_everything_else(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     *before, (_, last) = run(simulation, 10)[vehicle.number]
-    assert all(told == Told(None, (), (), ()) for _, told in before)
+    assert all(told == TickOutput(None, (), (), ()) for _, told in before)
     assert last.status is not None
     assert types(last.readings) == [
         *(GroundTruth, Ins, Odometry, Tachometer, Encoder, Encoder, Touch)
@@ -283,7 +285,9 @@ def test_simulated_time_has_no_end_of_digits(empty_room: Scene) -> None:
 def test_with_an_empty_battery_a_robot_stands_and_tells_its_status_only(
     empty_room: Scene,
 ) -> None:
-    weak = Conditions(replace(UDK, battery_start=1.5))  # in whole seconds, down to 0
+    weak = SimulationConfig(
+        replace(UDK, battery_start=1.5)
+    )  # in whole seconds, down to 0
     simulation = Simulation(empty_room, conditions=weak)
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(0.5, 0.5)
@@ -316,7 +320,7 @@ def test_smoke_is_a_place_to_stand_in(smoke_room: Scene) -> None:
 
 
 def test_a_scanner_scans_as_often_as_its_rate_says(empty_room: Scene) -> None:
-    conditions = Conditions(item_settings={"lms200": {"sensor": "k2pi"}})
+    conditions = SimulationConfig(item_settings={"lms200": {"sensor": "k2pi"}})
     simulation = Simulation(empty_room, conditions=conditions)
     vehicle = spawned(simulation, Pose2(-8, 0))
     told = run(simulation, 300)[vehicle.number]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.scan import Scan2, read_scan
+from radarsim.mapping.scan import PlanarScan, read_scan
 from radarsim.protocol.reports import RangeScan
 
 MAX_RANGE = 30.0
 ANGLES: Floats = np.radians(np.arange(360) - 179.5)
 
-Look = Callable[..., Scan2]
+Look = Callable[..., PlanarScan]
 
 
 def box(x: float, y: float, width: float, height: float) -> Floats:
@@ -44,7 +44,7 @@ def ranges_of(walls: Floats, pose: Pose2) -> Floats:
     return nearest
 
 
-def look_around(walls: Floats, pose: Pose2, *, time: float = 0.0) -> Scan2:
+def look_around(walls: Floats, pose: Pose2, *, time: float = 0.0) -> PlanarScan:
     """Scan a world from a pose."""
     ranges = ranges_of(walls, pose)
     fov = float(ANGLES[-1] - ANGLES[0])

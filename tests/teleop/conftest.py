@@ -2,11 +2,11 @@
 
 import pytest
 
-from radarsim.client import RobotFacts, ScannerFacts
+from radarsim.client import RobotInfo, ScannerInfo
 from radarsim.geometry import Pose3
-from radarsim.teleop.robot_state import Readings
+from radarsim.teleop.robot_state import RobotState
 
-SCANNER = ScannerFacts(
+SCANNER = ScannerInfo(
     name="lms200",
     mount=Pose3(0.2, 0.0, 0.2),
     min_range=0.0,
@@ -15,7 +15,7 @@ SCANNER = ScannerFacts(
     fov=3.1415926,
     beams=3,
 )
-FACTS = RobotFacts(
+FACTS = RobotInfo(
     name="P3AT",
     length=0.6,
     width=0.4,
@@ -29,10 +29,10 @@ FACTS = RobotFacts(
 
 
 @pytest.fixture
-def facts() -> RobotFacts:
+def facts() -> RobotInfo:
     return FACTS
 
 
 @pytest.fixture
-def readings() -> Readings:
-    return Readings(FACTS, SCANNER, "DM-Test")
+def readings() -> RobotState:
+    return RobotState(FACTS, SCANNER, "DM-Test")

@@ -13,11 +13,11 @@ from radarsim.protocol.reports import (
     Touch,
 )
 from radarsim.teleop.panel import HELP, WIDTH, bearing, nearest, panel_lines, warnings
-from radarsim.teleop.robot_state import Readings
+from radarsim.teleop.robot_state import RobotState
 from radarsim.teleop.terminal import LEAST_COLUMNS
 
 
-def panel(readings: Readings, silence: float = 0.0) -> list[str]:
+def panel(readings: RobotState, silence: float = 0.0) -> list[str]:
     lines = panel_lines(readings, speed=0.4, ordered=(-0.4, -0.6), silence=silence)
     return ["".join(text for _, text in line) for line in lines]
 
@@ -26,7 +26,7 @@ def scan(*ranges: float) -> RangeScan:
     return RangeScan(1.0, "lms200", math.pi / 2, math.pi, np.array(ranges))
 
 
-def fill(readings: Readings) -> None:
+def fill(readings: RobotState) -> None:
     for time in (1234.5, 1234.6):
         readings.take(Status(time, battery=3599, light=False))
         readings.take(GroundTruth(time, "GndTruth", Pose3(-123.45, 1.0, 0.1, yaw=3.1)))
@@ -36,7 +36,7 @@ def fill(readings: Readings) -> None:
     readings.take(scan(9.0, 5.0, 2.0))
 
 
-def test_everything_is_there(readings: Readings) -> None:
+def test_everything_is_there(readings: RobotState) -> None:
     fill(readings)
     text = "\n".join(panel(readings))
     for expected in (
@@ -55,7 +55,7 @@ def test_everything_is_there(readings: Readings) -> None:
         assert expected in text
 
 
-def test_what_nobody_has_told_is_a_dash(readings: Readings) -> None:
+def test_what_nobody_has_told_is_a_dash(readings: RobotState) -> None:
     text = "\n".join(panel(readings))
     for name in ("time", "scans", "battery", "measured", "INS", "truth", "touch"):
         assert any(
@@ -65,7 +65,7 @@ def test_what_nobody_has_told_is_a_dash(readings: Readings) -> None:
     assert "no scan yet" in text
 
 
-def test_it_fits_beside_the_view_on_24_rows(readings: Readings) -> None:
+def test_it_fits_beside_the_view_on_24_rows(readings: RobotState) -> None:
     fill(readings)
     lines = panel(readings, silence=2.4)
     assert max(map(len, lines)) <= WIDTH
@@ -73,7 +73,7 @@ def test_it_fits_beside_the_view_on_24_rows(readings: Readings) -> None:
     assert len(HELP) <= LEAST_COLUMNS
 
 
-def test_a_touch_is_loud(readings: Readings) -> None:
+def test_a_touch_is_loud(readings: RobotState) -> None:
     readings.take(Touch(1.0, "Front", touched=False))
     readings.take(Touch(1.0, "Back", touched=True))
     assert "touch    TOUCHING" in panel(readings)
@@ -102,13 +102,13 @@ def test_bearings_are_words(angle: float, text: str) -> None:
     ],
 )
 def test_the_nearest_is_told_from_the_centre_in_its_colour(
-    readings: Readings, ranges: tuple[float, ...], style: str, text: str
+    readings: RobotState, ranges: tuple[float, ...], style: str, text: str
 ) -> None:
     readings.take(scan(*ranges))
     assert nearest(readings) == (style, text)
 
 
-def test_warnings(readings: Readings) -> None:
+def test_warnings(readings: RobotState) -> None:
     assert warnings(readings, 0.1) == ["no scan yet"]
     readings.take(scan(0.0, 0.0, 0.0))
     readings.take(Status(1.0, battery=0, light=False))

@@ -13,7 +13,7 @@ from radarsim.protocol.reports import (
     Status,
     Touch,
 )
-from radarsim.teleop.robot_state import MOTION_WINDOW, Readings
+from radarsim.teleop.robot_state import MOTION_WINDOW, RobotState
 
 
 def scan(time: float, *ranges: float, name: str = "lms200") -> RangeScan:
@@ -25,13 +25,13 @@ def truth(time: float, x: float, y: float, yaw: float) -> GroundTruth:
     return GroundTruth(time, "GndTruth", Pose3(x, y, 0.1, yaw=yaw))
 
 
-def speed_of(readings: Readings) -> float:
+def speed_of(readings: RobotState) -> float:
     motion = readings.motion()
     assert motion is not None
     return motion[0]
 
 
-def test_of_each_kind_the_newest_is_kept(readings: Readings) -> None:
+def test_of_each_kind_the_newest_is_kept(readings: RobotState) -> None:
     for time in (1.0, 2.0):
         readings.take(truth(time, time, 0.0, 0.0))
         readings.take(Ins(time, "InsTest", Pose3(time, 1.0, 0.0)))
@@ -51,7 +51,7 @@ def test_of_each_kind_the_newest_is_kept(readings: Readings) -> None:
     assert readings.scan.ranges[1] == 2.0
 
 
-def test_what_is_not_shown_changes_nothing(readings: Readings) -> None:
+def test_what_is_not_shown_changes_nothing(readings: RobotState) -> None:
     readings.take(RobotConf("P3AT", 11.9, 8.17, 1.0))
     readings.take(scan(1.0, 1.0, 1.0, 1.0, name="Hokuyo"))
     assert math.isnan(readings.time)
@@ -60,18 +60,18 @@ def test_what_is_not_shown_changes_nothing(readings: Readings) -> None:
     assert not readings.is_blind()
 
 
-def test_points_are_seen_from_the_robots_centre(readings: Readings) -> None:
+def test_points_are_seen_from_the_robots_centre(readings: RobotState) -> None:
     readings.take(scan(1.0, 1.0, 2.0, 3.0))
     expected = [[0.2, -1.0], [2.2, 0.0], [0.2, 3.0]]
     assert readings.points() == pytest.approx(np.array(expected), abs=1e-6)
 
 
-def test_beams_that_met_nothing_give_no_points(readings: Readings) -> None:
+def test_beams_that_met_nothing_give_no_points(readings: RobotState) -> None:
     readings.take(scan(1.0, 10.0, 9.98, 0.0))
     assert readings.points() == pytest.approx(np.array([[10.18, 0.0]]), abs=1e-6)
 
 
-def test_a_scanner_that_reads_0_everywhere_is_blind(readings: Readings) -> None:
+def test_a_scanner_that_reads_0_everywhere_is_blind(readings: RobotState) -> None:
     readings.take(scan(1.0, 0.0, 0.0, 0.0))
     assert readings.is_blind()
     assert len(readings.points()) == 0
@@ -79,7 +79,7 @@ def test_a_scanner_that_reads_0_everywhere_is_blind(readings: Readings) -> None:
     assert not readings.is_blind()
 
 
-def test_the_rate_is_that_of_the_servers_time(readings: Readings) -> None:
+def test_the_rate_is_that_of_the_servers_time(readings: RobotState) -> None:
     assert math.isnan(readings.scan_rate())
     readings.take(scan(0.0, 1.0, 1.0, 1.0))
     assert math.isnan(readings.scan_rate())
@@ -91,7 +91,7 @@ def test_the_rate_is_that_of_the_servers_time(readings: Readings) -> None:
 @pytest.mark.parametrize("yaw", [0.0, 2.0, math.pi - 0.1])
 @pytest.mark.parametrize("speed", [0.4, -0.4])
 def test_the_motion_is_measured_along_the_robots_front(
-    readings: Readings, yaw: float, speed: float
+    readings: RobotState, yaw: float, speed: float
 ) -> None:
     assert readings.motion() is None
     turn, radius = 0.5, speed / 0.5
@@ -106,7 +106,7 @@ def test_the_motion_is_measured_along_the_robots_front(
 
 
 def test_a_robot_that_stops_is_seen_to_stand_after_the_window(
-    readings: Readings,
+    readings: RobotState,
 ) -> None:
     for i in range(20):
         readings.take(truth(i / 10, min(i, 10) / 10, 0.0, 0.0))
@@ -114,7 +114,7 @@ def test_a_robot_that_stops_is_seen_to_stand_after_the_window(
     assert readings.motion() == (0.0, 0.0)
 
 
-def test_the_best_pose_measures_the_motion(readings: Readings) -> None:
+def test_the_best_pose_measures_the_motion(readings: RobotState) -> None:
     readings.take(Odometry(0.0, "Odometer", Pose2(0.0, 0.0)))
     readings.take(Odometry(0.1, "Odometer", Pose2(0.1, 0.0)))
     assert speed_of(readings) == pytest.approx(1.0)
@@ -124,7 +124,7 @@ def test_the_best_pose_measures_the_motion(readings: Readings) -> None:
     assert speed_of(readings) == pytest.approx(0.5)
 
 
-def test_time_that_begins_anew_measures_anew(readings: Readings) -> None:
+def test_time_that_begins_anew_measures_anew(readings: RobotState) -> None:
     for report in (truth(5.0, 0.0, 0.0, 0.0), truth(0.1, 3.0, 0.0, 0.0)):
         readings.take(report)
     assert readings.motion() is None

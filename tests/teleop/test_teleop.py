@@ -16,8 +16,8 @@ from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.errors import RadarsimError
 from radarsim.protocol.reports import GroundTruth
 from radarsim.pytest_plugin import UsarsimServer
-from radarsim.teleop.robot_state import Readings
-from radarsim.teleop.teleop import Driver, Wish, prepare
+from radarsim.teleop.robot_state import RobotState
+from radarsim.teleop.teleop import Teleop, Wish, prepare
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-Odd} {TimeLimit 0}\r\n"
 STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 99}\r\n"
@@ -49,7 +49,7 @@ async def test_keys_move_the_robot_and_it_stops_without_them(
 ) -> None:
     async with await AsyncClient.connect(*usarsim_server.address) as client:
         readings = await prepare(client, WISH)
-        driver = Driver(
+        driver = Teleop(
             client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
         )
         running = asyncio.create_task(driver.run())
@@ -105,10 +105,10 @@ async def oddly_served(
 
 @pytest.mark.parametrize("terminal", [DummyOutput(), Narrow()], ids=["wide", "narrow"])
 async def test_keys_zoom_and_set_the_speed(
-    readings: Readings, keyboard: PipeInput, terminal: DummyOutput
+    readings: RobotState, keyboard: PipeInput, terminal: DummyOutput
 ) -> None:
     async with oddly_served(beats=5) as (client, _):
-        driver = Driver(client, readings, 0.4, keyboard=keyboard, terminal=terminal)
+        driver = Teleop(client, readings, 0.4, keyboard=keyboard, terminal=terminal)
         running = asyncio.create_task(driver.run())
         assert driver.radius == 10
         keyboard.send_text("z" * 20 + "+")
@@ -132,11 +132,11 @@ async def test_keys_zoom_and_set_the_speed(
     ],
 )
 async def test_how_it_ends_and_that_the_robot_is_told_to_stop(
-    readings: Readings, keyboard: PipeInput, text: str, number: int | None, code: int
+    readings: RobotState, keyboard: PipeInput, text: str, number: int | None, code: int
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
     async with oddly_served(beats=3) as (client, heard):
-        driver = Driver(
+        driver = Teleop(
             client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
         )
         running = asyncio.create_task(driver.run())
@@ -159,10 +159,10 @@ async def test_how_it_ends_and_that_the_robot_is_told_to_stop(
     ],
 )
 async def test_a_server_that_is_lost_ends_it(
-    readings: Readings, keyboard: PipeInput, drop: bool, kind: type, text: str
+    readings: RobotState, keyboard: PipeInput, drop: bool, kind: type, text: str
 ) -> None:
     async with oddly_served(beats=3, drop=drop) as (client, heard):
-        driver = Driver(
+        driver = Teleop(
             client,
             readings,
             0.4,
@@ -177,10 +177,10 @@ async def test_a_server_that_is_lost_ends_it(
 
 
 async def test_a_keyboard_that_is_gone_ends_it(
-    readings: Readings, keyboard: PipeInput
+    readings: RobotState, keyboard: PipeInput
 ) -> None:
     async with oddly_served(beats=1) as (client, heard):
-        driver = Driver(
+        driver = Teleop(
             client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
         )
         keyboard.close()

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.client import RobotFacts
+from radarsim.client import RobotInfo
 from radarsim.teleop.view import RADII, Fragments, draw_view, ink_of, scale_bar
 
 COLUMNS, ROWS = 40, 20
@@ -18,7 +18,7 @@ def cells(lines: list[Fragments]) -> list[list[tuple[str, str]]]:
 
 
 def drawn(
-    facts: RobotFacts, *points: tuple[float, float], radius: float = 10.0
+    facts: RobotInfo, *points: tuple[float, float], radius: float = 10.0
 ) -> dict[tuple[int, int], str]:
     """Styles of what is drawn in a style, by row and column; without the last row."""
     places = np.array(points).reshape(-1, 2)
@@ -44,13 +44,13 @@ MIDDLE = (ROWS // 2, COLUMNS // 2)
     ],
 )
 def test_the_robot_faces_up_and_shapes_are_kept(
-    facts: RobotFacts, point: tuple[float, float], row: int, column: int
+    facts: RobotInfo, point: tuple[float, float], row: int, column: int
 ) -> None:
     # 80 dots across and down: 4 to a metre, so 8 m are 8 rows or 16 columns.
     assert drawn(facts, point) == {MIDDLE: "class:robot", (row, column): "class:far"}
 
 
-def test_zooming_in_takes_things_apart_and_out_of_sight(facts: RobotFacts) -> None:
+def test_zooming_in_takes_things_apart_and_out_of_sight(facts: RobotInfo) -> None:
     assert len(drawn(facts, (4.0, 0.0), (4.0, -0.5), radius=20.0)) == 2
     assert len(drawn(facts, (4.0, 0.0), (4.0, 1.0), radius=5.0)) == 3
     hull = drawn(facts, radius=2.0)
@@ -68,7 +68,7 @@ def test_zooming_in_takes_things_apart_and_out_of_sight(facts: RobotFacts) -> No
 )
 @pytest.mark.parametrize("angle", [0.0, 2.0])
 def test_colours_tell_how_near(
-    facts: RobotFacts, distance: float, style: str, angle: float
+    facts: RobotInfo, distance: float, style: str, angle: float
 ) -> None:
     assert facts.clearance == pytest.approx(0.36, abs=0.01)
     assert ink_of(distance, facts.clearance) == style
@@ -76,7 +76,7 @@ def test_colours_tell_how_near(
     assert style in drawn(facts, point, radius=2.0).values()
 
 
-def test_near_the_hull_is_drawn_in_its_shape(facts: RobotFacts) -> None:
+def test_near_the_hull_is_drawn_in_its_shape(facts: RobotInfo) -> None:
     # At 1 m a metre is 10 rows or 20 columns: the hull is 6 rows long, 8 columns wide.
     hull = drawn(facts, radius=1.0)
     rows, columns = ({place[i] for place in hull} for i in (0, 1))
@@ -85,7 +85,7 @@ def test_near_the_hull_is_drawn_in_its_shape(facts: RobotFacts) -> None:
     assert set(hull.values()) == {"class:robot"}
 
 
-def test_the_last_line_begins_with_the_scale(facts: RobotFacts) -> None:
+def test_the_last_line_begins_with_the_scale(facts: RobotInfo) -> None:
     lines = draw_view(np.zeros((0, 2)), facts, 10.0, COLUMNS, ROWS)
     assert lines[-1][0] == ("class:scale", "├────────┤ 5 m ")
 
@@ -105,7 +105,7 @@ def test_the_bar_is_as_long_as_it_says(radius: float, columns: int, rows: int) -
     ("columns", "rows"), [(1, 1), (2, 1), (1, 9), (49, 22), (51, 23), (169, 58)]
 )
 def test_every_size_is_filled(
-    facts: RobotFacts, radius: float, columns: int, rows: int
+    facts: RobotInfo, radius: float, columns: int, rows: int
 ) -> None:
     lines = draw_view(np.ones((3, 2)), facts, radius, columns, rows)
     assert [len(line) for line in cells(lines)] == [columns] * rows
