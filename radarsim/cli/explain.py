@@ -38,8 +38,8 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
         raise typer.BadParameter(
             f"{beam}, expected 0 to {scanner.settings.beams - 1}", param_hint="--beam"
         )
-    together = scanner.settings.rays_of_a_beam if ray == "drawn" else 1
-    together *= scanner.settings.answers_together
+    together = scanner.settings.rays_per_beam if ray == "drawn" else 1
+    together *= scanner.settings.combines_rays
     if ray != "drawn":
         scanner = _with_only(scanner, ray)
     scan = scanner.scan(scene, pose, rng)
@@ -75,7 +75,7 @@ def _with_only(scanner: RangeScanner, ray: str) -> RangeScanner:
         typer.BadParameter: If its beams have not three rays.
     """
     settings = scanner.settings
-    count = settings.rays_of_a_beam
+    count = settings.rays_per_beam
     if settings.has_side_rays and settings.side_mode != "cone":
         weights = tuple(float(side == RAYS[ray]) for side in (RIGHT, CENTRE, LEFT))
         update = {"ray_weights": weights, "ray_choice": "drawn"}

@@ -16,7 +16,7 @@ from shapely import Geometry, MultiPoint, MultiPolygon, Point, Polygon
 
 from radarsim.geometry import Floats
 from radarsim.robots.footprint import NO_SEGMENTS
-from radarsim.robots.obstacles import BUMPER_HEIGHTS, Obstacles, outlines, section
+from radarsim.robots.obstacles import BUMPER_HEIGHTS, Obstacles, slice_mesh, slice_parts
 from radarsim.scene.scene import Part, Scene
 
 Place: TypeAlias = tuple[float, float]  # x, y in m, map frame
@@ -62,7 +62,7 @@ def is_connected(scene: Scene, start: Place, goal: Place, distance: float) -> bo
 def plan_of(scene: Scene) -> Floats:
     """Give the lines of what is solid where robots bump into it, (S, 2, 2) m."""
     solid = (part for part in scene.parts if part.material.solid)
-    return outlines(solid, _floor_of(scene) + PLAN_HEIGHT)
+    return slice_parts(solid, _floor_of(scene) + PLAN_HEIGHT)
 
 
 def _floor_of(scene: Scene) -> float:
@@ -98,7 +98,7 @@ def _sections(part: Part, floor: float) -> Iterator[Floats]:
     """Cut a part at the bumpers' heights; upright sides give their lines once."""
     last = NO_SEGMENTS
     for height in BUMPER_HEIGHTS:
-        segments = section(part.vertices, part.faces, floor + height)
+        segments = slice_mesh(part.vertices, part.faces, floor + height)
         segments = Obstacles(np.round(segments, _DIGITS)).segments  # no mere points
         if not np.array_equal(segments, last):
             yield segments

@@ -35,7 +35,7 @@ from radarsim.mapping.occupancy_grid import (
     OccupancyGrid,
 )
 from radarsim.presets.robots import load_robot
-from radarsim.robots.obstacles import section
+from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Part, Scene
 
 TOLERANCE: Final = 2  # cells
@@ -111,7 +111,7 @@ class Truth:
         self.inside = {kind: cells.copy() for kind, cells in self.kinds.items()}
         starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
         for part in scene.parts:
-            segments = section(part.vertices, part.faces, height)
+            segments = slice_mesh(part.vertices, part.faces, height)
             if len(segments):
                 kind = kind_of(part)
                 filled = _filled(part, segments, starts, lattice)

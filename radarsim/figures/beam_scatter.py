@@ -19,7 +19,7 @@ from radarsim.plotting.ray_segments import cut, opacity_of
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.robots.obstacles import outlines
+from radarsim.robots.obstacles import slice_parts
 from radarsim.sensors.scan import Scan
 
 MAP: Final = "marulan_trial"
@@ -122,7 +122,7 @@ def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s], [s, c]])  # of rows, by minus the angle
     things = [part for part in shot.scene.parts if part.object_name != "ground"]
-    lines = (outlines(things, shot.pose.z) - place) @ turn
+    lines = (slice_parts(things, shot.pose.z) - place) @ turn
     style: dict[str, Any] = {"colors": "0.25", "linewidths": 1.1, "zorder": 3}
     axes.add_collection(LineCollection(list(lines), **style))
     pieces = cut(tracer_of(shot.scene), rays)

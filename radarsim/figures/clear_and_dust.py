@@ -16,7 +16,7 @@ from radarsim.figures.scan_spec import ROBOT, ScanSpec, answers_of, scene_of
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
 from radarsim.plotting.style import Legend, scan_points
-from radarsim.robots.obstacles import outlines
+from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.scene import Part
 from radarsim.sensors.scan import Scan
 
@@ -163,7 +163,7 @@ def _draw_map(axes: Axes, shot: ScanSpec, legend: Legend, *, dusty: bool) -> Non
         wide, tall = high - low
         axes.add_patch(Rectangle(low, wide, tall, color=_DUST, zorder=0))
         legend.mark("dust", "s", color=_DUST, markersize=9)
-    lines = outlines(_things(), shot.pose.z)
+    lines = slice_parts(_things(), shot.pose.z)
     plan = LineCollection(list(lines), colors="0.6", linewidths=0.8, zorder=1)
     axes.add_collection(plan)
     legend.line("what stands there", color="0.6", linewidth=0.8)

@@ -22,7 +22,7 @@ from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.mapping.trajectory import Trajectory
 from radarsim.presets.robots import Item, load_robot
 from radarsim.rng import generator_for
-from radarsim.robots.obstacles import outlines
+from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.simulation.config import SimulationConfig
@@ -162,14 +162,14 @@ def things_in(run: Explored) -> dict[str, int]:
     far = (TOLERANCE + BESIDE) * run.grid.lattice.resolution
     counts = {}
     for part in things_behind(scene):
-        lines = shapely.MultiLineString(list(outlines([part], run.drive.height)))
+        lines = shapely.MultiLineString(list(slice_parts([part], run.drive.height)))
         near = shapely.distance(lines, black) <= far
         counts[part.object_name] = int(np.count_nonzero(near))
     return counts
 
 
 def _bush_in(run: Explored, scene: Scene, part: Part) -> Bush:
-    corners = outlines([part], run.drive.height).reshape(-1, 2)
+    corners = slice_parts([part], run.drive.height).reshape(-1, 2)
     area = shapely.MultiPoint(corners).convex_hull
     middle = area.centroid
     sensed, x, y = _laid(run, scene, run.grid.sensed_cells())

@@ -31,7 +31,7 @@ from radarsim.geometry import Floats
 from radarsim.mapping.export import BLACK, BLUE, GREY, WHITE, commander_png, nav_map
 from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
 from radarsim.presets.sensors import load_settings
-from radarsim.robots.obstacles import outlines
+from radarsim.robots.obstacles import slice_parts
 
 NAMES: Final = ("radar", "Hokuyo")
 CORE: Final = 0.01  # share of a bush that is blue at least where a core is told of
@@ -169,7 +169,7 @@ def _draw_map(axes: Axes, run: Explored) -> None:
     low, high = scene_of(MAP).bounds[:, :2] + [[-_EDGE], [_EDGE]]
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    lines = outlines(bushes_of(scene_of(MAP)), run.drive.height)
+    lines = slice_parts(bushes_of(scene_of(MAP)), run.drive.height)
     axes.add_collection(
         LineCollection(list(lines), colors=_BUSH_COLOUR, linewidths=1.0, zorder=2)
     )

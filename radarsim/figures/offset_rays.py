@@ -17,7 +17,7 @@ from radarsim.plotting.ray_segments import RAY_COLOURS, cut, opacity_of
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.robots.obstacles import outlines
+from radarsim.robots.obstacles import slice_parts
 from radarsim.sensors.beams import LEFT, RIGHT
 from radarsim.sensors.scan import Scan
 
@@ -86,7 +86,7 @@ def _caption(offset: int, scans: dict[int, Scan]) -> str:
 
 def _draw_rays(axes: Axes, shot: ScanSpec, scans: dict[int, Scan]) -> None:
     """Draw the plan, and the rays of all scans, none of them above all others."""
-    lines = outlines(shot.scene.parts, shot.pose.z)
+    lines = slice_parts(shot.scene.parts, shot.pose.z)
     axes.add_collection(
         LineCollection(list(lines), colors="0.3", linewidths=1.0, zorder=1)
     )

@@ -26,7 +26,7 @@ from radarsim.figures.scene_view import (
 )
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import load_robot
-from radarsim.robots.obstacles import outlines
+from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
@@ -103,7 +103,7 @@ def _kind(name: str) -> str:
 
 def _map_caption(scene: Scene, sensor: Pose3) -> str:
     (wide, tall), bushes = _inside(scene), bushes_of(scene)
-    cuts = [outlines([bush], sensor.z).reshape(-1, 2) for bush in bushes]
+    cuts = [slice_parts([bush], sensor.z).reshape(-1, 2) for bush in bushes]
     thick = max(float(np.ptp(cut[:, 0])) for cut in cuts)
     hidden = len(things_behind(scene))
     depth = load_sensor("radar").settings.penetration_power / bushes[0].material.density

@@ -15,7 +15,7 @@ from radarsim.geometry import Floats
 from radarsim.plants.calibration import BEFORE, HEIGHT, WALL, Comparison, Reading
 from radarsim.plants.growth import LEAVES, WOOD
 from radarsim.plants.plant import Plant
-from radarsim.robots.obstacles import section
+from radarsim.robots.obstacles import slice_mesh
 
 COLOURS: Final = {WOOD: "#7a4a21", LEAVES: "#3f8f3a"}
 SUN: Final = np.array([0.45, -0.55, 0.7])  # where light comes from
@@ -76,7 +76,7 @@ def brightness(corners: Floats) -> Floats:
 def _draw_plan(axes: Axes, shape: Comparison) -> None:
     """Draw the section at the scanner's height, and the rays from one side."""
     for name, (vertices, faces) in shape.plant.pieces.items():
-        lines = list(section(vertices, faces, HEIGHT))
+        lines = list(slice_mesh(vertices, faces, HEIGHT))
         axes.add_collection(
             LineCollection(lines, colors=COLOURS[name], linewidths=1.1, zorder=2)
         )

@@ -17,7 +17,7 @@ from radarsim.plotting.ray_segments import draw_rays, kinds_of_rays
 from radarsim.plotting.style import Legend, echo_points, material_colours, scan_points
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind
-from radarsim.robots.obstacles import section
+from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.scan import Scan
@@ -174,7 +174,7 @@ def _draw_plan(
 ) -> None:
     """Draw what the plane of the scan cuts: opaque things black, others in colour."""
     for part in scene.parts:
-        lines = section(part.vertices, part.faces, height)
+        lines = slice_mesh(part.vertices, part.faces, height)
         opaque = math.isinf(part.material.density)
         plan = LineCollection(
             list(lines),
@@ -250,7 +250,7 @@ def _beams(settings: SensorSettings) -> str:
     kept = "all echoes" if mode == "all" else f"{mode} echo"
     if not settings.has_side_rays:
         return kept
-    answer = "together" if settings.answers_together else "one drawn"
+    answer = "together" if settings.combines_rays else "one drawn"
     if settings.side_mode == "cone":
         return f"cone of {settings.cone_rays} rays, {answer}, {kept}"
     return f"N = {settings.side_offset_uu:g} {settings.side_mode}, {answer}, {kept}"

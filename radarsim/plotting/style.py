@@ -99,14 +99,14 @@ def echo_points(scan: Scan, echoes: Echoes) -> Floats:
     it came on; it is placed along its beam.
     """
     beams, settings = echoes.beams, echoes.settings
-    alone = not settings.answers_together or settings.rays_of_a_beam == 1
+    alone = not settings.combines_rays or settings.rays_per_beam == 1
     if alone:
         starts, ways = scan.cast.origins[beams], scan.cast.directions[beams]
     elif settings.side_mode == "cone":
         return _along_beams(scan, scan.angles[beams], echoes.ranges)
     else:
         scanner = RangeScanner(scan.sensor, settings)
-        three = [scanner.one_ray(scan.pose, s)[1] for s in (RIGHT, CENTRE, LEFT)]
+        three = [scanner.aim_one_ray(scan.pose, s)[1] for s in (RIGHT, CENTRE, LEFT)]
         node = echoes.sides.astype(np.int64) + 1
         starts = np.stack([rays.origins for rays in three])[node, beams]
         ways = np.stack([rays.directions for rays in three])[node, beams]

@@ -1,6 +1,6 @@
 """The library of materials: what vegetation, walls and weather do to beams.
 
-Each material is a file in ``substances/``, whose every number says where it is from.
+Each material is a file in ``materials/``, whose every number says where it is from.
 Where amounts matter, as in smoke, the file has the loss for one gramme in a cubic metre
 or the law of rain, and an amount to begin with. All losses are one way. Light is that
 of a laser of 905 nm.
@@ -97,7 +97,7 @@ class MaterialProperties:
 @cache
 def library_names() -> tuple[str, ...]:
     """Give the names of all materials of the library, sorted."""
-    folder = files("radarsim.presets") / "substances"
+    folder = files("radarsim.presets") / "materials"
     names = (file.name for file in folder.iterdir())
     return tuple(sorted(n.removesuffix(".yaml") for n in names if n.endswith(".yaml")))
 
@@ -117,7 +117,7 @@ def library_entry(name: str) -> LibraryEntry:
     if name not in library_names():
         expected = f"expected one of {list(library_names())}"
         raise PresetError(f"material {name[:80]!r}, {expected}")
-    file = files("radarsim.presets") / "substances" / f"{name}.yaml"
+    file = files("radarsim.presets") / "materials" / f"{name}.yaml"
     yaml = YAML(typ="safe", pure=True)
     return LibraryEntry.model_validate(yaml.load(file.read_text(encoding="utf-8")))
 

@@ -1,6 +1,6 @@
 """Robot classes: what a client can ask for by name, and what such a robot carries.
 
-Each class is a file in ``robot_classes/``. A file may be ``based_on`` another: its keys
+Each class is a file in ``robots/``. A file may be ``based_on`` another: its keys
 replace the other's, and so does each of its items that has the name of one there; its
 other items come after them.
 """
@@ -30,7 +30,7 @@ Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
 
-_FOLDER = Path(__file__).parent / "robot_classes"
+_FOLDER = Path(__file__).parent / "robots"
 
 
 class Item(BaseModel):

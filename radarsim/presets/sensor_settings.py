@@ -134,20 +134,20 @@ class SensorSettings(BaseModel):
         return self.medium == "radar"
 
     @property
-    def answers_together(self) -> bool:
+    def combines_rays(self) -> bool:
         """Whether all rays of a beam answer for it."""
         if self.ray_choice is None:
             return self.return_mode != "last"
         return self.ray_choice == "together"
 
     @property
-    def rays_of_a_beam(self) -> int:
+    def rays_per_beam(self) -> int:
         """How many rays a beam has, of which one may be drawn."""
         if not self.has_side_rays:
             return 1
         if self.side_mode == "cone":
             return self.cone_rays
-        coincide = self.answers_together and not self.side_offset_uu
+        coincide = self.combines_rays and not self.side_offset_uu
         return 1 if coincide else 3
 
     @property
@@ -183,7 +183,7 @@ class SensorSettings(BaseModel):
     def _check_number_of_rays(self) -> None:
         if self.beams > MOST_RAYS:
             raise ValueError(f"{self.beams} beams, expected at most {MOST_RAYS}")
-        rays = self.beams * self.rays_of_a_beam
+        rays = self.beams * self.rays_per_beam
         if rays > MOST_RAYS and self.side_mode == "cone":
             raise ValueError(f"{rays} rays, expected at most {MOST_RAYS}")
 

@@ -47,7 +47,7 @@ class SensorPreset(BaseModel):
 @functools.cache
 def sensor_presets() -> dict[str, SensorPreset]:
     """Read all presets, by name, in alphabetical order."""
-    folder = files("radarsim.presets") / "scanners"
+    folder = files("radarsim.presets") / "sensors"
     yaml = YAML(typ="safe", pure=True)
     names = sorted(
         file.name for file in folder.iterdir() if file.name.endswith(".yaml")

@@ -10,8 +10,8 @@ so the way back out of a contact is open.
 Rule 1: no point of the robot travels farther in a move than its ``sweep``. Whoever
 knows the gap to the nearest wall need not look at walls again before the sweeps add up
 to it; that makes the open floor cheap.
-Rule 2: a move displaces the centre by at most ``MOST_DISPLACED`` sweeps, so the same
-holds for the gap to the other robots, which move as well.
+Rule 2: a move displaces the centre by at most ``MAX_DISPLACEMENT_RATIO`` sweeps, so the
+same holds for the gap to the other robots, which move as well.
 """
 
 import math
@@ -25,7 +25,7 @@ from radarsim.robots.obstacles import Body, Obstacles
 
 CONTACT_GAP = 1e-3  # m that is left when something is run into
 TOUCH_RANGE = 2e-3  # m; what is nearer than this touches
-MOST_DISPLACED = 2.0
+MAX_DISPLACEMENT_RATIO = 2.0
 
 _REACH = 0.5  # m beyond the robot's circle within which walls are kept at hand
 _MEETING = 0.1  # m between two robots' circles below which their outlines count
@@ -49,7 +49,7 @@ class CollisionResolver:
     """
 
     def __init__(self, robot: MovingBody, obstacles: Obstacles) -> None:
-        self.hindered = False
+        self.blocked = False
         self._robot = robot
         self._footprint: Footprint = robot.footprint
         self._obstacles = obstacles
@@ -85,11 +85,11 @@ class CollisionResolver:
         self._apart -= sweep + self._closing * dt
         if self._apart > MARGIN and others is self._others:
             if self._room > MARGIN:
-                self.hindered = False
+                self.blocked = False
                 return wanted
             pose = self._robot.pose
             if (pose, wanted) == self._refused:  # it pushes on against the same wall
-                self.hindered = True
+                self.blocked = True
                 return pose
         return self._look(wanted, others, sweep)
 
@@ -111,8 +111,8 @@ class CollisionResolver:
         """Move with a look at what is there."""
         self._others = others
         around = self._around(wanted, others)
-        self.hindered = self._measure(wanted, around) <= MARGIN
-        if not self.hindered:
+        self.blocked = self._measure(wanted, around) <= MARGIN
+        if not self.blocked:
             return wanted
         pose = self._robot.pose
         reached = self._hindered(wanted, around, sweep)
@@ -165,7 +165,7 @@ class CollisionResolver:
         for aim in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
             freed = self._pushed_out(aim, around, keep)
             moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0
-            if freed is not None and moved <= MOST_DISPLACED * sweep:
+            if freed is not None and moved <= MAX_DISPLACEMENT_RATIO * sweep:
                 return freed
         turned = Pose2(pose.x, pose.y, wanted.yaw)
         if self._gap(turned, around) > MARGIN:

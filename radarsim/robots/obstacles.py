@@ -14,7 +14,7 @@ from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
 from radarsim.scene.scene import Part, Scene
 
 
-def section(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
+def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
     """Cut a mesh at one height.
 
     Args:
@@ -42,7 +42,7 @@ def section(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats
     return np.ascontiguousarray(ends)
 
 
-def outlines(parts: Iterable[Part], height: float) -> Floats:
+def slice_parts(parts: Iterable[Part], height: float) -> Floats:
     """Cut parts of a scene at one height.
 
     Args:
@@ -52,7 +52,7 @@ def outlines(parts: Iterable[Part], height: float) -> Floats:
     Returns:
         The sections one after the other, (S, 2, 2) m: x and y of both ends.
     """
-    cuts = [section(part.vertices, part.faces, height) for part in parts]
+    cuts = [slice_mesh(part.vertices, part.faces, height) for part in parts]
     return np.concatenate([NO_SEGMENTS, *cuts])
 
 
@@ -112,7 +112,7 @@ class Obstacles:
     def from_parts(cls, parts: Iterable[Part], *, floor: float = 0.0) -> "Obstacles":
         """Cut the solid ones of some parts at the bumpers' heights above a floor."""
         cuts = [
-            section(part.vertices, part.faces, floor + height)
+            slice_mesh(part.vertices, part.faces, floor + height)
             for part in parts
             if part.material.solid
             for height in BUMPER_HEIGHTS
@@ -133,14 +133,14 @@ class Obstacles:
         walls = self.near(pose.x, pose.y, footprint.radius)
         return _fits(footprint, pose, walls, others)
 
-    def nearest_free(
+    def nearest_free_pose(
         self,
         footprint: Footprint,
         pose: Pose2,
         others: Sequence[Body] = (),
         *,
         within: float = 1.0,
-        are_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
+        is_open: Callable[[Floats], NDArray[np.bool_]] = _all_open,
     ) -> Pose2 | None:
         """Find the nearest pose of the same yaw at which a footprint fits.
 
@@ -149,14 +149,14 @@ class Obstacles:
             pose: The pose asked for; it is the answer if it is clear.
             others: What stands there already.
             within: How far to look, m.
-            are_open: Asked which of (N, 2) places, m, are such as to stand in.
+            is_open: Asked which of (N, 2) places, m, are such as to stand in.
 
         Returns:
             The pose, to 0.05 m, touching nothing; None if there is none. Of places
             equally far away it is the first counter-clockwise from the map's x axis.
         """
         here = np.array([[pose.x, pose.y]])
-        if self.clear(footprint, pose, others) and are_open(here)[0]:
+        if self.clear(footprint, pose, others) and is_open(here)[0]:
             return pose
         roomy = Footprint(
             footprint.length + 2 * _ELBOW_ROOM, footprint.width + 2 * _ELBOW_ROOM
@@ -166,7 +166,7 @@ class Obstacles:
         outlines = [other.footprint.outline(other.pose) for other in others]
         lines = np.concatenate([walls, *outlines])
         places = places[~_meet_any(roomy.outline(pose)[:, 0] - here, places, lines)]
-        for x, y in places[are_open(places)].tolist():
+        for x, y in places[is_open(places)].tolist():
             place = Pose2(x, y, pose.yaw)
             if _fits(roomy, place, walls, others):
                 return place

@@ -6,7 +6,11 @@ from typing import TypeAlias
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.robots.collision import MOST_DISPLACED, CollisionResolver, MovingBody
+from radarsim.robots.collision import (
+    MAX_DISPLACEMENT_RATIO,
+    CollisionResolver,
+    MovingBody,
+)
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.skid_steer import WheelDrive, advance
@@ -74,8 +78,8 @@ class Robot:
         self.wheel_drive = wheel_drive
         self.light = False
         self.footprint = Footprint(model.length, model.width)
-        fastest = wheel_drive.top_spin * model.wheel_radius
-        self.top_speed = MOST_DISPLACED * max(
+        fastest = wheel_drive.max_spin_rad_s * model.wheel_radius
+        self.top_speed = MAX_DISPLACEMENT_RATIO * max(
             self._sweep_rate(fastest, fastest), self._sweep_rate(-fastest, fastest)
         )
         self._pose = pose
@@ -83,7 +87,7 @@ class Robot:
         self._normalized = False
         self._left = self._right = 0.0  # rad/s
         self._left_angle = self._right_angle = 0.0  # rad
-        self._mover = CollisionResolver(self, obstacles)
+        self._resolver = CollisionResolver(self, obstacles)
 
     @property
     def pose(self) -> Pose2:
@@ -100,7 +104,7 @@ class Robot:
     @property
     def touched(self) -> bool:
         """Whether the last step ran into something, or something touches it."""
-        return self._mover.hindered or self._mover.touching()
+        return self._resolver.blocked or self._resolver.touching()
 
     @property
     def side_angles(self) -> tuple[float, float]:
@@ -158,7 +162,7 @@ class Robot:
                 once by the same ``dt``; a new tuple whenever they are not the same.
         """
         if not self._left and not self._right:
-            self._mover.rest(others)
+            self._resolver.rest(others)
             return
         self._left_angle += self._left * dt
         self._right_angle += self._right * dt
@@ -170,7 +174,7 @@ class Robot:
             wanted = advance(
                 self._pose, left, right, track=self.model.track, dt=dt / parts
             )
-            self._pose = self._mover.move(
+            self._pose = self._resolver.move(
                 wanted, others, sweep=sweep / parts, dt=dt / parts
             )
 

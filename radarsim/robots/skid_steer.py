@@ -59,7 +59,7 @@ class WheelDrive:
     unit: SpinUnit = "rad_per_s"
 
     @property
-    def top_spin(self) -> float:
+    def max_spin_rad_s(self) -> float:
         """The fastest that a wheel spins, rad/s."""
         return self.max_spin * _RAD_PER_UNIT[self.unit]
 

@@ -18,7 +18,7 @@ from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.rays import LASER, RADAR, RayClass
 
 
-def kind_of(settings: SensorSettings) -> RayClass:
+def ray_class_of(settings: SensorSettings) -> RayClass:
     """Tell what the rays of a sensor have in common."""
     radar = settings.medium == "radar"
     return RayClass(
@@ -117,7 +117,7 @@ class BeamPattern:
             self._node_sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self.width = float(np.linalg.norm(self._starts, axis=2).max())
         self._edges = np.cumsum(self.weights)[:-1]
-        all_of_them = settings.answers_together or settings.incidence_weights
+        all_of_them = settings.combines_rays or settings.incidence_weights
         self.rays = len(self.weights) if all_of_them else 1
         self.draws = self._spread is not None or self.rays < len(self.weights)
         beams = len(self.angles)
@@ -250,7 +250,7 @@ def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
 
     Of random rays only their number is known before they are drawn.
     """
-    if settings.rays_of_a_beam == 1:
+    if settings.rays_per_beam == 1:
         return np.zeros((1, 1, 2)), np.ones(1)
     if settings.side_mode == "cone":
         return _cone_nodes(settings)

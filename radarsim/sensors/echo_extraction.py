@@ -35,7 +35,7 @@ START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT = map(int, list(EventKind)[:6])
 ANSWERING = (ENTER, LEAVE, SHEET, HIT, SPENT)
 
 
-class Columns(NamedTuple):
+class EchoColumns(NamedTuple):
     """Echoes, a row each, beam by beam.
 
     Attributes:
@@ -58,10 +58,10 @@ class Columns(NamedTuple):
     strength: Floats
     ends: NDArray[np.uint8]
 
-    def take(self, rows: Any) -> "Columns":
+    def take(self, rows: Any) -> "EchoColumns":
         """Give some of the rows, by their numbers or as a slice."""
         columns: Any = [column[rows] for column in self]
-        return Columns(*columns)
+        return EchoColumns(*columns)
 
 
 def backscatter(traces: Traces) -> Floats:
@@ -75,13 +75,13 @@ def backscatter(traces: Traces) -> Floats:
     return np.where(np.isnan(traces.incidence), leaves, traces.incidence**2)
 
 
-def gather(
+def extract_echoes(
     traces: Traces,
     weights: Floats,
     of_a_beam: int,
     densities: tuple[Floats, float],
     settings: SensorSettings,
-) -> Columns:
+) -> EchoColumns:
     """Make echoes of what happened to rays.
 
     Args:
@@ -94,7 +94,7 @@ def gather(
         settings: Of the sensor.
     """
     n = len(traces.events)
-    columns = Columns(
+    columns = EchoColumns(
         np.zeros(n, np.int64),
         np.zeros(n, np.int64),
         np.zeros(n),
@@ -266,7 +266,7 @@ def _gather(events: Any, how: Any, columns: Any) -> Any:
     return total
 
 
-def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:
+def ray_ends(traces: Traces, rows: NDArray[np.int64], full: float) -> EchoColumns:
     """Make echoes of the ends of rays alone.
 
     Args:
@@ -280,7 +280,7 @@ def ends_of(traces: Traces, rows: NDArray[np.int64], full: float) -> Columns:
     power = traces.power[rows]
     limited = full > 0 and np.isfinite(full)
     share = power / full if limited else np.ones(len(rows))
-    return Columns(
+    return EchoColumns(
         beams,
         rows,
         traces.ranges[rows],

@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.sensors.echo_extraction import Columns
+from radarsim.sensors.echo_extraction import EchoColumns
 
 LAST, FIRST, STRONGEST = 0, 1, 2
 ROUNDING: Final = 1e-12  # strengths that differ by less are the same
 
 
-def merge(columns: Columns, cell: float) -> Columns:
+def merge(columns: EchoColumns, cell: float) -> EchoColumns:
     """Merge echoes of a beam that are nearer together than a cell, m."""
     if cell <= 0 or not len(columns.t):
         return columns

@@ -14,7 +14,7 @@ from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.material_table import attenuation_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.sensors.beams import kind_of
+from radarsim.sensors.beams import ray_class_of
 
 ROBOT = Material("robot")  # opaque to everything
 KINDS = {
@@ -53,7 +53,7 @@ class Target:
     def of(cls, name: str, material: Material, settings: SensorSettings) -> "Target":
         """Tell what a sensor can know of an object."""
         radar = settings.medium == "radar"
-        density = attenuation_of(material, kind_of(settings))
+        density = attenuation_of(material, ray_class_of(settings))
         loss = density
         if material.sheet_loss is not None and math.isfinite(density):
             density, loss = 0.0, material.sheet_loss if radar else 0.0

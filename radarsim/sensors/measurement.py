@@ -28,10 +28,10 @@ from radarsim.raycast.tracer import Tracer
 from radarsim.sensors.beams import BeamPattern, Sides
 from radarsim.sensors.echo_extraction import (
     SPENT,
-    Columns,
+    EchoColumns,
     backscatter,
-    ends_of,
-    gather,
+    extract_echoes,
+    ray_ends,
 )
 from radarsim.sensors.echo_selection import FIRST, LAST, STRONGEST, choose, merge
 from radarsim.sensors.echoes import Echoes
@@ -42,7 +42,7 @@ MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGES
 Rows = NDArray[np.int64]
 
 
-class Plan(NamedTuple):
+class PlannedScan(NamedTuple):
     """A scan that waits to be cast.
 
     Attributes:
@@ -87,7 +87,7 @@ class ScanBuilder:
         self._settings = settings
         self._pattern = pattern
         several = pattern.rays > 1
-        self.chooses = several and not settings.answers_together
+        self.chooses = several and not settings.combines_rays
         self.needs_incidence = settings.incidence_weights
         self.needs_events = (
             settings.return_mode != "last"
@@ -97,7 +97,7 @@ class ScanBuilder:
         self.noisy = settings.range_noise > 0 or settings.range_noise_share > 0
         self._shares = np.tile(pattern.weights, len(pattern.angles))
 
-    def read(self, plan: Plan, traces: Traces) -> Scan:
+    def read(self, plan: PlannedScan, traces: Traces) -> Scan:
         """Make a scan of what came of its rays.
 
         Args:
@@ -121,7 +121,7 @@ class ScanBuilder:
     def _spent_range(self) -> float:
         return 0.0 if self._settings.spent_reads == "zero" else math.inf
 
-    def _chosen_rows(self, plan: Plan, traces: Traces) -> Rows | None:
+    def _chosen_rows(self, plan: PlannedScan, traces: Traces) -> Rows | None:
         """Choose among the rays of each beam; None where there is only one.
 
         Returns:
@@ -139,14 +139,18 @@ class ScanBuilder:
         node = (edges[:, :-1] <= wanted[:, None]).sum(axis=1)
         return np.asarray(np.arange(len(node)) * several + node)
 
-    def _read_echoes(self, plan: Plan, traces: Traces, rows: Rows | None) -> Scan:
+    def _read_echoes(
+        self, plan: PlannedScan, traces: Traces, rows: Rows | None
+    ) -> Scan:
         settings = self._settings
         weights = self._shares if self._pattern.rays > 1 else np.ones(len(plan.sides))
         if rows is not None:
             weights = np.zeros(len(plan.sides))
             weights[rows] = 1.0
         densities = plan.tracer.densities(plan.rays.kinds[0])
-        columns = gather(traces, weights, self._pattern.rays, densities, settings)
+        columns = extract_echoes(
+            traces, weights, self._pattern.rays, densities, settings
+        )
         if plan.rain.size:
             stand = self._middle_rows() if rows is None else rows
             shown = speckle(plan.tracer, traces.events, stand, plan.rain, settings)
@@ -194,7 +198,7 @@ class ScanBuilder:
 
     def _scan(
         self,
-        plan: Plan,
+        plan: PlannedScan,
         ranges: Floats,
         rows: Rows | None,
         find_echoes: Callable[[], Echoes],
@@ -215,7 +219,7 @@ class ScanBuilder:
             find_echoes=find_echoes,
         )
 
-    def _echoes(self, plan: Plan, columns: Columns) -> Echoes:
+    def _echoes(self, plan: PlannedScan, columns: EchoColumns) -> Echoes:
         return Echoes(
             beams=columns.beam,
             sides=plan.sides[columns.row],
@@ -228,10 +232,10 @@ class ScanBuilder:
             settings=self._settings,
         )
 
-    def _ends(self, plan: Plan, traces: Traces, rows: Rows | None) -> Echoes:
+    def _ends(self, plan: PlannedScan, traces: Traces, rows: Rows | None) -> Echoes:
         """Give the last echoes alone, for which nothing else need be known."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
-        columns = ends_of(traces, rows, self._settings.penetration_power)
+        columns = ray_ends(traces, rows, self._settings.penetration_power)
         if self._settings.spent_reads == "nothing":
             columns = columns.take(columns.kind != SPENT)
         error = plan.error[columns.beam] if self.noisy else None

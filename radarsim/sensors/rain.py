@@ -16,7 +16,7 @@ from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import Tracer
-from radarsim.sensors.echo_extraction import ENTER, LEAVE, START_INSIDE, Columns
+from radarsim.sensors.echo_extraction import ENTER, LEAVE, START_INSIDE, EchoColumns
 
 RATES = (1.0, 5.0, 12.5, 25.0, 50.0, 100.0)  # mm/h
 REFLECTIVITY_DB = (  # m^2 of radar cross section in each m^3, dB
@@ -207,12 +207,14 @@ def _speckle(
             i += 1
 
 
-def with_rain(columns: Columns, shown: Speckle, rows: NDArray[np.int64]) -> Columns:
+def with_rain(
+    columns: EchoColumns, shown: Speckle, rows: NDArray[np.int64]
+) -> EchoColumns:
     """Put what shows of rain among the echoes of its beams."""
     beams = np.flatnonzero(np.isfinite(shown.t))
     ended = np.zeros(len(rows), bool)
     ended[columns.beam[columns.ends > 0]] = True
-    added = Columns(
+    added = EchoColumns(
         beams,
         rows[beams],
         shown.t[beams],
@@ -224,5 +226,5 @@ def with_rain(columns: Columns, shown: Speckle, rows: NDArray[np.int64]) -> Colu
     )
     pairs: list[Any] = list(zip(columns, added, strict=True))
     both: list[Any] = [np.concatenate(pair) for pair in pairs]
-    joined = Columns(*both)
+    joined = EchoColumns(*both)
     return joined.take(np.lexsort([joined.t, joined.beam]))

@@ -22,8 +22,8 @@ from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import BeamPattern, SampledRays, Sides, kind_of
-from radarsim.sensors.measurement import Plan, ScanBuilder
+from radarsim.sensors.beams import BeamPattern, SampledRays, Sides, ray_class_of
+from radarsim.sensors.measurement import PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
 
 NONE: Final = np.zeros(0)
@@ -54,7 +54,7 @@ class RangeScanner:
             reach=settings.max_range,
             power=settings.penetration_power,
         )
-        self._kinds = (kind_of(settings),)
+        self._kinds = (ray_class_of(settings),)
 
     @property
     def has_side_rays(self) -> bool:
@@ -62,7 +62,7 @@ class RangeScanner:
         return self.settings.has_side_rays
 
     @cached_property
-    def listing(self) -> "RangeScanner":
+    def with_all_echoes(self) -> "RangeScanner":
         """The same scanner, with all echoes where it keeps the last ones alone.
 
         It draws and reads the same. A radar that keeps the first or the strongest
@@ -70,7 +70,7 @@ class RangeScanner:
         """
         if self.settings.return_mode != "last":
             return self
-        together = self.settings.answers_together
+        together = self.settings.combines_rays
         update = {
             "return_mode": "all",
             "ray_choice": "together" if together else "drawn",
@@ -106,7 +106,7 @@ class RangeScanner:
         rng: np.random.Generator | None,
         boxes: Boxes | None = None,
         own: int = -1,
-    ) -> Plan:
+    ) -> PlannedScan:
         """Draw the rays of one scan and point them.
 
         What is drawn depends on nothing in the scene but whether it rains there, so
@@ -141,7 +141,7 @@ class RangeScanner:
             hidden = self._hidden(tracer, pose, drawn, boxes, own)
             drawn = self._pattern.centred(drawn, hidden)
         rays = self._rays(pose, drawn, own)
-        return Plan(
+        return PlannedScan(
             tracer,
             pose,
             drawn.sides,
@@ -153,7 +153,7 @@ class RangeScanner:
             reader.needs_incidence,
         )
 
-    def one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
+    def aim_one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
         """Point one ray of each beam, whatever it starts behind.
 
         Args:
@@ -166,7 +166,7 @@ class RangeScanner:
         drawn = self._pattern.only(side)
         return drawn.sides, self._rays(pose, drawn, -1)
 
-    def read(self, plan: Plan, traces: Traces) -> Scan:
+    def read(self, plan: PlannedScan, traces: Traces) -> Scan:
         """Make a scan of what came of its rays.
 
         Args:

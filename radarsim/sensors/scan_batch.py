@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
-from radarsim.sensors.measurement import Plan
+from radarsim.sensors.measurement import PlannedScan
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan import Scan
 
 
 def scan_batch(
     tracer: Tracer,
-    planned: Sequence[tuple[RangeScanner, Plan]],
+    planned: Sequence[tuple[RangeScanner, PlannedScan]],
     boxes: Boxes | None = None,
 ) -> list[Scan]:
     """Take scans that are planned, in as few casts as they need.

@@ -97,12 +97,12 @@ class Simulation:
         """
         obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
         height = obstacles.floor + model.origin_height
-        free = obstacles.nearest_free(
+        free = obstacles.nearest_free_pose(
             Footprint(model.length, model.width),
             pose,
             self._robots,
             within=SEARCH_RADIUS,
-            are_open=lambda places: ~self._are_filled(places, height),
+            is_open=lambda places: ~self._are_filled(places, height),
         )
         if free is None:
             return None
@@ -164,7 +164,7 @@ class Simulation:
         for vehicle, mounted in due:
             scanner = mounted.scanner
             if vehicle.is_listening(mounted.item.name):
-                scanner = scanner.listing
+                scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
             plan = scanner.plan(self._tracer, pose, mounted.rng, boxes, vehicle.number)
             planned.append((scanner, plan))
@@ -178,7 +178,7 @@ class Simulation:
         rng, boxes = generator_for(0, "warm-up"), self._boxes()
         planned = [
             (scanner, scanner.plan(self._tracer, place, rng, boxes, own=0))
-            for scanner in (radar, radar.listing, together)
+            for scanner in (radar, radar.with_all_echoes, together)
         ]
         scan_batch(self._tracer, planned, boxes)
 

@@ -134,7 +134,7 @@ def test_what_the_thesis_does_not_have_is_off(name: str) -> None:
     assert settings.range_noise == settings.range_noise_share == 0
     assert settings.range_resolution == settings.range_quantum == 0
     assert not settings.incidence_weights
-    assert (settings.return_mode, settings.answers_together) == ("last", False)
+    assert (settings.return_mode, settings.combines_rays) == ("last", False)
     assert len(set(settings.ray_weights)) == 1
 
 
@@ -148,7 +148,7 @@ def test_a_radar_with_an_antenna_has_a_cone_of_rays(name: str) -> None:
     assert (settings.side_mode, settings.ray_choice) == ("cone", "together")
     assert settings.beamwidth_az_deg > 0
     across, up = settings.cone_grid
-    assert across * up == settings.rays_of_a_beam
+    assert across * up == settings.rays_per_beam
     assert (up > 1) == (settings.beamwidth_el_deg > 0)
 
 

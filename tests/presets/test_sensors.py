@@ -165,14 +165,14 @@ def test_a_quadrature_has_rows_and_columns(
         cone_rays=rays,
     )
     assert settings.cone_grid == grid
-    assert settings.rays_of_a_beam == rays
+    assert settings.rays_per_beam == rays
 
 
 def test_lasers_have_one_ray_a_beam() -> None:
     assert (
-        load_settings("laser", side_mode="cone", beamwidth_az_deg=2).rays_of_a_beam == 1
+        load_settings("laser", side_mode="cone", beamwidth_az_deg=2).rays_per_beam == 1
     )
-    assert load_settings("radar").rays_of_a_beam == 3
+    assert load_settings("radar").rays_per_beam == 3
 
 
 def test_all_wrong_settings_are_named_at_once() -> None:

@@ -73,7 +73,9 @@ def test_no_drive_ends_inside_an_obstacle(
     obstacles: Obstacles, yaw: float, orders: list[Command]
 ) -> None:
     start = Pose2(0, 0, yaw)
-    free = obstacles.nearest_free(robot(obstacles, start).footprint, start, within=2)
+    free = obstacles.nearest_free_pose(
+        robot(obstacles, start).footprint, start, within=2
+    )
     driven = robot(obstacles, free or start)
     solid = lines(obstacles)
     for left, right, ticks in orders if free else []:
@@ -293,7 +295,9 @@ def test_looking_seldom_changes_nothing(
     obstacles: Obstacles, orders: list[Command]
 ) -> None:
     start = Pose2(0, 0, 0.3)
-    free = obstacles.nearest_free(robot(obstacles, start).footprint, start, within=2)
+    free = obstacles.nearest_free_pose(
+        robot(obstacles, start).footprint, start, within=2
+    )
     if free is None:
         return
     seldom, always = robot(obstacles, free), robot(obstacles, free)

@@ -96,12 +96,12 @@ def test_robots_do_not_stand_in_each_other(other: Statue, free: bool) -> None:
 
 def test_a_clear_pose_is_its_own_nearest() -> None:
     pose = Pose2(0, 0, 0.3)
-    assert Obstacles(ring(-1, -1, 1, 1)).nearest_free(ROBOT, pose) == pose
+    assert Obstacles(ring(-1, -1, 1, 1)).nearest_free_pose(ROBOT, pose) == pose
 
 
 def test_the_nearest_free_place_keeps_the_yaw_and_is_the_nearest() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
-    pose = obstacles.nearest_free(ROBOT, Pose2(-0.2, 7, 0))
+    pose = obstacles.nearest_free_pose(ROBOT, Pose2(-0.2, 7, 0))
     assert pose is not None
     assert pose.yaw == 0
     assert pose.x < -0.3
@@ -111,7 +111,7 @@ def test_the_nearest_free_place_keeps_the_yaw_and_is_the_nearest() -> None:
 def test_the_nearest_free_place_is_not_where_another_stands() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
     statue = Statue(Pose2(-0.35, 7))
-    pose = obstacles.nearest_free(ROBOT, Pose2(-0.2, 7), [statue])
+    pose = obstacles.nearest_free_pose(ROBOT, Pose2(-0.2, 7), [statue])
     assert pose is not None
     assert obstacles.clear(ROBOT, pose, [statue])
 
@@ -120,7 +120,7 @@ def test_there_may_be_no_free_place_within_reach() -> None:
     grid = [ring(x, y, x + 0.3, y + 0.3) for x in range(-3, 3) for y in range(-3, 3)]
     shifted = [rectangle + 0.5 for rectangle in grid]
     obstacles = Obstacles(np.concatenate(grid + shifted))
-    assert obstacles.nearest_free(Footprint(1, 1), Pose2(0, 0)) is None
+    assert obstacles.nearest_free_pose(Footprint(1, 1), Pose2(0, 0)) is None
 
 
 @pytest.mark.parametrize(
@@ -129,5 +129,5 @@ def test_there_may_be_no_free_place_within_reach() -> None:
 )
 def test_the_search_goes_as_far_as_it_is_told(within: float, found: bool) -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
-    pose = obstacles.nearest_free(ROBOT, Pose2(0, 0), within=within)
+    pose = obstacles.nearest_free_pose(ROBOT, Pose2(0, 0), within=within)
     assert (pose is not None) is found

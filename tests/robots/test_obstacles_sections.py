@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.robots.obstacles import outlines, section
+from radarsim.robots.obstacles import slice_mesh, slice_parts
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 
@@ -34,7 +34,7 @@ def length(segments: Floats) -> float:
 
 @pytest.mark.parametrize("height", [1e-6, 0.3, 0.5, 1.0])
 def test_the_section_of_a_cube_is_its_outline(height: float) -> None:
-    segments = section(*cube(), height)
+    segments = slice_mesh(*cube(), height)
     lines = shapely.multilinestrings(shapely.linestrings(segments))
     outline = shapely.box(0, 0, 1, 1).exterior
     assert lines.hausdorff_distance(outline) < 1e-12
@@ -50,14 +50,14 @@ def test_the_section_of_a_cube_is_its_outline(height: float) -> None:
     ],
 )
 def test_a_plane_beside_the_cube_cuts_nothing(height: float) -> None:
-    assert section(*cube(), height).shape == (0, 2, 2)
+    assert slice_mesh(*cube(), height).shape == (0, 2, 2)
 
 
 @given(points=corners, height=st.floats(-5, 5))
 def test_every_end_of_a_closed_meshs_section_is_shared(
     points: list[tuple[float, float, float]], height: float
 ) -> None:
-    segments = section(np.array(points), TETRAHEDRON, height)
+    segments = slice_mesh(np.array(points), TETRAHEDRON, height)
     ends = segments.reshape(-1, 2)
     apart = np.linalg.norm(ends[:, None] - ends[None], axis=2)
     np.fill_diagonal(apart, np.inf)
@@ -66,14 +66,14 @@ def test_every_end_of_a_closed_meshs_section_is_shared(
 
 def test_no_faces_no_lines() -> None:
     empty = np.zeros((0, 3), dtype=np.int32)
-    assert section(np.zeros((0, 3)), empty, 0.5).shape == (0, 2, 2)
+    assert slice_mesh(np.zeros((0, 3)), empty, 0.5).shape == (0, 2, 2)
 
 
 def test_outlines_are_the_sections_of_all_parts_in_order() -> None:
     vertices, faces = cube()
     stone, away = Material("stone"), np.array([3.0, 0.0, 0.0])
     parts = [Part("cube", stone, vertices + k * away, faces) for k in (0, 1)]
-    one = section(vertices, faces, 0.5)
+    one = slice_mesh(vertices, faces, 0.5)
     both = np.concatenate([one, one + away[:2]])
-    np.testing.assert_array_equal(outlines(parts, 0.5), both)
-    assert outlines([], 0.5).shape == (0, 2, 2)
+    np.testing.assert_array_equal(slice_parts(parts, 0.5), both)
+    assert slice_parts([], 0.5).shape == (0, 2, 2)

@@ -85,5 +85,8 @@ def test_what_a_commanded_number_means(
 
 
 def test_both_units_allow_the_real_robots_top_speed() -> None:
-    tops = [WheelDrive(8.17).top_spin, WheelDrive(1.3, "rev_per_s").top_spin]
+    tops = [
+        WheelDrive(8.17).max_spin_rad_s,
+        WheelDrive(1.3, "rev_per_s").max_spin_rad_s,
+    ]
     assert [0.098 * top for top in tops] == pytest.approx([0.80, 0.80], abs=1e-3)

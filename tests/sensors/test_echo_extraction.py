@@ -19,10 +19,10 @@ from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
     LEAVES,
-    Columns,
+    EchoColumns,
     backscatter,
-    ends_of,
-    gather,
+    extract_echoes,
+    ray_ends,
 )
 from radarsim.sensors.echo_selection import FIRST, LAST, STRONGEST, choose, merge
 
@@ -62,11 +62,11 @@ def gathered(
     power: float = 1.0,
     weights: Floats | None = None,
     of_a_beam: int = 1,
-) -> Columns:
+) -> EchoColumns:
     settings = load_settings("radar", penetration_power=power)
     weights = np.ones(len(traces.ranges)) if weights is None else weights
     densities = Tracer(parts).densities(PLAIN[0])
-    return gather(traces, weights, of_a_beam, densities, settings)
+    return extract_echoes(traces, weights, of_a_beam, densities, settings)
 
 
 def echoes(parts: list[Part], power: float = 1.0) -> list[tuple[Any, ...]]:
@@ -157,7 +157,7 @@ def test_what_the_air_takes_nobody_gives_back() -> None:
     rays = Rays.alike(np.zeros((1, 3)), np.eye(3)[:1], reach=50.0, power=1.0)
     traces = tracer.trace(rays, events=True)
     settings = load_settings("radar")
-    found = gather(traces, np.ones(1), 1, tracer.densities(PLAIN[0]), settings)
+    found = extract_echoes(traces, np.ones(1), 1, tracer.densities(PLAIN[0]), settings)
     assert found.strength == pytest.approx([0.2, 0.0, 1 - 8 * 0.05 - 0.2])
 
 
@@ -278,9 +278,9 @@ def test_the_ends_alone_are_the_last_echoes() -> None:
         there = parts if last else parts[:1]
         traces = traced(there, power, incidence=last)
         found = gathered(there, traces, power)
-        ends = ends_of(traces, np.zeros(1, np.int64), power)
+        ends = ray_ends(traces, np.zeros(1, np.int64), power)
         rows = choose(found, LAST, 1, 0.0)
-        for name in Columns._fields:
+        for name in EchoColumns._fields:
             wanted = getattr(found, name)[rows[rows >= 0]]
             assert getattr(ends, name).tolist() == wanted.tolist(), name
 
@@ -298,13 +298,13 @@ class Row(NamedTuple):
     ends: int
 
 
-def columns_of(rows: list[Row]) -> Columns:
+def columns_of(rows: list[Row]) -> EchoColumns:
     names = ("i8", "i8", "f8", "u1", "i8", "f8", "f8", "u1")
     columns = zip(*rows, strict=True) if rows else [()] * 8
     arrays: list[Any] = [
         np.array(column, name) for column, name in zip(columns, names, strict=True)
     ]
-    return Columns(*arrays)
+    return EchoColumns(*arrays)
 
 
 @st.composite

@@ -416,7 +416,7 @@ def test_a_listing_scanner_draws_and_reads_the_same(foliage_room: Scene) -> None
     ):
         plain = radar(**settings)
         found: list[list[Floats]] = []
-        for scanner in (plain, plain.listing):
+        for scanner in (plain, plain.with_all_echoes):
             rng = generator_for(4, "same")
             found.append(
                 [scanner.scan(foliage_room, (-7, 1, 0), rng).ranges for _ in range(3)]
@@ -427,7 +427,7 @@ def test_a_listing_scanner_draws_and_reads_the_same(foliage_room: Scene) -> None
 @pytest.mark.parametrize("mode", ["first", "strongest", "all"])
 def test_a_radar_that_keeps_other_echoes_lists_those(mode: str) -> None:
     scanner = radar(return_mode=mode)
-    assert scanner.listing is scanner
+    assert scanner.with_all_echoes is scanner
 
 
 def test_scans_taken_together_are_those_taken_alone(foliage_room: Scene) -> None:

@@ -40,7 +40,7 @@ def test_drive_means_the_same_top_speed_in_either_unit(
     conditions: SimulationConfig, drive: WheelDrive
 ) -> None:
     assert conditions.wheel_drive() == drive
-    assert drive.top_spin == pytest.approx(8.17, abs=0.01)
+    assert drive.max_spin_rad_s == pytest.approx(8.17, abs=0.01)
 
 
 @pytest.mark.parametrize(
