@@ -278,7 +278,7 @@ def _tell(i: Any, ending: Any, found: Any) -> None:
 def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
     """Follow one ray; arguments and what is given back as in ``trace_rays``.
 
-    Here, and not in the loop, rows are taken of tables: see ``njit_cached.njit_inline``.
+    Here, and not in the loop, rows are taken of tables: see ``jit.njit_inline``.
     """
     _, middle, tolls, triangles = scene
     origins, directions, reach, power, medium, owns = rays
