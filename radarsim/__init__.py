@@ -10,6 +10,8 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from radarsim.deprecation import deprecated_names
+
 if TYPE_CHECKING:
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
@@ -26,9 +28,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Imported when asked for, so that the command line answers at once.
-_HOMES = {
-    "SimulationConfig": "radarsim.simulation.config",
+# Modules are imported on first use, so that the command line starts fast.
+_MODULES = {
     "Echoes": "radarsim.sensors.echoes",
     "EventKind": "radarsim.raycast.attenuation",
     "Host": "radarsim.host",
@@ -42,6 +43,7 @@ _HOMES = {
     "RangeScanner": "radarsim.sensors.range_scanner",
     "Scan": "radarsim.sensors.scan",
     "Scene": "radarsim.scene.scene",
+    "SimulationConfig": "radarsim.simulation.config",
     "StartPose": "radarsim.scene.scene",
     "Target": "radarsim.sensors.echoes",
     "generator_for": "radarsim.rng",
@@ -49,6 +51,12 @@ _HOMES = {
     "load_sensor": "radarsim.sensors.range_scanner",
     "shipped_maps": "radarsim.scene.map_file",
 }
+
+_find_renamed = deprecated_names(
+    __name__,
+    {"Conditions": "radarsim.simulation.config.SimulationConfig"},
+    stacklevel=3,
+)
 
 __all__ = [
     "Echoes",
@@ -76,9 +84,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in _MODULES:
+        return getattr(importlib.import_module(_MODULES[name]), name)
+    return _find_renamed(name)
 
 
 def __dir__() -> list[str]:

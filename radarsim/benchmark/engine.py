@@ -152,7 +152,7 @@ def _robots_row(robots: int, seconds: float) -> Row:
     def tenth() -> None:
         for _ in range(10):
             simulation.step()
-            simulation.tell()
+            simulation.collect_reports()
 
     taken = measure(tenth, seconds=seconds)
     count = len(simulation.vehicles)

@@ -75,16 +75,14 @@ class ServerWish:
         if self.map_ is None:
             return None
         settings = item_settings(self.settings)
-        conditions = SimulationConfig(
-            drive_unit=self.drive_unit, item_settings=settings
-        )
+        config = SimulationConfig(drive_unit=self.drive_unit, item_settings=settings)
         try:
-            conditions.check()
+            config.check()
         except PresetError as error:
             raise typer.BadParameter(str(error), param_hint="--set") from None
         with ending_at_once():
             scene = load_map(self.map_)
-            return Host(scene, conditions=conditions, seed=self.seed or 0)
+            return Host(scene, config=config, seed=self.seed or 0)
 
 
 POSITIVE: Final = (

@@ -49,7 +49,7 @@ def run_server(
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
     with ending_at_once(terminated=0):
-        host = Host(load_map(map_), conditions=held, seed=seed)
+        host = Host(load_map(map_), config=held, seed=seed)
     server = Server(host, speed=speed)
     return asyncio.run(serve_until_signal(server, *address, announce))
 

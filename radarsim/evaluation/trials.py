@@ -145,9 +145,9 @@ def conditions_of(sensor: str) -> SimulationConfig:
         PresetError: If there is no such sensor.
     """
     fan = {"sensor": sensor, "fov_deg": 359, "resolution_deg": 1}
-    conditions = SimulationConfig(item_settings={SCANNER: fan})
-    conditions.check()
-    return conditions
+    config = SimulationConfig(item_settings={SCANNER: fan})
+    config.check()
+    return config
 
 
 def load_trial(map_: str) -> tuple[Scene, Trial]:
@@ -170,7 +170,7 @@ def run_trial(entry: Entry) -> Score:
         PresetError: If there is no such sensor.
     """
     scene, trial, shortest = _prepared(entry.map)
-    host = Host(scene, conditions=conditions_of(entry.sensor), seed=entry.seed)
+    host = Host(scene, config=conditions_of(entry.sensor), seed=entry.seed)
     referee = GroundTruthMonitor(host)
     mission = Mission(
         algorithm=Algorithm(entry.algorithm),

@@ -58,7 +58,7 @@ class Drive:
     @property
     def scanner(self) -> RangeScanner:
         """The sensor that maps."""
-        return self._conditions.scanner(self._item)
+        return self._config.scanner(self._item)
 
     @property
     def height(self) -> float:
@@ -69,7 +69,7 @@ class Drive:
     def explore(self) -> "Explored":
         """Drive, and judge what the robot has mapped."""
         scene = scene_of(MAP)
-        host = Host(scene, conditions=self._conditions, seed=self.seed)
+        host = Host(scene, config=self._config, seed=self.seed)
         referee = GroundTruthMonitor(host)
         plan = ExplorationPlan(way=self.way, robot_class=self.robot, start=START)
         survey = Exploration(plan, generator_for(self.seed, "exploring"))
@@ -90,7 +90,7 @@ class Drive:
         return load_robot(self.robot).items_of("RangeScanner")[0]
 
     @property
-    def _conditions(self) -> SimulationConfig:
+    def _config(self) -> SimulationConfig:
         return SimulationConfig(item_settings={self._item.name: dict(self.settings)})
 
 

@@ -42,9 +42,9 @@ class CommandHandler:
         simulation: Where their robots are.
     """
 
-    def __init__(self, simulation: Simulation, conditions: SimulationConfig) -> None:
+    def __init__(self, simulation: Simulation, config: SimulationConfig) -> None:
         self.simulation = simulation
-        self._conditions = conditions
+        self._config = config
         self._spawns = (-1, 0)  # the last tick with any, and how many
         self._classes = {name.casefold(): name for name in robot_names()}
 
@@ -56,7 +56,7 @@ class CommandHandler:
             no effect.
         """
         try:
-            command = parse_command(line, self._conditions.dialect)
+            command = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
             return True, malformed(line, error)
         if isinstance(command, Init) and self._is_too_early(client):
@@ -107,7 +107,7 @@ class CommandHandler:
             case GetGeo(kind, name):
                 return _answer(client, kind, geometry(vehicle, kind, name))
             case GetConf(kind, name):
-                found = configuration(vehicle, self._conditions, kind, name)
+                found = configuration(vehicle, self._config, kind, name)
                 return _answer(client, kind, found)
             case _:
                 return _set(vehicle, command)

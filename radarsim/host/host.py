@@ -18,6 +18,8 @@ beyond that waits for the next ticks (``is_busy``), so that a flood delays nobod
 How the bytes were cut on their way changes nothing.
 """
 
+import warnings
+
 from radarsim.host.commands import CommandHandler
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.protocol.encode import encode_report, to_bytes
@@ -37,18 +39,35 @@ class Host:
     """
 
     def __init__(
-        self, scene: Scene, *, conditions: SimulationConfig | None = None, seed: int = 0
+        self,
+        scene: Scene,
+        *,
+        config: SimulationConfig | None = None,
+        seed: int = 0,
+        conditions: SimulationConfig | None = None,
     ) -> None:
-        """Make a world without robots.
+        """Create a simulation of a scene, without robots and clients.
+
+        Args:
+            scene: From ``load_map``.
+            config: Dialect, drive unit and item settings; None for the defaults.
+            seed: Seed of all random numbers.
+            conditions: Deprecated name of ``config``.
 
         Raises:
-            PresetError: If the conditions do not fit the robot classes.
+            PresetError: If the configuration does not fit the robot classes.
         """
-        conditions = conditions or SimulationConfig()
-        conditions.check()
-        self._dialect = conditions.dialect
-        self.simulation = Simulation(scene, conditions=conditions, seed=seed)
-        self._orders = CommandHandler(self.simulation, conditions)
+        if conditions is not None:
+            warnings.warn(
+                "Host(conditions=...) is deprecated, expected Host(config=...)",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+        config = config or conditions or SimulationConfig()
+        config.check()
+        self._dialect = config.dialect
+        self.simulation = Simulation(scene, config=config, seed=seed)
+        self._orders = CommandHandler(self.simulation, config)
         self._clients: dict[int, Client] = {}
         self._connected = 0
 
@@ -107,13 +126,13 @@ class Host:
             client.turns = COMMANDS_A_TICK
             notices += [(number, notice) for notice in self._take_turns(client)]
         self.simulation.step()
-        told = self.simulation.tell()
+        told = self.simulation.collect_reports()
         for client in self._clients.values():
             if client.vehicle is not None:
                 self._write_tick(client, told[client.vehicle.number])
         return notices
 
-    def part(self, number: int) -> bytes:
+    def drain_and_finish(self, number: int) -> bytes:
         """Give what a client that will send no more is owed: all its answers."""
         client = self._clients[number]
         waiting = len(client.pending) + 1
@@ -128,11 +147,11 @@ class Host:
         """Give what a client is to be sent: whole lines, in order."""
         return self._clients[number].outbox.take()
 
-    def waiting(self, number: int) -> int:
+    def unsent_bytes(self, number: int) -> int:
         """Tell how many bytes a client is to be sent."""
         return len(self._clients[number].outbox)
 
-    def dropped(self, number: int) -> int:
+    def dropped_readings(self, number: int) -> int:
         """Tell how many readings a client has lost by not reading."""
         return self._clients[number].outbox.dropped
 

@@ -41,7 +41,7 @@ def geometry(vehicle: Vehicle, kind: str, name: str | None) -> reports.Report | 
 
 
 def configuration(
-    vehicle: Vehicle, conditions: SimulationConfig, kind: str, name: str | None
+    vehicle: Vehicle, config: SimulationConfig, kind: str, name: str | None
 ) -> reports.Report | None:
     """Tell settings; arguments and None as in ``geometry``."""
     model = vehicle.model
@@ -55,7 +55,7 @@ def configuration(
     items = _telling(vehicle, kind, name)
     if not items:
         return None
-    return _CONFIGURATIONS.get(items[0].type, _names)(kind, items, conditions)
+    return _CONFIGURATIONS.get(items[0].type, _names)(kind, items, config)
 
 
 def matching(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
@@ -73,11 +73,11 @@ def _telling(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
 
 
 def _scanners(
-    kind: str, items: Sequence[Item], conditions: SimulationConfig
+    kind: str, items: Sequence[Item], config: SimulationConfig
 ) -> reports.Report:
     rows = []
     for item in items:
-        settings = conditions.scanner(item).settings
+        settings = config.scanner(item).settings
         resolution = math.radians(settings.resolution_deg)
         fov = math.radians(settings.fov_deg)
         rows.append(
@@ -87,9 +87,9 @@ def _scanners(
 
 
 def _intervals(
-    kind: str, items: Sequence[Item], conditions: SimulationConfig
+    kind: str, items: Sequence[Item], config: SimulationConfig
 ) -> reports.Report:
-    rows = tuple((item.name, conditions.interval(item)) for item in items)
+    rows = tuple((item.name, config.interval(item)) for item in items)
     return reports.IntervalConf(kind, rows)
 
 

@@ -34,8 +34,8 @@ def make_host(options: dict[str, Any]) -> Host:
         raise ValueError(f"speed {speed}, expected above 0")
     dialect = dialect_named(options["dialect"])
     scene = load_map(options["map"])
-    conditions = SimulationConfig(dialect, item_settings=options["settings"])
-    return Host(scene, conditions=conditions, seed=seed)
+    config = SimulationConfig(dialect, item_settings=options["settings"])
+    return Host(scene, config=config, seed=seed)
 
 
 class ServerThread(threading.Thread):
@@ -101,7 +101,7 @@ class ServerThread(threading.Thread):
             await server.start(port=0)
             self._address = server.address
             self._up.set()
-            await server.failed()
+            await server.wait_failed()
         except asyncio.CancelledError:
             pass  # the end that was asked for
         finally:

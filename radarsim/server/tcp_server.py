@@ -66,7 +66,7 @@ class Server:
             await asyncio.wait({self._ticking})
         await asyncio.sleep(0)  # sockets are closed in the loop's next round
 
-    async def failed(self) -> None:
+    async def wait_failed(self) -> None:
         """Wait until time stops passing, which only a bug can bring about.
 
         Raises:
@@ -125,12 +125,12 @@ async def serve(
         try:
             await server.start(address, port)
             announce(server.address)
-            failed = asyncio.ensure_future(server.failed())
-            both: set[asyncio.Future[Any]] = {ended, failed}
+            failure = asyncio.ensure_future(server.wait_failed())
+            both: set[asyncio.Future[Any]] = {ended, failure}
             await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
-            if failed.done():
-                failed.result()
-            failed.cancel()
+            if failure.done():
+                failure.result()
+            failure.cancel()
             return ended.result()
         finally:
             await server.stop()
@@ -141,7 +141,7 @@ async def serve(
 
 READ_BYTES = 16_384  # at most this much of one client between two looks at the others
 SEND_BUFFER_BYTES = 131_072  # what waits in the kernel is stale when it arrives
-LAST_WORDS = 2.0  # s for a client that has closed its side to read what it asked for
+CLOSE_GRACE = 2.0  # s for a client that has closed its side to read what it asked for
 MOST_SAID = 50  # kinds of notices logged of one client, whose verbs may be random
 
 
@@ -192,9 +192,9 @@ class Connection(asyncio.BufferedProtocol):
         """Send what the client has asked for, and take its robot off the floor."""
         transport = self._transport
         if transport is not None:
-            transport.write(self._host.part(self._number))
+            transport.write(self._host.drain_and_finish(self._number))
             self._part("it closed its side")
-            asyncio.get_running_loop().call_later(LAST_WORDS, transport.abort)
+            asyncio.get_running_loop().call_later(CLOSE_GRACE, transport.abort)
         return False  # the transport closes when all is sent
 
     def connection_lost(self, error: Exception | None) -> None:
@@ -251,7 +251,7 @@ class Connection(asyncio.BufferedProtocol):
             transport.resume_reading()
 
     def _part(self, reason: str) -> None:
-        dropped = self._host.dropped(self._number)
+        dropped = self._host.dropped_readings(self._number)
         self._leave()
         lost = f", {dropped} readings it did not read were dropped" if dropped else ""
         log.info("%s: disconnected: %s%s", self.peer, reason, lost)

@@ -58,7 +58,7 @@ class Mounting:
     item: Item
     robot: Robot
     rng: np.random.Generator
-    conditions: SimulationConfig
+    config: SimulationConfig
     time: float
 
 
@@ -98,7 +98,7 @@ class InsInstrument(_Still):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         body = mounting.robot.body
-        settings = mounting.conditions.settings(mounting.item)
+        settings = mounting.config.settings(mounting.item)
         self._ins = Ins(
             body.compose(mounting.item.mount),
             body,

@@ -60,10 +60,10 @@ class Simulation:
     """
 
     def __init__(
-        self, scene: Scene, *, conditions: SimulationConfig | None = None, seed: int = 0
+        self, scene: Scene, *, config: SimulationConfig | None = None, seed: int = 0
     ) -> None:
         self.scene = scene
-        self.conditions = conditions or SimulationConfig()
+        self.config = config or SimulationConfig()
         self.seed = seed
         self.ticks = 0
         self._tracer = tracer_of(scene)
@@ -111,11 +111,11 @@ class Simulation:
             model,
             free,
             obstacles=obstacles,
-            wheel_drive=self.conditions.wheel_drive(),
+            wheel_drive=self.config.wheel_drive(),
         )
         self._spawned += 1
         vehicle = Vehicle(
-            self._spawned, robot, self.conditions, seed=self.seed, tick=self.ticks
+            self._spawned, robot, self.config, seed=self.seed, tick=self.ticks
         )
         self._vehicles[vehicle.number] = vehicle
         self._robots = (*self._robots, robot)
@@ -132,7 +132,7 @@ class Simulation:
         for vehicle in self._vehicles.values():
             vehicle.step(TICK, self._robots)
 
-    def tell(self) -> dict[int, TickOutput]:
+    def collect_reports(self) -> dict[int, TickOutput]:
         """Read all that is due in this tick, by the number of the robot."""
         due = [
             (vehicle, mounted)

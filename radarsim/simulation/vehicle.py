@@ -52,14 +52,14 @@ class Vehicle:
         self,
         number: int,
         robot: Robot,
-        conditions: SimulationConfig,
+        config: SimulationConfig,
         *,
         seed: int,
         tick: int,
     ) -> None:
         self.number = number
         self.robot = robot
-        dialect = conditions.dialect
+        dialect = config.dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
         self._born = tick
         self._tick = tick
@@ -70,11 +70,11 @@ class Vehicle:
         scanners = []
         for item in robot.model.items:
             rng = generator_for(seed, robot.name, item.name)
-            self._every[item.name] = ticks_of(conditions.interval(item))
+            self._every[item.name] = ticks_of(config.interval(item))
             if item.type == "RangeScanner":
-                scanners.append(MountedScanner(item, conditions.scanner(item), rng))
+                scanners.append(MountedScanner(item, config.scanner(item), rng))
             elif item.type in INSTRUMENTS:
-                mounting = Mounting(item, robot, rng, conditions, seconds(tick))
+                mounting = Mounting(item, robot, rng, config, seconds(tick))
                 self._instruments[item.name] = INSTRUMENTS[item.type](mounting)
         self.scanners = tuple(scanners)
         self._ordered = sorted(

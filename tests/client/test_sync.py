@@ -45,7 +45,7 @@ def test_facts_are_those_of_the_robot_s_class(
 def test_a_robot_moves_as_it_is_told(
     empty_room: Scene, link_to: LinkTo, dialect: Dialect
 ) -> None:
-    host = Host(empty_room, conditions=SimulationConfig(dialect))
+    host = Host(empty_room, config=SimulationConfig(dialect))
     with Client(link_to(host)) as client:
         client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
         facts = client.facts(drive_unit=dialect.drive_unit)
@@ -62,12 +62,12 @@ def test_a_robot_moves_as_it_is_told(
         still = client.wait_for(GroundTruth).pose
         later = client.wait_for(GroundTruth).pose
         assert (later.x, later.y, later.yaw) == (still.x, still.y, still.yaw)
-    assert not host.simulation.tell()
+    assert not host.simulation.collect_reports()
 
 
 def test_long_scans_come_whole(empty_room: Scene, link_to: LinkTo) -> None:
     settings = {"lms200": {"fov_deg": 270, "resolution_deg": 0.25}}
-    host = Host(empty_room, conditions=SimulationConfig(item_settings=settings))
+    host = Host(empty_room, config=SimulationConfig(item_settings=settings))
     with Client(link_to(host)) as client:
         client.spawn("P3AT")
         angles = client.facts().scanner().angles

@@ -403,7 +403,7 @@ def test_its_map_starts_at_whatever_phase_its_clock_is(
 
 
 def test_without_noise_its_walls_are_those_of_the_room(empty_room: Scene) -> None:
-    world = World(Host(empty_room, conditions=NO_NOISE))
+    world = World(Host(empty_room, config=NO_NOISE))
     _, commander = dialogue(world.connect, TOUR)
     points = commander.walls()
     assert len(commander.patches) > 100
@@ -414,7 +414,7 @@ def test_without_noise_its_walls_are_those_of_the_room(empty_room: Scene) -> Non
 def test_with_side_beams_its_walls_are_those_of_the_room_on_average(
     empty_room: Scene,
 ) -> None:
-    world = World(Host(empty_room, conditions=NO_DRIFT))
+    world = World(Host(empty_room, config=NO_DRIFT))
     _, commander = dialogue(world.connect, TOUR)
     errors = wall_errors(commander.walls())
     assert math.sqrt(np.mean(errors**2)) < 0.05
@@ -424,7 +424,7 @@ def test_with_side_beams_its_walls_are_those_of_the_room_on_average(
 def test_in_front_of_the_bushes_its_walls_are_those_of_the_room(
     foliage_room: Scene,
 ) -> None:
-    world = World(Host(foliage_room, conditions=NO_NOISE))
+    world = World(Host(foliage_room, config=NO_NOISE))
     _, commander = dialogue(world.connect, TOUR)
     points = commander.walls()
     in_front = points[points[:, 0] < -1]
@@ -435,7 +435,7 @@ def test_in_front_of_the_bushes_its_walls_are_those_of_the_room(
 
 async def test_over_tcp_its_walls_are_those_of_the_room(empty_room: Scene) -> None:
     speed = 8
-    server = Server(Host(empty_room, conditions=NO_NOISE), speed=speed)
+    server = Server(Host(empty_room, config=NO_NOISE), speed=speed)
     await server.start(port=0)
     try:
         level, commander = await asyncio.to_thread(

@@ -40,10 +40,10 @@ def survey(**wish: Any) -> Exploration:
 
 
 def run(
-    scene: Scene, conditions: SimulationConfig | None = None, **wish: Any
+    scene: Scene, config: SimulationConfig | None = None, **wish: Any
 ) -> Exploration:
     made = survey(**wish)
-    host = Host(scene, conditions=conditions)
+    host = Host(scene, config=config)
     referee = GroundTruthMonitor(host)
     with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
         made.run(client)

@@ -126,8 +126,8 @@ def drive(name: str, way: FollowSide, robot: Robot, speed: float) -> Drive:
         way=way, robot_class=class_name, pace=SpeedLimits(speed=speed)
     )
     survey = Exploration(plan, generator_for(0, "exploring"))
-    conditions = SimulationConfig(item_settings={"lms200": dict(settings)})
-    link = Listening(Host(load_map(name), conditions=conditions, seed=1))
+    config = SimulationConfig(item_settings={"lms200": dict(settings)})
+    link = Listening(Host(load_map(name), config=config, seed=1))
     with Client(link) as client:
         survey.run(client)
     assert survey.outcome is Outcome.EXPLORED

@@ -54,8 +54,8 @@ def talk(
     dialect: Dialect = COMPAT,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Talk:
-    conditions = SimulationConfig(dialect, item_settings=settings or {})
-    return Talk(Host(scene, conditions=conditions), init)
+    config = SimulationConfig(dialect, item_settings=settings or {})
+    return Talk(Host(scene, config=config), init)
 
 
 def echoes_in(lines: list[bytes]) -> list[Message]:

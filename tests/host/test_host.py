@@ -63,7 +63,7 @@ def heads(data: bytes) -> list[str]:
 
 def test_a_client_is_greeted_once_and_before_it_says_anything(host: Host) -> None:
     number = host.connect()
-    assert host.waiting(number) == len(GREETING)
+    assert host.unsent_bytes(number) == len(GREETING)
     assert host.take(number) == GREETING
     host.receive(number, INIT)
     let_pass(host, 30)
@@ -394,8 +394,8 @@ def test_who_sends_no_more_is_given_all_its_answers(host: Host) -> None:
     number = greeted(host)
     questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_A_TICK + 5)
     host.receive(number, INIT + questions)
-    assert host.part(number).count(b"GEO ") == COMMANDS_A_TICK + 5
-    assert host.part(number) == b""
+    assert host.drain_and_finish(number).count(b"GEO ") == COMMANDS_A_TICK + 5
+    assert host.drain_and_finish(number) == b""
 
 
 def test_a_search_for_a_place_is_the_only_one_in_its_tick(foliage_room: Scene) -> None:
@@ -535,9 +535,9 @@ def test_who_asks_without_reading_is_to_be_closed(empty_room: Scene) -> None:
     host = Host(replace(empty_room, starts=starts))
     number = greeted(host)
     host.receive(number, b"GETSTARTPOSES\r\n")
-    size = host.waiting(number)
+    size = host.unsent_bytes(number)
     assert 4000 < size < 4096  # as many as fit into one read
-    while host.waiting(number) + size <= 4 * 2**20:
+    while host.unsent_bytes(number) + size <= 4 * 2**20:
         assert not host.must_close(number)
         host.receive(number, b"GETSTARTPOSES\r\n")
         host.step()
@@ -549,8 +549,8 @@ def test_who_does_not_read_loses_readings_and_no_answers(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"GETGEO {Type Robot}\r\n")
     let_pass(host, 2000)
-    assert host.dropped(number) > 100
-    assert host.waiting(number) < 270_000
+    assert host.dropped_readings(number) > 100
+    assert host.unsent_bytes(number) < 270_000
     sent = host.take(number)
     assert sent.startswith(GEO)
     assert b"{Time 20.00}" in sent
@@ -601,7 +601,7 @@ def test_set_reset_begins_the_odometry_anew(host: Host) -> None:
 
 def test_conditions_that_no_robot_fits_are_refused(empty_room: Scene) -> None:
     with pytest.raises(PresetError, match="item 'lms'"):
-        Host(empty_room, conditions=SimulationConfig(item_settings={"lms": {}}))
+        Host(empty_room, config=SimulationConfig(item_settings={"lms": {}}))
 
 
 def test_two_clients_do_not_hear_each_other(host: Host) -> None:

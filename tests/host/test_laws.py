@@ -121,7 +121,7 @@ def test_a_seed_changes_nothing_but_the_noise(
 def test_nothing_that_a_client_sends_raises(
     foliage_room: Scene, data: list[bytes], udk: bool
 ) -> None:
-    host = Host(foliage_room, conditions=SimulationConfig(UDK) if udk else None)
+    host = Host(foliage_room, config=SimulationConfig(UDK) if udk else None)
     talk = Talk(host)
     for piece in data:
         host.receive(talk.number, piece)

@@ -16,11 +16,11 @@ def answers(
     asked: str,
     *,
     class_name: str = "P3AT",
-    conditions: SimulationConfig | None = None,
+    config: SimulationConfig | None = None,
     yaw: float = 0.0,
 ) -> list[str]:
     """Ask a robot on its first tick, in which it has nothing else to say."""
-    host = Host(scene, conditions=conditions)
+    host = Host(scene, config=config)
     number = host.connect()
     init = f"INIT {{ClassName {class_name}}} {{Location -8,0,0}} {{Rotation 0,0,{yaw}}}"
     host.take(number)
@@ -141,7 +141,7 @@ def test_in_the_forms_that_clients_read(
 def test_in_the_forms_of_the_original(
     empty_room: Scene, asked: str, answer: str
 ) -> None:
-    assert answers(empty_room, asked, conditions=SimulationConfig(UDK)) == [answer]
+    assert answers(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
@@ -159,7 +159,7 @@ def test_everything_that_a_robot_carries_is_answered_for(
         empty_room,
         "\r\n".join(asked),
         class_name=class_name,
-        conditions=SimulationConfig(dialect),
+        config=SimulationConfig(dialect),
     )
     assert len(told) == 2 * len(items)
     for question, answer in zip(asked, told, strict=True):
@@ -193,7 +193,7 @@ def test_changed_settings_are_told(empty_room: Scene) -> None:
     changed = SimulationConfig(
         item_settings={"LMS200": {"fov_deg": 90, "max_range": 12, "min_range": 1}}
     )
-    assert answers(empty_room, "GETCONF {Type RangeScanner}", conditions=changed) == [
+    assert answers(empty_room, "GETCONF {Type RangeScanner}", config=changed) == [
         "CONF {Type RangeScanner} {Name lms200} {MaxRange 12.0000} {MinRange 1.0000} "
         "{Resolution 0.017453} {Fov 1.570796}"
     ]
@@ -201,5 +201,5 @@ def test_changed_settings_are_told(empty_room: Scene) -> None:
 
 def test_the_largest_speed_is_in_the_unit_of_drive(empty_room: Scene) -> None:
     turns = SimulationConfig(drive_unit="rev_per_s")
-    (conf,) = answers(empty_room, "GETCONF {Type Robot}", conditions=turns)
+    (conf,) = answers(empty_room, "GETCONF {Type Robot}", config=turns)
     assert "{MaxSpeed 1.3000}" in conf

@@ -15,7 +15,7 @@ INIT = b"INIT {ClassName USARBot.P3AT} {Location -8,0,0}\r\n"
 
 @pytest.fixture
 def host(empty_room: Scene) -> Host:
-    return Host(empty_room, conditions=SimulationConfig(UDK))
+    return Host(empty_room, config=SimulationConfig(UDK))
 
 
 def spawned(host: Host, init: bytes = INIT) -> int:
@@ -132,7 +132,7 @@ def test_start_poses_have_four_digits(host: Host) -> None:
 
 def test_the_battery_runs_out_and_only_the_status_goes_on(empty_room: Scene) -> None:
     weak = replace(UDK, battery_start=2.0)  # seconds; twenty minutes take long
-    host = Host(empty_room, conditions=SimulationConfig(weak))
+    host = Host(empty_room, config=SimulationConfig(weak))
     number = spawned(host)
     host.receive(number, b"DRIVE {Left 0.1} {Right -0.1} {Light true}\r\n")
     before = run(host, number, 100)

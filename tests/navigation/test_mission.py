@@ -43,10 +43,8 @@ def first_pose(link: InProcessTransport, **wish: Any) -> Pose2:
     return poses[0]
 
 
-def run(
-    scene: Scene, conditions: SimulationConfig | None = None, **wish: Any
-) -> Result:
-    with Client(InProcessTransport(Host(scene, conditions=conditions))) as client:
+def run(scene: Scene, config: SimulationConfig | None = None, **wish: Any) -> Result:
+    with Client(InProcessTransport(Host(scene, config=config))) as client:
         return run_mission(client, mission(**wish))
 
 

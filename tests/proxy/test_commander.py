@@ -58,7 +58,7 @@ class Recorder(Host):
     """Writes down what it hears and says, by connection."""
 
     def __init__(self, scene: Scene) -> None:
-        super().__init__(scene, conditions=CONDITIONS, seed=7)
+        super().__init__(scene, config=CONDITIONS, seed=7)
         self.heard: list[bytes] = []
         self.said: list[bytes] = []
 
@@ -76,8 +76,8 @@ class Recorder(Host):
     def take(self, number: int) -> bytes:
         return self._say(number, super().take(number))
 
-    def part(self, number: int) -> bytes:
-        return self._say(number, super().part(number))
+    def drain_and_finish(self, number: int) -> bytes:
+        return self._say(number, super().drain_and_finish(number))
 
     def _say(self, number: int, data: bytes) -> bytes:
         self.said[number - 1] += data

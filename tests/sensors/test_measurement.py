@@ -466,11 +466,11 @@ def test_a_second_robot_changes_none_of_the_first_ones_numbers(
     settings: dict[str, Any], foliage_room: Scene
 ) -> None:
     """The second one drives before the first, which draws the same all the same."""
-    conditions = radarsim.SimulationConfig(item_settings={"lms200": settings})
+    config = radarsim.SimulationConfig(item_settings={"lms200": settings})
     told: list[list[str]] = []
     model = load_robot("P3AT")
     for others in (0, 1):
-        simulation = Simulation(foliage_room, conditions=conditions, seed=3)
+        simulation = Simulation(foliage_room, config=config, seed=3)
         first = simulation.spawn("R1", model, Pose2(-8, 0))
         assert first is not None
         for i in range(others):
@@ -479,7 +479,7 @@ def test_a_second_robot_changes_none_of_the_first_ones_numbers(
         lines: list[str] = []
         for _ in range(50):
             simulation.step()
-            scans_ = simulation.tell()[first.number].scans
+            scans_ = simulation.collect_reports()[first.number].scans
             lines += [str(scan.ranges[:80].tolist()) for scan in scans_]
         told.append(lines)
     assert len(told[0]) == 5

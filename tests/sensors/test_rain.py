@@ -183,10 +183,10 @@ def test_rain_knows_what_the_beam_has_lost_before_it() -> None:
 def test_a_second_robot_changes_no_drop_of_the_first_ones(empty_room: Scene) -> None:
     """It stands behind the first one, and draws from a generator of its own."""
     settings = {"lms200": {"return_mode": "first", "least_rcs_dbsm": -28}}
-    conditions = SimulationConfig(item_settings=settings)
+    config = SimulationConfig(item_settings=settings)
     world, told = replace(empty_room, air=POURING), []
     for others in (0, 1):
-        simulation = Simulation(world, conditions=conditions, seed=5)
+        simulation = Simulation(world, config=config, seed=5)
         first = simulation.spawn("R1", load_robot("P3AT"), Pose2(-5, 0))
         assert first is not None
         if others:
@@ -194,7 +194,7 @@ def test_a_second_robot_changes_no_drop_of_the_first_ones(empty_room: Scene) -> 
         lines: list[str] = []
         for _ in range(40):
             simulation.step()
-            scans = simulation.tell()[first.number].scans
+            scans = simulation.collect_reports()[first.number].scans
             lines += [str(scan.ranges.tolist()) for scan in scans]
         told.append(lines)
     assert len(told[0]) == 4

@@ -206,17 +206,17 @@ async def test_who_does_not_read_delays_nobody(
     empty_room: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "radarsim.server")
-    async with running(Host(empty_room, conditions=LONG_LINES)) as floor:
+    async with running(Host(empty_room, config=LONG_LINES)) as floor:
         deaf = await floor.peer(small=True)
         await deaf.send(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
         deaf.transport.pause_reading()
         other = await floor.driver()
         await other.scans(1)
         times: list[float] = []
-        while floor.host.dropped(1) == 0:
+        while floor.host.dropped_readings(1) == 0:
             times += await other.scans(5)
         assert_every_scan_came(times)
-        assert floor.host.waiting(1) < 300_000
+        assert floor.host.unsent_bytes(1) < 300_000
         deaf.reset()
         await floor.comes_true(lambda: floor.robots == 1)
         assert "readings it did not read were dropped" in caplog.text
@@ -225,11 +225,11 @@ async def test_who_does_not_read_delays_nobody(
 async def test_who_reads_late_gets_whole_lines_and_the_newest(
     empty_room: Scene,
 ) -> None:
-    async with running(Host(empty_room, conditions=LONG_LINES)) as floor:
+    async with running(Host(empty_room, config=LONG_LINES)) as floor:
         late = await floor.peer(small=True)
         await late.send(INIT)
         late.transport.pause_reading()
-        await floor.comes_true(lambda: floor.host.dropped(1) > 0)
+        await floor.comes_true(lambda: floor.host.dropped_readings(1) > 0)
         missed_until = floor.host.simulation.time
         late.transport.resume_reading()
         times: list[float] = []
@@ -412,10 +412,10 @@ class Broken(Host):
 
 async def test_a_bug_in_a_tick_is_told_to_who_waits_for_it(empty_room: Scene) -> None:
     server = Server(Broken(empty_room))
-    await server.failed()  # nothing can fail before the start
+    await server.wait_failed()  # nothing can fail before the start
     await server.start(port=0)
     with pytest.raises(RuntimeError, match="broken"):
-        await server.failed()
+        await server.wait_failed()
     await server.stop()
 
 

@@ -15,7 +15,7 @@ def item(name: str, class_name: str = "P3AT") -> Item:
 
 
 @pytest.mark.parametrize(
-    ("conditions", "drive"),
+    ("config", "drive"),
     [
         pytest.param(SimulationConfig(), WheelDrive(8.17, "rad_per_s"), id="compat"),
         pytest.param(SimulationConfig(UDK), WheelDrive(1.3, "rev_per_s"), id="udk"),
@@ -37,9 +37,9 @@ def item(name: str, class_name: str = "P3AT") -> Item:
     ],
 )
 def test_drive_means_the_same_top_speed_in_either_unit(
-    conditions: SimulationConfig, drive: WheelDrive
+    config: SimulationConfig, drive: WheelDrive
 ) -> None:
-    assert conditions.wheel_drive() == drive
+    assert config.wheel_drive() == drive
     assert drive.max_spin_rad_s == pytest.approx(8.17, abs=0.01)
 
 
@@ -61,10 +61,10 @@ def test_the_longest_range_is_the_dialects(
 
 
 def test_what_the_user_sets_counts_most() -> None:
-    conditions = SimulationConfig(UDK, item_settings={"LMS200": {"max_range": 33}})
-    assert conditions.scanner(item("lms200")).settings.max_range == 33
-    assert conditions.scanner(item("lms200", "P3AT_SICK")).settings.max_range == 33
-    full_circle = conditions.scanner(item("lms200", "P3AT_Radar360")).settings
+    config = SimulationConfig(UDK, item_settings={"LMS200": {"max_range": 33}})
+    assert config.scanner(item("lms200")).settings.max_range == 33
+    assert config.scanner(item("lms200", "P3AT_SICK")).settings.max_range == 33
+    full_circle = config.scanner(item("lms200", "P3AT_Radar360")).settings
     assert (full_circle.max_range, full_circle.fov_deg) == (33, 359)
 
 
@@ -154,12 +154,12 @@ def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
     wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
     for item in (SCANNER, wide):
         settings = {"LMS200": {"sensor": "k2pi", "min_range": 1.0}}
-        conditions = SimulationConfig(dialect=dialect, item_settings=settings)
-        conditions.check()
-        scanner = conditions.scanner(item)
+        config = SimulationConfig(dialect=dialect, item_settings=settings)
+        config.check()
+        scanner = config.scanner(item)
         assert scanner.name == "k2pi"
         assert scanner.settings == load_settings("k2pi", min_range=1.0)
-        assert conditions.interval(item) == 1.0  # one turn in a second
+        assert config.interval(item) == 1.0  # one turn in a second
 
 
 def test_a_sensor_named_again_keeps_what_the_class_says_of_it() -> None:

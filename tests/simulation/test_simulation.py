@@ -42,7 +42,7 @@ def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, TickOut
     told: dict[int, list[tuple[int, TickOutput]]] = {}
     for _ in range(ticks):
         simulation.step()
-        for number, what in simulation.tell().items():
+        for number, what in simulation.collect_reports().items():
             told.setdefault(number, []).append((simulation.ticks, what))
     return told
 
@@ -83,7 +83,7 @@ def test_phases_count_from_the_spawn(empty_room: Scene) -> None:
 
 
 def test_a_scan_is_of_the_room_from_the_sensors_place(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room, conditions=EXACT)
+    simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(-8, 1, math.pi / 2))
     scan = scan_after(simulation, vehicle)
     assert scan.name == "lms200"
@@ -95,13 +95,13 @@ def test_a_scan_is_of_the_room_from_the_sensors_place(empty_room: Scene) -> None
 
 
 def test_what_does_not_come_back_reads_the_longest_range(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room, conditions=EXACT)
+    simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(500, 0))
     assert scan_after(simulation, vehicle).ranges == pytest.approx(np.full(181, 80.0))
 
 
 def test_robots_see_each_other_and_not_themselves(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room, conditions=EXACT)
+    simulation = Simulation(empty_room, config=EXACT)
     one = spawned(simulation, Pose2(-8, 0))
     other = spawned(simulation, Pose2(-5, 0, math.pi), "R2")
     told = run(simulation, 10)
@@ -117,7 +117,7 @@ def test_robots_see_each_other_and_not_themselves(empty_room: Scene) -> None:
 
 
 def test_a_laser_in_smoke_is_blinded_and_the_radar_is_not(smoke_room: Scene) -> None:
-    simulation = Simulation(smoke_room, conditions=EXACT)
+    simulation = Simulation(smoke_room, config=EXACT)
     vehicle = simulation.spawn("R1", load_robot("P3AT_Compare"), Pose2(-8, 0))
     assert vehicle is not None
     radar, laser = run(simulation, 10)[vehicle.number][-1][1].scans
@@ -154,7 +154,7 @@ def test_names_stay_different(empty_room: Scene) -> None:
 
 
 def test_a_robot_stops_at_a_wall_and_its_bumper_says_so(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room, conditions=EXACT)
+    simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(9, 0))
     vehicle.robot.drive(8, 8)
     told = run(simulation, 200)[vehicle.number]
@@ -171,7 +171,7 @@ def test_a_robot_stops_at_a_wall_and_its_bumper_says_so(empty_room: Scene) -> No
 
 
 def test_readings_tell_of_one_and_the_same_moment(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room, conditions=EXACT)
+    simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(-8, 0, 0.3))
     vehicle.robot.drive(3, 4)
     for tick, told in run(simulation, 100)[vehicle.number]:
@@ -288,7 +288,7 @@ def test_with_an_empty_battery_a_robot_stands_and_tells_its_status_only(
     weak = SimulationConfig(
         replace(UDK, battery_start=1.5)
     )  # in whole seconds, down to 0
-    simulation = Simulation(empty_room, conditions=weak)
+    simulation = Simulation(empty_room, config=weak)
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(0.5, 0.5)
     told = run(simulation, 50)[vehicle.number]
@@ -320,8 +320,8 @@ def test_smoke_is_a_place_to_stand_in(smoke_room: Scene) -> None:
 
 
 def test_a_scanner_scans_as_often_as_its_rate_says(empty_room: Scene) -> None:
-    conditions = SimulationConfig(item_settings={"lms200": {"sensor": "k2pi"}})
-    simulation = Simulation(empty_room, conditions=conditions)
+    config = SimulationConfig(item_settings={"lms200": {"sensor": "k2pi"}})
+    simulation = Simulation(empty_room, config=config)
     vehicle = spawned(simulation, Pose2(-8, 0))
     told = run(simulation, 300)[vehicle.number]
     when = [tick for tick, what in told if what.scans]
