@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections import defaultdict
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -22,6 +23,37 @@ settings.load_profile("radarsim")
 # In the background of a shell script interrupts are ignored, by whom we start as well.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--sample",
+        type=float,
+        default=1.0,
+        metavar="SHARE",
+        help="Run only this share of the cases of each slow test, at least one.",
+    )
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
+    """Deselect the cases of slow tests that are not in the sample, evenly spaced."""
+    share = config.getoption("--sample")
+    cases: defaultdict[str, list[pytest.Item]] = defaultdict(list)
+    for item in sorted(items, key=lambda item: item.nodeid):
+        if item.get_closest_marker("slow"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    left_out = {
+        item
+        for group in cases.values()
+        for number, item in enumerate(group)
+        if number and int(number * share) == int((number - 1) * share)
+    }
+    if left_out:
+        config.hook.pytest_deselected(items=list(left_out))
+        items[:] = [item for item in items if item not in left_out]
 
 
 def _ready(name: str) -> Scene:
