@@ -66,7 +66,7 @@ def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]
     yield (
         f"{BATCH} scans of 361 beams",
         lambda: plan_and_scan(scene, [(radar, pose, rng)] * BATCH),
-        Rays.joined([plan.rays for plan in plans]),
+        Rays.concatenate([plan.rays for plan in plans]),
     )
 
 
@@ -110,7 +110,7 @@ def throughput(seconds: float) -> Iterator[Row]:
     radar, rng = radar_with(beams), generator_for(0, "bench")
     one = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
     yield Row("c", f"scans of {beams} beams, one core", 1 / one, "1/s")
-    rays = Rays.joined([radar.plan(tracer, pose, rng).rays for _ in range(BATCH)])
+    rays = Rays.concatenate([radar.plan(tracer, pose, rng).rays for _ in range(BATCH)])
     with ThreadPoolExecutor(2) as pool:
         result = compare(
             lambda: [tracer.trace(rays) for _ in range(2)],

@@ -61,7 +61,7 @@ def write_explanation(request: Request, *, beam: int, ray: str, form: str) -> No
     told["range"] = _number(float(scan.ranges[beam]))
     told["rain"] = rain_at(scan, beam)
     told["return_mode"] = scanner.settings.return_mode
-    told["air"] = tracer.densities(scan.cast.kinds[0])[1]
+    told["air"] = tracer.densities(scan.cast.ray_classes[0])[1]
     if form == "json":
         typer.echo(json.dumps(told, allow_nan=False))
     else:
@@ -144,7 +144,7 @@ def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
 
 
 def _sheet_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
-    after = _number(event.power - event.kept)
+    after = _number(event.power - event.absorbed)
     return {**_row(event, parts), "exit": event.t, "power_after": after}
 
 
@@ -154,9 +154,9 @@ def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
         "object": part.object_name,
         "material": part.material.name,
         "at": event.t,
-        "position": list(event.place),
+        "position": list(event.position),
         "power_before": _power(event),
-        "power_after": _number(event.power - event.kept),
+        "power_after": _number(event.power - event.absorbed),
     }
 
 
@@ -164,7 +164,7 @@ def _left(end: Event) -> float | None:
     """Give what is left of a ray where it ends, and what is kept there is gone."""
     if end.kind is EventKind.ABSORBED:
         return 0.0
-    return _number(end.power - end.kept)
+    return _number(end.power - end.absorbed)
 
 
 def _power(event: Event) -> float | None:

@@ -64,7 +64,7 @@ def bundle(
     beside = out * np.cos(turn)
     starts = centre - (radius + 1) * ways + beside[:, None] * left
     starts[:, 2] += out * np.sin(turn)
-    return Rays.alike(starts, ways, reach=2 * radius + 2, power=POWER)
+    return Rays.uniform(starts, ways, max_range=2 * radius + 2, power=POWER)
 
 
 def transmission(parts: Sequence[Part], rays: Rays) -> Floats:
@@ -206,7 +206,7 @@ def _fan(offsets: Floats, azimuths: Floats) -> Rays:
     ways = np.column_stack([np.cos(turn), np.sin(turn), level])
     left = np.column_stack([-np.sin(turn), np.cos(turn), level])
     starts = beside * left - BEFORE * ways + np.array([0.0, 0.0, HEIGHT])
-    return Rays.alike(starts, ways, reach=WALL, power=POWER)
+    return Rays.uniform(starts, ways, max_range=WALL, power=POWER)
 
 
 # Section from plants.comparison.

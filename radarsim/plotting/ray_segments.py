@@ -85,7 +85,7 @@ def _shares(power: Floats, full: Floats) -> Floats:
 
 def _behind(events: NDArray[np.void]) -> NDArray[np.float64]:
     """Give the power behind each event: behind sheets, less than in front of them."""
-    return np.asarray(events["power"] - events["kept"])
+    return np.asarray(events["power"] - events["absorbed"])
 
 
 # Section from picture.strokes.

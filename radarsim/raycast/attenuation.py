@@ -43,7 +43,7 @@ EVENT: Final = np.dtype(
         ("part", "i4"),
         ("kind", "i4"),
         ("power", "f8"),
-        ("kept", "f8"),
+        ("absorbed", "f8"),
         ("x", "f8"),
         ("y", "f8"),
         ("z", "f8"),
@@ -241,7 +241,7 @@ def write(walk: Any, ray: Any, t: Any, what: Any, power: Any, kept: Any) -> None
         event.t = walk.leg[BEFORE] + t
         event.kind, event.part = what
         event.power = power
-        event.kept = kept
+        event.absorbed = kept
         event.x = walk.leg[0] + t * walk.leg[3]
         event.y = walk.leg[1] + t * walk.leg[4]
         event.z = walk.leg[2] + t * walk.leg[5]

@@ -181,19 +181,19 @@ def _cast(
 ) -> None:
     """Let Embree look along a line, forward or back, from the scene's sphere on."""
     words, floats = block.words, block.floats
-    near, reach = span
+    near, max_range = span
     ahead = 0.0
     for axis in range(3):
         ahead -= origin[axis] * direction[axis] * way
     skipped = max(ahead - handle.radius, 0.0)
-    if skipped > reach:
+    if skipped > max_range:
         return
     for axis in range(3):
         floats[axis] = origin[axis] + skipped * way * direction[axis]
         floats[axis + 4] = way * direction[axis]
     floats[3] = max(near - skipped - handle.margin, 0.0)
     floats[7] = 0.0  # no time
-    floats[REACH_WORD] = reach - skipped + handle.margin
+    floats[REACH_WORD] = max_range - skipped + handle.margin
     words[9] = 0xFFFFFFFF  # all geometries
     words[10] = 0
     words[11] = 0

@@ -27,7 +27,7 @@ class MaterialTable(NamedTuple):
         kept: (K, P) power that an opaque surface keeps.
         mirror: (K, P) uint8, whether an opaque surface is a mirror.
         air: (K,) power per metre everywhere.
-        bounces: (K,) how often mirrors reflect a ray.
+        max_reflections: (K,) how often mirrors reflect a ray.
         densest: (K,) the greatest density of all volumes, and what comes near to it
             where the sheets are; 0 if there is none.
         ahead: (K, P) uint8, how a ray takes the parts ahead of it.
@@ -42,7 +42,7 @@ class MaterialTable(NamedTuple):
     kept: Floats
     mirror: NDArray[np.uint8]
     air: Floats
-    bounces: NDArray[np.int64]
+    max_reflections: NDArray[np.int64]
     densest: Floats
     ahead: NDArray[np.uint8]
     behind: NDArray[np.uint8]
@@ -139,7 +139,7 @@ def tabulate(
         _table(parts, kinds, absorption_of, np.float64),
         _table(parts, kinds, _is_mirror, np.uint8),
         np.array([attenuation_of(air, kind) if air else 0.0 for kind in kinds]),
-        np.array([kind.bounces for kind in kinds], np.int64),
+        np.array([kind.max_reflections for kind in kinds], np.int64),
         np.where(through, _like_density(density, loss), 0.0).max(axis=1, initial=0.0),
         np.where(through, LISTED, OPAQUE).astype(np.uint8),
         np.where(through & ~sheet, LISTED, PASSED_BY).astype(np.uint8),

@@ -31,7 +31,7 @@ from radarsim.raycast.intersect import (
     look_back,
     new_block,
 )
-from radarsim.raycast.rays import is_fit
+from radarsim.raycast.rays import is_valid_ray
 from radarsim.raycast.robot_boxes import box_incidence, meet_boxes
 
 HIT: Final = int(Outcome.HIT)
@@ -243,14 +243,14 @@ def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
     """
     handle, _, tolls, triangles = scene
     i, kind, bounces = ray
-    laid, own, reach = leg
+    laid, carrier_id, max_range = leg
     block, walk, origin, heading = room
     behind = tolls.behind[kind]
     if _is_near_volume(tolls, behind, origin, handle.margin):
         needed = _wind_start((handle, block), behind, origin, heading, walk)
         if needed > walk.crossings.size:
             return state, Stop(0, 0.0, -1), needed
-    last, box = meet_boxes(laid, own, origin, heading, reach)
+    last, box = meet_boxes(laid, carrier_id, origin, heading, max_range)
     parts = tolls.density.shape[1]
     limit = Stop(0, last, parts + box if box >= 0 else -1)
     air = tolls.air[kind]
@@ -281,10 +281,10 @@ def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) 
     Here, and not in the loop, rows are taken of tables: see ``jit.njit_inline``.
     """
     _, middle, tolls, triangles = scene
-    origins, directions, reach, power, medium, owns = rays
+    origins, directions, max_range, power, medium, owns = rays
     block, walk, origin, heading = room
-    kind, own, parts = medium[i], owns[i], tolls.density.shape[1]
-    fit = is_fit(origins[i], directions[i], reach[i], power[i])
+    kind, carrier_id, parts = medium[i], owns[i], tolls.density.shape[1]
+    fit = is_valid_ray(origins[i], directions[i], max_range[i], power[i])
     if not fit or kind >= len(tolls.air):
         return -1 - i
     for axis in range(3):
@@ -292,10 +292,10 @@ def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) 
         heading[axis] = directions[i, axis]
     _begin_leg(walk, origin, middle, heading, 0.0)
     state = (0.0, power[i], 0.0, np.int64(-1))
-    bounces = tolls.bounces[kind]
+    bounces = tolls.max_reflections[kind]
     while True:
         before = walk.leg[BEFORE]
-        leg = (laid, own, reach[i] - before)
+        leg = (laid, carrier_id, max_range[i] - before)
         state, stop, needed = _follow_leg((i, kind, bounces), state, scene, leg, room)
         if needed:
             forget(walk)
@@ -313,7 +313,7 @@ def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) 
         _begin_leg(walk, origin, middle, heading, before + at)
         state = (0.0, power_left - keeps, least, np.int64(-1))
         bounces -= 1
-        own = -1  # in a mirror a robot sees itself
+        carrier_id = -1  # in a mirror a robot sees itself
     ending = end(i, state, stop, keeps, walk)
     _tell(i, ending, found)
     if found[4].size:

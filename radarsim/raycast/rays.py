@@ -1,4 +1,4 @@
-"""What is cast, and what comes of it: named columns, a row for each ray."""
+"""Input and output of the ray tracer: arrays with one row per ray."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -18,110 +18,120 @@ LASER: Final = 1
 
 
 class RayClass(NamedTuple):
-    """What rays have in common that a scene takes alike.
+    """The properties of rays on which the effect of a material depends.
 
     Attributes:
-        medium: ``RADAR`` or ``LASER``: which numbers of the materials count.
-        band: Which of ``BANDS_GHZ``; of no meaning to a laser.
-        power_per_db: What a dB is in penetration power.
-        bounces: How often mirrors reflect a ray; after that they are surfaces.
+        medium: ``RADAR`` or ``LASER``: which of a material's values apply.
+        band: Index into ``BANDS_GHZ``; ignored for a laser.
+        power_per_db: Penetration power per decibel of attenuation.
+        max_reflections: How many mirrors reflect a ray; the next one ends it like any
+            other surface.
     """
 
     medium: int
     band: int = 2
     power_per_db: float = 1.0
-    bounces: int = 0
+    max_reflections: int = 0
 
 
-PLAIN: Final = (RayClass(RADAR), RayClass(LASER))
-COLUMNS: Final = ("origins", "directions", "reach", "power", "medium", "own")
-UNIT: Final = 2e-9  # how far a direction's squared length may be from 1
+DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))
+COLUMNS: Final = (
+    "origins",
+    "directions",
+    "max_range",
+    "power",
+    "class_index",
+    "carrier_id",
+)
+UNIT_TOLERANCE: Final = 2e-9  # of the squared length of a direction
 
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """What is cast at once.
+    """Rays to be traced together.
 
     Attributes:
         origins: (N, 3) m, map frame.
         directions: (N, 3) unit vectors, map frame.
-        reach: (N,) m, inclusive.
-        power: (N,) penetration power.
-        medium: (N,) uint8, which of ``kinds`` each is; with ``PLAIN``, ``RADAR`` or
-            ``LASER``.
-        own: (N,) int64, the number of the box that does not stop the ray; -1 for none.
-        kinds: Those that there are; at most 255.
+        max_range: (N,) m, inclusive.
+        power: (N,) initial penetration power.
+        class_index: (N,) uint8, index into ``ray_classes``; with ``DEFAULT_CLASSES``,
+            ``RADAR`` or ``LASER``.
+        carrier_id: (N,) int64, the id of the robot box that carries the sensor and does
+            not stop the ray; -1 for none.
+        ray_classes: The classes that occur; at most 255.
     """
 
     origins: Floats
     directions: Floats
-    reach: Floats
+    max_range: Floats
     power: Floats
-    medium: NDArray[np.uint8]
-    own: NDArray[np.int64]
-    kinds: tuple[RayClass, ...] = PLAIN
+    class_index: NDArray[np.uint8]
+    carrier_id: NDArray[np.int64]
+    ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES
 
     @classmethod
-    def alike(
+    def uniform(
         cls,
         origins: Floats,
         directions: Floats,
         *,
-        reach: float,
+        max_range: float,
         power: float = np.inf,
         medium: int = RADAR,
-        own: int = -1,
+        carrier_id: int = -1,
     ) -> "Rays":
-        """Make rays that differ only in where they are."""
+        """Create rays that differ only in origin and direction."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
             np.ascontiguousarray(directions, np.float64),
-            np.full(n, reach, np.float64),
+            np.full(n, max_range, np.float64),
             np.full(n, power, np.float64),
             np.full(n, medium, np.uint8),
-            np.full(n, own, np.int64),
+            np.full(n, carrier_id, np.int64),
         )
 
     @classmethod
-    def joined(cls, batches: "Sequence[Rays]") -> "Rays":
-        """Put batches behind one another; at least one."""
-        kinds = batches[0].kinds
-        if any(batch.kinds != kinds for batch in batches):
-            kinds = tuple(dict.fromkeys(kind for b in batches for kind in b.kinds))
-            batches = [batch.of_kinds(kinds) for batch in batches]
+    def concatenate(cls, batches: "Sequence[Rays]") -> "Rays":
+        """Join one or more batches in order."""
+        classes = batches[0].ray_classes
+        if any(batch.ray_classes != classes for batch in batches):
+            every = (each for batch in batches for each in batch.ray_classes)
+            classes = tuple(dict.fromkeys(every))
+            batches = [batch.with_classes(classes) for batch in batches]
         columns: list[Any] = [
             np.concatenate([getattr(batch, name) for batch in batches])
             for name in COLUMNS
         ]
-        return cls(*[*columns, kinds])
+        return cls(*[*columns, classes])
 
-    def of_kinds(self, kinds: tuple[RayClass, ...]) -> "Rays":
-        """Give the same rays with their kinds out of others; all must be there."""
-        numbers = np.array([kinds.index(kind) for kind in self.kinds], np.uint8)
-        return replace(self, medium=numbers[self.medium], kinds=kinds)
+    def with_classes(self, ray_classes: tuple[RayClass, ...]) -> "Rays":
+        """Return the same rays indexing another tuple, which contains their classes."""
+        indices = [ray_classes.index(each) for each in self.ray_classes]
+        class_index = np.array(indices, np.uint8)[self.class_index]
+        return replace(self, class_index=class_index, ray_classes=ray_classes)
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
-        """Give some of the rays."""
+        """Return the rays in the given rows."""
         columns: list[Any] = [getattr(self, name)[rows] for name in COLUMNS]
-        return Rays(*[*columns, self.kinds])
+        return Rays(*[*columns, self.ray_classes])
 
 
 @dataclass(frozen=True, slots=True)
 class Traces:
-    """Where rays ended.
+    """How rays ended.
 
     Attributes:
-        ranges: (N,) m, along all legs of the way; inf where nothing came back.
+        ranges: (N,) m, over all segments of the path; inf where nothing was hit.
         outcomes: (N,) uint8, an ``Outcome`` each.
-        parts: (N,) int64, the index of the part that was hit or absorbed the ray, or in
-            which the power ran out; of a box, the number of parts + its number; -1 for
-            nothing.
-        power: (N,) what is left; of a hit, what comes back.
+        parts: (N,) int64, index of the part that was hit or absorbed the ray, or in
+            which the power ran out; for a robot box, the number of parts plus the
+            box's id; -1 for none.
+        power: (N,) remaining power; of a hit, what the surface returns.
         incidence: (N,) cosine of the angle between the ray and the normal of the opaque
-            surface that it hit, 0 to 1; nan where it hit none; empty if not asked for.
-        events: A row of EVENT for each thing that happened, ray by ray, in the order
-            of the way; empty if not asked for.
+            surface that it hit, 0 to 1; nan where it hit none; empty if not requested.
+        events: Rows of EVENT, ordered by ray and by distance; empty if not requested.
     """
 
     ranges: Floats
@@ -132,7 +142,7 @@ class Traces:
     events: NDArray[np.void]
 
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
-        """Give the traces of batches that were joined, by their sizes."""
+        """Split the traces of concatenated batches, given the batches' sizes."""
         edges = np.cumsum([0, *sizes]).tolist()
         columns: list[Any] = [getattr(self, field.name) for field in fields(self)[:-1]]
         return [
@@ -154,66 +164,67 @@ class Traces:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What happened to a ray at one point.
+    """What happened to a ray at one point of its path.
 
     Attributes:
-        t: m from its start.
-        kind: What.
-        part: With which part or box, as in ``Traces``.
-        power: What the ray has left on arrival there.
-        kept: What a sheet or an opaque surface keeps of it.
-        place: (x, y, z) m, map frame.
+        t: Distance from the ray's origin along its path, m.
+        kind: What happened.
+        part: The part or robot box involved, numbered as in ``Traces.parts``.
+        power: Power of the ray on arrival.
+        absorbed: Power that a sheet or an opaque surface takes there.
+        position: (x, y, z) m, map frame.
     """
 
     t: float
     kind: EventKind
     part: int
     power: float
-    kept: float = 0.0
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    absorbed: float = 0.0
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
-    """Give the columns in order, as compiled code takes them.
+    """Return the columns in the order and the memory layout that the kernels expect.
 
     Raises:
-        EngineError: If shapes or kinds of numbers are not those of ``Rays``.
+        EngineError: If the shape or dtype of a column is not that of ``Rays``.
     """
     n = len(rays.origins)
     columns: list[NDArray[Any]] = []
-    for name, array, shape, kind in (
-        ("origins", rays.origins, (n, 3), np.float64),
-        ("directions", rays.directions, (n, 3), np.float64),
-        ("reach", rays.reach, (n,), np.float64),
-        ("power", rays.power, (n,), np.float64),
-        ("medium", rays.medium, (n,), np.uint8),
-        ("own", rays.own, (n,), np.int64),
+    for name, shape, dtype in (
+        ("origins", (n, 3), np.float64),
+        ("directions", (n, 3), np.float64),
+        ("max_range", (n,), np.float64),
+        ("power", (n,), np.float64),
+        ("class_index", (n,), np.uint8),
+        ("carrier_id", (n,), np.int64),
     ):
+        array = getattr(rays, name)
         if array.shape != shape:
             raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
-        if array.dtype != kind:
-            raise EngineError(f"{name} of {array.dtype}, expected {np.dtype(kind)}")
-        # For arrays that are laid out otherwise all would be compiled once more.
+        if array.dtype != dtype:
+            raise EngineError(f"{name} of {array.dtype}, expected {np.dtype(dtype)}")
+        # The layout is part of an array's type: another would compile everything anew.
         plain = array.flags.c_contiguous and array.flags.writeable
         columns.append(array if plain else array.copy())
     return tuple(columns)
 
 
 @njit_inline
-def is_fit(origin: Any, direction: Any, reach: Any, power: Any) -> Any:
-    """Say whether one ray has finite numbers, and a unit vector."""
+def is_valid_ray(origin: Any, direction: Any, max_range: Any, power: Any) -> Any:
+    """Return whether a ray has finite coordinates, a unit direction, and no NaN."""
     length = 0.0
     for axis in range(3):
         length += direction[axis] ** 2
         if not np.isfinite(origin[axis]):
             return False
-    if not abs(length - 1.0) <= UNIT:
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
         return False
-    return reach >= 0.0 and power >= 0.0
+    return max_range >= 0.0 and power >= 0.0
 
 
-def refuse(rays: Rays, row: int) -> NoReturn:
-    """Say what is wrong with a ray that is not fit.
+def reject_ray(rays: Rays, row: int) -> NoReturn:
+    """Raise the error that describes what is invalid about a ray.
 
     Raises:
         EngineError: Always.
@@ -223,13 +234,13 @@ def refuse(rays: Rays, row: int) -> NoReturn:
         if not np.isfinite(numbers).all():
             text = f"{name}[{row}] is {numbers.tolist()}, expected finite numbers"
             raise EngineError(text)
-    for name in ("reach", "power"):
+    for name in ("max_range", "power"):
         number = float(getattr(rays, name)[row])
         if not number >= 0.0:
             raise EngineError(f"{name}[{row}] is {number}, expected at least 0")
-    most = len(rays.kinds) - 1
-    if rays.medium[row] > most:
-        text = f"medium[{row}] is {rays.medium[row]}, expected 0 to {most}"
+    most = len(rays.ray_classes) - 1
+    if rays.class_index[row] > most:
+        text = f"class_index[{row}] is {rays.class_index[row]}, expected 0 to {most}"
         raise EngineError(text)
     length = float(np.linalg.norm(rays.directions[row]))
     raise EngineError(f"directions[{row}] has length {length:.9g}, expected 1")

@@ -40,11 +40,11 @@ class Boxes:
             )
         object.__setattr__(self, "rows", rows)
 
-    def is_any_near(self, point: Floats, radius: float, own: int) -> bool:
+    def is_any_near(self, point: Floats, radius: float, carrier_id: int) -> bool:
         """Say whether a box but one's own may be within ``radius`` m of a point."""
         x, y, _, _, _, length, width, number = self.rows.T
         apart = np.hypot(x - point[0], y - point[1])
-        near = (apart <= radius + np.hypot(length, width)) & (number != own)
+        near = (apart <= radius + np.hypot(length, width)) & (number != carrier_id)
         return bool(near.any())
 
     def laid_out(self, middle: Floats) -> Floats:
@@ -71,19 +71,21 @@ def _slab(at: Any, step: Any, half: Any) -> Any:
 
 
 @njit_inline
-def meet_boxes(laid: Any, own: Any, origin: Any, direction: Any, reach: Any) -> Any:
+def meet_boxes(
+    laid: Any, carrier_id: Any, origin: Any, direction: Any, max_range: Any
+) -> Any:
     """Find the nearest surface of all boxes but one's own.
 
     A ray that starts in a box meets it from within.
 
     Returns:
-        How far it is, m, at most ``reach``; and the box's number, -1 for none.
+        How far it is, m, at most ``max_range``; and the box's number, -1 for none.
     """
-    nearest, name = reach, np.int64(-1)
+    nearest, name = max_range, np.int64(-1)
     ex, ey = direction[0], direction[1]
     for i in range(len(laid)):
         dx, dy = origin[0] - laid[i, X], origin[1] - laid[i, Y]
-        if abs(ex * dy - ey * dx) > laid[i, AROUND] or laid[i, NUMBER] == own:
+        if abs(ex * dy - ey * dx) > laid[i, AROUND] or laid[i, NUMBER] == carrier_id:
             continue
         c, s = laid[i, COS], laid[i, SIN]
         ahead = _slab(c * dx + s * dy, c * ex + s * ey, laid[i, LENGTH])

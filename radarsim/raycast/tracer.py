@@ -36,13 +36,13 @@ from radarsim.raycast.material_table import (
 )
 from radarsim.raycast.propagate import trace_rays
 from radarsim.raycast.rays import (
-    PLAIN,
+    DEFAULT_CLASSES,
     Event,
     RayClass,
     Rays,
     Traces,
     columns_of,
-    refuse,
+    reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.scene.material import Material
@@ -56,9 +56,9 @@ class Tracer:
     """Casts rays into a sealed scene.
 
     Attributes:
-        parts: Of the scene; if it has air, that comes last, without surfaces.
-        rain: (P,) mm/h of rain that falls in each part; in the air it falls everywhere.
-        rains: Whether there is any.
+        parts: Parts of the scene; the air, if any, comes last, without surfaces.
+        rain_rate: (P,) rain in each part, mm/h; rain in the air falls everywhere.
+        has_rain: Whether it rains anywhere.
     """
 
     def __init__(self, parts: Sequence[Part], air: Material | None = None) -> None:
@@ -75,8 +75,10 @@ class Tracer:
         nothing = np.zeros((0, 3), np.float64), np.zeros((0, 3), np.int32)
         filling = [] if air is None else [Part("air", air, *nothing)]
         self.parts = (*parts, *filling)
-        self.rain = np.array([part.material.rain for part in self.parts], np.float64)
-        self.rains = bool(self.rain.any())
+        self.rain_rate = np.array(
+            [part.material.rain for part in self.parts], np.float64
+        )
+        self.has_rain = bool(self.rain_rate.any())
         self._middle = middle_of(parts)
         self._volumes = find_volumes(parts, self._middle)
         self._air = air
@@ -124,8 +126,13 @@ class Tracer:
         self._events_of_a_ray = max(self._events_of_a_ray, most)
         return traces
 
-    def is_open(
-        self, point: Floats, radius: float, medium: int, boxes: Boxes | None, own: int
+    def is_clear(
+        self,
+        point: Floats,
+        radius: float,
+        medium: int,
+        boxes: Boxes | None,
+        carrier_id: int,
     ) -> bool:
         """Say whether nothing opaque is near a point, for certain.
 
@@ -133,19 +140,19 @@ class Tracer:
             point: (3,) m, map frame.
             radius: m.
             medium: ``RADAR`` or ``LASER``.
-            boxes: Robots, of which ``own`` does not count.
-            own: Number of a box; -1 for none.
+            boxes: Robots, of which ``carrier_id`` does not count.
+            carrier_id: Number of a box; -1 for none.
 
         Returns:
             False also if something is only a little farther away.
         """
-        if boxes is not None and boxes.is_any_near(point, radius, own):
+        if boxes is not None and boxes.is_any_near(point, radius, carrier_id):
             return False
-        scene, roles = self._scene, self._tolls_of(PLAIN).ahead[medium]
-        reach = radius + scene.handle.margin
+        scene, roles = self._scene, self._tolls_of(DEFAULT_CLASSES).ahead[medium]
+        max_range = radius + scene.handle.margin
         point = point - self._middle
         return not is_anything_opaque(
-            scene.handle.numbers, scene.asked, roles, point, reach
+            scene.handle.numbers, scene.asked, roles, point, max_range
         )
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
@@ -161,7 +168,7 @@ class Tracer:
                 EventKind(int(row["kind"])),
                 int(row["part"]),
                 float(row["power"]),
-                float(row["kept"]),
+                float(row["absorbed"]),
                 (float(row["x"]), float(row["y"]), float(row["z"])),
             )
             events[int(row["ray"])].append(event)
@@ -182,7 +189,7 @@ class Tracer:
         columns = columns_of(rays)
         n = len(rays.origins)
         laid = NO_BOXES if boxes is None else boxes.laid_out(self._middle)
-        tolls = self._tolls_of(rays.kinds)
+        tolls = self._tolls_of(rays.ray_classes)
         scene = (self._scene.handle, self._middle, tolls, self._scene.triangles)
         while True:
             found = (
@@ -197,7 +204,7 @@ class Tracer:
             needed = trace_rays(scene, columns, laid, room, found)
             written = int(notes[-1]["ray"]) if events else 0
             if needed < 0:
-                refuse(rays, -1 - int(needed))
+                reject_ray(rays, -1 - int(needed))
             if needed == 0 and written <= events:
                 return Traces(*found, notes[:written])
             self._room = max(self._room, 2 * int(needed))
@@ -234,7 +241,7 @@ def _see_that_rays_end_right() -> None:
     near, far = vertices + np.array([1, 0, 0]), vertices + np.array([3.25, 0, 0])
     hedge = Part("hedge", Material("hedge", density=1.0), near, faces)
     wall = Part("wall", Material("wall"), far, faces)
-    ray = Rays.alike(np.zeros((1, 3)), np.eye(3)[:1], reach=5.0, power=1.0)
+    ray = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=5.0, power=1.0)
     expect_known_end(Tracer([hedge, wall]).trace(ray))
 
 

@@ -127,7 +127,7 @@ def _share_kept(event: Any, full: Any) -> Any:
     """Give the share that is lost at a place."""
     if full == 0.0 or np.isinf(full):
         return 0.0
-    return event.kept / full
+    return event.absorbed / full
 
 
 @njit_inline
@@ -236,7 +236,7 @@ def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
     columns.t[place] = event.t
     columns.kind[place] = kind
     columns.part[place] = event.part
-    kept = event.kept if kind == HIT else 0.0
+    kept = event.absorbed if kind == HIT else 0.0
     columns.power[place] = event.power - kept
     strength = strengths[i] * _sent_back(event, incidence)
     columns.strength[place] = min(weights[ray] * strength, 1.0)

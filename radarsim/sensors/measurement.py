@@ -147,7 +147,7 @@ class ScanBuilder:
         if rows is not None:
             weights = np.zeros(len(plan.sides))
             weights[rows] = 1.0
-        densities = plan.tracer.densities(plan.rays.kinds[0])
+        densities = plan.tracer.densities(plan.rays.ray_classes[0])
         columns = extract_echoes(
             traces, weights, self._pattern.rays, densities, settings
         )

@@ -133,9 +133,9 @@ def speckle(
     """
     n = len(rows)
     found = Speckle(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n))
-    contrasts = np.zeros(len(tracer.rain))
-    for part in np.flatnonzero(tracer.rain).tolist():
-        contrasts[part] = contrast(settings, float(tracer.rain[part]))
+    contrasts = np.zeros(len(tracer.rain_rate))
+    for part in np.flatnonzero(tracer.rain_rate).tolist():
+        contrasts[part] = contrast(settings, float(tracer.rain_rate[part]))
     start = np.zeros(len(contrasts), np.uint8)
     if tracer.air_part >= 0:
         start[tracer.air_part] = 1
@@ -203,7 +203,7 @@ def _speckle(
                 around[event.part] = 1
             elif event.kind == LEAVE:
                 around[event.part] = 0
-            before, power = event.t, event.power - event.kept
+            before, power = event.t, event.power - event.absorbed
             i += 1
 
 

@@ -48,10 +48,10 @@ class RangeScanner:
         self._medium = RADAR if settings.medium == "radar" else LASER
         self._reader = ScanBuilder(name, settings, self._pattern)
         nowhere = np.zeros((len(self.angles) * self._pattern.rays, 3))
-        self._alike = Rays.alike(
+        self._alike = Rays.uniform(
             nowhere,
             nowhere,
-            reach=settings.max_range,
+            max_range=settings.max_range,
             power=settings.penetration_power,
         )
         self._kinds = (ray_class_of(settings),)
@@ -105,7 +105,7 @@ class RangeScanner:
         pose: Pose3,
         rng: np.random.Generator | None,
         boxes: Boxes | None = None,
-        own: int = -1,
+        carrier_id: int = -1,
     ) -> PlannedScan:
         """Draw the rays of one scan and point them.
 
@@ -118,13 +118,13 @@ class RangeScanner:
             pose: Of the sensor, map frame.
             rng: What draws.
             boxes: Of the robots.
-            own: The number of the box that carries the sensor; -1 for none.
+            carrier_id: The number of the box that carries the sensor; -1 for none.
 
         Raises:
             ValueError: If there is no rng to draw from.
         """
         reader = self._reader
-        rains = tracer.rains and self._medium == RADAR
+        rains = tracer.has_rain and self._medium == RADAR
         draws = self._pattern.draws or reader.chooses or reader.noisy or rains
         if draws and not isinstance(rng, np.random.Generator):
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
@@ -137,10 +137,10 @@ class RangeScanner:
         if rng is not None and rains:
             rain = rng.standard_exponential((2, len(self.angles)))
         place, width = pose.position(), self._pattern.width
-        if width and not tracer.is_open(place, width, self._medium, boxes, own):
-            hidden = self._hidden(tracer, pose, drawn, boxes, own)
+        if width and not tracer.is_clear(place, width, self._medium, boxes, carrier_id):
+            hidden = self._hidden(tracer, pose, drawn, boxes, carrier_id)
             drawn = self._pattern.centred(drawn, hidden)
-        rays = self._rays(pose, drawn, own)
+        rays = self._rays(pose, drawn, carrier_id)
         return PlannedScan(
             tracer,
             pose,
@@ -175,19 +175,19 @@ class RangeScanner:
         """
         return self._reader.read(plan, traces)
 
-    def _rays(self, pose: Pose3, drawn: SampledRays, own: int) -> Rays:
+    def _rays(self, pose: Pose3, drawn: SampledRays, carrier_id: int) -> Rays:
         fan = self._pattern.aim(pose, drawn)
         same, n = self._alike, len(drawn.nodes)
-        if n < len(same.reach):
+        if n < len(same.max_range):
             same = same.take(np.arange(n))
-        carried_by = same.own if own < 0 else np.full(n, own)
+        carrier_ids = same.carrier_id if carrier_id < 0 else np.full(n, carrier_id)
         return Rays(
             fan.origins,
             fan.directions,
-            same.reach,
+            same.max_range,
             same.power,
-            same.medium,
-            carried_by,
+            same.class_index,
+            carrier_ids,
             self._kinds,
         )
 
@@ -197,21 +197,21 @@ class RangeScanner:
         pose: Pose3,
         drawn: SampledRays,
         boxes: Boxes | None,
-        own: int,
+        carrier_id: int,
     ) -> NDArray[np.int64]:
         """Find the side rays that start behind something opaque."""
         starts = self._pattern.aim(pose, drawn).origins
         way = starts - pose.position()
         length = np.linalg.norm(way, axis=1)
         moved = np.flatnonzero(length > 0)
-        rays = Rays.alike(
+        rays = Rays.uniform(
             np.broadcast_to(pose.position(), (len(moved), 3)),
             way[moved] / length[moved, None],
-            reach=0.0,
+            max_range=0.0,
             medium=self._medium,
-            own=own,
+            carrier_id=carrier_id,
         )
-        traces = tracer.trace(replace(rays, reach=length[moved]), boxes)
+        traces = tracer.trace(replace(rays, max_range=length[moved]), boxes)
         met = traces.outcomes != Outcome.NOTHING  # also what absorbs
         hidden: NDArray[np.int64] = moved[met]
         return hidden

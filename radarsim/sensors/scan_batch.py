@@ -36,9 +36,9 @@ def scan_batch(
     for (events, incidence), rows in alike.items():
         rays = [planned[i][1].rays for i in rows]
         traces = tracer.trace(
-            Rays.joined(rays), boxes, events=events, incidence=incidence
+            Rays.concatenate(rays), boxes, events=events, incidence=incidence
         )
-        pieces = traces.split([len(batch.reach) for batch in rays])
+        pieces = traces.split([len(batch.max_range) for batch in rays])
         for i, piece in zip(rows, pieces, strict=True):
             scanner, plan = planned[i]
             scans[i] = scanner.read(plan, piece)

@@ -177,7 +177,7 @@ class Simulation:
         together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
         rng, boxes = generator_for(0, "warm-up"), self._boxes()
         planned = [
-            (scanner, scanner.plan(self._tracer, place, rng, boxes, own=0))
+            (scanner, scanner.plan(self._tracer, place, rng, boxes, carrier_id=0))
             for scanner in (radar, radar.with_all_echoes, together)
         ]
         scan_batch(self._tracer, planned, boxes)
@@ -218,7 +218,7 @@ class Simulation:
         """Tell which of (N, 2) places are within bushes: solid, yet no surfaces."""
         points = np.column_stack([places, np.full(len(places), height)])
         ahead = np.tile([1.0, 0.0, 0.0], (len(places), 1))
-        rays = Rays.alike(points, ahead, reach=0.0)
+        rays = Rays.uniform(points, ahead, max_range=0.0)
         inside = [
             any(
                 event.kind is EventKind.START_INSIDE

@@ -18,7 +18,7 @@ def test_one_direction_has_a_pole_and_the_hedge_behind_it(seed: int) -> None:
     assert hedge.range == pytest.approx(23.7, abs=0.3)
     assert pole.strength > hedge.strength > 0
     assert pole.strength + hedge.strength <= 1
-    assert len(rays.reach) == RAYS
+    assert len(rays.max_range) == RAYS
 
 
 def test_the_pole_gives_back_the_share_of_rays_that_hit_it() -> None:

@@ -29,7 +29,7 @@ def leaves_at(middles: Floats, seed: int = 0) -> Part:
 def cast(part: Part, through: Floats, ways: Floats, medium: int = RADAR) -> Traces:
     """Cast rays of power 1 that start 1 m before some points."""
     ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    rays = Rays.alike(through - ways, ways, reach=2.0, power=1.0, medium=medium)
+    rays = Rays.uniform(through - ways, ways, max_range=2.0, power=1.0, medium=medium)
     return Tracer([part]).trace(rays)
 
 

@@ -26,8 +26,8 @@ def test_the_wood_of_all_shapes_is_the_same() -> None:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_shape_fills_the_crown_to_its_border_and_no_further(shape: str) -> None:
     vertices, _ = make_shrubs(3)[shape].pieces[LEAVES]
-    reach = np.linalg.norm(vertices - SHRUB.centre, axis=1)
-    assert reach.max() <= SHRUB.crown_radius * (1 + 1e-12)
+    radius = np.linalg.norm(vertices - SHRUB.centre, axis=1)
+    assert radius.max() <= SHRUB.crown_radius * (1 + 1e-12)
     ways = np.vstack([np.eye(3), -np.eye(3)])
     extents = ((vertices - SHRUB.centre) @ ways.T).max(axis=0)
     assert extents.min() > 0.9 * SHRUB.crown_radius
@@ -67,6 +67,6 @@ def test_balls_of_one_cloud_count_once_where_they_overlap() -> None:
     part = Part("cloud", mist, np.vstack([one[0], other[0]]), faces)
     start = np.array([[-2.0, 0.001, 0.002]])
     traces = Tracer([part]).trace(
-        Rays.alike(start, np.eye(3)[:1], reach=5.0, power=1.0)
+        Rays.uniform(start, np.eye(3)[:1], max_range=5.0, power=1.0)
     )
     assert traces.power[0] == pytest.approx(1 - 0.1 * 1.5, abs=1e-3)

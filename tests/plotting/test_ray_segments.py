@@ -22,9 +22,9 @@ def slab(material: Material, near: float, far: float) -> Part:
     return Part(material.name, material, vertices + middle, faces)
 
 
-def ray(power: float = 1.0, reach: float = 20.0, medium: int = RADAR) -> Rays:
-    return Rays.alike(
-        np.zeros((1, 3)), np.eye(3)[:1], reach=reach, power=power, medium=medium
+def ray(power: float = 1.0, max_range: float = 20.0, medium: int = RADAR) -> Rays:
+    return Rays.uniform(
+        np.zeros((1, 3)), np.eye(3)[:1], max_range=max_range, power=power, medium=medium
     )
 
 
@@ -109,13 +109,13 @@ def test_power_without_end_or_none_is_all_there(power: float) -> None:
 
 
 def test_a_ray_that_meets_nothing_goes_to_the_end_of_its_reach() -> None:
-    pieces = cut(Tracer([]), ray(reach=7))
+    pieces = cut(Tracer([]), ray(max_range=7))
     assert (pieces.starts.tolist(), pieces.ends.tolist()) == ([0], [7])
 
 
 def test_every_ray_has_pieces_of_its_own() -> None:
     origins = np.array([[0.0, 0, 0], [0, 9, 0], [1, 0, 0]])
-    rays = Rays.alike(origins, np.eye(3)[[0, 0, 0]], reach=20, power=1.0)
+    rays = Rays.uniform(origins, np.eye(3)[[0, 0, 0]], max_range=20, power=1.0)
     tracer = Tracer([slab(Material("hedge", density=0.5), 2, 3), slab(WALL, 8, 9)])
     pieces = cut(tracer, rays)
     ends = [pieces.ends[pieces.rays == i][-1] for i in range(3)]
@@ -125,6 +125,6 @@ def test_every_ray_has_pieces_of_its_own() -> None:
 
 def test_lines_are_seen_from_above() -> None:
     way = np.array([[0.6, 0.0, 0.8]])
-    rays = Rays.alike(np.array([[1.0, 2, 3]]), way, reach=10)
+    rays = Rays.uniform(np.array([[1.0, 2, 3]]), way, max_range=10)
     lines = cut(Tracer([]), rays).lines
     assert lines.tolist() == [[[1, 2], [7, 2]]]

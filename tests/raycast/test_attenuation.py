@@ -40,7 +40,7 @@ def ended(
     densities: list[float],
     *,
     power: float = 1.0,
-    reach: float = 100.0,
+    max_range: float = 100.0,
     hit: int = -1,
     sheets: dict[int, float] | None = None,
     within: tuple[int, ...] = (),
@@ -54,7 +54,7 @@ def ended(
     ending = settle(
         0,
         power,
-        Stop(len(crossings), reach, hit),
+        Stop(len(crossings), max_range, hit),
         RayCosts(np.array(densities), losses),
         walk,
     )
@@ -71,12 +71,12 @@ def test_power_runs_out_where_density_times_length_says() -> None:
 
 
 def test_what_is_left_goes_on_to_the_wall() -> None:
-    ending = ended([(2, 0, 1), (3, 0, -1)], [0.5], reach=7.0, hit=4)
+    ending = ended([(2, 0, 1), (3, 0, -1)], [0.5], max_range=7.0, hit=4)
     assert ending == RayEnd(7.0, Outcome.HIT, 4, 0.5)
 
 
 def test_nothing_comes_back_from_out_of_reach() -> None:
-    assert ended([], [], reach=9.0) == RayEnd(9.0, Outcome.NOTHING, -1, 1.0)
+    assert ended([], [], max_range=9.0) == RayEnd(9.0, Outcome.NOTHING, -1, 1.0)
 
 
 def test_densities_of_volumes_around_add_up_and_the_last_entered_is_named() -> None:
@@ -85,7 +85,7 @@ def test_densities_of_volumes_around_add_up_and_the_last_entered_is_named() -> N
 
 
 def test_a_start_inside_is_charged_from_there() -> None:
-    ending = ended([(3, 0, -1), (5, 1, -1)], [0.05, 0.1], within=(0, 1), reach=8.0)
+    ending = ended([(3, 0, -1), (5, 1, -1)], [0.05, 0.1], within=(0, 1), max_range=8.0)
     assert ending.power == pytest.approx(1 - 3 * 0.05 - 5 * 0.1)
 
 
@@ -118,14 +118,14 @@ def test_the_sheet_that_takes_the_rest_is_where_power_is_spent() -> None:
 
 def test_power_used_up_to_the_last_bit_of_rounding_is_spent() -> None:
     thirds = [(0.1 + 0.2, 0, 1), (0.1 + 0.2 + 0.7 / 0.7, 0, -1)]
-    ending = ended(thirds, [1.0], reach=50.0, hit=0)
+    ending = ended(thirds, [1.0], max_range=50.0, hit=0)
     assert ending.outcome == Outcome.SPENT
     assert ending.t == pytest.approx(1.3)
 
 
 @pytest.mark.parametrize("power", [math.inf, 1e300])
 def test_endless_power_is_not_spent(power: float) -> None:
-    ending = ended([(1, 0, 1), (5, 0, -1)], [3.0], power=power, reach=6, hit=1)
+    ending = ended([(1, 0, 1), (5, 0, -1)], [3.0], power=power, max_range=6, hit=1)
     assert ending == RayEnd(6.0, Outcome.HIT, 1, power)
 
 
@@ -145,12 +145,12 @@ LAYERS = st.lists(
 
 
 def by_hand(
-    layers: list[tuple[float, float, float]], power: float, reach: float
+    layers: list[tuple[float, float, float]], power: float, max_range: float
 ) -> tuple[float, Outcome, float]:
     """Work out the end in a stack of layers (start, thickness, density)."""
-    edges = sorted({0.0, reach, *(x for a, d, _ in layers for x in (a, a + d))})
+    edges = sorted({0.0, max_range, *(x for a, d, _ in layers for x in (a, a + d))})
     for start, end in pairwise(edges):
-        if start >= reach:
+        if start >= max_range:
             break
         middle = (start + end) / 2
         density = math.fsum(r for a, d, r in layers if a < middle < a + d)
@@ -158,28 +158,28 @@ def by_hand(
         if density and cost >= power - 1e-10:
             return min(start + power / density, end), Outcome.SPENT, 0.0
         power -= cost
-    return reach, Outcome.HIT, power
+    return max_range, Outcome.HIT, power
 
 
 @settings(deadline=None)  # the first call compiles
-@given(layers=LAYERS, power=st.floats(0.01, 10), reach=st.floats(0.5, 40))
+@given(layers=LAYERS, power=st.floats(0.01, 10), max_range=st.floats(0.5, 40))
 def test_random_stacks_of_layers_end_where_they_do_by_hand(
-    layers: list[tuple[float, float, float]], power: float, reach: float
+    layers: list[tuple[float, float, float]], power: float, max_range: float
 ) -> None:
     crossings = [
         crossing
         for part, (start, thickness, _) in enumerate(layers)
         for crossing in ((start, part, 1), (start + thickness, part, -1))
-        if crossing[0] <= reach
+        if crossing[0] <= max_range
     ]
     ending = ended(
         crossings,
         [density for _, _, density in layers] or [0.0],
         power=power,
-        reach=reach,
+        max_range=max_range,
         hit=99,
     )
-    t, outcome, left = by_hand(layers, power, reach)
+    t, outcome, left = by_hand(layers, power, max_range)
     if ending.outcome != outcome:  # spent at the very last, or just not
         assert abs(ending.power - left) < 1e-9
         return

@@ -112,13 +112,13 @@ def ahead(
     roles: list[int],
     origin: tuple[float, float, float],
     way: tuple[float, float, float],
-    reach: float = 100.0,
+    max_range: float = 100.0,
 ) -> tuple[list[tuple[float, int, int]], float, int]:
     """Give the list that is ahead, in order, and what stops the ray."""
     crossings, takes = np.zeros(32, CROSSING), np.array(roles, np.uint8)
     block = new_block(scene.handle, crossings)
     start, direction = np.array(origin, float), np.array(way, float)
-    span = Span(0.0, reach, math.inf)
+    span = Span(0.0, max_range, math.inf)
     count, t, part = look_ahead(scene.handle, block, takes, start, direction, span)
     return sorted(crossings[:count].tolist()), t, part
 
@@ -147,12 +147,12 @@ def test_what_is_passed_by_is_not_there() -> None:
     assert [(round(t, 9), *names) for t, *names in listed] == SLAB
 
 
-@pytest.mark.parametrize(("reach", "part"), [(3.01, 1), (2.99, -1)])
-def test_beyond_its_reach_a_ray_meets_nothing(reach: float, part: int) -> None:
+@pytest.mark.parametrize(("max_range", "part"), [(3.01, 1), (2.99, -1)])
+def test_beyond_its_reach_a_ray_meets_nothing(max_range: float, part: int) -> None:
     roles = [PASSED_BY, OPAQUE, OPAQUE]
-    listed, t, stop = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0), reach)
+    listed, t, stop = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0), max_range)
     assert (listed, stop) == ([], part)
-    assert t == pytest.approx(min(reach, 3.0))
+    assert t == pytest.approx(min(max_range, 3.0))
 
 
 def test_a_list_without_room_counts_what_it_drops() -> None:

@@ -19,7 +19,7 @@ LEAF = Material("leaf", density=0.5)
 
 
 def cosines(parts: list[Part], ways: Floats, boxes: Boxes | None = None) -> Floats:
-    cast = Rays.alike(np.zeros((len(ways), 3)), ways, reach=80.0, power=1.0)
+    cast = Rays.uniform(np.zeros((len(ways), 3)), ways, max_range=80.0, power=1.0)
     return Tracer(parts).trace(cast, boxes, incidence=True).incidence
 
 
@@ -80,7 +80,7 @@ def test_a_robot_is_hit_from_above_and_from_the_side() -> None:
 
 
 def test_nobody_who_does_not_ask_is_told() -> None:
-    cast = Rays.alike(np.zeros((1, 3)), np.eye(3)[:1], reach=80.0)
+    cast = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=80.0)
     assert Tracer([]).trace(cast).incidence.size == 0
 
 
@@ -89,7 +89,7 @@ def test_asking_changes_no_other_answer() -> None:
     ball = part("ball", LEAF, shapes.sphere(1.0), (3, 0, 0))
     angles = np.linspace(0, 6, 50)
     ways = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(50)])
-    cast = Rays.alike(np.zeros((50, 3)), ways, reach=80.0, power=0.6)
+    cast = Rays.uniform(np.zeros((50, 3)), ways, max_range=80.0, power=0.6)
     tracer = Tracer([room, ball])
     plain, asked = tracer.trace(cast), tracer.trace(cast, incidence=True)
     recorded = tracer.trace(cast, events=True, incidence=True)

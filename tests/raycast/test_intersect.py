@@ -23,28 +23,28 @@ def bush(x: float) -> Part:
 def test_open_is_what_no_wall_is_near(x: float, y: float, radius: float) -> None:
     tracer = Tracer([ROOM])
     gap = min(abs(5 - abs(x)), 5 - abs(y), 5)
-    is_open = tracer.is_open(np.array([x, y, 0.0]), radius, RADAR, None, -1)
+    is_clear = tracer.is_clear(np.array([x, y, 0.0]), radius, RADAR, None, -1)
     if gap < radius:
-        assert not is_open
+        assert not is_clear
     elif gap > radius + 1e-3:
-        assert is_open
+        assert is_clear
 
 
-@pytest.mark.parametrize(("medium", "is_open"), [(RADAR, True), (LASER, False)])
-def test_foliage_counts_for_lasers_alone(medium: int, is_open: bool) -> None:
+@pytest.mark.parametrize(("medium", "is_clear"), [(RADAR, True), (LASER, False)])
+def test_foliage_counts_for_lasers_alone(medium: int, is_clear: bool) -> None:
     tracer = Tracer([ROOM, bush(1)])
     place = np.array([0.45, 0.0, 0.0])
-    assert tracer.is_open(place, 0.1, medium, None, -1) is is_open
+    assert tracer.is_clear(place, 0.1, medium, None, -1) is is_clear
 
 
 def test_another_robot_counts_and_ones_own_does_not() -> None:
     tracer = Tracer([ROOM])
     boxes = Boxes(np.array([[1.0, 0, 0, -1, 1, 0.3, 0.2, 7]]))
     place = np.array([0.6, 0.0, 0.0])
-    assert not tracer.is_open(place, 0.1, RADAR, boxes, -1)
-    assert tracer.is_open(place, 0.1, RADAR, boxes, 7)
-    assert tracer.is_open(place - 2.0, 0.1, RADAR, boxes, -1)
+    assert not tracer.is_clear(place, 0.1, RADAR, boxes, -1)
+    assert tracer.is_clear(place, 0.1, RADAR, boxes, 7)
+    assert tracer.is_clear(place - 2.0, 0.1, RADAR, boxes, -1)
 
 
 def test_in_an_empty_scene_everything_is_open() -> None:
-    assert Tracer([]).is_open(np.zeros(3), 5.0, RADAR, None, -1)
+    assert Tracer([]).is_clear(np.zeros(3), 5.0, RADAR, None, -1)

@@ -39,7 +39,7 @@ def cast(
     *,
     bounces: int = 2,
     power: float = 1.0,
-    reach: float = 80.0,
+    max_range: float = 80.0,
     **kind: Any,
 ) -> Rays:
     n = len(ways)
@@ -47,11 +47,11 @@ def cast(
     return Rays(
         np.zeros((n, 3)),
         ways,
-        np.full(n, reach),
+        np.full(n, max_range),
         np.full(n, power),
         np.zeros(n, np.uint8),
         np.full(n, -1),
-        (RayClass(**{"medium": RADAR, "bounces": bounces, **kind}),),
+        (RayClass(**{"medium": RADAR, "max_reflections": bounces, **kind}),),
     )
 
 
@@ -151,7 +151,7 @@ def test_a_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
     straight = np.linalg.norm(np.cross(middle, way[0]))
     if straight < 1.6 and 0 < middle @ way[0] < hit:
         return  # the ball itself is in the way
-    rays = cast(way, bounces=1, reach=500.0)
+    rays = cast(way, bounces=1, max_range=500.0)
     seen = Tracer([mirror, *parts]).trace(rays)
     wanted = Tracer(images).trace(rays)
     assert seen.ranges == pytest.approx(wanted.ranges, abs=1e-6)
@@ -173,8 +173,8 @@ def test_the_reach_is_that_of_the_whole_way() -> None:
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
     tracer = Tracer([mirror, wall])
-    assert tracer.trace(cast(AHEAD, reach=15.001)).ranges[0] == pytest.approx(15)
-    short = tracer.trace(cast(AHEAD, reach=14.9))
+    assert tracer.trace(cast(AHEAD, max_range=15.001)).ranges[0] == pytest.approx(15)
+    short = tracer.trace(cast(AHEAD, max_range=14.9))
     assert (short.ranges[0], short.outcomes[0]) == (math.inf, Outcome.NOTHING)
 
 
@@ -234,7 +234,7 @@ def test_a_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     boxes = Boxes(np.array([[0, 0, 0, -1, 1, 0.5, 0.3, 7.0]]))
     rays = cast(AHEAD)
-    rays.own[:] = 7
+    rays.carrier_id[:] = 7
     traces = Tracer([mirror]).trace(rays, boxes, incidence=True)
     assert (traces.ranges[0], traces.parts[0]) == (pytest.approx(9.5), 1 + 7)
     assert traces.incidence[0] == pytest.approx(1.0)
@@ -250,9 +250,9 @@ def test_events_tell_where_they_happen() -> None:
     wall = brick(WALL, (40, 1, 9), (4, 6.5, 0))
     (events,) = Tracer([ACROSS, wall]).explain(cast(AHEAD))
     mirror, hit = events
-    assert mirror.place[1:] == pytest.approx((0, 0))
-    assert mirror.place[0] == pytest.approx(mirror.t)
-    assert hit.place == pytest.approx((mirror.t, 6.0, 0), abs=1e-6)
+    assert mirror.position[1:] == pytest.approx((0, 0))
+    assert mirror.position[0] == pytest.approx(mirror.t)
+    assert hit.position == pytest.approx((mirror.t, 6.0, 0), abs=1e-6)
     assert hit.t == pytest.approx(mirror.t + 6.0)
 
 
@@ -358,10 +358,10 @@ def test_rays_of_several_kinds_are_cast_together() -> None:
     tracer = Tracer(parts)
     kinds = [{"band": 0}, {"band": 2}, {"medium": LASER}, {"band": 0}]
     batches = [cast(AHEAD, power_per_db=0.1, **kind) for kind in kinds]
-    together = tracer.trace(Rays.joined(batches)).power
+    together = tracer.trace(Rays.concatenate(batches)).power
     alone = [float(tracer.trace(batch).power[0]) for batch in batches]
     assert together.tolist() == alone
-    assert len(Rays.joined(batches).kinds) == 3
+    assert len(Rays.concatenate(batches).ray_classes) == 3
 
 
 @settings(deadline=None)

@@ -53,7 +53,7 @@ def inverted(solid: Solid) -> Solid:
     return solid[0], solid[1][:, ::-1].copy()
 
 
-def joined(*solids: Solid) -> Solid:
+def concatenate(*solids: Solid) -> Solid:
     """Put shells into one mesh."""
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in solids[:-1])])
     faces = [f + shift for (_, f), shift in zip(solids, offsets, strict=True)]
@@ -129,14 +129,14 @@ class Oracle:
         return answer
 
     def answer(
-        self, origin: Floats, direction: Floats, reach: float, power: float
+        self, origin: Floats, direction: Floats, max_range: float, power: float
     ) -> Answer:
         near = self.hits(origin, direction, 1e-6)
         t = self.t
         opaque = np.isinf(self.density)[self.owner]
         walls = t[self.hits(origin, direction, 1e-12) & opaque]
         end = float(np.min(walls, initial=np.inf))
-        stop = min(end, reach)
+        stop = min(end, max_range)
         cuts = np.unique(np.clip(t[near & ~opaque & (t < stop)], 0.0, stop))
         cuts = np.concatenate([[0.0], cuts, [stop]])
         middles = origin + (cuts[:-1] + cuts[1:])[:, None] / 2 * direction
@@ -152,7 +152,7 @@ class Oracle:
             if cost * (until - start) >= power:
                 return Answer(float(start + power / cost), Outcome.SPENT, 0.0)
             power -= float(cost * (until - start))
-        return Answer(stop, Outcome.HIT if end <= reach else Outcome.NOTHING, power)
+        return Answer(stop, Outcome.HIT if end <= max_range else Outcome.NOTHING, power)
 
 
 def compare(
@@ -161,15 +161,17 @@ def compare(
     directions: Floats,
     *,
     power: float = 1.0,
-    reach: float = 80.0,
+    max_range: float = 80.0,
     medium: int = RADAR,
 ) -> None:
     """Hold the engine against the oracle, ray by ray."""
-    rays = Rays.alike(origins, directions, reach=reach, power=power, medium=medium)
+    rays = Rays.uniform(
+        origins, directions, max_range=max_range, power=power, medium=medium
+    )
     traces = Tracer(parts).trace(rays)
     oracle = Oracle(parts, medium)
     for i in range(len(origins)):
-        wanted = oracle.answer(origins[i], directions[i], reach, power)
+        wanted = oracle.answer(origins[i], directions[i], max_range, power)
         t = wanted.t if wanted.outcome != Outcome.NOTHING else math.inf
         story = f"ray {i} from {origins[i].tolist()} along {directions[i].tolist()}"
         assert traces.outcomes[i] == wanted.outcome, story
@@ -223,11 +225,11 @@ def touching_walls(rng: np.random.Generator) -> list[Part]:
 
 
 def shells_in_one_part(rng: np.random.Generator) -> list[Part]:
-    overlapping = joined(
+    overlapping = concatenate(
         *(ball(1, [0, y, 0]) for y in (-1.2, 0, 0.7, rng.uniform(0, 2)))
     )
-    hollow = joined(ball(1.5, [3, 0, 0]), inverted(ball(0.8, [3.1, 0.2, 0])))
-    twice = joined(ball(1, [-3, 0, 0]), ball(1, [-3, 0, 0]))
+    hollow = concatenate(ball(1.5, [3, 0, 0]), inverted(ball(0.8, [3.1, 0.2, 0])))
+    twice = concatenate(ball(1, [-3, 0, 0]), ball(1, [-3, 0, 0]))
     return [
         part(FOLIAGE, overlapping),
         part(HEDGE, hollow),
@@ -323,7 +325,7 @@ def test_a_scene_is_seen_from_the_other_end_of_a_kilometre(make: Make) -> None:
     ways = points[rng.integers(len(points), size=120)] + rng.normal(0, 0.3, (120, 3))
     ways -= origins
     directions = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    compare(parts, origins, directions, reach=1500.0)
+    compare(parts, origins, directions, max_range=1500.0)
 
 
 def in_many_ways(rng: np.random.Generator, parts: Sequence[Part]) -> list[Part]:
@@ -348,7 +350,7 @@ def test_the_order_of_parts_and_triangles_does_not_matter(
     rng = np.random.Generator(np.random.PCG64(seed))
     parts = make(rng)
     origins, directions = some_rays(rng, parts, 300)
-    rays = Rays.alike(origins, directions, reach=80.0, power=1.0)
+    rays = Rays.uniform(origins, directions, max_range=80.0, power=1.0)
     one, other = (Tracer(p).trace(rays) for p in (parts, in_many_ways(rng, parts)))
     np.testing.assert_allclose(other.ranges, one.ranges, rtol=0, atol=EXACT)
     np.testing.assert_allclose(other.power, one.power, rtol=0, atol=EXACT)

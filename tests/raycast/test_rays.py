@@ -19,7 +19,9 @@ TRACER = Tracer([Part("wall", Material("wall"), WALL[0] + [3.5, 0, 0], WALL[1])]
 def rays(**changed: Any) -> Rays:
     """Give three rays ahead, some columns changed."""
     ahead = np.tile([1.0, 0, 0], (3, 1))
-    return replace(Rays.alike(np.zeros((3, 3)), ahead, reach=9.0, power=1.0), **changed)
+    return replace(
+        Rays.uniform(np.zeros((3, 3)), ahead, max_range=9.0, power=1.0), **changed
+    )
 
 
 def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray:
@@ -44,8 +46,8 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
             id="too few directions",
         ),
         pytest.param(
-            {"reach": np.zeros(4)},
-            "reach of shape (4,), expected (3,)",
+            {"max_range": np.zeros(4)},
+            "max_range of shape (4,), expected (3,)",
             id="long reach",
         ),
         pytest.param(
@@ -54,13 +56,13 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
             id="power upright",
         ),
         pytest.param(
-            {"medium": np.zeros(2, np.uint8)},
-            "medium of shape (2,), expected (3,)",
+            {"class_index": np.zeros(2, np.uint8)},
+            "class_index of shape (2,), expected (3,)",
             id="too few media",
         ),
         pytest.param(
-            {"own": np.zeros(0, np.int64)},
-            "own of shape (0,), expected (3,)",
+            {"carrier_id": np.zeros(0, np.int64)},
+            "carrier_id of shape (0,), expected (3,)",
             id="no own",
         ),
         pytest.param(
@@ -69,12 +71,14 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
             id="single precision",
         ),
         pytest.param(
-            {"medium": np.zeros(3, np.int64)},
-            "medium of int64, expected uint8",
+            {"class_index": np.zeros(3, np.int64)},
+            "class_index of int64, expected uint8",
             id="wide medium",
         ),
         pytest.param(
-            {"own": np.zeros(3)}, "own of float64, expected int64", id="own is real"
+            {"carrier_id": np.zeros(3)},
+            "carrier_id of float64, expected int64",
+            id="carrier_id is real",
         ),
         pytest.param(
             {"origins": with_number((3, 3), (1, 2), math.nan)},
@@ -97,13 +101,13 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
             id="no direction",
         ),
         pytest.param(
-            {"reach": with_number((3,), 1, -1.0)},
-            "reach[1] is -1.0, expected at least 0",
+            {"max_range": with_number((3,), 1, -1.0)},
+            "max_range[1] is -1.0, expected at least 0",
             id="negative reach",
         ),
         pytest.param(
-            {"reach": with_number((3,), 0, math.nan)},
-            "reach[0] is nan, expected at least 0",
+            {"max_range": with_number((3,), 0, math.nan)},
+            "max_range[0] is nan, expected at least 0",
             id="nan reach",
         ),
         pytest.param(
@@ -112,8 +116,8 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
             id="nan power",
         ),
         pytest.param(
-            {"medium": np.array([0, 1, 2], np.uint8)},
-            "medium[2] is 2, expected 0 to 1",
+            {"class_index": np.array([0, 1, 2], np.uint8)},
+            "class_index[2] is 2, expected 0 to 1",
             id="third medium",
         ),
     ],
@@ -137,7 +141,7 @@ def test_columns_may_lie_in_memory_as_they_like(origins: np.ndarray) -> None:
 
 
 def test_batches_that_are_joined_come_apart_again() -> None:
-    one, other = rays(), rays(reach=np.array([9.0, 2.0, 9.0]))
-    apart = TRACER.trace(Rays.joined([one, other])).split([3, 3])
+    one, other = rays(), rays(max_range=np.array([9.0, 2.0, 9.0]))
+    apart = TRACER.trace(Rays.concatenate([one, other])).split([3, 3])
     assert [type(piece) for piece in apart] == [Traces, Traces]
     assert [piece.ranges.tolist() for piece in apart] == [[3, 3, 3], [3, math.inf, 3]]

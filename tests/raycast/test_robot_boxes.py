@@ -15,13 +15,15 @@ def met(
     origin: tuple[float, float, float],
     way: tuple[float, float, float] = (1, 0, 0),
     *,
-    own: int = -1,
-    reach: float = 100.0,
+    carrier_id: int = -1,
+    max_range: float = 100.0,
 ) -> tuple[float, int]:
     laid = Boxes(np.array(rows)).laid_out(np.zeros(3))
     direction = np.array(way, float)
     direction /= np.linalg.norm(direction)
-    t, name = meet_boxes(laid, own, np.array(origin, float), direction, reach)
+    t, name = meet_boxes(
+        laid, carrier_id, np.array(origin, float), direction, max_range
+    )
     return t, name
 
 
@@ -69,12 +71,12 @@ def test_the_nearest_box_is_met_in_any_order() -> None:
 
 
 def test_ones_own_box_is_no_obstacle() -> None:
-    assert met([ROW], (5, 0, 0.5), own=3) == (100.0, -1)
+    assert met([ROW], (5, 0, 0.5), carrier_id=3) == (100.0, -1)
 
 
-@pytest.mark.parametrize(("reach", "name"), [(4.5, 3), (4.4, -1)])
-def test_reach_is_inclusive(reach: float, name: int) -> None:
-    assert met([ROW], (0, 0, 0.5), reach=reach) == (reach, name)
+@pytest.mark.parametrize(("max_range", "name"), [(4.5, 3), (4.4, -1)])
+def test_reach_is_inclusive(max_range: float, name: int) -> None:
+    assert met([ROW], (0, 0, 0.5), max_range=max_range) == (max_range, name)
 
 
 def test_boxes_are_laid_out_about_the_middle() -> None:

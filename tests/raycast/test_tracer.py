@@ -42,13 +42,17 @@ def rays(
     way: tuple[float, float, float] | Floats = AHEAD,
     *,
     power: float = 1.0,
-    reach: float = 80.0,
+    max_range: float = 80.0,
     medium: int = RADAR,
 ) -> Rays:
     ways = np.broadcast_to(np.asarray(way, float), (len(origins), 3))
     ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    return Rays.alike(
-        np.asarray(origins, float), ways, reach=reach, power=power, medium=medium
+    return Rays.uniform(
+        np.asarray(origins, float),
+        ways,
+        max_range=max_range,
+        power=power,
+        medium=medium,
     )
 
 
@@ -58,11 +62,11 @@ def one(
     way: tuple[float, float, float] = AHEAD,
     *,
     power: float = 1.0,
-    reach: float = 80.0,
+    max_range: float = 80.0,
     medium: int = RADAR,
 ) -> tuple[float, Outcome, int, float]:
     traces = Tracer(parts).trace(
-        rays([origin], way, power=power, reach=reach, medium=medium)
+        rays([origin], way, power=power, max_range=max_range, medium=medium)
     )
     t, left = float(traces.ranges[0]), float(traces.power[0])
     return t, Outcome(traces.outcomes[0]), int(traces.parts[0]), left
@@ -99,7 +103,7 @@ def test_the_chord_of_a_sphere_is_that_of_its_faces(
     ball = solid(foliage(0.1), shapes.sphere(radius), (at, at, 3.0))
     origin = np.array([at - 5, at + y - 5 * math.sin(yaw), 3 + z])
     way = np.array([math.cos(yaw), math.sin(yaw), 0])
-    traces = Tracer([ball]).trace(rays(origin[None], way, reach=far))
+    traces = Tracer([ball]).trace(rays(origin[None], way, max_range=far))
     gap = np.array([at, at, 3.0]) - origin
     off = float(gap @ gap - (gap @ way) ** 2)
     chord = (1 - traces.power[0]) / 0.1
@@ -114,12 +118,12 @@ def test_what_takes_the_last_power_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reach", "outcome"), [(4.5, Outcome.HIT), (4.4999, Outcome.NOTHING)]
+    ("max_range", "outcome"), [(4.5, Outcome.HIT), (4.4999, Outcome.NOTHING)]
 )
 @pytest.mark.parametrize("shift", [0.0, 0.1, 1 / 3, 401.7])
-def test_reach_is_inclusive(reach: float, outcome: Outcome, shift: float) -> None:
+def test_reach_is_inclusive(max_range: float, outcome: Outcome, shift: float) -> None:
     wall = brick(CONCRETE, (1, 4, 4), (5 + shift, 0, 0))
-    t, found, _, _ = one([wall], (shift, 0, 0), reach=reach)
+    t, found, _, _ = one([wall], (shift, 0, 0), max_range=max_range)
     assert found == outcome
     assert t == (pytest.approx(4.5) if outcome == Outcome.HIT else math.inf)
 
@@ -195,7 +199,7 @@ def test_of_walls_that_coincide_the_first_is_hit() -> None:
 def test_far_from_a_scene_it_is_seen_as_from_near() -> None:
     bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
     wall = brick(CONCRETE, (1, 2, 2), (5, 0, 0))
-    t, outcome, part, power = one([bush, wall], (-1e6, 0.3, 0.2), reach=1e7)
+    t, outcome, part, power = one([bush, wall], (-1e6, 0.3, 0.2), max_range=1e7)
     assert (outcome, part) == (Outcome.HIT, 1)
     assert t == pytest.approx(1e6 + 4.5)
     assert power == pytest.approx(0.8)
@@ -203,8 +207,8 @@ def test_far_from_a_scene_it_is_seen_as_from_near() -> None:
 
 def test_robots_stop_rays_but_their_own() -> None:
     tracer = Tracer([brick(CONCRETE, (1, 9, 9), (9.5, 0, 0))])
-    cast = Rays.alike(np.zeros((2, 3)), np.tile(AHEAD, (2, 1)), reach=80.0)
-    cast.own[:] = 7, -1
+    cast = Rays.uniform(np.zeros((2, 3)), np.tile(AHEAD, (2, 1)), max_range=80.0)
+    cast.carrier_id[:] = 7, -1
     boxes = Boxes(np.array([[3, 0, 0, -1, 1, 1, 1, 7.0], [30, 0, 0, -1, 1, 1, 1, 8]]))
     traces = tracer.trace(cast, boxes)
     assert traces.ranges.tolist() == [9.0, 2.0]
@@ -243,7 +247,7 @@ def test_more_surfaces_behind_a_start_than_there_is_room_for_are_all_met() -> No
     shells = [
         brick(foliage(1e-4), (10, 10, 1 + i / 100), (0, 0, 0)) for i in range(600)
     ]
-    power = Tracer(shells).trace(rays([(0, 0, 0)], reach=2.0)).power[0]
+    power = Tracer(shells).trace(rays([(0, 0, 0)], max_range=2.0)).power[0]
     assert power == pytest.approx(1 - 600 * 2 * 1e-4)
 
 
@@ -303,7 +307,7 @@ def scattered(rng: np.random.Generator, parts: list[Part], count: int) -> Rays:
     corners = np.vstack([part.vertices for part in parts])
     ends = rng.uniform([-45, -45, -8], [45, 45, 8], (count, 3))
     ends[::2] = corners[rng.integers(len(corners), size=len(ends[::2]))]
-    return rays(origins, ends - origins, reach=200.0)
+    return rays(origins, ends - origins, max_range=200.0)
 
 
 def test_explain_ends_where_trace_ends() -> None:

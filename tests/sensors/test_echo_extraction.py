@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EVENT, EventKind
-from radarsim.raycast.rays import PLAIN, Rays, Traces
+from radarsim.raycast.rays import DEFAULT_CLASSES, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -52,7 +52,7 @@ def traced(
 ) -> Traces:
     """Cast rays ahead, all alike, from the origin."""
     ways = np.tile([1.0, 0.0, 0.0], (count, 1))
-    rays = Rays.alike(np.zeros((count, 3)), ways, reach=50.0, power=power)
+    rays = Rays.uniform(np.zeros((count, 3)), ways, max_range=50.0, power=power)
     return Tracer(parts).trace(rays, events=True, incidence=incidence)
 
 
@@ -65,7 +65,7 @@ def gathered(
 ) -> EchoColumns:
     settings = load_settings("radar", penetration_power=power)
     weights = np.ones(len(traces.ranges)) if weights is None else weights
-    densities = Tracer(parts).densities(PLAIN[0])
+    densities = Tracer(parts).densities(DEFAULT_CLASSES[0])
     return extract_echoes(traces, weights, of_a_beam, densities, settings)
 
 
@@ -154,10 +154,12 @@ def test_what_the_air_takes_nobody_gives_back() -> None:
     bush, wall = layer("bush", leaf(0.1), 2, 4), layer("wall", WALL, 8, 9)
     mist = Material("mist", density=0.05, solid=False)
     tracer = Tracer([bush, wall], mist)
-    rays = Rays.alike(np.zeros((1, 3)), np.eye(3)[:1], reach=50.0, power=1.0)
+    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=50.0, power=1.0)
     traces = tracer.trace(rays, events=True)
     settings = load_settings("radar")
-    found = extract_echoes(traces, np.ones(1), 1, tracer.densities(PLAIN[0]), settings)
+    found = extract_echoes(
+        traces, np.ones(1), 1, tracer.densities(DEFAULT_CLASSES[0]), settings
+    )
     assert found.strength == pytest.approx([0.2, 0.0, 1 - 8 * 0.05 - 0.2])
 
 
