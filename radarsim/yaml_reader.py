@@ -302,7 +302,7 @@ class YamlFile:
         """Say what is wrong at a place: ``file:line:column: key.path: message``."""
         return _join(self.place(keys, of_key=of_key), keys, message)
 
-    def refusals(
+    def validation_problems(
         self,
         error: ValidationError,
         at: Sequence[str | int] = (),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.atomic_write import write_whole
+from radarsim.atomic_write import write_atomically
 
 
 def names(folder: Path) -> list[str]:
@@ -20,7 +20,7 @@ def names(folder: Path) -> list[str]:
 
 def test_what_is_written_is_there_and_nothing_else(tmp_path: Path) -> None:
     files = {tmp_path / "yard.pgm": b"P5", tmp_path / "yard.yaml": b"image: yard.pgm"}
-    write_whole(files)
+    write_atomically(files)
     assert {path: path.read_bytes() for path in files} == files
     assert names(tmp_path) == ["yard.pgm", "yard.yaml"]
 
@@ -28,14 +28,14 @@ def test_what_is_written_is_there_and_nothing_else(tmp_path: Path) -> None:
 def test_what_was_there_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "yard.pgm"
     path.write_bytes(b"a longer text")
-    write_whole({path: b"new"})
+    write_atomically({path: b"new"})
     assert path.read_bytes() == b"new"
 
 
 def test_files_have_the_rights_of_new_files(tmp_path: Path) -> None:
     plain, whole = tmp_path / "plain", tmp_path / "whole"
     plain.write_bytes(b"")
-    write_whole({whole: b""})
+    write_atomically({whole: b""})
     assert whole.stat().st_mode == plain.stat().st_mode
 
 
@@ -56,7 +56,7 @@ def test_a_file_that_cannot_be_written_leaves_all_as_it_was(
     old.write_bytes(b"old")
     paths = [old, tmp_path / bad] if last else [tmp_path / bad, old]
     with pytest.raises(OSError, match=r".+"):
-        write_whole(dict.fromkeys(paths, b"new"))
+        write_atomically(dict.fromkeys(paths, b"new"))
     assert old.read_bytes() == b"old"
     assert names(tmp_path) == ["folder", "yard.pgm"]
 
@@ -67,7 +67,7 @@ def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
     link, file = tmp_path / "link", folder / "file"
     link.symlink_to(file)
     for data in (b"new", b"newer"):
-        write_whole({link: data})
+        write_atomically({link: data})
         assert link.is_symlink()
         assert file.read_bytes() == data
         assert list(folder.iterdir()) == [file]
@@ -78,7 +78,7 @@ def test_a_device_stays(tmp_path: Path) -> None:
     device = Path(os.ttyname(terminal))
     link, file = tmp_path / "terminal", tmp_path / "file"
     link.symlink_to(device)
-    write_whole({link: b"lost", file: b"kept"})
+    write_atomically({link: b"lost", file: b"kept"})
     assert os.read(ours, 4) == b"lost"
     assert link.is_symlink()
     assert device.is_char_device()
@@ -90,7 +90,7 @@ def test_a_device_stays(tmp_path: Path) -> None:
 def test_a_pipe_is_written_to(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    writer = threading.Thread(target=write_whole, args=({pipe: b"through"},))
+    writer = threading.Thread(target=write_atomically, args=({pipe: b"through"},))
     writer.start()
     assert pipe.read_bytes() == b"through"
     writer.join()
@@ -105,7 +105,7 @@ def test_a_disk_that_fills_up_leaves_what_was_there(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
         with pytest.raises(OSError, match="too large"):
-            write_whole({tmp_path / "small": b"new", old: bytes(1_000_000)})
+            write_atomically({tmp_path / "small": b"new", old: bytes(1_000_000)})
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, ignored)

@@ -129,14 +129,14 @@ def test_refusals_say_what_came_and_what_was_expected(line: str, message: str) -
         Outer.model_validate(data.data)
     row, column, rest = message.split(":", 2)
     expected = f"r.yaml:{int(row) + 1}:{int(column) + 2}:{rest}"
-    assert file.refusals(caught.value, ("o",), known=["a"]) == [expected]
+    assert file.validation_problems(caught.value, ("o",), known=["a"]) == [expected]
 
 
 def test_a_missing_key_points_at_what_lacks_it() -> None:
     file = parse_yaml(Path("r.yaml"), "low: 1\n")
     with pytest.raises(ValidationError) as caught:
         Outer.model_validate(file.data)
-    assert file.refusals(caught.value) == ["r.yaml:1:1: needed: missing"]
+    assert file.validation_problems(caught.value) == ["r.yaml:1:1: needed: missing"]
 
 
 def test_what_came_is_cut_to_80_characters() -> None:
@@ -144,7 +144,7 @@ def test_what_came_is_cut_to_80_characters() -> None:
     with pytest.raises(ValidationError) as caught:
         Outer.model_validate(file.data)
     shown = "'" + "x" * 79
-    assert file.refusals(caught.value) == [
+    assert file.validation_problems(caught.value) == [
         f"r.yaml:1:9: needed: {shown}, expected a whole number"
     ]
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import typer
 
-from radarsim.atomic_write import write_whole
+from radarsim.atomic_write import write_atomically
 from radarsim.cli.options import check_place
 from radarsim.evaluation.map_score import MapScore
 from radarsim.evaluation.trials import GroundTruthMonitor
@@ -93,7 +93,7 @@ class MapFiles:
         image, words = nav_map(grid, paths[2].stem, mode=self.mode).values()
         way = tum_text(mapper.trajectory).encode()
         data = (commander_png(grid), image, words, way)
-        write_whole(dict(zip(paths, data, strict=True)))
+        write_atomically(dict(zip(paths, data, strict=True)))
         return paths
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from radarsim.atomic_write import write_whole
+from radarsim.atomic_write import write_atomically
 
 
 class DriveUnit(StrEnum):
@@ -98,7 +98,7 @@ def _hindrance(path: Path) -> str:
 
 
 def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
-    """Write a file whole or not at all, as ``write_whole`` does.
+    """Write a file whole or not at all, as ``write_atomically`` does.
 
     Args:
         path: Where.
@@ -109,7 +109,7 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
         typer.BadParameter: If it cannot be written.
     """
     try:
-        write_whole({path: data})
+        write_atomically({path: data})
     except OSError as error:
         text = f"cannot write {path}: {error.strerror}"
         raise typer.BadParameter(text, param_hint=hint) from None

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import SHRUB, PlantForm
+from radarsim.plants.growth import SHRUB, PlantParameters
 from radarsim.plants.plant import Plant, make_shrubs
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays
@@ -176,7 +176,7 @@ class Reading:
 
 
 def read_plant(
-    form: PlantForm, parts: Sequence[Part], *, offsets: int = 101, azimuths: int = 120
+    form: PlantParameters, parts: Sequence[Part], *, offsets: int = 101, azimuths: int = 120
 ) -> Reading:
     """Send parallel rays from all sides over the width of a crown on the origin.
 
@@ -257,7 +257,7 @@ def foliage_material(shape: str, taken: float) -> Material:
 
 
 def compare_shapes(
-    seed: int, form: PlantForm = SHRUB, *, rays: int = RAYS, azimuths: int = 72
+    seed: int, form: PlantParameters = SHRUB, *, rays: int = RAYS, azimuths: int = 72
 ) -> Iterator[Comparison]:
     """Calibrate the three shapes of a shrub, and read them.
 
@@ -288,6 +288,6 @@ def compare_shapes(
         yield Comparison(shape, plant, material, measured, reading)
 
 
-def wanted_transmission(form: PlantForm = SHRUB) -> float:
+def wanted_transmission(form: PlantParameters = SHRUB) -> float:
     """Give the mean transmission of a bare ball as large as a crown, of ``DENSITY``."""
     return transmission_of_ball(2 * form.crown_radius * DENSITY / POWER)

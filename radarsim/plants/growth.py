@@ -14,7 +14,7 @@ LEAVES: Final = "Leaves"
 
 
 @dataclass(frozen=True, slots=True)
-class PlantForm:
+class PlantParameters:
     """A plant's measures, in m where nothing else is said.
 
     The crown is an ellipsoid above the origin, which is on the ground. All leaves and
@@ -73,7 +73,7 @@ class PlantForm:
         return np.array([r, r, self.crown_half_height])
 
 
-SHRUB: Final = PlantForm(
+SHRUB: Final = PlantParameters(
     crown_centre=0.9,
     crown_radius=1.0,
     crown_half_height=1.0,
@@ -93,7 +93,7 @@ SHRUB: Final = PlantForm(
     cluster=0.13,
 )
 
-TREE: Final = PlantForm(
+TREE: Final = PlantParameters(
     crown_centre=4.2,
     crown_radius=1.9,
     crown_half_height=2.4,
@@ -113,7 +113,7 @@ TREE: Final = PlantForm(
     cluster=0.22,
 )
 
-YOUNG_TREE: Final = PlantForm(
+YOUNG_TREE: Final = PlantParameters(
     crown_centre=1.9,
     crown_radius=0.8,
     crown_half_height=1.4,
@@ -204,7 +204,7 @@ class _Wood:
         return len(self.points) - 1
 
 
-def grow(form: PlantForm, rng: np.random.Generator) -> Skeleton:
+def grow(form: PlantParameters, rng: np.random.Generator) -> Skeleton:
     """Grow the wood of one plant."""
     wood = _Wood()
     _raise_stems(form, wood, rng)
@@ -216,7 +216,7 @@ def grow(form: PlantForm, rng: np.random.Generator) -> Skeleton:
     return Skeleton(points, parents, np.array(tips), radii)
 
 
-def _raise_stems(form: PlantForm, wood: _Wood, rng: np.random.Generator) -> None:
+def _raise_stems(form: PlantParameters, wood: _Wood, rng: np.random.Generator) -> None:
     """Let stems stand around the origin, a little bent."""
     several = form.stems > 1
     first = rng.uniform(0, 2 * math.pi)
@@ -234,7 +234,7 @@ def _raise_stems(form: PlantForm, wood: _Wood, rng: np.random.Generator) -> None
             number_of_last = wood.add(point, way, number_of_last, 0)
 
 
-def _throw_ends(form: PlantForm, rng: np.random.Generator) -> Floats:
+def _throw_ends(form: PlantParameters, rng: np.random.Generator) -> Floats:
     """Spread the ends of twigs over the crown, (T, 3) m."""
     ends = np.full((form.twigs, 3), np.inf)
     for number in range(form.twigs):
@@ -251,7 +251,7 @@ def in_unit_ball(rng: np.random.Generator, count: int) -> Floats:
     return np.asarray(ways * rng.random((count, 1)) ** (1 / 3))
 
 
-def _reach(form: PlantForm, wood: _Wood, end: Floats) -> int:
+def _reach(form: PlantParameters, wood: _Wood, end: Floats) -> int:
     """Grow a branch to an end, in a bow; gives the number of its last point."""
     start = _choose_start(form, wood, end)
     foot, way, level = wood.points[start], wood.ways[start], wood.levels[start]
@@ -264,7 +264,7 @@ def _reach(form: PlantForm, wood: _Wood, end: Floats) -> int:
     return last
 
 
-def _choose_start(form: PlantForm, wood: _Wood, end: Floats) -> int:
+def _choose_start(form: PlantParameters, wood: _Wood, end: Floats) -> int:
     points, ways = np.array(wood.points), np.array(wood.ways)
     gaps = end - points
     distances = np.linalg.norm(gaps, axis=1)
@@ -276,7 +276,7 @@ def _choose_start(form: PlantForm, wood: _Wood, end: Floats) -> int:
     return int(np.where(out_of_question, np.inf, costs).argmin())
 
 
-def _radii(form: PlantForm, points: Floats, parents: NDArray[np.int64]) -> Floats:
+def _radii(form: PlantParameters, points: Floats, parents: NDArray[np.int64]) -> Floats:
     """Make wood as thick as what grows out of it asks for."""
     rooted = parents >= 0
     pieces = np.zeros(len(points))

@@ -6,7 +6,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import PlantForm, Skeleton
+from radarsim.plants.growth import PlantParameters, Skeleton
 from radarsim.scene.shapes import Faces
 
 Mesh: TypeAlias = tuple[Floats, Faces]  # (V, 3) m and (F, 3), wound outward if closed
@@ -129,7 +129,7 @@ def _tube_faces(rings: int, sides: int) -> Faces:
 # Leaves: open rhombs of two triangles that share the midrib.
 
 
-def foliage(form: PlantForm, skeleton: Skeleton, rng: np.random.Generator) -> Mesh:
+def foliage(form: PlantParameters, skeleton: Skeleton, rng: np.random.Generator) -> Mesh:
     """Hang leaves around the ends of twigs, as many around each; all in the crown.
 
     They point away from their twig's end, and face any way.
@@ -142,7 +142,7 @@ def foliage(form: PlantForm, skeleton: Skeleton, rng: np.random.Generator) -> Me
 
 
 def rhombs(
-    form: PlantForm, middles: Floats, ribs: Floats, rng: np.random.Generator
+    form: PlantParameters, middles: Floats, ribs: Floats, rng: np.random.Generator
 ) -> Mesh:
     """Make a leaf around each of some points, turned about its rib at random.
 
@@ -168,7 +168,7 @@ def rhombs(
     return vertices, faces.astype(np.int32)
 
 
-def _offsets(form: PlantForm, ends: Floats, rng: np.random.Generator) -> Floats:
+def _offsets(form: PlantParameters, ends: Floats, rng: np.random.Generator) -> Floats:
     """Draw where leaves are, seen from their twigs' ends, until all are in the crown.
 
     A leaf is in it with all its corners, whichever way it faces.

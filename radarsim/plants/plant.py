@@ -19,7 +19,7 @@ from radarsim.plants.growth import (
     TREE,
     WOOD,
     YOUNG_TREE,
-    PlantForm,
+    PlantParameters,
     Skeleton,
     grow,
 )
@@ -66,14 +66,14 @@ class Plant:
         )
 
 
-def make_plant(form: PlantForm, seed: int, name: str) -> Plant:
+def make_plant(form: PlantParameters, seed: int, name: str) -> Plant:
     """Make a plant with leaves; of one seed and name there is one plant."""
     rng = generator_for(seed, "plants", name)
     skeleton = grow(form, rng)
     return Plant(bark(skeleton), foliage(form, skeleton, rng))
 
 
-def make_shrubs(seed: int, form: PlantForm = SHRUB) -> dict[str, Plant]:
+def make_shrubs(seed: int, form: PlantParameters = SHRUB) -> dict[str, Plant]:
     """Make one shrub whose foliage has the shapes ``SHAPES``: wood and crown are one.
 
     A ball fills the crown; a cloud of small balls is around the ends of the twigs;
@@ -95,7 +95,7 @@ def make_shrubs(seed: int, form: PlantForm = SHRUB) -> dict[str, Plant]:
     return {shape: Plant(wood, shapes[shape]) for shape in SHAPES}
 
 
-def _cloud(form: PlantForm, skeleton: Skeleton) -> Mesh:
+def _cloud(form: PlantParameters, skeleton: Skeleton) -> Mesh:
     """Put a tuft around each end, moved inward where it would not fit."""
     ends = skeleton.points[skeleton.tips] - form.centre
     out = np.linalg.norm(ends, axis=1, keepdims=True)

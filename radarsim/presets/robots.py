@@ -160,7 +160,7 @@ def read_robot(path: Path) -> RobotModel:
         return RobotModel.model_validate(_with_base(file.data, path.parent))
     except ValidationError as error:
         raise PresetError(
-            "\n".join(file.refusals(error, known=RobotModel.model_fields))
+            "\n".join(file.validation_problems(error, known=RobotModel.model_fields))
         ) from error
 
 

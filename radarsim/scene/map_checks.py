@@ -38,7 +38,7 @@ class MapProblems:
             return model.model_validate(item, context=context)
         except ValidationError as error:
             known = model.model_fields
-            self.found += self._file.refusals(error, at, known=known)
+            self.found += self._file.validation_problems(error, at, known=known)
             return None
 
     def take(

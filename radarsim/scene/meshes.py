@@ -22,8 +22,8 @@ from radarsim.scene.shapes import Faces
 from radarsim.scene.topology import (
     count_empty,
     count_open_edges,
-    merge_vertices,
-    orient,
+    weld_vertices,
+    orient_outward,
 )
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -134,15 +134,15 @@ def _sewn(surfaces: list[Surface]) -> tuple[Floats, Faces]:
     closed: list[tuple[Floats, Faces]] = []
     rest: list[tuple[Floats, Faces]] = []
     for surface in surfaces:
-        vertices, faces = merge_vertices(surface.vertices, surface.faces)
-        turned = orient(vertices, faces)
+        vertices, faces = weld_vertices(surface.vertices, surface.faces)
+        turned = orient_outward(vertices, faces)
         if turned is None:
             rest.append((vertices, faces))
         else:
             closed.append((vertices, turned))
     if rest:
-        vertices, faces = merge_vertices(*_stack(rest))
-        turned = orient(vertices, faces)
+        vertices, faces = weld_vertices(*_stack(rest))
+        turned = orient_outward(vertices, faces)
         if turned is None:
             count = count_open_edges(faces)
             raise MeshError(f"not closed: {count} edges have no partner")
@@ -155,7 +155,7 @@ def join_surfaces(surfaces: list[Surface]) -> tuple[Floats, Faces]:
     try:
         return _sewn(surfaces)
     except MeshError:
-        return _stack([merge_vertices(each.vertices, each.faces) for each in surfaces])
+        return _stack([weld_vertices(each.vertices, each.faces) for each in surfaces])
 
 
 class _References:

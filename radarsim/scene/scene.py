@@ -10,7 +10,7 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.shapes import Faces
-from radarsim.scene.topology import Labels, is_closed, split_shells
+from radarsim.scene.topology import Labels, is_closed, label_components
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Part:
     @cached_property
     def shells(self) -> Labels:
         """The shell that each face belongs to, (F,) int32, counted from 0."""
-        return split_shells(self.faces)
+        return label_components(self.faces)
 
 
 @dataclass(frozen=True, slots=True)

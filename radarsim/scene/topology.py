@@ -20,7 +20,7 @@ Labels: TypeAlias = NDArray[np.int32]
 _Ints: TypeAlias = NDArray[np.int64]
 
 
-def merge_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
+def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     """Give vertices at exactly equal places one number.
 
     Vertices without faces are left out, and faces that vanish by the merging.
@@ -48,10 +48,10 @@ def is_closed(faces: Faces) -> bool:
     return count_open_edges(faces) == 0
 
 
-def split_shells(faces: Faces) -> Labels:
+def label_components(faces: Faces) -> Labels:
     """Number the shells of (F, 3) faces: (F,) int32, from 0 in the order of faces.
 
-    Vertices at equal places must have equal numbers, see merge_vertices.
+    Vertices at equal places must have equal numbers, see `weld_vertices`.
     """
     edges, _, owners = _edges(faces)
     order = np.argsort(edges, kind="stable")
@@ -60,7 +60,7 @@ def split_shells(faces: Faces) -> Labels:
     return _components(len(faces), pairs)
 
 
-def orient(vertices: Floats, faces: Faces) -> Faces | None:
+def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     """Wind the faces of a closed surface so that outward is outward.
 
     Where neighbours disagree, or a shell is inside out, faces are turned round. A
@@ -80,7 +80,7 @@ def orient(vertices: Floats, faces: Faces) -> Faces | None:
     consistent = _make_consistent(faces)
     if consistent is None:
         return None
-    shells = split_shells(consistent)
+    shells = label_components(consistent)
     return _turned(
         consistent, (_shell_volumes(vertices, consistent, shells) < 0)[shells]
     )
@@ -136,7 +136,7 @@ def _make_consistent(faces: Faces) -> Faces | None:
 
 def _turn_stray_shells(vertices: Floats, faces: Faces) -> Faces:
     """Turn everything if the whole is inside out, then shells that are in no other."""
-    shells = split_shells(faces)
+    shells = label_components(faces)
     volumes = _shell_volumes(vertices, faces, shells)
     if volumes.sum() < 0:
         faces, volumes = _turned(faces, np.ones(len(faces), dtype=bool)), -volumes
@@ -235,12 +235,12 @@ def count_empty(vertices: Floats, faces: Faces) -> tuple[int, int]:
     """
     cancelled = _cancelled(faces)
     hull = faces[~cancelled]
-    shells = split_shells(hull)
+    shells = label_components(hull)
     lows, highs = shell_boxes(vertices, hull, shells, int(shells.max(initial=-1)) + 1)
     flat = _is_flat(vertices, hull, shells, lows, highs)
     walls = faces[cancelled]
     groups, firsts, sizes = np.unique(
-        split_shells(walls), return_index=True, return_counts=True
+        label_components(walls), return_index=True, return_counts=True
     )
     empty = 0
     for group in groups:

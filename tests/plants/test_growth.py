@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import SHRUB, TREE, YOUNG_TREE, PlantForm, Skeleton, grow
+from radarsim.plants.growth import SHRUB, TREE, YOUNG_TREE, PlantParameters, Skeleton, grow
 from radarsim.plants.mesh import ball, bark, join, tube
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import Faces
-from radarsim.scene.topology import is_closed, split_shells
+from radarsim.scene.topology import is_closed, label_components
 
 FORMS = [
     pytest.param(SHRUB, id="shrub"),
@@ -19,7 +19,7 @@ FORMS = [
 ]
 
 
-def grown(form: PlantForm, seed: int = 0) -> Skeleton:
+def grown(form: PlantParameters, seed: int = 0) -> Skeleton:
     return grow(form, generator_for(seed, "test"))
 
 
@@ -27,12 +27,12 @@ def volumes(vertices: Floats, faces: Faces) -> Floats:
     """Give the signed volume of each shell, m³."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     sixths = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
-    return np.bincount(split_shells(faces), weights=sixths).astype(np.float64)
+    return np.bincount(label_components(faces), weights=sixths).astype(np.float64)
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_every_twig_ends_in_the_crown(form: PlantForm, seed: int) -> None:
+def test_every_twig_ends_in_the_crown(form: PlantParameters, seed: int) -> None:
     skeleton = grown(form, seed)
     assert len(skeleton.tips) == form.twigs
     places = (skeleton.points[skeleton.tips] - form.centre) / form.half_axes
@@ -40,7 +40,7 @@ def test_every_twig_ends_in_the_crown(form: PlantForm, seed: int) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_all_wood_comes_out_of_the_ground(form: PlantForm) -> None:
+def test_all_wood_comes_out_of_the_ground(form: PlantParameters) -> None:
     skeleton = grown(form)
     roots = np.flatnonzero(skeleton.parents < 0)
     assert len(roots) == form.stems
@@ -50,7 +50,7 @@ def test_all_wood_comes_out_of_the_ground(form: PlantForm) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_wood_is_no_thicker_than_what_it_grows_out_of(form: PlantForm) -> None:
+def test_wood_is_no_thicker_than_what_it_grows_out_of(form: PlantParameters) -> None:
     skeleton = grown(form)
     rooted = skeleton.parents >= 0
     thinner = skeleton.radii[rooted] <= skeleton.radii[skeleton.parents[rooted]]
@@ -60,7 +60,7 @@ def test_wood_is_no_thicker_than_what_it_grows_out_of(form: PlantForm) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_nothing_branches_off_below_the_clear_height(form: PlantForm) -> None:
+def test_nothing_branches_off_below_the_clear_height(form: PlantParameters) -> None:
     skeleton = grown(form)
     children = np.bincount(skeleton.parents[skeleton.parents >= 0])
     forks = np.flatnonzero(children > 1)
@@ -92,13 +92,13 @@ def test_of_one_seed_there_is_one_plant() -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_bark_is_closed_tubes_wound_outward(form: PlantForm) -> None:
+def test_bark_is_closed_tubes_wound_outward(form: PlantParameters) -> None:
     skeleton = grown(form)
     vertices, faces = bark(skeleton)
     assert is_closed(faces)
     assert volumes(vertices, faces).min() > 0
     ends = set(range(len(skeleton.points))) - set(skeleton.parents.tolist())
-    assert split_shells(faces).max() + 1 == len(ends)
+    assert label_components(faces).max() + 1 == len(ends)
 
 
 @pytest.mark.parametrize("way", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -2, 3)])
@@ -126,4 +126,4 @@ def test_joined_meshes_keep_their_own_vertices() -> None:
     one = ball(np.zeros(3), 1.0)
     vertices, faces = join([one, one])
     assert len(vertices) == 2 * len(one[0])
-    assert split_shells(faces).max() == 1
+    assert label_components(faces).max() == 1

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import LEAVES, SHRUB, TREE, YOUNG_TREE, PlantForm
+from radarsim.plants.growth import LEAVES, SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.plants.mesh import rhombs
 from radarsim.plants.plant import make_plant
 from radarsim.raycast.attenuation import Outcome
@@ -95,7 +95,7 @@ def test_light_is_stopped_by_a_leaf() -> None:
         pytest.param(YOUNG_TREE, id="young tree"),
     ],
 )
-def test_all_leaves_are_in_the_crown(form: PlantForm) -> None:
+def test_all_leaves_are_in_the_crown(form: PlantParameters) -> None:
     vertices, faces = make_plant(form, 3, "test").pieces[LEAVES]
     places = (vertices - form.centre) / form.half_axes
     assert np.linalg.norm(places, axis=1).max() <= 1

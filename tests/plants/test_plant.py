@@ -11,7 +11,7 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.scene.topology import is_closed, split_shells
+from radarsim.scene.topology import is_closed, label_components
 
 
 def test_the_wood_of_all_shapes_is_the_same() -> None:
@@ -38,7 +38,7 @@ def test_volumes_are_closed_and_a_cloud_has_a_ball_for_each_twig() -> None:
     for shape in ("ball", "cloud"):
         assert is_closed(shrubs[shape].pieces[LEAVES][1])
     _, faces = shrubs["cloud"].pieces[LEAVES]
-    assert split_shells(faces).max() + 1 == SHRUB.twigs
+    assert label_components(faces).max() + 1 == SHRUB.twigs
     assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), TUFT)[1])
 
 

@@ -17,7 +17,7 @@ from radarsim.scene.meshes import (
     read_surfaces,
 )
 from radarsim.scene.shapes import box
-from radarsim.scene.topology import is_closed, split_shells
+from radarsim.scene.topology import is_closed, label_components
 
 CORNERS, TRIANGLES = box(1, 1, 1)
 
@@ -342,7 +342,7 @@ def test_open_pieces_are_sewn_together() -> None:
 def test_closed_pieces_stay_apart_where_they_touch() -> None:
     pieces = [surface(TRIANGLES), surface(TRIANGLES, at=1.0), surface(TRIANGLES)]
     _, faces = join_volume(pieces)
-    assert split_shells(faces).max() == 2
+    assert label_components(faces).max() == 2
 
 
 def test_what_stays_open_is_no_volume() -> None:

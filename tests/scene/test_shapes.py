@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
 from radarsim.scene.shapes import Faces, box, cylinder, sphere
-from radarsim.scene.topology import is_closed, split_shells
+from radarsim.scene.topology import is_closed, label_components
 
 Mesh = tuple[Floats, Faces]
 SIZE = st.floats(1e-3, 1e3)
@@ -46,7 +46,7 @@ def test_shapes_are_closed_in_one_shell_and_wound_outward(
     assert mesh[1].shape == (faces, 3)
     assert [array.dtype.name for array in mesh] == ["float64", "int32"]
     assert is_closed(mesh[1])
-    assert not split_shells(mesh[1]).any()
+    assert not label_components(mesh[1]).any()
     assert (plane_distances(mesh) > 0).all()
 
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
 from radarsim.scene.shapes import Faces, box, cylinder, sphere
-from radarsim.scene.topology import count_empty, is_closed, merge_vertices
+from radarsim.scene.topology import count_empty, is_closed, weld_vertices
 
 Mesh = tuple[Floats, Faces]
 QUAD = (
@@ -61,7 +61,7 @@ CUBE = box(1, 1, 1)
     ],
 )
 def test_what_encloses_a_volume_is_not_empty(mesh: Mesh) -> None:
-    assert count_empty(*merge_vertices(*mesh)) == (0, 0)
+    assert count_empty(*weld_vertices(*mesh)) == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_what_encloses_a_volume_is_not_empty(mesh: Mesh) -> None:
     ],
 )
 def test_sheets_are_empty(mesh: Mesh, twice: int, flat: int) -> None:
-    vertices, faces = merge_vertices(*mesh)
+    vertices, faces = weld_vertices(*mesh)
     assert is_closed(faces)
     assert count_empty(vertices, faces) == (twice, flat)
 
@@ -98,6 +98,6 @@ def test_sheets_are_empty(mesh: Mesh, twice: int, flat: int) -> None:
 def test_the_order_of_faces_and_corners_does_not_matter(
     order: list[int], shift: int
 ) -> None:
-    vertices, faces = merge_vertices(*stack(both(QUAD), both(moved(QUAD, 9)), CUBE))
+    vertices, faces = weld_vertices(*stack(both(QUAD), both(moved(QUAD, 9)), CUBE))
     shuffled = np.ascontiguousarray(np.roll(faces[order], shift, axis=1))
     assert count_empty(vertices, shuffled) == (4, 0)

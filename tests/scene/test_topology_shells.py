@@ -8,9 +8,9 @@ from radarsim.scene.shapes import Faces, box, sphere
 from radarsim.scene.topology import (
     count_open_edges,
     is_closed,
-    merge_vertices,
-    orient,
-    split_shells,
+    weld_vertices,
+    orient_outward,
+    label_components,
 )
 
 Mesh = tuple[Floats, Faces]
@@ -38,7 +38,7 @@ def volume(vertices: Floats, faces: Faces) -> float:
 
 
 def oriented_volume(mesh: Mesh) -> float:
-    faces = orient(*mesh)
+    faces = orient_outward(*mesh)
     assert faces is not None
     assert is_closed(faces)
     return volume(mesh[0], faces)
@@ -49,7 +49,7 @@ def test_a_soup_of_triangles_becomes_a_closed_surface() -> None:
     soup = vertices[faces].reshape(-1, 3)
     loose = np.arange(36, dtype=np.int32).reshape(-1, 3)
     assert count_open_edges(loose) == 36
-    merged, joined = merge_vertices(soup, loose)
+    merged, joined = weld_vertices(soup, loose)
     assert (len(merged), len(joined)) == (8, 12)
     assert is_closed(joined)
 
@@ -57,26 +57,26 @@ def test_a_soup_of_triangles_becomes_a_closed_surface() -> None:
 def test_the_two_zeros_are_one_place_and_vanished_faces_go() -> None:
     vertices = np.array([[0, 0, 0], [-0.0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 9, 9]])
     faces = np.array([[0, 1, 2], [0, 2, 3], [1, 2, 3]], dtype=np.int32)
-    merged, joined = merge_vertices(vertices, faces)
+    merged, joined = weld_vertices(vertices, faces)
     assert (len(merged), len(joined)) == (3, 2)
 
 
 def test_no_faces_are_closed_and_have_no_shells() -> None:
     nothing = np.zeros((0, 3), dtype=np.int32)
     assert is_closed(nothing)
-    assert split_shells(nothing).shape == (0,)
+    assert label_components(nothing).shape == (0,)
 
 
 def test_a_missing_face_leaves_three_open_edges() -> None:
     faces = cube()[1][1:]
     assert count_open_edges(faces) == 3
-    assert orient(cube()[0], faces) is None
+    assert orient_outward(cube()[0], faces) is None
 
 
 @given(st.permutations(range(24)))
 def test_shells_do_not_depend_on_the_order_of_faces(order: list[int]) -> None:
     _, faces = stack(cube(), cube(at=(3, 0, 0)))
-    labels = split_shells(faces[order])
+    labels = label_components(faces[order])
     assert len(set(labels)) == 2
     assert (
         len({(label, place >= 12) for label, place in zip(labels, order, strict=True)})
@@ -85,15 +85,15 @@ def test_shells_do_not_depend_on_the_order_of_faces(order: list[int]) -> None:
 
 
 def test_a_common_vertex_does_not_join_but_a_common_edge_does() -> None:
-    by_vertex = merge_vertices(*stack(cube(), cube(at=(1, 1, 1))))[1]
-    by_edge = merge_vertices(*stack(cube(), cube(at=(1, 1, 0))))[1]
-    assert split_shells(by_vertex).max() == 1
-    assert split_shells(by_edge).max() == 0
+    by_vertex = weld_vertices(*stack(cube(), cube(at=(1, 1, 1))))[1]
+    by_edge = weld_vertices(*stack(cube(), cube(at=(1, 1, 0))))[1]
+    assert label_components(by_vertex).max() == 1
+    assert label_components(by_edge).max() == 0
     assert is_closed(by_edge)
 
 
 def test_the_same_volume_twice_is_closed() -> None:
-    assert is_closed(merge_vertices(*stack(cube(), cube()))[1])
+    assert is_closed(weld_vertices(*stack(cube(), cube()))[1])
 
 
 def test_shells_of_a_long_strip_are_one() -> None:
@@ -101,7 +101,7 @@ def test_shells_of_a_long_strip_are_one() -> None:
     here = np.arange(count, dtype=np.int32)
     strip = np.column_stack([here, here + 1, here + 2])
     order = np.random.Generator(np.random.PCG64(1)).permutation(count)
-    assert split_shells(strip[order].astype(np.int32)).max() == 0
+    assert label_components(strip[order].astype(np.int32)).max() == 0
 
 
 @given(st.lists(st.booleans(), min_size=12, max_size=12))
@@ -113,7 +113,7 @@ def test_any_winding_of_a_closed_surface_is_repaired(flips: list[bool]) -> None:
 
 def test_a_sound_surface_stays_as_it_is() -> None:
     mesh = stack(cube(), cube(at=(3, 0, 0)))
-    faces = orient(*mesh)
+    faces = orient_outward(*mesh)
     assert faces is not None
     assert faces.tolist() == mesh[1].tolist()
 
@@ -150,4 +150,4 @@ def test_a_surface_with_one_side_cannot_be_oriented() -> None:
     ]
     angles = np.arange(6.0)
     vertices = np.column_stack([np.cos(angles), np.sin(angles), angles**2])
-    assert orient(vertices, np.array(faces, dtype=np.int32)) is None
+    assert orient_outward(vertices, np.array(faces, dtype=np.int32)) is None
