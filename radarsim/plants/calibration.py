@@ -176,7 +176,11 @@ class Reading:
 
 
 def read_plant(
-    form: PlantParameters, parts: Sequence[Part], *, offsets: int = 101, azimuths: int = 120
+    form: PlantParameters,
+    parts: Sequence[Part],
+    *,
+    offsets: int = 101,
+    azimuths: int = 120,
 ) -> Reading:
     """Send parallel rays from all sides over the width of a crown on the origin.
 

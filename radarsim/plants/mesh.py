@@ -129,7 +129,9 @@ def _tube_faces(rings: int, sides: int) -> Faces:
 # Leaves: open rhombs of two triangles that share the midrib.
 
 
-def foliage(form: PlantParameters, skeleton: Skeleton, rng: np.random.Generator) -> Mesh:
+def foliage(
+    form: PlantParameters, skeleton: Skeleton, rng: np.random.Generator
+) -> Mesh:
     """Hang leaves around the ends of twigs, as many around each; all in the crown.
 
     They point away from their twig's end, and face any way.

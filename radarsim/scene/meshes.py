@@ -22,8 +22,8 @@ from radarsim.scene.shapes import Faces
 from radarsim.scene.topology import (
     count_empty,
     count_open_edges,
-    weld_vertices,
     orient_outward,
+    weld_vertices,
 )
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")

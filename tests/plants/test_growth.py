@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import SHRUB, TREE, YOUNG_TREE, PlantParameters, Skeleton, grow
+from radarsim.plants.growth import (
+    SHRUB,
+    TREE,
+    YOUNG_TREE,
+    PlantParameters,
+    Skeleton,
+    grow,
+)
 from radarsim.plants.mesh import ball, bark, join, tube
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import Faces

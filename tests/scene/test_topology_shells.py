@@ -8,9 +8,9 @@ from radarsim.scene.shapes import Faces, box, sphere
 from radarsim.scene.topology import (
     count_open_edges,
     is_closed,
-    weld_vertices,
-    orient_outward,
     label_components,
+    orient_outward,
+    weld_vertices,
 )
 
 Mesh = tuple[Floats, Faces]
