@@ -12,7 +12,7 @@ from radarsim.cli.signals import ending_at_once
 from radarsim.errors import PresetError
 from radarsim.host import Host
 from radarsim.presets.sensors import parse_setting
-from radarsim.protocol.dialect import dialect_named
+from radarsim.protocol.dialect import get_dialect
 from radarsim.scene.map_file import load_map
 from radarsim.server import Server
 from radarsim.server import serve as serve_until_signal
@@ -43,7 +43,7 @@ def run_server(
             f"speed {speed}, expected above 0", param_hint="--speed"
         )
     dialect, unit, settings = conditions
-    held = SimulationConfig(dialect_named(dialect), unit, item_settings(settings))
+    held = SimulationConfig(get_dialect(dialect), unit, item_settings(settings))
     try:
         held.check()
     except PresetError as error:

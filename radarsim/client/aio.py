@@ -5,12 +5,14 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from radarsim.client import session as asking
-from radarsim.client.requests import Requests, Step, Talk
-from radarsim.client.robot_info import DriveUnit, RobotInfo
+from radarsim.client.deprecation import warn_renamed
+from radarsim.client.requests import Exchange, Requests, Step
+from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session, check_timeout
 from radarsim.client.transport import CHUNK, SHORTEST_WAIT, STUCK
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Greeting, Report
 
 Value = TypeVar("Value")
@@ -107,19 +109,31 @@ class AsyncClient:
         """As ``Client.configuration``."""
         return await self._run(self._talk.ask(asking.configuration(kind, name)))
 
+    async def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
+        """As ``Client.robot_info``."""
+        return await self._run(self._talk.robot_info(drive_unit))
+
     async def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
-        """As ``Client.facts``."""
-        return await self._run(self._talk.facts(drive_unit))
+        """Call ``robot_info``; deprecated."""
+        warn_renamed("AsyncClient.facts", "AsyncClient.robot_info")
+        return await self.robot_info(drive_unit=drive_unit)
 
     async def echoes(self, scanner: str, on: bool = True) -> None:
         """As ``Client.echoes``."""
         await self._run(self._talk.send(asking.echoes(scanner, on)))
 
+    async def set_item(
+        self, kind: str, name: str | None, opcode: str, params: str = ""
+    ) -> None:
+        """As ``Client.set_item``."""
+        await self._run(self._talk.send(asking.set_item(kind, name, opcode, params)))
+
     async def order(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
-        """As ``Client.order``."""
-        await self._run(self._talk.send(asking.order(kind, name, opcode, params)))
+        """Call ``set_item``; deprecated."""
+        warn_renamed("AsyncClient.order", "AsyncClient.set_item")
+        await self.set_item(kind, name, opcode, params)
 
     async def drive(self, left: float, right: float) -> None:
         """As ``Client.drive``."""
@@ -159,7 +173,7 @@ class AsyncClient:
         except OSError:  # what was lost, or is taken by nobody
             self._writer.transport.abort()
 
-    async def _run(self, talk: Talk[Value]) -> Value:
+    async def _run(self, talk: Exchange[Value]) -> Value:
         """Send and wait as a talk says, and give what comes of it."""
         try:
             step = next(talk)

@@ -16,14 +16,19 @@ from typing import Final, TypeAlias, TypeVar
 
 from radarsim.client import session as asking
 from radarsim.client.robot_info import (
-    DriveUnit,
     RobotInfo,
     ScannerDescriptions,
-    robot_facts,
 )
-from radarsim.client.session import ROBOT, SCANNERS, Question, Session, check_timeout
+from radarsim.client.session import (
+    RANGE_SCANNER,
+    ROBOT,
+    Question,
+    Session,
+    check_timeout,
+)
 from radarsim.errors import ClientError, ClientTimeout
 from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     Greeting,
     Report,
@@ -39,7 +44,7 @@ PATIENCE: Final = (
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
 Step: TypeAlias = bytes | float
-Talk: TypeAlias = Generator[Step, bytes, Value]
+Exchange: TypeAlias = Generator[Step, bytes, Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +88,14 @@ class Requests:
         self._clock = clock
         self._pending: list[Report] = []
 
-    def greeting(self) -> Talk[Greeting]:
+    def greeting(self) -> Exchange[Greeting]:
         """Give the greeting, whenever it came."""
         if self.session.greeting is None:
             yield from self._ask(asking.greeting(), Greeting)
         assert self.session.greeting is not None
         return self.session.greeting
 
-    def start_poses(self) -> Talk[dict[str, Pose3]]:
+    def start_poses(self) -> Exchange[dict[str, Pose3]]:
         """Ask for the start poses of the map."""
         answer = yield from self._ask(asking.start_poses(), StartPoses)
         return dict(answer.poses)
@@ -101,7 +106,7 @@ class Requests:
         name: str | None,
         start: str | None,
         pose: Pose2 | Pose3 | None,
-    ) -> Talk[None]:
+    ) -> Exchange[None]:
         """Ask for a robot, and wait until it says something, which is kept."""
         question = asking.spawn(class_name, name=name, start=start, pose=pose)
         self.has_robot = True
@@ -110,14 +115,14 @@ class Requests:
         first = yield from self.ask(question)
         self._pending.insert(0, first)
 
-    def ask(self, question: Question, timeout: float | None = None) -> Talk[Report]:
+    def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
         """Ask, and give the answer; readings that come before it are skipped."""
         wait = self._wait(question.what, timeout)
         if question.data:
             yield from self.send(question.data)
         return (yield from self._skip(question.accepts, wait))
 
-    def facts(self, drive_unit: DriveUnit) -> Talk[RobotInfo]:
+    def robot_info(self, drive_unit: DriveUnit) -> Exchange[RobotInfo]:
         """Ask for all that is known of the robot and its scanners."""
         geo = yield from self._ask(asking.geometry(ROBOT), RobotGeo)
         conf = yield from self._ask(asking.configuration(ROBOT), RobotConf)
@@ -127,10 +132,10 @@ class Requests:
             yield from self._describe_scanners(told, name)
         names = told.names(self.session.scans)
         yield from self._see(names)
-        scanners = told.facts(self.session.scans)
-        return robot_facts(geo, conf, scanners, drive_unit)
+        scanners = told.scanners(self.session.scans)
+        return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
-    def send(self, data: bytes) -> Talk[None]:
+    def send(self, data: bytes) -> Exchange[None]:
         """Say something that is not answered."""
         try:
             yield data
@@ -139,14 +144,14 @@ class Requests:
             text = f"{error}, expected to send {said[:80]!r}"
             raise ClientError(f"{text}, {self._came()}") from None
 
-    def read(self, timeout: float | None) -> Talk[list[Report]]:
+    def read(self, timeout: float | None) -> Exchange[list[Report]]:
         """Give the next reports, at least one."""
         wait = self._wait("report", timeout)
         return (yield from self._more(wait))
 
     def wait_for(
         self, kind: type[AnyReport], name: str | None, timeout: float | None
-    ) -> Talk[AnyReport]:
+    ) -> Exchange[AnyReport]:
         """Skip reports up to one of a kind, and of an item of that name if given."""
 
         def accepts(report: Report) -> bool:
@@ -159,25 +164,25 @@ class Requests:
 
     def _ask(
         self, question: Question, kind: type[AnyReport], timeout: float | None = None
-    ) -> Talk[AnyReport]:
+    ) -> Exchange[AnyReport]:
         answer = yield from self.ask(question, timeout)
         assert isinstance(answer, kind)
         return answer
 
     def _describe_scanners(
         self, told: ScannerDescriptions, name: str | None
-    ) -> Talk[None]:
+    ) -> Exchange[None]:
         """Ask for place and settings of one scanner or all; some servers are silent."""
         where, what = (
-            asking.geometry(SCANNERS, name),
-            asking.configuration(SCANNERS, name),
+            asking.geometry(RANGE_SCANNER, name),
+            asking.configuration(RANGE_SCANNER, name),
         )
         missing = [where, what]
 
         def complete(report: Report) -> bool:
             for question in missing:
                 if question.accepts(report):
-                    told.take(report)
+                    told.add(report)
                     missing.remove(question)
                     break
             return not missing
@@ -186,7 +191,7 @@ class Requests:
         with suppress(ClientTimeout):
             yield from self._skip(complete, self._wait("scanners", PATIENCE))
 
-    def _see(self, names: Sequence[str]) -> Talk[None]:
+    def _see(self, names: Sequence[str]) -> Exchange[None]:
         """Wait for a scan of each scanner, for a while: their beams can be counted."""
 
         def complete() -> bool:
@@ -199,7 +204,7 @@ class Requests:
                     lambda _: complete(), self._wait("scans", PATIENCE)
                 )
 
-    def _skip(self, wanted: Callable[[Report], bool], wait: Wait) -> Talk[Report]:
+    def _skip(self, wanted: Callable[[Report], bool], wait: Wait) -> Exchange[Report]:
         """Skip reports up to one that is wanted, and keep those behind it."""
         while True:
             reports = yield from self._more(wait)
@@ -209,7 +214,7 @@ class Requests:
                     return report
             self._check(wait)
 
-    def _more(self, wait: Wait) -> Talk[list[Report]]:
+    def _more(self, wait: Wait) -> Exchange[list[Report]]:
         """Give reports that were kept, or else the next that come."""
         reports, self._pending = self._pending, []
         while not reports:

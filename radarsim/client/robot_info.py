@@ -8,12 +8,13 @@ safe side.
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, Self
 
 import numpy as np
 
 from radarsim.errors import ClientError
 from radarsim.geometry import Floats, Pose3
+from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 from radarsim.protocol.reports import (
     ItemGeo,
     RangeScan,
@@ -23,13 +24,7 @@ from radarsim.protocol.reports import (
     ScannerConf,
 )
 
-DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
-
-DRIVE_SCALES: Final[dict[DriveUnit, float]] = {
-    "rad_per_s": 1.0,
-    "rev_per_s": 1 / (2 * math.pi),
-}
-NOWHERE: Final = Pose3(0.0, 0.0, 0.0)  # taken for a mount that nobody tells of
+DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # taken for a mount that nobody tells of
 WHEELS: Final = (1e-3, 1e3)  # m and drive units; what no robot on wheels is outside of
 MOST_BEAMS: Final = 100_000
 FARTHEST_MOUNT: Final = 10.0  # m from the robot's centre
@@ -103,6 +98,46 @@ class RobotInfo:
     drive_scale: float
     scanners: tuple[ScannerInfo, ...]
 
+    @classmethod
+    def from_reports(
+        cls,
+        geo: RobotGeo,
+        conf: RobotConf,
+        scanners: tuple[ScannerInfo, ...],
+        drive_unit: DriveUnit,
+    ) -> Self:
+        """Put together what a robot says of itself.
+
+        Raises:
+            ClientError: If a wheel dimension or the hull is not plausible.
+        """
+        wheels = {
+            "WheelRadius": geo.wheel_radius,
+            "WheelSeparation": geo.wheel_separation,
+            "MaxSpeed": conf.max_speed,
+        }
+        least, most = WHEELS
+        for key, value in wheels.items():
+            if not least <= value <= most:
+                text = f"{key} {value:g} of robot {geo.name[:80]!r}"
+                raise ClientError(f"{text}, expected {least:g} to {most:g}")
+        if not min(geo.dimensions) >= 0:
+            text = f"Dimensions {geo.dimensions} of robot {geo.name[:80]!r}"
+            raise ClientError(f"{text}, expected none below 0")
+        length, width, height = hull(geo)
+        scale = 1 / RAD_PER_S[drive_unit]
+        return cls(
+            name=geo.name,
+            length=length,
+            width=width,
+            height=height,
+            wheel_radius=geo.wheel_radius,
+            wheel_separation=geo.wheel_separation,
+            max_wheel_speed=conf.max_speed / scale * geo.wheel_radius,
+            drive_scale=scale,
+            scanners=scanners,
+        )
+
     @property
     def clearance(self) -> float:
         """Half the diagonal of the hull, m: what it needs around it to turn."""
@@ -167,45 +202,6 @@ def beam_angles(scan: RangeScan) -> Floats:
     return np.linspace(-scan.fov / 2, scan.fov / 2, len(scan.ranges))
 
 
-def robot_facts(
-    geo: RobotGeo,
-    conf: RobotConf,
-    scanners: tuple[ScannerInfo, ...],
-    drive_unit: DriveUnit,
-) -> RobotInfo:
-    """Put together what a robot says of itself.
-
-    Raises:
-        ClientError: If it has wheels that nobody can drive by, or a hull of no size.
-    """
-    wheels = {
-        "WheelRadius": geo.wheel_radius,
-        "WheelSeparation": geo.wheel_separation,
-        "MaxSpeed": conf.max_speed,
-    }
-    least, most = WHEELS
-    for key, value in wheels.items():
-        if not least <= value <= most:
-            text = f"{key} {value:g} of robot {geo.name[:80]!r}"
-            raise ClientError(f"{text}, expected {least:g} to {most:g}")
-    if not min(geo.dimensions) >= 0:
-        text = f"Dimensions {geo.dimensions} of robot {geo.name[:80]!r}"
-        raise ClientError(f"{text}, expected none below 0")
-    length, width, height = hull(geo)
-    scale = DRIVE_SCALES[drive_unit]
-    return RobotInfo(
-        name=geo.name,
-        length=length,
-        width=width,
-        height=height,
-        wheel_radius=geo.wheel_radius,
-        wheel_separation=geo.wheel_separation,
-        max_wheel_speed=conf.max_speed / scale * geo.wheel_radius,
-        drive_scale=scale,
-        scanners=scanners,
-    )
-
-
 def hull(geo: RobotGeo) -> tuple[float, float, float]:
     """Give length, width and height of a robot, m.
 
@@ -233,7 +229,7 @@ class ScannerDescriptions:
         self._mounts: dict[str, Pose3] = {}
         self._limits: dict[str, ScannerLimits] = {}
 
-    def take(self, report: Report) -> None:
+    def add(self, report: Report) -> None:
         """Take in an answer; what is none of scanners changes nothing."""
         if isinstance(report, ItemGeo):
             for name, mount in report.mounts:
@@ -258,7 +254,7 @@ class ScannerDescriptions:
         complete = self._mounts.keys() & self._limits.keys()
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
-    def facts(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
+    def scanners(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
         """Put all together; who says nothing of its beams is left out.
 
         Args:
@@ -272,7 +268,7 @@ class ScannerDescriptions:
         for name in self.names(scans):
             key = name.casefold()
             limits = self._limits.get(key, UNLIMITED)
-            mount = self._mounts.get(key, NOWHERE)
+            mount = self._mounts.get(key, DEFAULT_MOUNT)
             _check_scanner(name, limits, mount)
             scan = seen.get(key)
             fan = _fan(limits, scan)

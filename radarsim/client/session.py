@@ -43,7 +43,7 @@ from radarsim.protocol.reports import (
 )
 
 ROBOT = "Robot"  # the type by which clients ask about the robot itself
-SCANNERS = "RangeScanner"
+RANGE_SCANNER = "RangeScanner"
 
 
 def check_timeout(timeout: float) -> None:
@@ -230,7 +230,7 @@ def drive(left: float, right: float) -> bytes:
     return _bytes(Drive(left, right))
 
 
-def order(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
+def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
     """Give an order to the items of a type, or to the one of a name.
 
     Raises:
@@ -245,7 +245,7 @@ def echoes(scanner: str, on: bool = True) -> bytes:
     Raises:
         ValueError: If a line cannot hold the name.
     """
-    return order(SCANNERS, scanner, "ECHOES", str(on).lower())
+    return set_item(RANGE_SCANNER, scanner, "ECHOES", str(on).lower())
 
 
 def _bytes(command: Command) -> bytes:

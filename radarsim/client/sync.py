@@ -4,12 +4,14 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from radarsim.client import session as asking
-from radarsim.client.requests import Requests, Step, Talk
-from radarsim.client.robot_info import DriveUnit, RobotInfo
+from radarsim.client.deprecation import warn_renamed
+from radarsim.client.requests import Exchange, Requests, Step
+from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session
 from radarsim.client.transport import SocketTransport, Transport
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Greeting, Report
 
 Value = TypeVar("Value")
@@ -23,21 +25,21 @@ class Client:
     the connection is gone; both say what was missing, and what came last.
 
     Attributes:
-        link: What it talks over; its time is the only one that this client knows.
+        transport: What it talks over; its time is the only one that this client knows.
     """
 
-    def __init__(self, link: Transport, *, timeout: float = 5.0) -> None:
+    def __init__(self, transport: Transport, *, timeout: float = 5.0) -> None:
         """Talk over a link, which from now on belongs to the client.
 
         Args:
-            link: Connected.
+            transport: Connected.
             timeout: Longest wait where a call is told no other, s of the link's time.
 
         Raises:
             ValueError: If that is not above 0.
         """
-        self.link = link
-        self._talk = Requests(link.time, timeout=timeout)
+        self.transport = transport
+        self._talk = Requests(transport.time, timeout=timeout)
 
     @classmethod
     def connect(
@@ -55,6 +57,12 @@ class Client:
             ValueError: If the timeout is not above 0.
         """
         return cls(SocketTransport(host, port, timeout=timeout), timeout=timeout)
+
+    @property
+    def link(self) -> Transport:
+        """``transport``; deprecated."""
+        warn_renamed("Client.link", "Client.transport")
+        return self.transport
 
     @property
     def session(self) -> Session:
@@ -124,7 +132,7 @@ class Client:
         """
         return self._run(self._talk.ask(asking.configuration(kind, name)))
 
-    def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
+    def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """Find out what the robot is, and which scanners it has.
 
         What a server does not tell of a scanner is taken from its scans, after 2 s.
@@ -136,15 +144,27 @@ class Client:
             ClientError: If the robot's own geometry or configuration stays away, or
                 has wheels that cannot be.
         """
-        return self._run(self._talk.facts(drive_unit))
+        return self._run(self._talk.robot_info(drive_unit))
+
+    def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
+        """Call ``robot_info``; deprecated."""
+        warn_renamed("Client.facts", "Client.robot_info")
+        return self.robot_info(drive_unit=drive_unit)
 
     def echoes(self, scanner: str, on: bool = True) -> None:
         """Ask a scanner for ``EchoLine`` reports before each scan, or for no more."""
         self._run(self._talk.send(asking.echoes(scanner, on)))
 
-    def order(self, kind: str, name: str | None, opcode: str, params: str = "") -> None:
+    def set_item(
+        self, kind: str, name: str | None, opcode: str, params: str = ""
+    ) -> None:
         """Give an order to the items of a type, such as ``RESET`` to ``Odometry``."""
-        self._run(self._talk.send(asking.order(kind, name, opcode, params)))
+        self._run(self._talk.send(asking.set_item(kind, name, opcode, params)))
+
+    def order(self, kind: str, name: str | None, opcode: str, params: str = "") -> None:
+        """Call ``set_item``; deprecated."""
+        warn_renamed("Client.order", "Client.set_item")
+        self.set_item(kind, name, opcode, params)
 
     def drive(self, left: float, right: float) -> None:
         """Set the spin of the left and the right wheels, in the server's unit.
@@ -186,9 +206,9 @@ class Client:
         if self._talk.has_robot:
             self.stop()
             self._talk.has_robot = False
-        self.link.close()
+        self.transport.close()
 
-    def _run(self, talk: Talk[Value]) -> Value:
+    def _run(self, talk: Exchange[Value]) -> Value:
         """Send and wait as a talk says, and give what comes of it."""
         try:
             step = next(talk)
@@ -205,6 +225,6 @@ class Client:
 
     def _do(self, step: Step) -> bytes:
         if isinstance(step, bytes):
-            self.link.send(step)
+            self.transport.send(step)
             return b""
-        return self.link.receive(step)
+        return self.transport.receive(step)

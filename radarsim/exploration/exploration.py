@@ -36,7 +36,7 @@ from radarsim.navigation.mission import check_sight, find_start, safety_distance
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import ROBOT
 from radarsim.navigation.runner import TripMeter
-from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, Seen
+from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, TargetEchoes
 
 RADIUS = 12.0  # m
 TIME_LIMIT = 3600.0  # s
@@ -177,7 +177,7 @@ class Exploration:
         plan = self.plan
         start = None if plan.pose is not None else find_start(client, plan.start)
         client.spawn(plan.robot_class, start=start, pose=plan.pose)
-        facts = client.facts(drive_unit=plan.drive_unit)
+        facts = client.robot_info(drive_unit=plan.drive_unit)
         scanner = facts.scanner(plan.scanner)
         habits = self._habits(facts)
         if not plan.way:
@@ -190,7 +190,7 @@ class Exploration:
             echo_wait=1.0 if plan.echoes else 0.0,
             body=min(facts.length, facts.width) / 2,
         )
-        self.mapper = Mapper(scanner, settings, clock=client.link.time)
+        self.mapper = Mapper(scanner, settings, clock=client.transport.time)
         strategy = self._strategy_with(habits)
         return ControlLoop(client, facts, self.mapper, timeout=plan.timeout), strategy
 
@@ -275,7 +275,11 @@ def _drive() -> Iterator[Report]:
         yield RangeScan(time, "x", math.radians(4), _FOV, ranges)
 
 
-def _seen(name: str, beams: NDArray[np.int64], range_: float, kind: str) -> Seen:
+def _seen(
+    name: str, beams: NDArray[np.int64], range_: float, kind: str
+) -> TargetEchoes:
     ones = np.ones(len(beams))
     kinds, flags = (kind,) * len(beams), (False, False)
-    return Seen(name, name, 1.0, 0.5, *flags, beams, range_ * ones, kinds, ones, ones)
+    return TargetEchoes(
+        name, name, 1.0, 0.5, *flags, beams, range_ * ones, kinds, ones, ones
+    )

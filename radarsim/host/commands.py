@@ -18,8 +18,8 @@ from radarsim.protocol.commands import (
     SetItem,
     Unsupported,
     parse_command,
-    read_pose,
-    read_switch,
+    parse_pose,
+    parse_switch,
 )
 from radarsim.protocol.reports import Report, StartPoses
 from radarsim.simulation.config import SimulationConfig
@@ -212,14 +212,14 @@ def _order_items(
     """
     match opcode:
         case "POSE":
-            pose = read_pose(params)
+            pose = parse_pose(params)
             for item in items:
                 vehicle.set_ins(item, pose)
         case "ECHOES":
             if items[0].type != "RangeScanner":
                 text = f"SET ECHOES of {items[0].type}, expected of RangeScanner"
                 return Diagnostic("opcode", text)
-            on = read_switch(params)
+            on = parse_switch(params)
             for item in items:
                 vehicle.listen(item, on)
         case _:

@@ -113,7 +113,7 @@ class Host:
     def must_close(self, number: int) -> bool:
         """Tell whether a client is past serving: an endless line, or unread answers."""
         client = self._clients[number]
-        return client.lines.overflow is not None or client.outbox.flooded
+        return client.lines.overflow is not None or client.outbox.overflowed
 
     def step(self) -> list[tuple[int, Diagnostic]]:
         """Let 10 ms pass; all that falls due waits in the clients' outboxes.

@@ -22,7 +22,7 @@ from radarsim.protocol.reports import (
     Odometry,
     RangeScan,
     Report,
-    Seen,
+    TargetEchoes,
 )
 
 
@@ -31,7 +31,7 @@ class EchoCollector:
 
     def __init__(self) -> None:
         self._time = math.nan
-        self._lines: dict[int, Seen] = {}
+        self._lines: dict[int, TargetEchoes] = {}
         self._count = -1
 
     def take(self, line: EchoLine) -> None:
@@ -39,10 +39,10 @@ class EchoCollector:
         if not _is_same(line.time, self._time):
             self._time, self._lines = line.time, {}
         self._count = line.lines
-        if line.seen is not None and 0 < line.line <= line.lines:
-            self._lines[line.line] = line.seen
+        if line.echoes is not None and 0 < line.line <= line.lines:
+            self._lines[line.line] = line.echoes
 
-    def of(self, scan: RangeScan) -> Sequence[Seen] | None:
+    def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
         """Give all echoes of a scan; None where none, or not all, were told."""
         if not _is_same(scan.time, self._time) or len(self._lines) != self._count:
             return None

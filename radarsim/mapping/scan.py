@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.jit import njit_cached
-from radarsim.protocol.reports import RangeScan, Seen
+from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 # What ended a beam. UNSURE is a range without echoes, AIR a drop of rain.
 NOTHING, UNSURE, HIT, SPENT, AIR, BLIND = range(6)
@@ -91,7 +91,7 @@ class PlanarScan:
 
 def read_scan(
     report: RangeScan,
-    seen: Sequence[Seen] | None = None,
+    seen: Sequence[TargetEchoes] | None = None,
     *,
     max_range: float,
     min_range: float = 0.0,
@@ -138,7 +138,9 @@ class _Echoes(NamedTuple):
     passable: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, seen: Sequence[Seen], beams: int, max_range: float) -> "_Echoes":
+    def of(
+        cls, seen: Sequence[TargetEchoes], beams: int, max_range: float
+    ) -> "_Echoes":
         """Gather them from all lines; an object may have several.
 
         What is of no beam, out of reach or of an unknown kind is left out.
@@ -226,6 +228,6 @@ def _joined(columns: Sequence[Any], kind: Any) -> Any:
     return np.concatenate([np.zeros(0, kind), *[np.asarray(c, kind) for c in columns]])
 
 
-def _repeated(values: Sequence[Any], seen: Sequence[Seen]) -> Any:
+def _repeated(values: Sequence[Any], seen: Sequence[TargetEchoes]) -> Any:
     counts = np.array([len(one.beams) for one in seen], np.int64)
     return np.repeat(np.array(values, np.int64), counts)

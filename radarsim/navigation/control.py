@@ -202,7 +202,7 @@ class ControlLoop:
             yield self._next()
 
     def _next(self) -> Observation:
-        clock = self._client.link.time
+        clock = self._client.transport.time
         began, stopped = clock(), False
         came: set[str] = set()
         while (waited := clock() - began) < self._timeout:

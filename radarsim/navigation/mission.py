@@ -81,7 +81,7 @@ def run_mission(
     """
     start = None if mission.pose is not None else find_start(client, mission.start)
     client.spawn(mission.robot_class, start=start, pose=mission.pose)
-    facts = client.facts(drive_unit=mission.drive_unit)
+    facts = client.robot_info(drive_unit=mission.drive_unit)
     scanner = facts.scanner(mission.scanner)
     bumpers = Bumpers(
         safety_distance=safety_distance_for(

@@ -204,7 +204,7 @@ class Navigator:
         """
         self.client = client
         self.facts = facts
-        eyes = ObservationBuilder(scanner, source, client.link.time)
+        eyes = ObservationBuilder(scanner, source, client.transport.time)
         self._helm = ControlLoop(client, facts, eyes, timeout=timeout)
 
     def run(

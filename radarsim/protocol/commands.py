@@ -141,7 +141,7 @@ def parse_command(line: str, dialect: Dialect) -> Command:
     return _PARSERS[verb](message, dialect)
 
 
-def read_pose(params: str) -> Pose3:
+def parse_pose(params: str) -> Pose3:
     """Read the ``x,y,z,roll,pitch,yaw`` of an INS POSE order, in the wire's frame.
 
     Raises:
@@ -150,7 +150,7 @@ def read_pose(params: str) -> Pose3:
     return pose_from_wire(read_numbers(params, 6))
 
 
-def read_switch(params: str) -> bool:
+def parse_switch(params: str) -> bool:
     """Read the ``true`` or ``false``, in any case, of an order that switches.
 
     Raises:

@@ -4,10 +4,19 @@
 server of the Unreal Development Kit, byte for byte. Everything else is the same.
 """
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal, TypeAlias
 
 from radarsim.protocol.numbers import NumberFormat, Rule
+
+DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
+
+RAD_PER_S: Final[dict[DriveUnit, float]] = {
+    "rad_per_s": 1.0,
+    "rev_per_s": 2 * math.pi,
+}
+MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s": 1.3}
 
 # The original keeps angles of scanners as whole 1/65536 turns and cuts its own
 # factor short: a field of view of 180 degrees is 32767 of them.
@@ -43,8 +52,7 @@ class Dialect:
         ins_has_time: Whether INS says its time.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
-        drive_unit: Of DRIVE's Left and Right and of MaxSpeed.
-        max_wheel_speed: Limit of both, in that unit.
+        drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
         battery_start: s.
         battery_runs_out: Whether it ends; else it stays at 1 s.
         scan_interval: Of a scanner, s.
@@ -77,8 +85,7 @@ class Dialect:
     ins_has_time: bool
     ins_angles_positive: bool
     accepts_any_case_true: bool
-    drive_unit: Literal["rad_per_s", "rev_per_s"]
-    max_wheel_speed: float
+    drive_unit: DriveUnit
     battery_start: float
     battery_runs_out: bool
     scan_interval: float
@@ -125,7 +132,6 @@ COMPAT = Dialect(
     ins_angles_positive=False,
     accepts_any_case_true=True,
     drive_unit="rad_per_s",
-    max_wheel_speed=8.17,
     battery_start=3600.0,
     battery_runs_out=False,  # a client that reads 0 pauses its robot for good
     scan_interval=0.1,  # one client drops every second 100 ms, by its own clock
@@ -171,7 +177,6 @@ UDK = Dialect(
     ins_angles_positive=True,
     accepts_any_case_true=False,
     drive_unit="rev_per_s",
-    max_wheel_speed=1.3,
     battery_start=1200.0,
     battery_runs_out=True,
     scan_interval=0.2,
@@ -182,7 +187,7 @@ UDK = Dialect(
 )
 
 
-def dialect_named(name: str) -> Dialect:
+def get_dialect(name: str) -> Dialect:
     """Give a dialect by its name, case as written.
 
     Raises:

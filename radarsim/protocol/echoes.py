@@ -22,7 +22,7 @@ from radarsim.protocol.numbers import (
     read_list,
     read_number,
 )
-from radarsim.protocol.reports import EchoLine, Seen
+from radarsim.protocol.reports import EchoLine, TargetEchoes
 
 # Lines end at 4095 bytes. An echo takes 37 at most (six digits of the beam, nine of the
 # range), names take twice the longest, and all else less than 300.
@@ -45,10 +45,10 @@ def echo_fields(report: EchoLine, dialect: Dialect) -> list[tuple[str, str]]:
         ("Line", str(report.line)),
         ("Lines", str(report.lines)),
     ]
-    if report.seen is None:
+    if report.echoes is None:
         return head
-    echoes = ("Echoes", _echoes(report.seen, dialect))
-    return [*head, *_object(report.seen, dialect.plain), echoes]
+    echoes = ("Echoes", _echoes(report.echoes, dialect))
+    return [*head, *_object(report.echoes, dialect.plain), echoes]
 
 
 def read_echo_fields(message: Message, time: float, name: str) -> EchoLine:
@@ -63,11 +63,11 @@ def read_echo_fields(message: Message, time: float, name: str) -> EchoLine:
     return EchoLine(time, name, line, lines, seen)
 
 
-def _read_seen(message: Message) -> Seen:
+def _read_seen(message: Message) -> TargetEchoes:
     flag = partial(read_flag, any_case=True)
     rows = [_read_echo(word) for word in require(message, "Echoes").split()]
     numbers = np.array([row for _, row in rows])
-    return Seen(
+    return TargetEchoes(
         object=require(message, "Object"),
         material=require(message, "Material"),
         density=read_needed(message, "Density", _read_density),
@@ -98,7 +98,7 @@ def _read_density(text: str) -> float:
     return math.inf if text.lower() == OPAQUE.lower() else read_number(text)
 
 
-def _object(seen: Seen, form: NumberFormat) -> list[tuple[str, str]]:
+def _object(seen: TargetEchoes, form: NumberFormat) -> list[tuple[str, str]]:
     density = OPAQUE
     if seen.density != math.inf:
         density = form.text(min(seen.density, LARGEST_DENSITY))
@@ -117,7 +117,7 @@ def _name(text: str) -> str:
     return _UNFIT.sub("?", " ".join(text.split()))[:LONGEST_NAME] or "?"
 
 
-def _echoes(seen: Seen, dialect: Dialect) -> str:
+def _echoes(seen: TargetEchoes, dialect: Dialect) -> str:
     columns = (
         map(str, seen.beams.tolist()),
         format_ranges(seen.ranges, dialect.ranges).split(","),

@@ -94,7 +94,7 @@ Triple = tuple[float, float, float]
 def flip_axes(triple: Triple) -> Triple:
     """Take a position or roll, pitch, yaw from one frame to the other; never -0.0.
 
-    >>> turn_over((1.0, 2.0, 0.0))
+    >>> flip_axes((1.0, 2.0, 0.0))
     (1.0, -2.0, 0.0)
     """
     first, second, third = triple

@@ -60,7 +60,7 @@ class RangeScan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class TargetEchoes:
     """Echoes of one object and material, and what a scanner can tell of it.
 
     Attributes:
@@ -99,14 +99,14 @@ class EchoLine:
         name: Of the item.
         line: Its number, from 1 to ``lines``; 0 for a scan without echoes.
         lines: How many there are of that scan; 0 for a scan without echoes.
-        seen: None for a scan without echoes.
+        echoes: None for a scan without echoes.
     """
 
     time: float
     name: str
     line: int
     lines: int
-    seen: Seen | None
+    echoes: TargetEchoes | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@ r"""What waits to be sent to one client: whole lines, the stale ones given up fi
 A client that reads too slowly loses old readings, never an answer, and never part of a
 line. What has been taken is on its way and cannot be lost any more.
 
->>> outbox = Outbox(limit=20)
+>>> outbox = SendQueue(limit=20)
 >>> outbox.put(b"NFO {A b}\r\n", keep=True)
 >>> outbox.put(b"SEN {A 1}\r\n", keep=False)
 >>> outbox.put(b"SEN {A 2}\r\n", keep=False)
@@ -21,7 +21,7 @@ class SendQueue:
 
     Attributes:
         limit: Bytes of readings that may wait; beyond it the oldest are dropped.
-        ceiling: Bytes of answers that may wait; beyond it ``flooded`` becomes true,
+        ceiling: Bytes of answers that may wait; beyond it ``overflowed`` becomes true,
             and the client is to be disconnected.
         dropped: How many readings were given up.
         flooded: Whether the client asks, and does not read the answers.
@@ -31,7 +31,7 @@ class SendQueue:
         self.limit = limit
         self.ceiling = ceiling
         self.dropped = 0
-        self.flooded = False
+        self.overflowed = False
         self._lines: deque[tuple[bytes, bool]] = deque()
         self._readings = 0
         self._answers = 0
@@ -49,7 +49,7 @@ class SendQueue:
         self._lines.append((line, keep))
         if keep:
             self._answers += len(line)
-            self.flooded |= self._answers > self.ceiling
+            self.overflowed |= self._answers > self.ceiling
         else:
             self._readings += len(line)
             if self._readings > self.limit:

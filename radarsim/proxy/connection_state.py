@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from radarsim.client import ScannerInfo, Session
-from radarsim.client.robot_info import NOWHERE, ScannerDescriptions, same_name
-from radarsim.client.session import SCANNERS
+from radarsim.client.robot_info import DEFAULT_MOUNT, ScannerDescriptions, same_name
+from radarsim.client.session import RANGE_SCANNER
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.commands import (
@@ -22,7 +22,7 @@ from radarsim.protocol.commands import (
     Init,
     SetItem,
     parse_command,
-    read_switch,
+    parse_switch,
 )
 from radarsim.protocol.dialect import COMPAT
 from radarsim.protocol.reports import (
@@ -122,22 +122,20 @@ class ConnectionState:
         if scan is None:
             return None
         told = ScannerDescriptions()
-        told.take(
-            self._mounts.get(scan.name.casefold()) or _supposed_mount(scan, given)
-        )
-        told.take(
+        told.add(self._mounts.get(scan.name.casefold()) or _supposed_mount(scan, given))
+        told.add(
             self._settings.get(scan.name.casefold())
             or self._supposed_limit(scan, given)
         )
-        all_told = told.facts({scan.name: scan})
+        all_told = told.scanners({scan.name: scan})
         return next(facts for facts in all_told if same_name(facts.name, scan.name))
 
     def _note_order(self, order: SetItem) -> None:
-        is_of_scanners = order.type.lower() == SCANNERS.lower()
+        is_of_scanners = order.type.lower() == RANGE_SCANNER.lower()
         if not is_of_scanners or order.opcode.upper() != "ECHOES":
             return
         with suppress(MalformedMessage):
-            on = read_switch(order.params)
+            on = parse_switch(order.params)
             if order.name is None:
                 self._echoes = {ANY: on}
             else:
@@ -162,8 +160,10 @@ class ConnectionState:
         limit = given.max_range
         if limit is None:
             limit = self._limits.get(scan.name, math.inf)
-        return ScannerConf(SCANNERS, ((scan.name, limit, 0.0, math.nan, math.nan),))
+        return ScannerConf(
+            RANGE_SCANNER, ((scan.name, limit, 0.0, math.nan, math.nan),)
+        )
 
 
 def _supposed_mount(scan: RangeScan, given: ScannerDefaults) -> ItemGeo:
-    return ItemGeo(SCANNERS, ((scan.name, given.mount or NOWHERE),), "")
+    return ItemGeo(RANGE_SCANNER, ((scan.name, given.mount or DEFAULT_MOUNT),), "")

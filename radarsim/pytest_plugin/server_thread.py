@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from radarsim.host import Host
-from radarsim.protocol.dialect import dialect_named
+from radarsim.protocol.dialect import get_dialect
 from radarsim.scene.map_file import load_map
 from radarsim.server import Server
 from radarsim.simulation.config import SimulationConfig
@@ -32,7 +32,7 @@ def make_host(options: dict[str, Any]) -> Host:
         raise ValueError(f"seed {seed}, expected at least 0")
     if not 0 < speed < math.inf:
         raise ValueError(f"speed {speed}, expected above 0")
-    dialect = dialect_named(options["dialect"])
+    dialect = get_dialect(options["dialect"])
     scene = load_map(options["map"])
     config = SimulationConfig(dialect, item_settings=options["settings"])
     return Host(scene, config=config, seed=seed)

@@ -6,13 +6,9 @@ the tick. What stops the robot (walls, other robots) is not known here.
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 from radarsim.geometry import Pose2, wrap_angle
-
-SpinUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
-
-_RAD_PER_UNIT: dict[SpinUnit, float] = {"rad_per_s": 1.0, "rev_per_s": 2 * math.pi}
+from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 
 
 def advance(
@@ -56,12 +52,12 @@ class WheelDrive:
     """
 
     max_spin: float
-    unit: SpinUnit = "rad_per_s"
+    unit: DriveUnit = "rad_per_s"
 
     @property
     def max_spin_rad_s(self) -> float:
         """The fastest that a wheel spins, rad/s."""
-        return self.max_spin * _RAD_PER_UNIT[self.unit]
+        return self.max_spin * RAD_PER_S[self.unit]
 
     def spin(self, value: float, *, normalized: bool = False) -> float:
         """Turn a commanded number into the speed that the wheel gets, rad/s.
@@ -71,6 +67,4 @@ class WheelDrive:
             normalized: The value is a percentage of ``max_spin`` instead.
         """
         wanted = value * self.max_spin / 100 if normalized else value
-        return (
-            max(-self.max_spin, min(self.max_spin, wanted)) * _RAD_PER_UNIT[self.unit]
-        )
+        return max(-self.max_spin, min(self.max_spin, wanted)) * RAD_PER_S[self.unit]

@@ -8,8 +8,8 @@ from radarsim.errors import PresetError
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.protocol.dialect import COMPAT, Dialect
-from radarsim.robots.skid_steer import SpinUnit, WheelDrive
+from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
+from radarsim.robots.skid_steer import WheelDrive
 from radarsim.sensors.proprioceptive import InsNoise
 from radarsim.sensors.range_scanner import RangeScanner
 
@@ -29,8 +29,6 @@ def ticks_of(interval: float) -> int:
 # Section from simulation.conditions.
 # What holds for every robot of a simulation.
 
-MAX_SPEEDS: dict[SpinUnit, float] = {"rad_per_s": 8.17, "rev_per_s": 1.3}
-
 
 @dataclass(frozen=True, slots=True)
 class SimulationConfig:
@@ -44,7 +42,7 @@ class SimulationConfig:
     """
 
     dialect: Dialect = COMPAT
-    drive_unit: SpinUnit | None = None
+    drive_unit: DriveUnit | None = None
     item_settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def check(self) -> None:
@@ -74,10 +72,7 @@ class SimulationConfig:
     def wheel_drive(self) -> WheelDrive:
         """Give the meaning of DRIVE's numbers."""
         unit = self.drive_unit or self.dialect.drive_unit
-        same = unit == self.dialect.drive_unit
-        return WheelDrive(
-            self.dialect.max_wheel_speed if same else MAX_SPEEDS[unit], unit
-        )
+        return WheelDrive(MAX_WHEEL_SPEEDS[unit], unit)
 
     def settings(self, item: Item) -> dict[str, Any]:
         """Give an item's settings: its class's, the dialect's, and over them these.

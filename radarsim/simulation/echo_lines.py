@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.protocol.echoes import ECHOES_A_LINE
-from radarsim.protocol.reports import EchoLine, Seen
+from radarsim.protocol.reports import EchoLine, TargetEchoes
 from radarsim.sensors.echoes import KINDS, Echoes
 
 _WORDS = {int(kind): word for kind, word in KINDS.items()}
@@ -37,14 +37,14 @@ def echo_lines(
     )
 
 
-def _seen(echoes: Echoes, robots: Mapping[int, str]) -> Iterator[Seen]:
+def _seen(echoes: Echoes, robots: Mapping[int, str]) -> Iterator[TargetEchoes]:
     targets = echoes.targets
     power = _within_one(_left(echoes))
     strength = _within_one(echoes.strength)
     for rows in _rows_of_lines(echoes):
         part = int(echoes.parts[rows[0]])
         target, robot = targets[part], part - len(echoes.scene_parts)
-        yield Seen(
+        yield TargetEchoes(
             object=target.object if robot < 0 else robots[robot],
             material=target.material,
             density=target.density,

@@ -69,7 +69,7 @@ async def prepare(client: AsyncClient, wish: Wish) -> RobotState:
     greeting = await client.greeting()
     start = await _choose_start(client, wish.start)
     await client.spawn(wish.robot, start=start)
-    facts = await client.facts(drive_unit=wish.drive_unit)
+    facts = await client.robot_info(drive_unit=wish.drive_unit)
     return RobotState(facts, facts.scanner(wish.scanner), greeting.level)
 
 

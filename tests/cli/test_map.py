@@ -406,7 +406,7 @@ def test_what_another_client_drives_is_mapped(
     tap = Through(tmp_path, usarsim_server.address[1], "--json")
     with Client.connect("127.0.0.1", tap.port) as client:
         client.spawn("P3AT_Radar360", start="RobotStart1")
-        facts = client.facts()
+        facts = client.robot_info()
         if echoes:
             client.echoes(facts.scanner().name)
         client.drive(*facts.wheel_speeds(0.5, 0.0))

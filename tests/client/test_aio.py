@@ -89,7 +89,7 @@ async def test_leaving_does_not_wait_for_who_takes_nothing(serve: Serve) -> None
 
     async def flood(client: AsyncClient) -> None:
         for _ in range(100):
-            await client.order("A", None, "B", "x" * 500_000)
+            await client.set_item("A", None, "B", "x" * 500_000)
 
     async with await AsyncClient.connect(port=serve(stall), timeout=0.05) as client:
         with pytest.raises(

@@ -44,7 +44,7 @@ def test_a_client_finds_out_and_drives(
     assert isinstance(client.geometry("Robot"), RobotGeo)
     assert isinstance(client.geometry("INS", "InsTest"), ItemGeo)
     assert isinstance(client.configuration("GroundTruth"), IntervalConf)
-    facts = client.facts()
+    facts = client.robot_info()
     assert (facts.name, facts.length, facts.width) == ("P3AT", 0.552, 0.497)
     assert facts.clearance == pytest.approx(0.3714, abs=1e-4)
     assert facts.top_speed == pytest.approx(0.8, abs=1e-3)
@@ -67,12 +67,12 @@ def test_echoes_and_orders(usarsim_server: UsarsimServer, connect: Connect) -> N
     client.spawn("P3AT", start="RobotStart1")
     client.echoes("lms200")
     told = client.wait_for(EchoLine)
-    assert told.seen is not None
+    assert told.echoes is not None
     client.echoes("lms200", False)
     client.drive(5, 5)
     while client.wait_for(Odometry).pose.x < 0.2:
         pass
-    client.order("Odometry", None, "RESET")
+    client.set_item("Odometry", None, "RESET")
     while client.wait_for(Odometry).pose.x > 0.2:
         pass
 
@@ -83,7 +83,7 @@ def test_the_original_s_dialect_tells_enough_to_drive_by(
 ) -> None:
     client = connect(usarsim_server.port)
     client.spawn("P3AT_Radar360", start="RobotStart1")
-    facts = client.facts(drive_unit="rev_per_s")
+    facts = client.robot_info(drive_unit="rev_per_s")
     assert facts.top_speed == pytest.approx(0.8, abs=1e-3)
     assert facts.clearance > 0.3714
     assert facts.clearance < 0.45
@@ -111,7 +111,7 @@ def test_a_silent_server_is_given_up(connect: Connect, serve: Serve) -> None:
     with pytest.raises(ClientTimeout, match=expected):
         client.greeting()
     with pytest.raises(ClientTimeout, match=r"no GEO of Robot within 0\.1 s"):
-        client.facts()
+        client.robot_info()
     with pytest.raises(ClientTimeout, match=r"no RangeScan of 'a' within 0\.02 s"):
         client.wait_for(RangeScan, name="a", timeout=0.02)
     with pytest.raises(ClientTimeout, match="no reading of the robot 'P3AT'"):
@@ -259,4 +259,4 @@ def _take_nothing(peer: socket.socket) -> None:
 
 def _flood(client: Client, text: str) -> None:
     for _ in range(1000):
-        client.order("A", None, "B", text)
+        client.set_item("A", None, "B", text)

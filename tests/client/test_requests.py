@@ -67,7 +67,7 @@ def test_all_scanners_are_asked_for_at_once() -> None:
         "GETCONF {Type RangeScanner}": CONF,
     }
     link = Puppet(answers, [SCAN])
-    (scanner,) = Client(link).facts().scanners
+    (scanner,) = Client(link).robot_info().scanners
     assert (scanner.mount, scanner.max_range, scanner.beams) == (
         Pose3(0.2, 0, 0.1),
         20,
@@ -84,7 +84,7 @@ def test_where_nobody_answers_for_all_each_is_asked_by_its_name() -> None:
         "GETGEO {Type RangeScanner} {Name T}": GEO.replace("Name S", "Name T"),
     }
     link = Puppet(answers, [STATUS, SCAN, OTHER_SCAN])
-    scanners = Client(link).facts().scanners
+    scanners = Client(link).robot_info().scanners
     assert [s.name for s in scanners] == ["S", "T"]
     assert [s.max_range for s in scanners] == [20, inf]
     assert scanners[0].mount == scanners[1].mount == Pose3(0.2, 0, 0.1)
@@ -93,7 +93,7 @@ def test_where_nobody_answers_for_all_each_is_asked_by_its_name() -> None:
 
 def test_where_nobody_answers_scans_have_to_do() -> None:
     link = Puppet(ABOUT_ROBOT, [SCAN])
-    (scanner,) = Client(link).facts().scanners
+    (scanner,) = Client(link).robot_info().scanners
     assert (scanner.mount, scanner.min_range, scanner.max_range) == (
         Pose3(0, 0, 0),
         0,
@@ -108,17 +108,17 @@ def test_a_robot_without_scans_has_the_scanners_that_it_tells_of() -> None:
         "GETCONF {Type RangeScanner}": CONF,
     }
     link = Puppet(answers, [STATUS])
-    (scanner,) = Client(link).facts().scanners
+    (scanner,) = Client(link).robot_info().scanners
     assert (scanner.fov, scanner.beams) == (1, 3)
     assert 2 <= link.time() < 2.5
-    assert Client(Puppet(ABOUT_ROBOT, [STATUS])).facts().scanners == ()
+    assert Client(Puppet(ABOUT_ROBOT, [STATUS])).robot_info().scanners == ()
 
 
 def test_without_the_robot_s_own_there_are_no_facts() -> None:
     del (answers := dict(ABOUT_ROBOT))["GETCONF {Type Robot}"]
     link = Puppet(answers, [STATUS])
     with pytest.raises(ClientTimeout, match=r"no CONF of Robot within 3 s, .* 'STA"):
-        Client(link, timeout=3).facts()
+        Client(link, timeout=3).robot_info()
     assert 3 <= link.time() < 3.2
 
 

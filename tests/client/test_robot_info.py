@@ -11,7 +11,6 @@ from radarsim.client.robot_info import (
     ScannerDescriptions,
     ScannerInfo,
     beam_angles,
-    robot_facts,
 )
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose3
@@ -36,7 +35,7 @@ ROBOT = RobotInfo("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
 
 
 def test_facts_of_a_robot_that_tells_all() -> None:
-    facts = robot_facts(GEO, CONF, (SCANNER,), "rad_per_s")
+    facts = RobotInfo.from_reports(GEO, CONF, (SCANNER,), "rad_per_s")
     assert facts.max_wheel_speed == pytest.approx(0.8)
     assert replace(facts, max_wheel_speed=0.8) == ROBOT
     assert ROBOT.clearance == pytest.approx(0.5)
@@ -44,7 +43,9 @@ def test_facts_of_a_robot_that_tells_all() -> None:
 
 
 def test_a_unit_of_turns_is_no_other_robot() -> None:
-    turns = robot_facts(GEO, replace(CONF, max_speed=8 / (2 * pi)), (), "rev_per_s")
+    turns = RobotInfo.from_reports(
+        GEO, replace(CONF, max_speed=8 / (2 * pi)), (), "rev_per_s"
+    )
     assert turns.max_wheel_speed == pytest.approx(0.8)
     expected = np.array(ROBOT.wheel_speeds(0.5, 0.3)) / (2 * pi)
     assert turns.wheel_speeds(0.5, 0.3) == pytest.approx(expected)
@@ -77,7 +78,7 @@ def test_wheels_give_the_motion_or_a_slower_one_on_the_same_curve(
 def test_a_hull_that_nobody_tells_of_reaches_beyond_the_wheels(
     geo: RobotGeo, least: tuple[float, float]
 ) -> None:
-    facts = robot_facts(geo, CONF, (), "rad_per_s")
+    facts = RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
     assert (facts.length, facts.width) == pytest.approx(least)
     assert facts.height == 0
 
@@ -98,12 +99,15 @@ def test_wheels_that_nobody_can_drive_by_are_refused(
     geo: RobotGeo, conf: RobotConf, key: str
 ) -> None:
     with pytest.raises(ClientError, match=rf"{key} .* 'P3AT', expected 0.001 to"):
-        robot_facts(geo, conf, (), "rad_per_s")
+        RobotInfo.from_reports(geo, conf, (), "rad_per_s")
 
 
 def test_a_hull_of_less_than_nothing_is_refused() -> None:
+    geo = replace(GEO, dimensions=(0.6, -1, 0.4))
     with pytest.raises(ClientError, match=r"Dimensions .*, expected none below 0"):
-        robot_facts(replace(GEO, dimensions=(0.6, -1, 0.4)), CONF, (), "rad_per_s")
+        RobotInfo.from_reports(
+            replace(GEO, dimensions=(0.6, -1, 0.4)), CONF, (), "rad_per_s"
+        )
 
 
 @pytest.mark.parametrize(
@@ -121,28 +125,28 @@ def test_a_scanner_that_cannot_be_is_refused(
     limits: tuple[float, float, float, float], text: str
 ) -> None:
     told = ScannerDescriptions()
-    told.take(ScannerConf("RangeScanner", (("S", *limits),)))
+    told.add(ScannerConf("RangeScanner", (("S", *limits),)))
     with pytest.raises(ClientError, match=rf"scanner 'S' has .*{text}"):
-        told.facts({})
+        told.scanners({})
 
 
 def test_a_scanner_away_from_its_robot_is_refused() -> None:
     told = ScannerDescriptions()
-    told.take(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
+    told.add(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
     with pytest.raises(
         ClientError, match=r"mount 11\.3\d* m .*, expected at most 10 m"
     ):
-        told.facts({})
+        told.scanners({})
 
 
 def test_names_in_any_case_are_one_scanner() -> None:
     told = ScannerDescriptions()
-    told.take(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
-    told.take(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
+    told.add(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
+    told.add(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
     scans = {"LMS200": RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
     assert told.names(scans) == ["lms200"]
     assert told.incomplete(scans) == []
-    (facts,) = told.facts(scans)
+    (facts,) = told.scanners(scans)
     assert facts == ScannerInfo("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
 
 
@@ -168,8 +172,8 @@ def test_beams_are_counted_right_by_what_is_printed(
 ) -> None:
     step, fov = radians(step_deg), radians(fov_deg)
     told = ScannerDescriptions()
-    told.take(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
-    (facts,) = told.facts({})
+    told.add(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
+    (facts,) = told.scanners({})
     assert facts.beams == len(facts.angles) == int(fov_deg / step_deg + 1e-9) + 1
     assert facts.angles[-1] == pytest.approx(fov / 2, abs=1e-5)
     assert (facts.mount, facts.max_range) == (Pose3(0, 0, 0), 80)
@@ -178,9 +182,9 @@ def test_beams_are_counted_right_by_what_is_printed(
 def test_a_scan_tells_best_of_beams() -> None:
     scan = RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
     told = ScannerDescriptions()
-    told.take(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
-    told.take(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
-    (facts,) = told.facts({"S": scan})
+    told.add(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
+    told.add(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
+    (facts,) = told.scanners({"S": scan})
     assert facts.beams == 181
     assert facts.resolution == pytest.approx(radians(1), abs=1e-6)
     assert np.array_equal(facts.angles, beam_angles(scan))
@@ -189,8 +193,8 @@ def test_a_scan_tells_best_of_beams() -> None:
 
 def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
     told = ScannerDescriptions()
-    told.take(NameConf("RangeScanner", ("S",)))
-    told.take(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
+    told.add(NameConf("RangeScanner", ("S",)))
+    told.add(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
     scans = {
         "S": RangeScan(1, "S", 0.5, 1.0, np.ones(3)),
         "one": RangeScan(1, "one", 0.5, 0.0, np.ones(1)),
@@ -198,7 +202,7 @@ def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
     assert told.names(scans) == ["mute", "S", "one"]
     assert told.incomplete(scans) == ["mute", "S", "one"]
     nowhere = Pose3(0, 0, 0)
-    assert told.facts(scans) == (
+    assert told.scanners(scans) == (
         ScannerInfo("S", nowhere, 0, inf, 0.5, 1.0, 3),
         ScannerInfo("one", nowhere, 0, inf, 0.5, 0.0, 1),
     )

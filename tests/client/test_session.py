@@ -203,7 +203,7 @@ def test_a_question_knows_its_answer(
             id="echoes",
         ),
         pytest.param(
-            asking.order("Odometry", None, "RESET"),
+            asking.set_item("Odometry", None, "RESET"),
             b"SET {Type Odometry} {Opcode RESET}",
             id="order",
         ),

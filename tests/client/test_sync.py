@@ -25,7 +25,7 @@ def test_facts_are_those_of_the_robot_s_class(
     model = load_robot(name)
     with Client(link_to(Host(empty_room))) as client:
         client.spawn(name, start="RobotStart1")
-        facts = client.facts()
+        facts = client.robot_info()
         scans = [client.wait_for(RangeScan, name=s.name) for s in facts.scanners]
     hull = (facts.length, facts.width, facts.height)
     assert hull == pytest.approx(model.dimensions)
@@ -48,7 +48,7 @@ def test_a_robot_moves_as_it_is_told(
     host = Host(empty_room, config=SimulationConfig(dialect))
     with Client(link_to(host)) as client:
         client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
-        facts = client.facts(drive_unit=dialect.drive_unit)
+        facts = client.robot_info(drive_unit=dialect.drive_unit)
         client.drive(*facts.wheel_speeds(0.4, 0.5))
         start = client.wait_for(GroundTruth)
         while (now := client.wait_for(GroundTruth)).time < start.time + 2:
@@ -70,7 +70,7 @@ def test_long_scans_come_whole(empty_room: Scene, link_to: LinkTo) -> None:
     host = Host(empty_room, config=SimulationConfig(item_settings=settings))
     with Client(link_to(host)) as client:
         client.spawn("P3AT")
-        angles = client.facts().scanner().angles
+        angles = client.robot_info().scanner().angles
         scan = client.wait_for(RangeScan)
     assert scan.ranges.shape == angles.shape == (1081,)
     assert degrees(angles[0]) == pytest.approx(-135, abs=1e-4)
@@ -110,7 +110,7 @@ def test_another_robot_takes_the_place_of_the_first(
     with Client(link_to(Host(empty_room))) as client:
         client.spawn("P3AT", pose=Pose2(1, 2))
         client.spawn("P3AT_Radar360", pose=Pose2(3, -2, pi / 2))
-        assert client.facts().name == "P3AT_Radar360"
+        assert client.robot_info().name == "P3AT_Radar360"
         pose = client.wait_for(GroundTruth).pose
         assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
 

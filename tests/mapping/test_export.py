@@ -29,7 +29,7 @@ from radarsim.mapping.occupancy_grid import (
     OccupancyGrid,
 )
 from radarsim.mapping.scan import PlanarScan, read_scan
-from radarsim.protocol.reports import RangeScan, Seen
+from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 Look = Callable[..., PlanarScan]
 HERE = Pose2(1.0, -0.5, 0.4)
@@ -41,7 +41,7 @@ def hedge(*, passes: bool) -> PlanarScan:
     slope = 1 / np.cos(np.radians(np.linspace(-30, 30, 61)))
     n = len(slope)
     ones = np.ones(2 * n)
-    slab = Seen(
+    slab = TargetEchoes(
         "slab",
         "leaf",
         0.7,
@@ -54,7 +54,7 @@ def hedge(*, passes: bool) -> PlanarScan:
         ones,
         ones,
     )
-    wall = Seen(
+    wall = TargetEchoes(
         "wall",
         "stone",
         math.inf,

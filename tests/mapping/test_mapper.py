@@ -20,8 +20,8 @@ from radarsim.protocol.reports import (
     Odometry,
     RangeScan,
     Report,
-    Seen,
     Status,
+    TargetEchoes,
 )
 
 FAR = 20.0
@@ -42,7 +42,7 @@ def scan(time: float, ahead: float, name: str = "lms200") -> RangeScan:
 def echoes(time: float, *events: tuple[float, str], **wish: Any) -> EchoLine:
     """Tell what the beam ahead meets of a bush, in line ``line`` of ``lines``."""
     count = len(events)
-    seen = Seen(
+    seen = TargetEchoes(
         wish.get("object", "bush"),
         wish.get("material", "leaves"),
         0.7,

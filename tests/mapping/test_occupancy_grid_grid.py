@@ -16,7 +16,7 @@ from radarsim.mapping.occupancy_grid import (
     OccupancyGrid,
 )
 from radarsim.mapping.scan import PlanarScan, read_scan
-from radarsim.protocol.reports import RangeScan, Seen
+from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 Look = Callable[..., PlanarScan]
 HERE = Pose2(1.0, -0.5, 0.4)
@@ -30,14 +30,16 @@ def fan(n: int = 61) -> Floats:
 
 def thing(
     name: str, kind_near: str, near: Floats, kind_far: str, far: Floats, *, passes: bool
-) -> Seen:
+) -> TargetEchoes:
     """Give the echoes of a thing that all beams enter and leave, or are spent in."""
     n = len(near)
     beams = np.repeat(np.arange(n), 2)
     ranges = np.column_stack([near, far]).ravel()
     ones = np.ones(2 * n)
     kinds = (kind_near, kind_far) * n
-    return Seen(name, name, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones)
+    return TargetEchoes(
+        name, name, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones
+    )
 
 
 def through(near: float, far: float, end: float | None, *, passes: bool) -> PlanarScan:

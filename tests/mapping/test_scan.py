@@ -22,7 +22,7 @@ from radarsim.mapping.scan import (
     PlanarScan,
     read_scan,
 )
-from radarsim.protocol.reports import RangeScan, Seen
+from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 Echo = tuple[int, float, str]
 FAR = 20.0
@@ -35,13 +35,13 @@ def scan_of(*ranges: float) -> RangeScan:
 
 def seen(
     *echoes: Echo, name: str = "bush", passes: bool = False, material: str = "leaf"
-) -> Seen:
+) -> TargetEchoes:
     n = len(echoes)
     beams = np.array([beam for beam, _, _ in echoes], np.int64)
     ranges = np.array([t for _, t, _ in echoes], np.float64)
     kinds = tuple(kind for _, _, kind in echoes)
     ones = np.ones(n)
-    return Seen(
+    return TargetEchoes(
         name, material, 0.7, 0.3, False, passes, beams, ranges, kinds, ones, ones
     )
 
@@ -52,7 +52,7 @@ def met(scan: PlanarScan) -> list[tuple[int, float, float, int]]:
     return sorted(zip(*columns, strict=True))
 
 
-def told(*ranges: float, by: list[Seen], min_range: float = 0.0) -> PlanarScan:
+def told(*ranges: float, by: list[TargetEchoes], min_range: float = 0.0) -> PlanarScan:
     return read_scan(scan_of(*ranges), by, max_range=FAR, min_range=min_range)
 
 

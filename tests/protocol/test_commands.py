@@ -16,8 +16,8 @@ from radarsim.protocol.commands import (
     SetItem,
     Unsupported,
     parse_command,
-    read_pose,
-    read_switch,
+    parse_pose,
+    parse_switch,
 )
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.framing import LineBuffer
@@ -150,10 +150,10 @@ def test_a_bad_command_is_refused_whole(line: str, problem: str) -> None:
 
 
 def test_the_pose_of_an_order_comes_from_the_wire() -> None:
-    assert read_pose("1,2,3,0.1,0.2,0.3") == Pose3(1, -2, -3, 0.1, -0.2, -0.3)
-    assert read_pose("1,5 2 3 0 0 0") == Pose3(1.5, -2, -3)
+    assert parse_pose("1,2,3,0.1,0.2,0.3") == Pose3(1, -2, -3, 0.1, -0.2, -0.3)
+    assert parse_pose("1,5 2 3 0 0 0") == Pose3(1.5, -2, -3)
     with pytest.raises(MalformedMessage, match="expected 6 numbers"):
-        read_pose("1,2,3")
+        parse_pose("1,2,3")
 
 
 @pytest.mark.parametrize(
@@ -167,13 +167,13 @@ def test_the_pose_of_an_order_comes_from_the_wire() -> None:
     ],
 )
 def test_a_switch_is_on_or_off_in_any_case(params: str, on: bool) -> None:
-    assert read_switch(params) is on
+    assert parse_switch(params) is on
 
 
 @pytest.mark.parametrize("params", ["", "1", "0", "yes", "truefalse", "true,true"])
 def test_a_switch_is_nothing_else(params: str) -> None:
     with pytest.raises(MalformedMessage) as caught:
-        read_switch(params)
+        parse_switch(params)
     assert str(caught.value) == f"{params!r}, expected 'true' or 'false'"
 
 

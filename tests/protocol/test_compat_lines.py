@@ -23,10 +23,10 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
-    Seen,
     StartPoses,
     Status,
     Tachometer,
+    TargetEchoes,
     Touch,
     TouchConf,
 )
@@ -84,7 +84,7 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
             "lms200",
             1,
             15,
-            Seen(
+            TargetEchoes(
                 object="bush_4",
                 material="foliage",
                 density=0.7,

@@ -190,8 +190,8 @@ def test_echoes_of_names_with_blanks() -> None:
     read = decode_report(line)
     assert isinstance(read, EchoLine)
     assert isnan(read.time)
-    assert read.seen is not None
-    assert (read.seen.object, read.seen.kinds) == ("box of tin", ("hit",))
-    assert read.seen.beams.tolist() == [3]
-    assert read.seen.beams.dtype == np.int64
-    assert read.seen.ranges.tolist() == [2.5]
+    assert read.echoes is not None
+    assert (read.echoes.object, read.echoes.kinds) == ("box of tin", ("hit",))
+    assert read.echoes.beams.tolist() == [3]
+    assert read.echoes.beams.dtype == np.int64
+    assert read.echoes.ranges.tolist() == [2.5]

@@ -1,23 +1,24 @@
 import pytest
 
-from radarsim.protocol.dialect import COMPAT, UDK, dialect_named
+from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, UDK, get_dialect
 
 
 def test_dialects_are_found_by_name() -> None:
-    assert dialect_named("compat") is COMPAT
-    assert dialect_named("udk") is UDK
+    assert get_dialect("compat") is COMPAT
+    assert get_dialect("udk") is UDK
 
 
 def test_an_unknown_dialect_is_refused_with_what_there_is() -> None:
     problem = "^dialect 'ut2004', expected 'compat' or 'udk'$"
     with pytest.raises(ValueError, match=problem):
-        dialect_named("ut2004")
+        get_dialect("ut2004")
 
 
 def test_both_dialects_drive_equally_fast() -> None:
     turn = 2 * 3.141592653589793
-    assert pytest.approx(UDK.max_wheel_speed * turn, abs=0.005) == (
-        COMPAT.max_wheel_speed
+    assert (
+        pytest.approx(MAX_WHEEL_SPEEDS[UDK.drive_unit] * turn, abs=0.005)
+        == (MAX_WHEEL_SPEEDS[COMPAT.drive_unit])
     )
     assert (COMPAT.drive_unit, UDK.drive_unit) == ("rad_per_s", "rev_per_s")
 

@@ -11,10 +11,10 @@ from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.echoes import ECHOES_A_LINE
 from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.message import decode_message
-from radarsim.protocol.reports import EchoLine, Seen
+from radarsim.protocol.reports import EchoLine, TargetEchoes
 
 DIALECTS = [COMPAT, UDK]
-WALL = Seen(
+WALL = TargetEchoes(
     object="wall",
     material="concrete",
     density=math.inf,
@@ -29,11 +29,11 @@ WALL = Seen(
 )
 
 
-def written(seen: Seen, dialect: Dialect = COMPAT) -> str:
+def written(seen: TargetEchoes, dialect: Dialect = COMPAT) -> str:
     return encode_report(EchoLine(1.0, "lms200", 1, 1, seen), dialect)
 
 
-def field(seen: Seen, key: str, dialect: Dialect = COMPAT) -> str | None:
+def field(seen: TargetEchoes, key: str, dialect: Dialect = COMPAT) -> str | None:
     return decode_message(written(seen, dialect)).get(key)
 
 
@@ -48,7 +48,7 @@ def field(seen: Seen, key: str, dialect: Dialect = COMPAT) -> str | None:
 )
 def test_the_longest_line_fits_into_one_read(dialect: Dialect, name: str) -> None:
     beams = np.full(ECHOES_A_LINE, 999_999)
-    longest = Seen(
+    longest = TargetEchoes(
         object=name,
         material=name,
         density=1e308,

@@ -30,10 +30,10 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
-    Seen,
     StartPoses,
     Status,
     Tachometer,
+    TargetEchoes,
     Touch,
     TouchConf,
 )
@@ -129,7 +129,7 @@ VECTORS = st.lists(NUMBERS, min_size=1, max_size=4).map(tuple)
 SHARES = st.floats(0, 1)
 SEEN = st.integers(1, 4).flatmap(
     lambda count: st.builds(
-        Seen,
+        TargetEchoes,
         NAMES,
         NAMES,
         st.floats(0, allow_nan=False),
@@ -269,8 +269,8 @@ def _sent(report: Report, dialect: Dialect) -> Report:
             changes["dimensions"] = (report.wheel_base, report.wheel_separation, 0.0)
         case ItemGeo(mounts=mounts) if dialect is COMPAT or not mounts:
             changes["robot"] = ""
-        case EchoLine(seen=Seen() as seen) if 1e9 < seen.density < inf:
-            changes["seen"] = replace(seen, density=1e9)
+        case EchoLine(echoes=TargetEchoes() as echoes) if 1e9 < echoes.density < inf:
+            changes["echoes"] = replace(echoes, density=1e9)
         case ScannerConf() | IntervalConf() | EncoderConf() | TouchConf():
             return report if report.items else NameConf(report.type, ())
         case _:

@@ -55,11 +55,11 @@ def test_answers_beyond_the_ceiling_are_a_flood() -> None:
         outbox.put(b"123456789\n", keep=False)
     for _ in range(3):
         outbox.put(b"123456789\n", keep=True)
-    assert not outbox.flooded
+    assert not outbox.overflowed
     outbox.put(b"1", keep=True)
-    assert outbox.flooded
+    assert outbox.overflowed
     outbox.take()
-    assert outbox.flooded  # what is wrong once stays wrong
+    assert outbox.overflowed  # what is wrong once stays wrong
 
 
 def test_many_answers_cost_no_more_each_than_few() -> None:
@@ -72,4 +72,4 @@ def test_many_answers_cost_no_more_each_than_few() -> None:
     assert outbox.dropped > 100
     for _ in range(100_000):  # a walk over all lines at each would take minutes
         outbox.put(b"CONF {Type MisPkg}\r\n", keep=True)
-    assert outbox.flooded is False
+    assert outbox.overflowed is False

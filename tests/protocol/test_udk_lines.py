@@ -21,10 +21,10 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
-    Seen,
     StartPoses,
     Status,
     Tachometer,
+    TargetEchoes,
     Touch,
     TouchConf,
 )
@@ -92,7 +92,7 @@ UDK_LINES: list[tuple[str, Report, str]] = [
             "lms200",
             2,
             3,
-            Seen(
+            TargetEchoes(
                 object="cloud",
                 material="smoke",
                 density=0.0,

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, wrap_angle
-from radarsim.robots.skid_steer import SpinUnit, WheelDrive, advance
+from radarsim.protocol.dialect import DriveUnit
+from radarsim.robots.skid_steer import WheelDrive, advance
 
 speeds = st.floats(-1, 1)
 poses = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3))
@@ -78,7 +79,7 @@ def test_a_wider_track_turns_less() -> None:
     ],
 )
 def test_what_a_commanded_number_means(
-    unit: SpinUnit, limit: float, value: float, normalized: bool, spin: float
+    unit: DriveUnit, limit: float, value: float, normalized: bool, spin: float
 ) -> None:
     drive = WheelDrive(limit, unit)
     assert drive.spin(value, normalized=normalized) == pytest.approx(spin)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.echoes import ECHOES_A_LINE
-from radarsim.protocol.reports import EchoLine, Seen
+from radarsim.protocol.reports import EchoLine, TargetEchoes
 from radarsim.raycast.attenuation import EventKind
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -60,8 +60,8 @@ def lines_of(rows: Sequence[Row], **settings: Any) -> tuple[EchoLine, ...]:
     return echo_lines(14.2, "lms200", echoes_of(rows, **settings), ROBOTS)
 
 
-def seen_of(lines: Sequence[EchoLine]) -> list[Seen]:
-    seen = [line.seen for line in lines if line.seen is not None]
+def seen_of(lines: Sequence[EchoLine]) -> list[TargetEchoes]:
+    seen = [line.echoes for line in lines if line.echoes is not None]
     assert len(seen) == len(lines)
     return seen
 
@@ -90,13 +90,13 @@ def test_every_echo_is_told_once_with_all_that_is_its_own(rows: list[Row]) -> No
     told = [
         row
         for line in echo_lines(1.0, "lms200", echoes, ROBOTS)
-        if line.seen is not None
+        if line.echoes is not None
         for row in zip(
-            line.seen.beams.tolist(),
-            line.seen.ranges.tolist(),
-            line.seen.kinds,
-            line.seen.power.tolist(),
-            line.seen.strength.tolist(),
+            line.echoes.beams.tolist(),
+            line.echoes.ranges.tolist(),
+            line.echoes.kinds,
+            line.echoes.power.tolist(),
+            line.echoes.strength.tolist(),
             strict=True,
         )
     ]

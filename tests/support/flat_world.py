@@ -26,7 +26,7 @@ def box(x: float, y: float, width: float, height: float) -> Floats:
 
 ROOM: Floats = np.concatenate([box(0, 0, 12, 8), box(2, 1, 1, 1), box(-3, -2, 0.6, 2)])
 CORRIDOR: Floats = np.array([[[-99, -1], [99, -1]], [[-99, 1], [99, 1]]], np.float64)
-NOWHERE: Floats = np.zeros((0, 2, 2))
+DEFAULT_MOUNT: Floats = np.zeros((0, 2, 2))
 
 
 def ranges_of(walls: Floats, pose: Pose2) -> Floats:
@@ -69,4 +69,4 @@ def corridor() -> Floats:
 
 @pytest.fixture(scope="session")
 def nowhere() -> Floats:
-    return NOWHERE
+    return DEFAULT_MOUNT
