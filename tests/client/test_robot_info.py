@@ -105,9 +105,7 @@ def test_wheels_that_nobody_can_drive_by_are_refused(
 def test_a_hull_of_less_than_nothing_is_refused() -> None:
     geo = replace(GEO, dimensions=(0.6, -1, 0.4))
     with pytest.raises(ClientError, match=r"Dimensions .*, expected none below 0"):
-        RobotInfo.from_reports(
-            replace(GEO, dimensions=(0.6, -1, 0.4)), CONF, (), "rad_per_s"
-        )
+        RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
 
 
 @pytest.mark.parametrize(
