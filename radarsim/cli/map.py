@@ -1,30 +1,25 @@
 """``radarsim map``."""
 
+import sys
 from typing import Final
 
 import typer
 
 from radarsim.cli.map_options import MapWish
 from radarsim.cli.map_progress import progress
-from radarsim.cli.map_report import MapFiles, MapRun, as_json, as_text, keep
+from radarsim.cli.map_report import MapFiles, as_text, keep
 from radarsim.cli.navigate_options import ServerWish
 from radarsim.cli.signals import ending_at_once
-from radarsim.client import Client
-from radarsim.evaluation.map_score import judge_mapper
-from radarsim.evaluation.trials import GroundTruthMonitor
-from radarsim.exploration.exploration import (
-    Exploration,
-    ExplorationPlan,
-    ExplorationStep,
-    Outcome,
-    warm_up,
-)
-from radarsim.host import Host
-from radarsim.host.lockstep import InProcessTransport
+from radarsim.evaluation.mapping_run import MappingResult, MappingRun
+from radarsim.exploration.exploration import warm_up
 from radarsim.mapping.export import NavMode
-from radarsim.rng import generator_for
+from radarsim.proxy.traffic_mapper import TrafficMapper
 
-INTERRUPTED: Final = "interrupted"
+LISTEN: Final = "127.0.0.1"
+UNTOLD: Final = (
+    "nobody has asked where {!r} is on the robot, and how far it sees; these are"
+    " guessed, --mount and --max-range tell them"
+)
 
 
 def run_survey(
@@ -56,74 +51,73 @@ def run_survey(
     with ending_at_once():
         warm_up()
     plan = wish.read(None if host is None else host.simulation.scene)
-    run = MapRun("way" if plan.way else plan.strategy.value, plan.seed)
-    survey = Exploration(plan, generator_for(wish.seed or 0, "exploring"))
+    run = MappingRun(plan, host, seed=wish.seed or 0)
     try:
-        _explore(survey, _connect(run, host, server))
-    except BaseException as error:
-        run.error = str(error) if isinstance(error, Exception) else INTERRUPTED
-        raise
+        with progress(run.exploration) as teller:
+            run.run(server.address, lambda step: teller.tell(step.doing))
     finally:  # however it ends, what there is of the map is kept and told of
-        _take_stock(run, survey)
-        keep(run, files)
-        _judge(run, host, plan)
-        _tell(run, told_as_json=told_as_json)
-    return int(bool(run.error))
+        keep(run.result, files)
+        run.judge()
+        _tell(run.result, told_as_json=told_as_json)
+    return int(bool(run.result.error))
 
 
 def _overhear(
     wish: MapWish, server: ServerWish, files: MapFiles, *, told_as_json: bool
 ) -> int:
     """Map what another client drives."""
-    from radarsim.cli.map_proxy import overhear
-
     if server.map_ is not None:
         text = "expected no --serve with it"
         raise typer.BadParameter(text, param_hint="--through")
-    run, code = overhear(wish, server, files)
-    _tell(run, told_as_json=told_as_json)
-    return code
-
-
-def _connect(run: MapRun, host: Host | None, server: ServerWish) -> Client:
-    if host is None:
-        return Client.connect(*server.address)
-    run.referee = GroundTruthMonitor(host)
-    return Client(InProcessTransport(host, after_tick=run.referee.watch))
-
-
-def _explore(survey: Exploration, client: Client) -> None:
-    """Explore, and tell on stderr how it goes."""
-    with client, progress(survey) as teller:
-
-        def observe(moment: ExplorationStep) -> None:
-            teller.tell(moment.doing)
-
-        survey.run(client, observe)
-
-
-def _take_stock(run: MapRun, survey: Exploration) -> None:
-    """Note how a survey went, as far as it came."""
-    run.outcome, run.course = survey.outcome.value, survey.course
-    run.mapper, run.safety_distance = survey.mapper, survey.safety_distance
-    run.unreached = survey.unreached
-    if run.error not in ("", INTERRUPTED) and survey.outcome is Outcome.BROKEN_OFF:
-        run.outcome = Outcome.FAILED.value
-
-
-def _judge(run: MapRun, host: Host | None, plan: ExplorationPlan) -> None:
-    """Compare the map with the scene, if both are there."""
-    mapper, start = run.mapper, run.course.start
-    if host is None or mapper is None or start is None:
-        return
-    run.score = judge_mapper(
-        mapper, host.simulation.scene, robot_class=plan.robot_class, start=start
+    port = wish.through or 0
+    _check_ports(port, server)
+    files.check()
+    traffic = TrafficMapper(
+        motion_source=wish.seed_from,
+        resolution=wish.resolution,
+        scanner=wish.scanner,
+        defaults=wish.given(),
     )
+    traffic.on_guess = lambda name: _warn(UNTOLD.format(name))
+    with ending_at_once():
+        warm_up()
+    result = MappingResult(None, wish.seed_from, trip=traffic.trip, outcome="overheard")
+    with progress(traffic) as teller:
+        traffic.on_scan = lambda: teller.tell("listening")
+        code = traffic.run(server.address, (LISTEN, port), _announce)
+    result.mapper = traffic.mapper
+    keep(result, files)
+    if not result.error and traffic.error:
+        result.error = traffic.error
+        _warn(traffic.error)
+    _tell(result, told_as_json=told_as_json)
+    return 1 if result.error else code
 
 
-def _tell(run: MapRun, *, told_as_json: bool) -> None:
+def _check_ports(port: int, server: ServerWish) -> None:
+    """Refuse a proxy that would be its own server.
+
+    Raises:
+        typer.BadParameter: If it would.
+    """
+    host, number = server.address
+    if port == number and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
+        text = f"{port}, expected another port than the server's, see --port"
+        raise typer.BadParameter(text, param_hint="--through")
+
+
+def _announce(address: tuple[str, int]) -> None:
+    _warn(f"listening on {address[0]}:{address[1]}")
+
+
+def _warn(text: str) -> None:
+    sys.stderr.write(f"radarsim: {text}\n")
+    sys.stderr.flush()
+
+
+def _tell(result: MappingResult, *, told_as_json: bool) -> None:
     """Print how it was; a run that failed before its first scan has only JSON."""
     if told_as_json:
-        typer.echo(as_json(run))
-    elif run.course.start is not None or not run.error:
-        typer.echo("\n".join(as_text(run)))
+        typer.echo(result.to_json())
+    elif result.trip.start is not None or not result.error:
+        typer.echo("\n".join(as_text(result)))

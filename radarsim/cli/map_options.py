@@ -14,8 +14,7 @@ from radarsim.cli.navigate_options import (
 from radarsim.exploration.exploration import ExplorationPlan
 from radarsim.exploration.options import StrategyName
 from radarsim.geometry import Pose3
-from radarsim.mapping.mapper import MapperSettings
-from radarsim.mapping.slam import MotionSource, SlamSettings
+from radarsim.mapping.slam import MotionSource
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT
 from radarsim.proxy.connection_state import ScannerDefaults
@@ -84,8 +83,8 @@ class MapWish(DriveWish):
         check_start(self.start, scene)
         return ExplorationPlan(
             strategy=StrategyName(self.strategy or "auto"),
-            way=tuple(read_place(text, "--way") for text in self.way),
-            seed=self.seed_from,
+            waypoints=tuple(read_place(text, "--way") for text in self.way),
+            motion_source=self.seed_from,
             echoes=self.echoes,
             resolution=self.resolution,
             robot_class=self.robot or ROBOT,
@@ -93,24 +92,12 @@ class MapWish(DriveWish):
             pose=None if self.pose is None else read_pose(self.pose),
             scanner=self.scanner,
             safety_distance=self.safety_distance,
-            depth=self.depth,
-            pace=SpeedLimits(speed=self.speed),
+            penetration_depth=self.depth,
+            speed_limits=SpeedLimits(speed=self.speed),
             radius=self.radius,
             time_limit=self.time_limit,
             timeout=self.timeout,
             drive_unit=self.drive_unit,
-        )
-
-    def overhearing(self, *, echoes: bool) -> MapperSettings:
-        """Give the settings of a mapper that only listens.
-
-        Args:
-            echoes: Whether the client asks for them.
-        """
-        return MapperSettings(
-            slam=SlamSettings(seed=self.seed_from),
-            resolution=self.resolution,
-            echo_wait=1.0 if echoes else 0.0,
         )
 
     def given(self) -> ScannerDefaults:

@@ -19,7 +19,7 @@ class Mapping(Protocol):
         """Has the map; None before the first scan."""
 
     @property
-    def course(self) -> TripMeter:
+    def trip(self) -> TripMeter:
         """How far the robot has come."""
 
 
@@ -72,15 +72,15 @@ class Changes:
 
 def present(mapping: Mapping, doing: str) -> str:
     """Say in one line how things stand."""
-    mapper, course = mapping.mapper, mapping.course
+    mapper, trip = mapping.mapper, mapping.trip
     if mapper is None or not mapper.scans:
         return doing
     area = f"sensed {sensed_area(mapper):7.1f} m²"
-    path = f"path {course.length:6.2f} m"
-    return f"{course.time:8.1f} s  {doing:9}  {path}  {area}"
+    path = f"path {trip.length:6.2f} m"
+    return f"{trip.time:8.1f} s  {doing:9}  {path}  {area}"
 
 
 def sensed_area(mapper: Mapper) -> float:
     """Give the area that beams have been in, m²."""
     cells = int(np.count_nonzero(mapper.grid.sensed_cells()))
-    return cells * mapper.grid.lattice.resolution**2
+    return cells * mapper.grid.frame.resolution**2

@@ -1,25 +1,19 @@
 """The files that ``radarsim map`` writes."""
 
-import json
-import math
 import os
 import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import typer
 
 from radarsim.atomic_write import write_atomically
 from radarsim.cli.options import check_place
-from radarsim.evaluation.map_score import MapScore
-from radarsim.evaluation.trials import GroundTruthMonitor
+from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
 from radarsim.mapping.mapper import Mapper
-from radarsim.mapping.occupancy_grid import FOLIAGE_CELL, FREE, OBSTACLE, SMOKE_CELL
-from radarsim.mapping.trajectory import trajectory_errors, tum_text
-from radarsim.navigation.runner import TripMeter
+from radarsim.mapping.trajectory import tum_text
 
 IN_FOLDER: Final = "map"  # what names begin with in a folder
 FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
@@ -116,12 +110,7 @@ def reason(error: OSError) -> str:
 # Section from cli.mapoutcomes.
 # What is said of a map once it is made.
 
-CLASSES: Final = {
-    "free": FREE,
-    "obstacle": OBSTACLE,
-    "foliage": FOLIAGE_CELL,
-    "smoke": SMOKE_CELL,
-}
+CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
 ENDINGS: Final = {
     "time_limit": "time is up",
     "broken_off": "broken off",
@@ -129,38 +118,7 @@ ENDINGS: Final = {
 }
 
 
-@dataclass(slots=True)
-class MapRun:
-    """One map: how it was made, and what came of it.
-
-    Attributes:
-        strategy: Its name; None where another client drove.
-        seed_from: What told the robot's motion.
-        course: How far the robot came.
-        mapper: Has the map; None if nothing was ever known of the robot.
-        outcome: How it ended.
-        left_out: Places of a way that it could not get to, m.
-        safety_distance: That was kept, m; None where another client drove.
-        referee: Watched the true robot, if that could be.
-        score: What a judge says who has the map file, if there is one.
-        files: That were written.
-        error: What went wrong; empty if nothing did.
-    """
-
-    strategy: str | None
-    seed_from: str
-    course: TripMeter = field(default_factory=TripMeter)
-    mapper: Mapper | None = None
-    outcome: str = "broken_off"
-    unreached: tuple[tuple[float, float], ...] = ()
-    safety_distance: float | None = None
-    referee: GroundTruthMonitor | None = None
-    score: MapScore | None = None
-    files: tuple[Path, ...] = ()
-    error: str = ""
-
-
-def keep(run: MapRun, files: MapFiles) -> None:
+def keep(run: MappingResult, files: MapFiles) -> None:
     """Write what there is of a map; say on stderr why that cannot be."""
     try:
         run.files = files.write(run.mapper)
@@ -170,43 +128,9 @@ def keep(run: MapRun, files: MapFiles) -> None:
         run.error = f"{run.error}; {fault}" if run.error else fault
 
 
-def summary(run: MapRun) -> dict[str, Any]:
-    """Give all that is known, for JSON; lengths to mm, except those of errors.
-
-    A run that broke off is told of as far as it came.
-    """
-    told: dict[str, Any] = {
-        "outcome": run.outcome,
-        "strategy": run.strategy,
-        "seed_from": run.seed_from,
-        "time": round(run.course.time, 3),
-        "path_length": round(run.course.length, 3),
-        "left_out": [list(place) for place in run.unreached],
-        "safety_distance": _number(run.safety_distance, 3),
-        "scans": 0 if run.mapper is None else run.mapper.scans,
-        "cells": _cells(run.mapper),
-        "pose_errors": _pose_errors(run.mapper),
-        "files": [str(file) for file in run.files],
-        "error": run.error or None,
-    }
-    if run.referee is not None:
-        told["judge"] = {
-            "path_length": round(run.referee.path_length, 3),
-            "collisions": run.referee.collisions,
-        }
-        if run.score is not None:
-            told["judge"] |= run.score.to_dict()
-    return told
-
-
-def as_json(run: MapRun) -> str:
-    """Give that as one line."""
-    return json.dumps(summary(run), allow_nan=False)
-
-
-def as_text(run: MapRun) -> list[str]:
+def as_text(run: MappingResult) -> list[str]:
     """Give that for people, in lines."""
-    told = summary(run)
+    told = run.to_dict()
     ending = ENDINGS.get(run.outcome, run.outcome)
     by = "" if run.strategy is None else f" by {run.strategy}"
     path = f"{told['path_length']:.2f} m in {told['time']:.1f} s"
@@ -242,30 +166,3 @@ def _verdict(judge: dict[str, Any]) -> str:
         parts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
     parts.append(f"collisions: {judge['collisions']}")
     return ", ".join(parts)
-
-
-def _cells(mapper: Mapper | None) -> dict[str, float] | None:
-    if mapper is None or not mapper.scans:
-        return None
-    counts = np.bincount(mapper.grid.classes().ravel(), minlength=5)
-    told = {name: int(counts[number]) for name, number in CLASSES.items()}
-    return {"resolution": mapper.grid.lattice.resolution, **told}
-
-
-def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
-    """Compare the poses with the true ones, as far as the server tells these."""
-    if mapper is None:
-        return None
-    try:
-        found = asdict(trajectory_errors(mapper.trajectory, mapper.truth))
-    except ValueError:
-        return None
-    for name in ("yaw", "yaw_max", "rpe_yaw"):
-        found[f"{name}_deg"] = math.degrees(found.pop(name))
-    return {name: _number(value, 5) for name, value in found.items()}
-
-
-def _number(value: float | None, digits: int) -> float | None:
-    if value is None or not math.isfinite(value):
-        return None
-    return round(value, digits)

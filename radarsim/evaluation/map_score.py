@@ -20,16 +20,12 @@ import shapely
 from shapely import MultiPoint
 
 from radarsim.evaluation.free_space import Place, free_space, piece_around
-from radarsim.exploration.shortest_path import reached
+from radarsim.exploration.shortest_path import flood_fill
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.distance_field import clearance
+from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.occupancy_grid import (
-    FOLIAGE_CELL,
-    FREE,
-    OBSTACLE,
-    SMOKE_CELL,
-    UNKNOWN,
+    CellClass,
     GridFrame,
     Mask,
     OccupancyGrid,
@@ -62,7 +58,7 @@ class MapScore:
         within_two_cells: The same with one cell more.
         false_obstacles: Those farther from all that is solid, per cell of nothing that
             is sensed.
-        told_apart: Share of the right cells in which robots cannot be that are also
+        class_accuracy: Share of the right cells in which robots cannot be that are also
             right on whether it is foliage; None if there are none.
     """
 
@@ -79,34 +75,36 @@ class MapScore:
     class_accuracy: float | None
 
     def to_dict(self) -> dict[str, Any]:
-        """Give it for JSON, shares to four digits."""
-        return {
+        """Return the score for JSON, with shares rounded to four digits."""
+        rounded = {
             key: round(value, 4) if isinstance(value, float) else value
             for key, value in asdict(self).items()
         }
+        rounded["told_apart"] = rounded.pop("class_accuracy")
+        return rounded
 
 
 class Truth:
-    """What is where, on the cells of a lattice.
+    """What is where, on the cells of a grid.
 
     Attributes:
-        kinds: What cells are of: OBSTACLE, THICKET and CLOUD, each (R, C); where two
-            meet, a cell is of both.
+        kinds: What cells are of: obstacle, foliage and smoke, each (R, C); where
+            two meet, a cell is of both.
         inside: Where cells are deep in anything of a kind, (R, C).
         indoors: What walls enclose and is not solid, (R, C).
     """
 
-    def __init__(self, scene: Scene, lattice: GridFrame, height: float) -> None:
+    def __init__(self, scene: Scene, frame: GridFrame, height: float) -> None:
         """Cut a scene.
 
         Args:
             scene: What there is.
-            lattice: Where cells are.
+            frame: Where cells are.
             height: Of the sensor in the map frame, m.
         """
         self.kinds = {
-            kind: np.zeros(lattice.shape, np.bool_)
-            for kind in (OBSTACLE, FOLIAGE_CELL, SMOKE_CELL)
+            kind: np.zeros(frame.shape, np.bool_)
+            for kind in (CellClass.OBSTACLE, CellClass.FOLIAGE, CellClass.SMOKE)
         }
         self.inside = {kind: cells.copy() for kind, cells in self.kinds.items()}
         starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
@@ -114,9 +112,9 @@ class Truth:
             segments = slice_mesh(part.vertices, part.faces, height)
             if len(segments):
                 kind = kind_of(part)
-                filled = _filled(part, segments, starts, lattice)
+                filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
-                self.kinds[kind] |= filled | _drawn(segments, lattice)
+                self.kinds[kind] |= filled | _drawn(segments, frame)
         self.indoors = self._enclosed()
 
     def anything(self) -> Mask:
@@ -133,25 +131,25 @@ class Truth:
         Args:
             outdoors: Whether surfaces towards what no walls enclose count too.
         """
-        solid = self.kinds[OBSTACLE]
-        beside = clearance(~solid if outdoors else self.indoors, 1.5)
-        return np.asarray((solid & np.isfinite(beside)) | self.kinds[FOLIAGE_CELL])
+        solid = self.kinds[CellClass.OBSTACLE]
+        beside = distance_field(~solid if outdoors else self.indoors, 1.5)
+        return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
 
     def _enclosed(self) -> Mask:
-        walls = np.pad(self.kinds[OBSTACLE], 1)
-        near = np.isfinite(clearance(walls, 1.0))
-        outdoors = reached(~near, (0, 0))
-        outdoors = np.isfinite(clearance(outdoors, 1.5))
+        walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
+        near = np.isfinite(distance_field(walls, 1.0))
+        outdoors = flood_fill(~near, (0, 0))
+        outdoors = np.isfinite(distance_field(outdoors, 1.5))
         return np.asarray(~outdoors & ~walls)[1:-1, 1:-1]
 
 
-def kind_of(part: Part) -> int:
+def kind_of(part: Part) -> CellClass:
     """Tell what a map should take a part for."""
     material = part.material
     if not material.solid:
-        return SMOKE_CELL
+        return CellClass.SMOKE
     seen_through = material.penetrable or material.sheet_loss is not None
-    return FOLIAGE_CELL if seen_through else OBSTACLE
+    return CellClass.FOLIAGE if seen_through else CellClass.OBSTACLE
 
 
 def judge_map(
@@ -171,18 +169,20 @@ def judge_map(
         body: Half its diagonal, m.
         height: Of its sensor in the map frame, m.
     """
-    lattice = _around(grid.lattice, scene)
-    truth = Truth(scene, lattice, height)
-    classes = grid.lattice.moved(grid.classes(), lattice)
-    near = grid.lattice.moved(grid.near_cells(), lattice)
+    frame = _around(grid.frame, scene)
+    truth = Truth(scene, frame, height)
+    classes = grid.frame.copy_into(grid.classes(), frame)
+    near = grid.frame.copy_into(grid.short_range_cells(), frame)
     right = _is_right(classes, truth)
-    known = classes != UNKNOWN
-    indoors = truth.indoors if _is_inside(truth.indoors, lattice, start) else None
+    known = classes != CellClass.UNKNOWN
+    indoors = truth.indoors if _is_inside(truth.indoors, frame, start) else None
     free = truth.free()
-    hidden = free & _beyond(scene, lattice, start, body)
-    walls = classes == OBSTACLE
+    hidden = free & _beyond(scene, frame, start, body)
+    walls = classes == CellClass.OBSTACLE
     away = _away(truth.faces(outdoors=indoors is None))[walls]
-    astray = _away(truth.kinds[OBSTACLE] | truth.kinds[FOLIAGE_CELL])[walls]
+    astray = _away(truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE])[
+        walls
+    ]
     false = int(np.count_nonzero(np.isinf(astray)))
     air = int(np.count_nonzero(known & ~truth.anything()))
     return MapScore(
@@ -223,20 +223,23 @@ def judge_mapper(
 
 
 def _is_right(classes: Any, truth: Truth) -> Mask:
-    solid = truth.kinds[OBSTACLE] | truth.kinds[FOLIAGE_CELL]
-    blocked = (classes == OBSTACLE) | (classes == FOLIAGE_CELL)
+    solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
+    blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
     right = blocked & (_away(solid) <= TOLERANCE + BESIDE)
-    right |= (classes == SMOKE_CELL) & (
-        _away(truth.kinds[SMOKE_CELL]) <= TOLERANCE + BESIDE
+    right |= (classes == CellClass.SMOKE) & (
+        _away(truth.kinds[CellClass.SMOKE]) <= TOLERANCE + BESIDE
     )
     inside = np.any(list(truth.inside.values()), axis=0)
-    shallow = np.isfinite(clearance(~inside, TOLERANCE + BESIDE))
-    return np.asarray(right | ((classes == FREE) & shallow))
+    shallow = np.isfinite(distance_field(~inside, TOLERANCE + BESIDE))
+    return np.asarray(right | ((classes == CellClass.FREE) & shallow))
 
 
 def _told_apart(classes: Any, truth: Truth) -> float | None:
     told: list[Any] = []
-    for kind, other in ((OBSTACLE, FOLIAGE_CELL), (FOLIAGE_CELL, OBSTACLE)):
+    for kind, other in (
+        (CellClass.OBSTACLE, CellClass.FOLIAGE),
+        (CellClass.FOLIAGE, CellClass.OBSTACLE),
+    ):
         cells = classes == kind
         same = _away(truth.kinds[kind])[cells] <= TOLERANCE + BESIDE
         neither = _away(truth.kinds[other])[cells] > TOLERANCE + BESIDE
@@ -246,43 +249,43 @@ def _told_apart(classes: Any, truth: Truth) -> float | None:
 
 def _away(cells: Mask) -> Floats:
     """Give how far each cell is from the nearest of some, cells; inf if farther."""
-    return clearance(cells, TOLERANCE + BESIDE)
+    return distance_field(cells, TOLERANCE + BESIDE)
 
 
-def _beyond(scene: Scene, lattice: GridFrame, start: Place, body: float) -> Mask:
+def _beyond(scene: Scene, frame: GridFrame, start: Place, body: float) -> Mask:
     """Give where a robot would have room and cannot get to."""
     free = free_space(scene, body, places=[start])
     home = piece_around(free, start)
     others = [piece for piece in free.geoms if home is None or not piece.equals(home)]
-    return _covered(shapely.union_all(others), lattice)
+    return _covered(shapely.union_all(others), frame)
 
 
-def _around(lattice: GridFrame, scene: Scene) -> GridFrame:
-    """Give a lattice that holds the whole scene too."""
+def _around(frame: GridFrame, scene: Scene) -> GridFrame:
+    """Give a frame that holds the whole scene too."""
     low, high = scene.bounds[0], scene.bounds[1]
-    return lattice.grown(
+    return frame.extended_to(
         (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
     )
 
 
-def _filled(part: Part, segments: Floats, starts: Any, lattice: GridFrame) -> Mask:
+def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
     """Give the cells in a part; a part around a start is a room, and hollow."""
     if part.material.sheet_loss is not None:
-        return np.zeros(lattice.shape, np.bool_)
+        return np.zeros(frame.shape, np.bool_)
     lines = shapely.linestrings(np.round(segments, 6))
     # cut where they cross: one mesh may have surfaces that do
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
-    if kind_of(part) == OBSTACLE:
+    if kind_of(part) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
-    return _covered(shapely.union_all(areas), lattice)
+    return _covered(shapely.union_all(areas), frame)
 
 
-def _covered(area: Any, lattice: GridFrame) -> Mask:
+def _covered(area: Any, frame: GridFrame) -> Mask:
     """Give the cells whose middles are in an area."""
-    covered = np.zeros(lattice.shape, np.bool_)
+    covered = np.zeros(frame.shape, np.bool_)
     if shapely.is_empty(area):
         return covered
-    across, up = lattice.middles()
+    across, up = frame.cell_centers()
     west, south, east, north = shapely.bounds(area)
     columns = slice(*np.searchsorted(across, (west, east)))
     rows = slice(*np.searchsorted(up, (south, north)))
@@ -292,24 +295,24 @@ def _covered(area: Any, lattice: GridFrame) -> Mask:
     return covered
 
 
-def _drawn(segments: Floats, lattice: GridFrame) -> Mask:
+def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     """Give the cells that lines go through."""
     starts, ways = segments[:, 0], segments[:, 1] - segments[:, 0]
-    lengths = np.hypot(*ways.T) / lattice.resolution
+    lengths = np.hypot(*ways.T) / frame.resolution
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
     along = number / (counts[which] - 1)
     places = starts[which] + along[:, None] * ways[which]
-    cells = np.floor(places / lattice.resolution).astype(np.int64)
-    columns, rows = cells[:, 0] - lattice.column, cells[:, 1] - lattice.row
-    drawn = np.zeros(lattice.shape, np.bool_)
+    cells = np.floor(places / frame.resolution).astype(np.int64)
+    columns, rows = cells[:, 0] - frame.column, cells[:, 1] - frame.row
+    drawn = np.zeros(frame.shape, np.bool_)
     drawn[rows, columns] = True
     return drawn
 
 
-def _is_inside(indoors: Mask, lattice: GridFrame, place: Place) -> bool:
-    cell = lattice.cell(*place)
+def _is_inside(indoors: Mask, frame: GridFrame, place: Place) -> bool:
+    cell = frame.cell(*place)
     return cell is not None and bool(indoors[cell])
 
 

@@ -10,7 +10,7 @@ Where there is none, there is no interior to fill.
 import math
 from typing import Final
 
-from radarsim.exploration.frontier import to_fill
+from radarsim.exploration.frontier import coverage_strategy
 from radarsim.exploration.path_follower import (
     LEAST_SCANS,
     ExplorationSettings,
@@ -31,7 +31,7 @@ TRACK_EVERY: Final = 0.5  # m
 LOST: Final = 1.5  # circles without a wall after which it is taken to be gone
 
 
-class Contour:
+class ContourStrategy:
     """Follows the contour of a room once, then fills the interior.
 
     Attributes:
@@ -40,15 +40,15 @@ class Contour:
         contours: How many it has closed, islands too.
     """
 
-    def __init__(self, habits: ExplorationSettings) -> None:
+    def __init__(self, settings: ExplorationSettings) -> None:
         self.doing = "seeking"
         self.is_done = False
         self.contours = 0
-        self._habits = habits
-        self._follower = WallFollower(habits.bumpers, habits.pace)
-        self._way = FollowSide(on_left=habits.on_left)
-        self._walker = PathFollower(habits)
-        self._fill = to_fill(habits)
+        self._settings = settings
+        self._follower = WallFollower(settings.bumpers, settings.speed_limits)
+        self._way = FollowSide(on_left=settings.on_left)
+        self._walker = PathFollower(settings)
+        self._fill = coverage_strategy(settings)
         self._track: list[Point] = []
         self._round: _Round | None = None
         self._scans = 0
@@ -87,16 +87,16 @@ class Contour:
 
     def _walls(self, floor: TraversabilityMap, sensed: Observation) -> Mask:
         """Give the floor along walls that it has not followed."""
-        targets = floor.rim(floor.reachable(sensed.pose))
+        targets = floor.outer_boundary(floor.reachable(sensed.pose))
         for place in self._track:
             targets &= ~floor.within(*place, FOLLOWED)
         return targets
 
     def _onward(self, sensed: Observation) -> Twist:
         """Go straight on until there is something."""
-        if self._habits.bumpers.towards(sensed, 0.0).blocked:
+        if self._settings.bumpers.towards(sensed, 0.0).blocked:
             return self._arrive(sensed)
-        return Twist(self._habits.pace.speed, 0.0)
+        return Twist(self._settings.speed_limits.speed, 0.0)
 
     def _arrive(self, sensed: Observation) -> Twist:
         """Choose the nearest place of a wall to align with."""

@@ -21,7 +21,7 @@ STRIDE: Final = 1.0  # m between two places on the spiral
 THERE: Final = 0.8  # m
 
 
-class CentreOut:
+class SpiralCoverage:
     """Goes round its start in ever wider turns; what is in the way is left out.
 
     Attributes:
@@ -32,10 +32,10 @@ class CentreOut:
 
     doing = "spiral"
 
-    def __init__(self, habits: ExplorationSettings) -> None:
+    def __init__(self, settings: ExplorationSettings) -> None:
         self.is_done = False
-        self._habits = habits
-        self._walker = PathFollower(habits)
+        self._settings = settings
+        self._walker = PathFollower(settings)
         self._start: Pose2 | None = None
         self._angle = 0.0
         self._left_out = 0.0
@@ -81,7 +81,7 @@ class CentreOut:
         radius = APART * self._angle / (2 * math.pi)
         step = STRIDE / max(radius, STRIDE)
         self._angle += step
-        self.is_done = radius > self._habits.radius
+        self.is_done = radius > self._settings.radius
         return step
 
 
@@ -104,10 +104,10 @@ class RandomBounce:
             last legs have shown nothing new.
     """
 
-    def __init__(self, habits: ExplorationSettings, rng: np.random.Generator) -> None:
+    def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
         self.doing = "straight"
         self.is_done = False
-        self._habits = habits
+        self._settings = settings
         self._rng = rng
         self._heading: float | None = None
         self._unvisited = math.inf
@@ -115,22 +115,22 @@ class RandomBounce:
 
     def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
-        habits, yaw = self._habits, sensed.pose.yaw
+        settings, yaw = self._settings, sensed.pose.yaw
         if self._heading is None:
             self._heading = yaw
         if self.doing == "turning" and abs(wrap_angle(self._heading - yaw)) < FACING:
             self.doing = "straight"
-        ahead = habits.bumpers.towards(sensed, wrap_angle(self._heading - yaw))
+        ahead = settings.bumpers.towards(sensed, wrap_angle(self._heading - yaw))
         if self.doing == "straight" and ahead.blocked:
             self._judge(sensed.pose, grid)
             self._heading = yaw + self._turn(sensed)
             self.doing = "turning"
         if self.is_done:
             return STAND
-        motion = habits.pace.towards(wrap_angle(self._heading - yaw))
+        motion = settings.speed_limits.towards(wrap_angle(self._heading - yaw))
         if self.doing == "turning":
             return Twist(0.0, motion.turn)
-        return habits.careful(sensed, motion)
+        return settings.careful(sensed, motion)
 
     def _turn(self, sensed: Observation) -> float:
         """Draw a turn to where nothing is in the way, rad; right about if that is not.
@@ -138,13 +138,13 @@ class RandomBounce:
         The bumper that has stopped it is some way off, so there is room to turn in.
         """
         turns = np.arange(LEAST_TURN, 2 * math.pi - LEAST_TURN, _TRIED)
-        bumpers = self._habits.bumpers
+        bumpers = self._settings.bumpers
         free = [turn for turn in turns if not bumpers.towards(sensed, turn).blocked]
         return float(self._rng.choice(free)) if free else math.pi
 
     def _judge(self, pose: Pose2, grid: OccupancyGrid) -> None:
         """Find out at a wall whether it goes on."""
-        floor = self._habits.floor(grid)
+        floor = self._settings.floor(grid)
         left = floor.area(floor.unvisited & floor.reachable(pose))
         shown = self._unvisited - left
         self._idle = 0 if shown > NEWS else self._idle + 1

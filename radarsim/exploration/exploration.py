@@ -16,7 +16,7 @@ from radarsim.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
-from radarsim.exploration.strategies import strategy_named
+from radarsim.exploration.strategies import create_strategy
 from radarsim.exploration.traversability import Point, TraversabilityMap
 from radarsim.geometry import Pose2, Pose3
 from radarsim.mapping.mapper import Mapper, MapperSettings
@@ -59,18 +59,20 @@ class ExplorationPlan:
 
     Attributes:
         strategy: Of exploring.
-        way: Places to go to in turn instead, m, map frame; empty for the strategy.
-        seed: What tells the robot's motion between scans.
+        waypoints: Points to drive to in turn instead, m, map frame; empty for the
+            strategy.
+        motion_source: What tells the robot's motion between scans.
         echoes: Whether to ask the server for them.
         resolution: Side of a cell of the map, m.
         robot_class: To be spawned; to explore, its scanner has to see all around.
         start: Name of a start pose; the server's first one if there is no pose either.
         pose: Where to start otherwise.
         scanner: Name of the scanner to map with; the first one by default.
-        safety_distance: m from the robot's centre; None for what ``depth`` asks for.
-        depth: How far the sensor sees into foliage without knowing it, m.
+        safety_distance: m from the robot's centre; None for the one that follows from
+            ``penetration_depth``.
+        penetration_depth: How far the sensor sees into foliage without knowing it, m.
         on_left: Whether walls are followed on the left hand.
-        pace: How fast.
+        speed_limits: How fast.
         radius: How far from its start it goes where there is no border, m.
         time_limit: s of the server.
         timeout: After so many s without a scan the run is given up.
@@ -78,8 +80,8 @@ class ExplorationPlan:
     """
 
     strategy: StrategyName = StrategyName.AUTO
-    way: tuple[Point, ...] = ()
-    seed: MotionSource = "ins"
+    waypoints: tuple[Point, ...] = ()
+    motion_source: MotionSource = "ins"
     echoes: bool = True
     resolution: float = RESOLUTION
     robot_class: str = ROBOT
@@ -87,9 +89,9 @@ class ExplorationPlan:
     pose: Pose2 | None = None
     scanner: str | None = None
     safety_distance: float | None = None
-    depth: float = 0.0
+    penetration_depth: float = 0.0
     on_left: bool = True
-    pace: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
+    speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
     radius: float = RADIUS
     time_limit: float = TIME_LIMIT
     timeout: float = 2.0
@@ -133,7 +135,7 @@ class Exploration:
         self.mapper: Mapper | None = None
         self.outcome = Outcome.BROKEN_OFF
         self.safety_distance = math.nan
-        self.course = TripMeter(noise=NOISE)
+        self.trip = TripMeter(noise=NOISE)
         self._rng = rng
         self._strategy: Strategy | None = None
 
@@ -167,7 +169,7 @@ class Exploration:
             self.outcome = Outcome.FAILED
             raise
         except NavigationError:
-            stuck = self.course.start is not None
+            stuck = self.trip.start is not None
             self.outcome = Outcome.STUCK if stuck else Outcome.FAILED
             raise
         finally:
@@ -179,36 +181,40 @@ class Exploration:
         client.spawn(plan.robot_class, start=start, pose=plan.pose)
         facts = client.robot_info(drive_unit=plan.drive_unit)
         scanner = facts.scanner(plan.scanner)
-        habits = self._habits(facts)
-        if not plan.way:
-            check_sight(habits.bumpers, scanner)
+        settings = self._settings_for(facts)
+        if not plan.waypoints:
+            check_sight(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        settings = MapperSettings(
-            slam=SlamSettings(seed=plan.seed),
+        mapper_settings = MapperSettings(
+            slam=SlamSettings(motion_source=plan.motion_source),
             resolution=plan.resolution,
             echo_wait=1.0 if plan.echoes else 0.0,
             body=min(facts.length, facts.width) / 2,
         )
-        self.mapper = Mapper(scanner, settings, clock=client.transport.time)
-        strategy = self._strategy_with(habits)
+        self.mapper = Mapper(scanner, mapper_settings, clock=client.transport.time)
+        strategy = self._strategy_with(settings)
         return ControlLoop(client, facts, self.mapper, timeout=plan.timeout), strategy
 
-    def _strategy_with(self, habits: ExplorationSettings) -> Strategy:
+    def _strategy_with(self, settings: ExplorationSettings) -> Strategy:
         plan = self.plan
-        if plan.way:
-            self._strategy = WaypointFollower(habits, plan.way)
+        if plan.waypoints:
+            self._strategy = WaypointFollower(settings, plan.waypoints)
         else:
-            self._strategy = strategy_named(plan.strategy, habits, self._rng)
+            self._strategy = create_strategy(plan.strategy, settings, self._rng)
         return self._strategy
 
-    def _habits(self, facts: RobotInfo) -> ExplorationSettings:
+    def _settings_for(self, facts: RobotInfo) -> ExplorationSettings:
         plan = self.plan
-        safety = safety_distance_for(facts, plan.safety_distance, plan.depth)
+        safety = safety_distance_for(
+            facts, plan.safety_distance, plan.penetration_depth
+        )
         self.safety_distance = safety
         return ExplorationSettings(
             bumpers=Bumpers(safety_distance=safety),
-            pace=SpeedLimits(min(plan.pace.speed, facts.top_speed), plan.pace.turn),
+            speed_limits=SpeedLimits(
+                min(plan.speed_limits.speed, facts.top_speed), plan.speed_limits.turn
+            ),
             on_left=plan.on_left,
             radius=plan.radius,
         )
@@ -223,10 +229,10 @@ class Exploration:
         push, standstill = StuckDetector(), StandstillDetector()
         for sensed in helm.scans():
             check_beams(len(sensed.bearings), self.mapper.scanner)
-            self.course.add(sensed)
+            self.trip.add(sensed)
             motion = strategy.step(sensed, self.mapper.grid)
             observe(ExplorationStep(sensed, strategy.doing, motion))
-            if strategy.is_done or self.course.time > self.plan.time_limit:
+            if strategy.is_done or self.trip.time > self.plan.time_limit:
                 done = strategy.is_done
                 self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT
                 return
@@ -252,14 +258,14 @@ _MANY = 1000  # points, more than a new map has room for
 def warm_up() -> None:
     """Make a little map, with and without a seed, and plan on it."""
     PointMap().add(np.zeros((_MANY, 2)))
-    for settings in (SlamSettings(), SlamSettings(seed="none")):
+    for settings in (SlamSettings(), SlamSettings(motion_source="none")):
         mapper = Mapper(_SCANNER, MapperSettings(slam=settings, body=0.2))
         for report in _drive():
             mapper.take(report)
         floor = TraversabilityMap(mapper.grid, 0.4)
         middle = Pose2(0.0, 0.0)
-        floor.way_to(middle, floor.frontiers | floor.unvisited)
-        floor.rim(floor.reachable(middle))
+        floor.find_path(middle, floor.frontiers | floor.unvisited)
+        floor.outer_boundary(floor.reachable(middle))
         mapper.grid.drivable_cells(0.4)
 
 

@@ -24,10 +24,10 @@ from radarsim.navigation.observation import Observation
 FULL: Final = 2 * math.pi
 STAYS: Final = 1.5  # m around a target where more of it is worth staying
 
-Choice = Callable[[TraversabilityMap], Mask]
+TargetSelector = Callable[[TraversabilityMap], Mask]
 
 
-class ToNearest:
+class NearestTargetStrategy:
     """Goes to the nearest of what a choice leaves on the floor.
 
     Attributes:
@@ -37,8 +37,8 @@ class ToNearest:
 
     def __init__(
         self,
-        habits: ExplorationSettings,
-        choice: Choice,
+        settings: ExplorationSettings,
+        choice: TargetSelector,
         doing: str,
         *,
         turn: float = 0.0,
@@ -46,7 +46,7 @@ class ToNearest:
         """Get ready.
 
         Args:
-            habits: How the robot goes.
+            settings: How the robot goes.
             choice: What to go to.
             doing: A word for it.
             turn: How far to turn on the spot first, rad.
@@ -55,9 +55,9 @@ class ToNearest:
         self.is_done = False
         self._turn = turn
         self._yaw = math.nan
-        self._pace = habits.pace
+        self._pace = settings.speed_limits
         self._choice = choice
-        self._walker = PathFollower(habits)
+        self._walker = PathFollower(settings)
         self._scans = 0
 
     def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
@@ -93,11 +93,13 @@ def _frontiers(floor: TraversabilityMap) -> Mask:
     return floor.frontiers
 
 
-def to_frontiers(habits: ExplorationSettings, choice: Choice = _frontiers) -> ToNearest:
+def frontier_strategy(
+    settings: ExplorationSettings, choice: TargetSelector = _frontiers
+) -> NearestTargetStrategy:
     """Explore by going to the nearest frontier, of all or of some."""
-    return ToNearest(habits, choice, "frontier", turn=FULL)
+    return NearestTargetStrategy(settings, choice, "frontier", turn=FULL)
 
 
-def to_fill(habits: ExplorationSettings) -> ToNearest:
+def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
     """Explore by going to the nearest floor that was not seen at short range."""
-    return ToNearest(habits, lambda floor: floor.unvisited, "filling")
+    return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")

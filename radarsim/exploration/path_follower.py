@@ -57,13 +57,13 @@ class ExplorationSettings:
 
     Attributes:
         bumpers: What it senses by, and the distance that it keeps.
-        pace: How fast it goes.
+        speed_limits: How fast it goes.
         on_left: Whether it keeps walls on its left hand.
         radius: How far from its start it goes where there is no border, m.
     """
 
     bumpers: Bumpers
-    pace: SpeedLimits = field(default_factory=SpeedLimits)
+    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
     on_left: bool = True
     radius: float = 12.0
 
@@ -77,7 +77,7 @@ class ExplorationSettings:
         ahead = math.pi if behind else 0.0
         if not motion.speed or not self.bumpers.towards(sensed, ahead).too_near:
             return motion
-        return Twist(0.0, motion.turn or self.pace.turn)
+        return Twist(0.0, motion.turn or self.speed_limits.turn)
 
     def clear_bearing(self, sensed: Observation, bearing: float) -> float:
         """Give the nearest to a bearing that is not too near to anything, rad."""
@@ -95,9 +95,9 @@ class PathFollower:
         floor: As it was at the last look; None before the first.
     """
 
-    def __init__(self, habits: ExplorationSettings) -> None:
+    def __init__(self, settings: ExplorationSettings) -> None:
         self.floor: TraversabilityMap | None = None
-        self._habits = habits
+        self._settings = settings
         self._looked = -math.inf
         self._way: Sequence[Point] = ()
         self._given_up: list[Point] = []
@@ -107,7 +107,7 @@ class PathFollower:
         """Look at the map if it is time to; tells whether it was."""
         if self.floor is not None and sensed.time < self._looked + LOOK_EVERY:
             return False
-        self.floor, self._looked = self._habits.floor(grid), sensed.time
+        self.floor, self._looked = self._settings.floor(grid), sensed.time
         return True
 
     def plan(self, sensed: Observation, targets: Mask) -> bool:
@@ -116,7 +116,7 @@ class PathFollower:
         for place in self._given_up:
             targets = targets & ~self.floor.within(*place, GIVEN_UP)
         before = self._way[-1:]
-        self._way = self.floor.way_to(sensed.pose, targets)
+        self._way = self.floor.find_path(sensed.pose, targets)
         if self._since is None or not before:
             self._since = sensed.time, sensed.pose
         return bool(self._way)
@@ -126,10 +126,10 @@ class PathFollower:
         if not self._way:
             return STAND
         self._mind(sensed)
-        habits = self._habits
+        settings = self._settings
         bearing = bearing_of(sensed.pose, *self._next(sensed.pose))
-        bearing = habits.clear_bearing(sensed, bearing)
-        return habits.careful(sensed, habits.pace.towards(bearing))
+        bearing = settings.clear_bearing(sensed, bearing)
+        return settings.careful(sensed, settings.speed_limits.towards(bearing))
 
     @property
     def end(self) -> Point | None:
@@ -178,16 +178,16 @@ class WaypointFollower:
 
     doing = "underway"
 
-    def __init__(self, habits: ExplorationSettings, places: Sequence[Point]) -> None:
+    def __init__(self, settings: ExplorationSettings, places: Sequence[Point]) -> None:
         """Get ready.
 
         Args:
-            habits: How the robot goes.
+            settings: How the robot goes.
             places: Where to, m, map frame.
         """
         self.is_done = False
         self.unreached: list[Point] = []
-        self._walker = PathFollower(habits)
+        self._walker = PathFollower(settings)
         self._places = list(places)
         self._scans = 0
 
@@ -216,7 +216,7 @@ class WaypointFollower:
         floor = self._walker.floor
         assert floor is not None
         tiles = floor.nearest(floor.reachable(sensed.pose), *self._places[0])
-        across, up = floor.middles()
+        across, up = floor.cell_centers()
         for row, column in np.argwhere(tiles):
             left = math.dist((across[column], up[row]), self._places[0])
             gain = distance(sensed.pose, *self._places[0]) - left

@@ -37,7 +37,7 @@ def shortest_path(
     return np.array(way[::-1], np.int64).reshape(-1, 2)
 
 
-def reached(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
+def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
     """Give all cells that can be got to, the start among them, (R, C)."""
     found = np.zeros(passable.shape, np.bool_)
     _flood(passable, start[0], start[1], found)

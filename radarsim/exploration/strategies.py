@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.exploration.contour import Contour
-from radarsim.exploration.coverage import CentreOut, RandomBounce
-from radarsim.exploration.frontier import to_frontiers
+from radarsim.exploration.contour import ContourStrategy
+from radarsim.exploration.coverage import RandomBounce, SpiralCoverage
+from radarsim.exploration.frontier import frontier_strategy
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import (
     LEAST_SCANS,
@@ -33,28 +33,32 @@ BORDERED: Final = 0.5  # share of directions that end at something
 
 
 _CHOICES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]] = {
-    StrategyName.CONTOUR: Contour,
-    StrategyName.CENTRE_OUT: CentreOut,
-    StrategyName.FRONTIERS: to_frontiers,
+    StrategyName.CONTOUR: ContourStrategy,
+    StrategyName.CENTRE_OUT: SpiralCoverage,
+    StrategyName.FRONTIERS: frontier_strategy,
 }
 
 
-def strategy_named(
-    name: StrategyName, habits: ExplorationSettings, rng: np.random.Generator
+def create_strategy(
+    name: StrategyName, settings: ExplorationSettings, rng: np.random.Generator
 ) -> Strategy:
     """Make a strategy.
 
     Args:
         name: Which.
-        habits: How the robot goes.
+        settings: How the robot goes.
         rng: For the one that goes by chance.
     """
     if name == StrategyName.TURN_AWAY:
-        return RandomBounce(habits, rng)
-    return Auto(habits) if name == StrategyName.AUTO else _CHOICES[name](habits)
+        return RandomBounce(settings, rng)
+    return (
+        AutoStrategy(settings)
+        if name == StrategyName.AUTO
+        else _CHOICES[name](settings)
+    )
 
 
-class Auto:
+class AutoStrategy:
     """Chooses a strategy, and another one when that is done or does not fit any more.
 
     Attributes:
@@ -62,10 +66,10 @@ class Auto:
         chosen: Those that it has chosen so far.
     """
 
-    def __init__(self, habits: ExplorationSettings) -> None:
+    def __init__(self, settings: ExplorationSettings) -> None:
         self.is_done = False
         self.chosen: list[StrategyName] = []
-        self._habits = habits
+        self._settings = settings
         self._now: Strategy | None = None
         self._start: Pose2 | None = None
         self._looked = math.nan
@@ -93,9 +97,9 @@ class Auto:
         self._looked = sensed.time
         last = self.chosen[-1]
         if last == StrategyName.CENTRE_OUT:
-            return is_bordered(sensed)
+            return is_enclosed(sensed)
         is_new = StrategyName.CENTRE_OUT not in self.chosen
-        return is_new and last == StrategyName.FRONTIERS and not is_bordered(sensed)
+        return is_new and last == StrategyName.FRONTIERS and not is_enclosed(sensed)
 
     def _choose(self, sensed: Observation, grid: OccupancyGrid) -> None:
         name = self._best(sensed, grid)
@@ -105,13 +109,13 @@ class Auto:
         self.chosen.append(name)
         self._looked = sensed.time
         if name == StrategyName.FRONTIERS:
-            self._now = to_frontiers(self._habits, self._frontiers)
+            self._now = frontier_strategy(self._settings, self._frontiers)
         else:
-            self._now = _CHOICES[name](self._habits)
+            self._now = _CHOICES[name](self._settings)
 
     def _best(self, sensed: Observation, grid: OccupancyGrid) -> StrategyName | None:
         """Choose one that fits, each no more often than makes sense."""
-        floor, bordered = self._habits.floor(grid), is_bordered(sensed)
+        floor, bordered = self._settings.floor(grid), is_enclosed(sensed)
         left = self._frontiers(floor) & floor.reachable(sensed.pose)
         for name, fits, often in (
             (StrategyName.CENTRE_OUT, not bordered, 1),
@@ -125,10 +129,10 @@ class Auto:
     def _frontiers(self, floor: TraversabilityMap) -> Mask:
         if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:
             return floor.frontiers
-        start, radius = self._start, self._habits.radius
+        start, radius = self._start, self._settings.radius
         return floor.frontiers & floor.within(start.x, start.y, radius)
 
 
-def is_bordered(sensed: Observation) -> bool:
+def is_enclosed(sensed: Observation) -> bool:
     """Tell whether most directions end at something."""
     return bool(np.isfinite(sensed.ranges).mean() > BORDERED)

@@ -17,9 +17,9 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.exploration.shortest_path import Cell, reached, shortest_path
+from radarsim.exploration.shortest_path import Cell, flood_fill, shortest_path
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.distance_field import clearance
+from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 
 TILE: Final = 0.1  # m, about
@@ -48,13 +48,13 @@ class TraversabilityMap:
             safety: From the robot's centre to what it cannot enter, m.
         """
         self.safety = safety
-        lattice = grid.lattice
-        self._factor = max(1, round(TILE / lattice.resolution))
-        self.size = self._factor * lattice.resolution
-        x, y = lattice.origin
+        frame = grid.frame
+        self._factor = max(1, round(TILE / frame.resolution))
+        self.size = self._factor * frame.resolution
+        x, y = frame.origin
         self._corner = x - _PADDING * self.size, y - _PADDING * self.size
         self._sensed = self._joined(grid.sensed_cells())
-        self._near = self._joined(grid.near_cells())
+        self._near = self._joined(grid.short_range_cells())
         away = safety + MARGIN + SHY
         self._room = self._distances(self._joined(grid.blocked_cells()), away)
 
@@ -79,7 +79,7 @@ class TraversabilityMap:
         """Open floor that has not been seen at short range, (R, C)."""
         return self._opened(self.open & ~self._near, self.size)
 
-    def middles(self) -> tuple[Floats, Floats]:
+    def cell_centers(self) -> tuple[Floats, Floats]:
         """Give the middles of columns, (C,) x, and of rows, (R,) y, m."""
         rows, columns = self._room.shape
         x, y = self._corner
@@ -89,12 +89,12 @@ class TraversabilityMap:
 
     def within(self, x: float, y: float, radius: float) -> Mask:
         """Give what is at most so far from a place, (R, C)."""
-        across, up = self.middles()
+        across, up = self.cell_centers()
         return np.asarray(np.hypot(across - x, up[:, None] - y) <= radius)
 
     def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
         """Give the one of some tiles that is nearest to a place, (R, C)."""
-        across, up = self.middles()
+        across, up = self.cell_centers()
         away = np.where(tiles, np.hypot(across - x, up[:, None] - y), math.inf)
         chosen = np.zeros_like(tiles)
         chosen.flat[np.argmin(away)] = True
@@ -118,7 +118,7 @@ class TraversabilityMap:
         )
         return all(self.is_open(*place) for place in places)
 
-    def way_to(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
+    def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
         """Give the way to the nearest of some tiles, m; none if nothing leads there.
 
         A robot that stands nearer to something than it should may leave, as long as it
@@ -128,7 +128,7 @@ class TraversabilityMap:
         if not self._is_inside(start):
             return ()
         way = shortest_path(self._cost(pose, start), start, targets)
-        across, up = self.middles()
+        across, up = self.cell_centers()
         return [(float(across[column]), float(up[row])) for row, column in way]
 
     def reachable(self, pose: Pose2) -> Mask:
@@ -137,14 +137,14 @@ class TraversabilityMap:
         if not self._is_inside(start):
             return np.zeros_like(self.open)
         passable = np.isfinite(self._cost(pose, start))
-        return np.asarray(reached(passable, start) & self.open)
+        return np.asarray(flood_fill(passable, start) & self.open)
 
-    def rim(self, region: Mask) -> Mask:
+    def outer_boundary(self, region: Mask) -> Mask:
         """Give the part of a region beside which something keeps the robot out, (R, C).
 
         Only its outer edge counts, and not what goes round islands within it.
         """
-        outside = reached(~region, (0, 0))
+        outside = flood_fill(~region, (0, 0))
         beside = np.isfinite(self._distances(outside, 1.5 * self.size))
         walled = self._room <= self.safety + MARGIN + 2 * self.size
         return np.asarray(region & beside & walled)
@@ -179,7 +179,7 @@ class TraversabilityMap:
 
     def _distances(self, tiles: Mask, reach: float) -> Floats:
         """Give how far each tile is from the nearest of some, m; inf out of reach."""
-        distances: Floats = clearance(tiles, reach / self.size) * self.size
+        distances: Floats = distance_field(tiles, reach / self.size) * self.size
         return distances
 
     def _opened(self, tiles: Mask, radius: float) -> Mask:

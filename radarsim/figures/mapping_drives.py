@@ -71,15 +71,15 @@ class Drive:
         scene = scene_of(MAP)
         host = Host(scene, config=self._config, seed=self.seed)
         referee = GroundTruthMonitor(host)
-        plan = ExplorationPlan(way=self.way, robot_class=self.robot, start=START)
+        plan = ExplorationPlan(waypoints=self.way, robot_class=self.robot, start=START)
         survey = Exploration(plan, generator_for(self.seed, "exploring"))
         with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
             survey.run(client)
         mapper = survey.mapper
         assert mapper is not None  # or the survey had said why
-        assert survey.course.start is not None
+        assert survey.trip.start is not None
         score = judge_mapper(
-            mapper, scene, robot_class=self.robot, start=survey.course.start
+            mapper, scene, robot_class=self.robot, start=survey.trip.start
         )
         return Explored(
             self, mapper.grid, mapper.trajectory, referee.path_length, score
@@ -157,9 +157,9 @@ def things_in(run: Explored) -> dict[str, int]:
     A cell counts if it is no farther from a thing than a right one may be.
     """
     scene = scene_of(MAP)
-    ended, x, y = _laid(run, scene, run.grid.ended_cells())
+    ended, x, y = _laid(run, scene, run.grid.beam_end_cells())
     black = shapely.points(x[ended], y[ended])
-    far = (TOLERANCE + BESIDE) * run.grid.lattice.resolution
+    far = (TOLERANCE + BESIDE) * run.grid.frame.resolution
     counts = {}
     for part in things_behind(scene):
         lines = shapely.MultiLineString(list(slice_parts([part], run.drive.height)))
@@ -173,7 +173,7 @@ def _bush_in(run: Explored, scene: Scene, part: Part) -> Bush:
     area = shapely.MultiPoint(corners).convex_hull
     middle = area.centroid
     sensed, x, y = _laid(run, scene, run.grid.sensed_cells())
-    near, _, _ = _laid(run, scene, run.grid.near_cells())
+    near, _, _ = _laid(run, scene, run.grid.short_range_cells())
     covered = np.asarray(shapely.contains_xy(area, x, y))
     blue = covered & ~sensed
     return Bush(
@@ -191,6 +191,6 @@ def _laid(
 ) -> tuple[Mask, Floats, Floats]:
     """Lay cells of a map over the whole scene: they, and the x and y of each, m."""
     (west, south), (east, north) = scene.bounds[:, :2].tolist()
-    lattice = run.grid.lattice.grown((west, south), (east, north))
-    x, y = np.meshgrid(*lattice.middles())
-    return run.grid.lattice.moved(cells, lattice), x, y
+    frame = run.grid.frame.extended_to((west, south), (east, north))
+    x, y = np.meshgrid(*frame.cell_centers())
+    return run.grid.frame.copy_into(cells, frame), x, y

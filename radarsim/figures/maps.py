@@ -55,7 +55,7 @@ def draw_maps(seed: int, *, way: tuple[Point, ...] = WAY) -> Plate:
 def plate_of(left: Explored, right: Explored) -> Plate:
     """Put the radar's map and the Hokuyo's beside each other."""
     runs = (left, right)
-    drawing, panels = _sheet(runs[0].grid.lattice.resolution)
+    drawing, panels = _sheet(runs[0].grid.frame.resolution)
     for axes, name, run in zip(panels, NAMES, runs, strict=True):
         reach = run.drive.scanner.settings.max_range
         title = f"{name}: {run.drive.robot}, range {reach:g} m"
@@ -79,7 +79,7 @@ def placed(grid: OccupancyGrid) -> tuple[Floats, Extent]:
     told = YAML(typ="safe").load(nav_map(grid, "map")["map.yaml"].decode())
     x, y, _ = told["origin"]
     rows, columns = picture.shape[:2]
-    size = grid.lattice.resolution
+    size = grid.frame.resolution
     return picture[:, :, :3], (x, x + columns * size, y, y + rows * size)
 
 

@@ -10,7 +10,7 @@ from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 
 
-def clearance(cells: NDArray[np.bool_], reach: float) -> Floats:
+def distance_field(cells: NDArray[np.bool_], reach: float) -> Floats:
     """Give the distance from the middle of each cell to that of the nearest true one.
 
     Args:

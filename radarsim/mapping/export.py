@@ -11,9 +11,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from radarsim.mapping.occupancy_grid import (
-    FOLIAGE_CELL,
-    OBSTACLE,
-    UNKNOWN,
+    CellClass,
     Mask,
     OccupancyGrid,
 )
@@ -44,11 +42,11 @@ def commander_png(grid: OccupancyGrid) -> bytes:
     Blue is what no beam has been in, white what one has, grey what is free within the
     short range, in foliage too, black where beams end.
     """
-    picture = np.zeros((*grid.lattice.shape, 3), np.uint8)
+    picture = np.zeros((*grid.frame.shape, 3), np.uint8)
     picture[:] = BLUE
     picture[grid.sensed_cells()] = WHITE
-    picture[grid.near_cells()] = GREY
-    picture[grid.ended_cells()] = BLACK
+    picture[grid.short_range_cells()] = GREY
+    picture[grid.beam_end_cells()] = BLACK
     rows, columns = _frame(grid)
     return _encoded(picture[rows, columns], "png")
 
@@ -75,8 +73,8 @@ def nav_map(
         image, data = f"{name}.pgm", _encoded(_trinary(grid)[rows, columns], "ppm")
     else:
         image, data = f"{name}.png", _encoded(_scale(grid)[rows, columns], "png")
-    x, y = grid.lattice.origin
-    size = grid.lattice.resolution
+    x, y = grid.frame.origin
+    size = grid.frame.resolution
     corner = x + columns.start * size, y + rows.start * size
     lines = [
         f"# {MARK}",
@@ -113,17 +111,17 @@ def _encoded(pixels: NDArray[np.uint8], form: str) -> bytes:
 
 def _trinary(grid: OccupancyGrid) -> NDArray[np.uint8]:
     levels = np.full(5, FREE_LEVEL, np.uint8)
-    levels[UNKNOWN] = UNKNOWN_LEVEL
-    levels[[OBSTACLE, FOLIAGE_CELL]] = OCCUPIED_LEVEL
+    levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
+    levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
     return levels[grid.classes()]
 
 
 def _scale(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """Give grey and alpha."""
-    blockage = grid.blockage()
-    known = np.isfinite(blockage)
-    levels = np.zeros((*blockage.shape, 2), np.uint8)
-    levels[known, 0] = np.rint(255 * (1 - blockage[known]))
+    occupancy_probability = grid.occupancy_probability()
+    known = np.isfinite(occupancy_probability)
+    levels = np.zeros((*occupancy_probability.shape, 2), np.uint8)
+    levels[known, 0] = np.rint(255 * (1 - occupancy_probability[known]))
     levels[known, 1] = 255
     return levels
 
@@ -137,7 +135,7 @@ def _frame(grid: OccupancyGrid) -> tuple[slice, slice]:
     sensed = grid.sensed_cells()
     if not sensed.size:
         raise ValueError("a map without cells, expected one that has taken in a scan")
-    margin = math.ceil(MARGIN / grid.lattice.resolution)
+    margin = math.ceil(MARGIN / grid.frame.resolution)
     return _span(sensed, 0, margin), _span(sensed, 1, margin)
 
 

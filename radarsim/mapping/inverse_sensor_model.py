@@ -21,14 +21,16 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.mapping.scan import BLIND, HIT, SPENT, UNSURE
+from radarsim.mapping.scan import BeamEnd, Layer
 
-FOR: Final = 9  # tenths; odds of 2.5 to 1
-AGAINST: Final = 2  # 1 to 1.2: side rays often miss what is thin
-SUREST: Final = 60
+LOG_ODDS_HIT: Final = 9  # tenths; odds of 2.5 to 1
+LOG_ODDS_FREE: Final = 2  # 1 to 1.2: side rays often miss what is thin
+LOG_ODDS_LIMIT: Final = 60
 SENSED, NEAR = 1, 2  # marks of a cell that stay
-ENDED: Final = 3  # the layer of where beams end, behind solid, foliage, smoke
-LAYERS: Final = 4
+LAYERS: Final = len(Layer)
+ENDED: Final = int(Layer.BEAM_END)
+BLIND: Final = int(BeamEnd.BLIND)
+UNSURE, HIT, SPENT = int(BeamEnd.UNSURE), int(BeamEnd.HIT), int(BeamEnd.SPENT)
 _HAD: Final = 4  # of a layer: 4, 8, 16, 32, had evidence for it in this scan
 _CROSSED: Final = 64  # had evidence against
 _STAYS: Final = SENSED | NEAR
@@ -43,7 +45,7 @@ class Cells(NamedTuple):
     """
 
     evidence: NDArray[np.int8]
-    marks: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
 
 
 class Beams(NamedTuple):
@@ -109,9 +111,9 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
 def _speak_for(cells: Any, layer: Any, row: Any, column: Any) -> None:
     """Give a cell evidence for a layer, once a scan."""
     bit = _HAD << layer
-    if not cells.marks[row, column] & bit:
-        cells.marks[row, column] |= bit
-        sure = min(cells.evidence[layer, row, column] + FOR, SUREST)
+    if not cells.flags[row, column] & bit:
+        cells.flags[row, column] |= bit
+        sure = min(cells.evidence[layer, row, column] + LOG_ODDS_HIT, LOG_ODDS_LIMIT)
         cells.evidence[layer, row, column] = sure
 
 
@@ -133,20 +135,22 @@ def meet(cells: Any, beams: Any, met: Any, path: Any) -> None:
         if beams.ends[k] in (UNSURE, HIT, SPENT):
             _trace(beams, k, beams.reach[k], beams.reach[k], path)
             _speak_for(cells, ENDED, path[0, 0], path[0, 1])
-            cells.marks[path[0, 0], path[0, 1]] |= SENSED
+            cells.flags[path[0, 0], path[0, 1]] |= SENSED
 
 
 @njit_inline
 def _speak_against(cells: Any, row: Any, column: Any, sees_through: Any) -> None:
     """Give a cell that a beam went through evidence against what it did not meet."""
-    marks = cells.marks[row, column]
-    if marks & _CROSSED:
+    flags = cells.flags[row, column]
+    if flags & _CROSSED:
         return
-    cells.marks[row, column] = marks | _CROSSED | SENSED
+    cells.flags[row, column] = flags | _CROSSED | SENSED
     for layer in range(LAYERS):
         told = sees_through or layer in (0, ENDED)
-        if told and not marks & (_HAD << layer):
-            sure = max(cells.evidence[layer, row, column] - AGAINST, -SUREST)
+        if told and not flags & (_HAD << layer):
+            sure = max(
+                cells.evidence[layer, row, column] - LOG_ODDS_FREE, -LOG_ODDS_LIMIT
+            )
             cells.evidence[layer, row, column] = sure
 
 
@@ -166,7 +170,7 @@ def cross(cells: Any, beams: Any, path: Any) -> None:
             dx = beams.corner[0] + column + 0.5 - beams.start[0]
             dy = beams.corner[1] + row + 0.5 - beams.start[1]
             if dx * dx + dy * dy < beams.short * beams.short:
-                cells.marks[row, column] |= NEAR
+                cells.flags[row, column] |= NEAR
 
 
 @njit_cached
@@ -176,4 +180,4 @@ def forget(cells: Any, beams: Any, path: Any) -> None:
         if beams.ends[k] != BLIND:
             count = _trace(beams, k, 0.0, beams.reach[k], path)
             for i in range(count):
-                cells.marks[path[i, 0], path[i, 1]] &= _STAYS
+                cells.flags[path[i, 0], path[i, 1]] &= _STAYS

@@ -10,8 +10,15 @@ import numpy as np
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
-from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
-from radarsim.mapping.scan import SMOKE, PlanarScan, read_scan
+from radarsim.mapping.occupancy_grid import (
+    RESOLUTION,
+    OccupancyGrid,
+)
+from radarsim.mapping.scan import (
+    Layer,
+    PlanarScan,
+    read_scan,
+)
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
 from radarsim.navigation.observation import Observation, Stamps, from_centre
@@ -129,7 +136,7 @@ class Mapper:
         self._spawned: Pose2 | None = None
         self._seed: Pose2 | None = None
         self._since_seed = 0  # scans
-        seed = self.settings.slam.seed
+        seed = self.settings.slam.motion_source
         self.missing = f"scan of {scanner.name!r}"
         if seed != "none":
             self.missing = f"pose from {seed}"
@@ -161,7 +168,7 @@ class Mapper:
         told_by: dict[type, str] = {Ins: "ins", Odometry: "odometry"}
         if not isinstance(report, Odometry):
             self._spawned = self._spawned or pose
-        if told_by.get(type(report)) == self.settings.slam.seed:
+        if told_by.get(type(report)) == self.settings.slam.motion_source:
             self._seed, self._since_seed = pose, 0
             self.missing = f"scan of {self.scanner.name!r}"
         if isinstance(report, GroundTruth):
@@ -171,8 +178,8 @@ class Mapper:
 
     def _take_scan(self, report: RangeScan) -> Observation | None:
         settings = self.settings
-        if settings.slam.seed != "none" and not self._is_seeded():
-            self.missing = f"pose from {settings.slam.seed}"
+        if settings.slam.motion_source != "none" and not self._is_seeded():
+            self.missing = f"pose from {settings.slam.motion_source}"
             return None
         time = self._stamps.time_of(report.time)
         if not len(self.trajectory):
@@ -202,7 +209,7 @@ class Mapper:
 
     def _start(self) -> Pose2 | None:
         """Give where the map begins, for a seed that counts from anywhere."""
-        return None if self.settings.slam.seed == "ins" else self._spawned
+        return None if self.settings.slam.motion_source == "ins" else self._spawned
 
     def _draw(self, pose: Pose2, scan: PlanarScan) -> None:
         self.grid.add(pose, scan)
@@ -213,9 +220,9 @@ class Mapper:
 
     def _sensed(self, pose: Pose2, scan: PlanarScan) -> Observation:
         nearest = np.full(len(scan.angles), math.inf)
-        marks = scan.marks
-        solid = marks.what != SMOKE
-        np.minimum.at(nearest, marks.beams[solid], marks.near[solid])
+        hits = scan.hits
+        solid = hits.what != Layer.SMOKE
+        np.minimum.at(nearest, hits.beams[solid], hits.near[solid])
         bearings, ranges = from_centre(
             nearest, scan.angles, self.scanner.mount, math.inf
         )

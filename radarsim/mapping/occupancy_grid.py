@@ -7,6 +7,7 @@ origin of the map, so nothing is ever resampled.
 
 import math
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -14,20 +15,19 @@ from numpy.typing import NDArray
 
 from radarsim.errors import MappingError
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.distance_field import clearance
+from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.inverse_sensor_model import (
-    ENDED,
     LAYERS,
+    LOG_ODDS_LIMIT,
     NEAR,
     SENSED,
-    SUREST,
     Beams,
     Cells,
     cross,
     forget,
     meet,
 )
-from radarsim.mapping.scan import FOLIAGE, SMOKE, SOLID, BeamHits, PlanarScan
+from radarsim.mapping.scan import BeamHits, Layer, PlanarScan
 
 T = TypeVar("T", bound=np.generic)
 
@@ -71,7 +71,7 @@ class GridFrame:
         inside = 0 <= row < self.rows and 0 <= column < self.columns
         return (row, column) if inside else None
 
-    def middles(self) -> tuple[Floats, Floats]:
+    def cell_centers(self) -> tuple[Floats, Floats]:
         """Give the middles of columns, (C,) x, and of rows, (R,) y, m."""
         half = self.resolution / 2
         x, y = self.origin
@@ -81,7 +81,9 @@ class GridFrame:
         up: Floats = y + half + self.resolution * rows
         return across, up
 
-    def grown(self, low: tuple[float, float], high: tuple[float, float]) -> "GridFrame":
+    def extended_to(
+        self, low: tuple[float, float], high: tuple[float, float]
+    ) -> "GridFrame":
         """Give one that holds a box too, in steps of many cells.
 
         Args:
@@ -104,7 +106,7 @@ class GridFrame:
             )
         return GridFrame(self.resolution, column, row, columns, rows)
 
-    def moved(self, cells: NDArray[T], to: "GridFrame") -> NDArray[T]:
+    def copy_into(self, cells: NDArray[T], to: "GridFrame") -> NDArray[T]:
         """Lay cells of this lattice into a larger one; what is new is 0."""
         larger: NDArray[Any] = np.zeros(to.shape, cells.dtype)
         row, column = self.row - to.row, self.column - to.column
@@ -113,11 +115,11 @@ class GridFrame:
 
 
 def _reach(
-    first: int, count: int, low: float, high: float, lattice: GridFrame
+    first: int, count: int, low: float, high: float, frame: GridFrame
 ) -> tuple[int, int]:
     """Give first cell and number of cells along one axis."""
-    least = math.floor(low / lattice.resolution)
-    most = math.floor(high / lattice.resolution)
+    least = math.floor(low / frame.resolution)
+    most = math.floor(high / frame.resolution)
     if count and first <= least and most < first + count:
         return first, count
     start = least // STEP * STEP
@@ -139,8 +141,17 @@ def _reach(
 # whatever
 # ended them.
 
-# The classes of cells.
-UNKNOWN, FREE, OBSTACLE, FOLIAGE_CELL, SMOKE_CELL = range(5)
+
+class CellClass(IntEnum):
+    """What a cell is."""
+
+    UNKNOWN = 0
+    FREE = 1
+    OBSTACLE = 2
+    FOLIAGE = 3
+    SMOKE = 4
+
+
 RESOLUTION: Final = 0.05  # m
 SHORT_RANGE: Final = 3.0  # m, within which UsarCommander calls free space safe
 
@@ -163,10 +174,10 @@ class OccupancyGrid:
             resolution: Side of a cell, m.
             short_range: What is free so near to the scanner is ``near``, m.
         """
-        self.lattice = GridFrame(resolution)
+        self.frame = GridFrame(resolution)
         self._short = short_range / resolution
         self._evidence = np.zeros((LAYERS, 0, 0), np.int8)
-        self._marks = np.zeros((0, 0), np.uint8)
+        self._flags = np.zeros((0, 0), np.uint8)
 
     def add(self, pose: Pose2, scan: PlanarScan) -> None:
         """Take in a scan.
@@ -188,20 +199,20 @@ class OccupancyGrid:
         if not np.isfinite(ends).all():
             raise ValueError("beams without a direction or an end, expected numbers")
         self._grow(x, y, ends)
-        size = self.lattice.resolution
+        size = self.frame.resolution
         beams = Beams(
             np.array([x, y]) / size,
-            np.array([self.lattice.column, self.lattice.row]),
+            np.array([self.frame.column, self.frame.row]),
             ways,
             scan.reach / size,
             scan.ends,
             self._short,
             scan.sees_through,
         )
-        met = scan.marks
+        met = scan.hits
         met = BeamHits(met.beams, met.near / size, met.far / size, met.what)
-        path = np.zeros((2 * max(self.lattice.shape) + 2, 2), np.int64)
-        cells = Cells(self._evidence, self._marks)
+        path = np.zeros((2 * max(self.frame.shape) + 2, 2), np.int64)
+        cells = Cells(self._evidence, self._flags)
         meet(cells, beams, met, path)
         cross(cells, beams, path)
         forget(cells, beams, path)
@@ -215,19 +226,19 @@ class OccupancyGrid:
         """
         corner = np.array([radius, radius])
         self._grow(pose.x, pose.y, np.array([-corner, corner]))
-        x, y = self.lattice.middles()
+        x, y = self.frame.cell_centers()
         columns = slice(*np.searchsorted(x, (pose.x - radius, pose.x + radius)))
         rows = slice(*np.searchsorted(y, (pose.y - radius, pose.y + radius)))
         x, y = x[columns], y[rows]
         under = np.hypot(x - pose.x, y[:, None] - pose.y) <= radius
-        self._marks[rows, columns][under] |= SENSED | NEAR
-        for layer in (SOLID, FOLIAGE):
-            self._evidence[layer, rows, columns][under] = -SUREST
+        self._flags[rows, columns][under] |= SENSED | NEAR
+        for layer in (Layer.SOLID, Layer.FOLIAGE):
+            self._evidence[layer, rows, columns][under] = -LOG_ODDS_LIMIT
 
     def sensed(self, x: float, y: float) -> bool:
         """Tell whether any beam has been in the cell around a place, m."""
-        cell = self.lattice.cell(x, y)
-        return cell is not None and bool(self._marks[cell] & SENSED)
+        cell = self.frame.cell(x, y)
+        return cell is not None and bool(self._flags[cell] & SENSED)
 
     def drivable(self, x: float, y: float, safety: float) -> bool:
         """Tell whether a robot may be at a place.
@@ -243,10 +254,10 @@ class OccupancyGrid:
             foliage is known only by the places deep in it where beams end, so the
             distance should be larger by that.
         """
-        cell = self.lattice.cell(x, y)
-        if cell is None or not self._marks[cell] & SENSED:
+        cell = self.frame.cell(x, y)
+        if cell is None or not self._flags[cell] & SENSED:
             return False
-        reach = safety / self.lattice.resolution
+        reach = safety / self.frame.resolution
         span = math.floor(reach)
         top, left = max(cell[0] - span, 0), max(cell[1] - span, 0)
         window = np.s_[top : cell[0] + span + 1, left : cell[1] + span + 1]
@@ -256,15 +267,15 @@ class OccupancyGrid:
 
     def sensed_cells(self) -> Mask:
         """Give where ``sensed`` holds, (R, C)."""
-        return np.asarray((self._marks & SENSED) != 0)
+        return np.asarray((self._flags & SENSED) != 0)
 
-    def near_cells(self) -> Mask:
+    def short_range_cells(self) -> Mask:
         """Give what beams went through within the short range, (R, C)."""
-        return np.asarray((self._marks & NEAR) != 0)
+        return np.asarray((self._flags & NEAR) != 0)
 
-    def ended_cells(self) -> Mask:
+    def beam_end_cells(self) -> Mask:
         """Give where beams rather end than go on, whatever ends them, (R, C)."""
-        return np.asarray(self._evidence[ENDED] > 0)
+        return np.asarray(self._evidence[Layer.BEAM_END] > 0)
 
     def blocked_cells(self) -> Mask:
         """Give what robots cannot enter: solid things and foliage, (R, C)."""
@@ -272,37 +283,44 @@ class OccupancyGrid:
 
     def drivable_cells(self, safety: float) -> Mask:
         """Give where ``drivable`` holds at a distance in m, (R, C)."""
-        reach = safety / self.lattice.resolution
-        far = np.isinf(clearance(self.blocked_cells(), reach))
+        reach = safety / self.frame.resolution
+        far = np.isinf(distance_field(self.blocked_cells(), reach))
         return far & self.sensed_cells()
 
     def classes(self) -> NDArray[np.uint8]:
-        """Give what each cell is, (R, C): ``UNKNOWN`` to ``SMOKE_CELL``."""
-        found = np.where(self.sensed_cells(), FREE, UNKNOWN).astype(np.uint8)
-        found[self._evidence[SMOKE] > 0] = SMOKE_CELL
-        found[self._evidence[FOLIAGE] > 0] = FOLIAGE_CELL
-        found[self._evidence[SOLID] > 0] = OBSTACLE
+        """Give what each cell is, (R, C): uint8 of ``CellClass``."""
+        found = np.where(self.sensed_cells(), CellClass.FREE, CellClass.UNKNOWN).astype(
+            np.uint8
+        )
+        found[self._evidence[Layer.SMOKE] > 0] = CellClass.SMOKE
+        found[self._evidence[Layer.FOLIAGE] > 0] = CellClass.FOLIAGE
+        found[self._evidence[Layer.SOLID] > 0] = CellClass.OBSTACLE
         return found
 
-    def blockage(self) -> Floats:
+    def occupancy_probability(self) -> Floats:
         """Give the probability that robots cannot enter, (R, C); nan where unknown."""
-        odds = np.maximum(self._evidence[SOLID], self._evidence[FOLIAGE]) / 10
+        odds = (
+            np.maximum(self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]) / 10
+        )
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-odds)), np.nan)
 
     def _blocked(self, window: tuple[slice, slice]) -> Mask:
-        solid, foliage = self._evidence[SOLID][window], self._evidence[FOLIAGE][window]
+        solid, foliage = (
+            self._evidence[Layer.SOLID][window],
+            self._evidence[Layer.FOLIAGE][window],
+        )
         return np.asarray((solid > 0) | (foliage > 0))
 
     def _grow(self, x: float, y: float, ways: Floats) -> None:
         """Make room for a place, where ways of (N, 2) m lead from it, and rounding."""
-        low = ways.min(axis=0, initial=0.0) - self.lattice.resolution
-        high = ways.max(axis=0, initial=0.0) + self.lattice.resolution
-        grown = self.lattice.grown(
+        low = ways.min(axis=0, initial=0.0) - self.frame.resolution
+        high = ways.max(axis=0, initial=0.0) + self.frame.resolution
+        larger = self.frame.extended_to(
             (x + float(low[0]), y + float(low[1])),
             (x + float(high[0]), y + float(high[1])),
         )
-        if grown != self.lattice:
-            layers = [self.lattice.moved(layer, grown) for layer in self._evidence]
-            marks = self.lattice.moved(self._marks, grown)
+        if larger != self.frame:
+            layers = [self.frame.copy_into(layer, larger) for layer in self._evidence]
+            flags = self.frame.copy_into(self._flags, larger)
             # at once: whoever breaks off in between still has a map
-            self._evidence, self._marks, self.lattice = np.stack(layers), marks, grown
+            self._evidence, self._flags, self.frame = np.stack(layers), flags, larger

@@ -13,6 +13,7 @@ of the beam. A range below the least one tells nothing: a laser in smoke reads z
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -22,14 +23,40 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.jit import njit_cached
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 
-# What ended a beam. UNSURE is a range without echoes, AIR a drop of rain.
-NOTHING, UNSURE, HIT, SPENT, AIR, BLIND = range(6)
-# What a mark is of.
-SOLID, FOLIAGE, SMOKE = range(3)
+
+class BeamEnd(IntEnum):
+    """What ended a beam."""
+
+    NOTHING = 0  # it reached the maximum range
+    UNSURE = 1  # a range without echoes
+    HIT = 2
+    SPENT = 3  # its power ran out
+    AIR = 4  # a drop of rain
+    BLIND = 5  # it measured nothing
+
+
+class Layer(IntEnum):
+    """What the evidence in a map is of, and what beams hit."""
+
+    SOLID = 0
+    FOLIAGE = 1  # and whatever else beams enter and robots do not
+    SMOKE = 2  # and whatever else beams and robots enter
+    BEAM_END = 3  # where beams end, whatever ends them; never of a single hit
+
 
 _KINDS: Final = {"enter": 0, "leave": 1, "sheet": 2, "hit": 3, "spent": 4, "rain": 5}
 _LEAVE, _SHEET, _HIT, _SPENT, _RAIN = 1, 2, 3, 4, 5
-_ENDS: Final = np.array([BLIND, BLIND, BLIND, HIT, SPENT, AIR], np.int8)
+_ENDS: Final = np.array(
+    [
+        BeamEnd.BLIND,
+        BeamEnd.BLIND,
+        BeamEnd.BLIND,
+        BeamEnd.HIT,
+        BeamEnd.SPENT,
+        BeamEnd.AIR,
+    ],
+    np.int8,
+)
 ROUNDING: Final = 0.006  # m; what a range on the wire may be short of the greatest one
 
 
@@ -40,7 +67,7 @@ class BeamHits(NamedTuple):
         beams: (K,) int64.
         near: (K,) m, where it begins.
         far: (K,) m, where it ends; the same for a point.
-        what: (K,) SOLID, FOLIAGE or SMOKE.
+        what: (K,) Layer.SOLID, Layer.FOLIAGE or Layer.SMOKE.
     """
 
     beams: NDArray[np.int64]
@@ -59,7 +86,7 @@ class PlanarScan:
         angles: (N,) rad from the scanner's forward axis, counter-clockwise.
         reach: (N,) m, how far each beam is known: to its end, or the greatest range
             where there is none; 0 for one that tells nothing.
-        ends: (N,) what ended it, NOTHING to BLIND.
+        ends: (N,) what ended it, BeamEnd.NOTHING to BeamEnd.BLIND.
         marks: What the beams met.
         sees_through: Whether the marks tell of foliage and smoke too.
     """
@@ -69,7 +96,7 @@ class PlanarScan:
     angles: Floats
     reach: Floats
     ends: NDArray[np.int8]
-    marks: BeamHits
+    hits: BeamHits
     sees_through: bool
 
     def points(self, *, sure: bool = True) -> tuple[Floats, Floats]:
@@ -81,9 +108,9 @@ class PlanarScan:
         Returns:
             (K, 2) m, and (K, 2) unit vectors along their beams.
         """
-        chosen = (self.ends == HIT) | (self.ends == UNSURE)
+        chosen = (self.ends == BeamEnd.HIT) | (self.ends == BeamEnd.UNSURE)
         if not sure:
-            chosen |= self.ends == SPENT
+            chosen |= self.ends == BeamEnd.SPENT
         angles = self.angles[chosen] + self.mount.yaw
         along = np.column_stack([np.cos(angles), np.sin(angles)])
         return along * self.reach[chosen, None] + (self.mount.x, self.mount.y), along
@@ -109,19 +136,19 @@ def read_scan(
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
     returned = ranges < max_range - ROUNDING
-    ends = np.where(returned, UNSURE, NOTHING).astype(np.int8)
+    ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
     reach = np.where(returned, ranges, max_range)
     if seen is None:
         beams = np.flatnonzero(returned & (ranges >= min_range))
-        marks = _points(beams, reach[beams])
+        hits = _points(beams, reach[beams])
     else:
         echoes = _Echoes.of(seen, len(ranges), max_range)
         echoes.tell_ends(reach, ends)
-        marks = echoes.marks(reach)
+        hits = echoes.hits(reach)
     blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(reach)
-    reach[blind], ends[blind] = 0.0, BLIND
-    kept = ~blind[marks.beams]
-    columns: Any = (column[kept] for column in marks)
+    reach[blind], ends[blind] = 0.0, BeamEnd.BLIND
+    kept = ~blind[hits.beams]
+    columns: Any = (column[kept] for column in hits)
     mount = mount or Pose2(0.0, 0.0)
     return PlanarScan(
         report.time, mount, angles, reach, ends, BeamHits(*columns), seen is not None
@@ -166,19 +193,19 @@ class _Echoes(NamedTuple):
         A beam that has a range and no end was told by a scanner that knows one echo of
         each beam: at what can be passed, it saw no farther.
         """
-        ends[ends == UNSURE] = SPENT
+        ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
         last = np.flatnonzero(self.kinds >= _HIT)
         last = last[np.argsort(self.ranges[last], kind="stable")]
         reach[self.beams[last]] = self.ranges[last]
         ends[self.beams[last]] = _ENDS[self.kinds[last]]
 
-    def marks(self, reach: Floats) -> BeamHits:
+    def hits(self, reach: Floats) -> BeamHits:
         """Find what the beams met."""
         near, far = np.zeros((2, len(self.beams)))
         is_mark = np.zeros(len(self.beams), np.bool_)
         _pair(self, reach, near, far, is_mark)
-        what = np.where(self.passable, SMOKE, FOLIAGE).astype(np.int8)
-        what[self.kinds == _HIT] = SOLID
+        what = np.where(self.passable, Layer.SMOKE, Layer.FOLIAGE).astype(np.int8)
+        what[self.kinds == _HIT] = Layer.SOLID
         far = np.minimum(far, reach[self.beams])
         rows = np.flatnonzero(is_mark & (near <= far))
         return BeamHits(self.beams[rows], near[rows], far[rows], what[rows])
@@ -221,7 +248,7 @@ def _pair(echoes: Any, reach: Any, near: Any, far: Any, is_mark: Any) -> None:
 
 
 def _points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:
-    return BeamHits(beams, ranges, ranges, np.full(len(beams), SOLID, np.int8))
+    return BeamHits(beams, ranges, ranges, np.full(len(beams), Layer.SOLID, np.int8))
 
 
 def _joined(columns: Sequence[Any], kind: Any) -> Any:

@@ -37,7 +37,7 @@ class SlamSettings:
     """How scans are matched.
 
     Attributes:
-        seed: What tells the robot's motion between scans.
+        motion_source: What tells the robot's motion between scans.
         beam_spread: Standard deviation of where across its beam an echo comes from, m.
             That of a radar with side rays N units away is N / 300.
         still: Standard deviations of the seed where it says that nothing moves, m, rad.
@@ -48,14 +48,14 @@ class SlamSettings:
         search_turn: The same of its turn, rad.
     """
 
-    seed: MotionSource = "ins"
+    motion_source: MotionSource = "ins"
     beam_spread: float = 0.08
     still: tuple[float, float] = (0.005, 0.003)
     drift: float = 0.1
-    keep_way: float = 0.2
-    keep_turn: float = 0.1
-    search_way: float = 0.12
-    search_turn: float = 0.45
+    keyframe_distance: float = 0.2
+    keyframe_angle: float = 0.1
+    search_distance: float = 0.12
+    search_angle: float = 0.45
 
 
 class Slam:
@@ -97,12 +97,12 @@ class Slam:
         Returns:
             The robot's pose, map frame.
         """
-        places, along = scan.points(sure=self.settings.seed != "none")
+        places, along = scan.points(sure=self.settings.motion_source != "none")
         points = Points(
             places,
             along,
             self.settings.beam_spread,
-            scan.sees_through and self.settings.seed != "none",
+            scan.sees_through and self.settings.motion_source != "none",
         )
         last = self.pose
         if self._starts_at_seed:
@@ -119,7 +119,7 @@ class Slam:
 
     def _next(self, points: Points, seed: Pose2 | None) -> Pose2:
         can_match = len(points.places) >= FEWEST and len(self._map) > 0
-        if seed is None or self._seed is None or self.settings.seed == "none":
+        if seed is None or self._seed is None or self.settings.motion_source == "none":
             return self._searched(points) if can_match else self.pose
         predicted, sigma = self._predict(self._seed, seed)
         if not can_match:
@@ -130,7 +130,7 @@ class Slam:
         """Carry the seed's motion over to the pose; say how far that may be off."""
         turn = wrap_angle(now.yaw - before.yaw)
         dx, dy = now.x - before.x, now.y - before.y
-        if self.settings.seed == "ins":
+        if self.settings.motion_source == "ins":
             x, y = self.pose.x + dx, self.pose.y + dy
             predicted = Pose2(x, y, wrap_angle(self.pose.yaw + turn))
         else:
@@ -142,7 +142,7 @@ class Slam:
 
     def _searched(self, points: Points) -> Pose2:
         """Find the pose with nothing to go by but how far a robot gets."""
-        way, turn = self.settings.search_way, self.settings.search_turn
+        way, turn = self.settings.search_distance, self.settings.search_angle
         sigma = np.array([way, way, turn])
         turns = np.linspace(-turn, turn, 31)
         ways = np.array([-way, 0.0, way])
@@ -157,7 +157,10 @@ class Slam:
     def _is_to_be_kept(self) -> bool:
         moved = math.hypot(self.pose.x - self._kept.x, self.pose.y - self._kept.y)
         turned = abs(wrap_angle(self.pose.yaw - self._kept.yaw))
-        far = moved > self.settings.keep_way or turned > self.settings.keep_turn
+        far = (
+            moved > self.settings.keyframe_distance
+            or turned > self.settings.keyframe_angle
+        )
         return far or self._count < FIRST_SCANS
 
     def _keep(self, places: Floats) -> None:

@@ -1,21 +1,20 @@
-"""A tap between clients and a server: every byte passes, and a copy is listened to.
+"""TCP proxy between clients and a server that forwards every byte unchanged.
 
-``TcpProxy`` forwards between sockets and does nothing else. A ``Listener`` takes its
-copy in a thread of its own; ``ConnectionState`` is what a connection has told so far,
-and ``Choice`` gives the reports of one robot to whoever makes something of them,
-such as a map.
+``TcpProxy`` forwards between sockets. A ``TrafficObserver`` parses a copy of the traffic
+in a thread of its own, ``ConnectionState`` holds what one connection has said so far,
+and ``RobotSelector`` passes the reports of one robot to a consumer such as a mapper.
 """
 
 from radarsim.proxy.connection_state import ConnectionState, ScannerDefaults
-from radarsim.proxy.observer import Choice, Consumer, Listener
+from radarsim.proxy.observer import Consumer, RobotSelector, TrafficObserver
 from radarsim.proxy.tcp_proxy import TcpProxy, forward_until_signal
 
 __all__ = [
-    "Choice",
     "ConnectionState",
     "Consumer",
-    "Listener",
+    "RobotSelector",
     "ScannerDefaults",
     "TcpProxy",
+    "TrafficObserver",
     "forward_until_signal",
 ]

@@ -51,7 +51,7 @@ class ScannerDefaults:
     max_range: float | None = None
 
 
-NOTHING_GIVEN: Final = ScannerDefaults()
+NO_DEFAULTS: Final = ScannerDefaults()
 
 
 @dataclass(slots=True, eq=False)
@@ -76,14 +76,14 @@ class ConnectionState:
     _limits: dict[str, float] = field(default_factory=dict)
     _echoes: dict[str, bool] = field(default_factory=dict)
 
-    def hear_server(self, text: str) -> Report | None:
+    def receive_server_line(self, text: str) -> Report | None:
         """Take in a line of the server, and give what it says, if that is known."""
         for report in self.session.receive(text.encode("latin-1") + b"\n"):
             self._remember(report)
             return report
         return None
 
-    def hear_client(self, text: str) -> Command | None:
+    def receive_client_line(self, text: str) -> Command | None:
         """Take in a line of the client, and give what it asks for, if that is known."""
         try:
             command = parse_command(text, COMPAT)
@@ -106,7 +106,7 @@ class ConnectionState:
         return key in self._mounts and key in self._settings
 
     def scanner(
-        self, name: str | None = None, given: ScannerDefaults = NOTHING_GIVEN
+        self, name: str | None = None, given: ScannerDefaults = NO_DEFAULTS
     ) -> ScannerInfo | None:
         """Tell what is known of a scanner; the more was heard, the better.
 

@@ -59,7 +59,7 @@ MOST_SCANS: Final = 20
 MOST_CHARACTERS: Final = 2**24  # of all lines
 
 
-class Backlog:
+class LineQueue:
     """Takes pieces of streams in one thread, and gives lines in another.
 
     Attributes:

@@ -15,7 +15,7 @@ from typing import Final, Protocol, TypeGuard
 from radarsim.client.robot_info import same_name
 from radarsim.protocol.reports import RangeScan, Report
 from radarsim.proxy.connection_state import ConnectionState
-from radarsim.proxy.line_queue import Backlog, Line, Side
+from radarsim.proxy.line_queue import Line, LineQueue, Side
 
 PATIENCE: Final = 3.0  # s from the first scan for the client to ask about its scanner
 MOST_SCANS: Final = 100  # in that time; some servers do not tell the time
@@ -29,7 +29,7 @@ class Consumer(Protocol):
         """Take in a report; what is returned is ignored."""
 
 
-class Choice:
+class RobotSelector:
     """Gives all that one robot says, in order, to one consumer.
 
     Attributes:
@@ -116,7 +116,7 @@ log = logging.getLogger("radarsim.proxy")
 TURN: Final = 0.0005  # s that a thread may keep the interpreter when others want it
 
 
-class Listener:
+class TrafficObserver:
     """Understands what passes a tap, and has one robot's reports made use of.
 
     Attributes:
@@ -124,7 +124,7 @@ class Listener:
             to from then on, and whatever passes, passes.
     """
 
-    def __init__(self, choice: Choice, backlog: Backlog | None = None) -> None:
+    def __init__(self, choice: RobotSelector, backlog: LineQueue | None = None) -> None:
         """Make a listener that does nothing yet.
 
         Args:
@@ -133,7 +133,7 @@ class Listener:
         """
         self.error: Exception | None = None
         self._choice = choice
-        self._backlog = backlog or Backlog()
+        self._backlog = backlog or LineQueue()
         self._overheard: dict[int, ConnectionState] = {}
         self._is_settled = False
         self._turn = 0.0
@@ -184,9 +184,9 @@ class Listener:
             line.number, ConnectionState(line.number)
         )
         if line.side == "client":
-            overheard.hear_client(line.text)
+            overheard.receive_client_line(line.text)
             return
-        report = overheard.hear_server(line.text)
+        report = overheard.receive_server_line(line.text)
         if report is not None:
             self._choice.take(overheard, report)
         if not self._is_settled and self._choice.chosen is not None:

@@ -6,9 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from radarsim.cli.map_report import MapRun, as_json, as_text
+from radarsim.cli.map_report import as_text
 from radarsim.client import ScannerInfo
 from radarsim.evaluation.map_score import MapScore
+from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.evaluation.trials import GroundTruthMonitor
 from radarsim.geometry import Pose3
 from radarsim.host import Host
@@ -22,7 +23,7 @@ from radarsim.scene.scene import Scene
 def mapper() -> Mapper:
     """Map one scan of a server that tells no poses."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
-    settings = MapperSettings(slam=SlamSettings(seed="none"), echo_wait=0.0)
+    settings = MapperSettings(slam=SlamSettings(motion_source="none"), echo_wait=0.0)
     mapper = Mapper(facts, settings)
     ranges = np.full(181, 3.0)
     assert mapper.take(RangeScan(1.0, "lms200", math.radians(1), math.pi, ranges))
@@ -30,22 +31,24 @@ def mapper() -> Mapper:
 
 
 def test_nothing_is_said_of_what_is_not_known(mapper: Mapper) -> None:
-    first, cells = as_text(MapRun(None, "none", mapper=mapper, outcome="overheard"))
+    first, cells = as_text(
+        MappingResult(None, "none", mapper=mapper, outcome="overheard")
+    )
     assert first == "mapped what passed: 0.00 m in 0.0 s, 1 scans"
     assert cells.startswith("map      ")
-    told = json.loads(as_json(MapRun(None, "none", mapper=mapper)))
+    told = json.loads(MappingResult(None, "none", mapper=mapper).to_json())
     assert told["pose_errors"] is None
     assert told["strategy"] is None
 
 
 def test_a_map_of_nothing_has_no_cells() -> None:
-    assert as_text(MapRun("auto", "ins")) == [
+    assert as_text(MappingResult("auto", "ins")) == [
         "broken off by auto: 0.00 m in 0.0 s, 0 scans"
     ]
 
 
 def test_in_the_open_a_judge_knows_no_share_of_the_floor(empty_room: Scene) -> None:
-    run = MapRun("auto", "ins", referee=GroundTruthMonitor(Host(empty_room)))
+    run = MappingResult("auto", "ins", monitor=GroundTruthMonitor(Host(empty_room)))
     assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
     run.score = MapScore(
         right=3,

@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 
 from radarsim.evaluation.map_score import MapScore, Truth, judge_map
 from radarsim.mapping.occupancy_grid import (
-    FOLIAGE_CELL,
-    FREE,
-    OBSTACLE,
-    SMOKE_CELL,
-    UNKNOWN,
+    CellClass,
     GridFrame,
     Mask,
     OccupancyGrid,
@@ -22,7 +18,7 @@ from radarsim.scene.scene import Scene
 
 HEIGHT = 0.346
 START = (-8.0, 0.0)
-LATTICE = GridFrame(0.05).grown((-12.0, -8.0), (12.0, 8.0))
+LATTICE = GridFrame(0.05).extended_to((-12.0, -8.0), (12.0, 8.0))
 
 
 class Painted(OccupancyGrid):
@@ -30,24 +26,28 @@ class Painted(OccupancyGrid):
 
     def __init__(self, classes: NDArray[np.uint8]) -> None:
         super().__init__(LATTICE.resolution)
-        self.lattice = LATTICE
+        self.frame = LATTICE
         self._painted = classes
 
     def classes(self) -> NDArray[np.uint8]:
         return self._painted
 
-    def near_cells(self) -> Mask:
+    def short_range_cells(self) -> Mask:
         return around(*START, 3.0)
 
 
 def perfect(scene: Scene) -> NDArray[np.uint8]:
     """Draw a map that is right everywhere indoors."""
     truth = Truth(scene, LATTICE, HEIGHT)
-    classes = np.where(truth.indoors, FREE, UNKNOWN).astype(np.uint8)
-    for kind in (SMOKE_CELL, FOLIAGE_CELL):
+    classes = np.where(truth.indoors, CellClass.FREE, CellClass.UNKNOWN).astype(
+        np.uint8
+    )
+    for kind in (CellClass.SMOKE, CellClass.FOLIAGE):
         classes[truth.kinds[kind]] = kind
-    classes[truth.kinds[OBSTACLE]] = UNKNOWN  # no beam gets into it
-    classes[truth.kinds[OBSTACLE] & truth.faces(outdoors=False)] = OBSTACLE
+    classes[truth.kinds[CellClass.OBSTACLE]] = CellClass.UNKNOWN  # no beam gets into it
+    classes[truth.kinds[CellClass.OBSTACLE] & truth.faces(outdoors=False)] = (
+        CellClass.OBSTACLE
+    )
     return classes
 
 
@@ -57,7 +57,7 @@ def judged(classes: NDArray[np.uint8], scene: Scene, **wish: Any) -> MapScore:
 
 
 def around(x: float, y: float, radius: float) -> Mask:
-    across, up = LATTICE.middles()
+    across, up = LATTICE.cell_centers()
     return np.asarray(np.hypot(across - x, up[:, None] - y) <= radius)
 
 
@@ -77,7 +77,7 @@ def test_the_floor_of_a_room_has_its_area(empty_room: Scene) -> None:
 
 
 def test_what_nobody_knows_is_unknown_and_not_wrong(foliage_room: Scene) -> None:
-    score = judged(np.full(LATTICE.shape, UNKNOWN, np.uint8), foliage_room)
+    score = judged(np.full(LATTICE.shape, CellClass.UNKNOWN, np.uint8), foliage_room)
     assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
     assert score.coverage == score.hidden_coverage == 0.0
     assert score.near_coverage == pytest.approx(0.1, abs=0.02)  # around the start
@@ -90,11 +90,11 @@ def test_what_nobody_knows_is_unknown_and_not_wrong(foliage_room: Scene) -> None
 
 def test_hidden_is_what_the_robot_cannot_get_to(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
-    across, _ = LATTICE.middles()
-    classes[:, across > 0.5] = UNKNOWN
+    across, _ = LATTICE.cell_centers()
+    classes[:, across > 0.5] = CellClass.UNKNOWN
     assert judged(classes, foliage_room).hidden_coverage == 0.0
     classes = perfect(foliage_room)
-    classes[:, across < 0.0] = UNKNOWN
+    classes[:, across < 0.0] = CellClass.UNKNOWN
     assert judged(classes, foliage_room).hidden_coverage == 1.0
     # from behind it is the other side that is hidden
     assert judged(classes, foliage_room, start=(6.0, 3.0)).hidden_coverage == 0.0
@@ -119,14 +119,14 @@ def test_walls_may_be_two_cells_off(empty_room: Scene, cells: int) -> None:
 @pytest.mark.parametrize(
     ("place", "kind", "is_right"),
     [
-        pytest.param((-5.0, 0.0), OBSTACLE, False, id="a wall in the air"),
-        pytest.param((-5.0, 0.0), FOLIAGE_CELL, False, id="foliage in the air"),
-        pytest.param((-5.0, 0.0), SMOKE_CELL, False, id="smoke in the air"),
-        pytest.param((0.5, -1.64), FREE, False, id="nothing in foliage"),
-        pytest.param((0.5, -1.64), OBSTACLE, True, id="a wall in foliage"),
-        pytest.param((4.0, 3.2), FREE, False, id="nothing in a crate"),
-        pytest.param((4.0, 3.2), FOLIAGE_CELL, True, id="foliage in a crate"),
-        pytest.param((-5.0, 9.0), FREE, True, id="nothing outside"),
+        pytest.param((-5.0, 0.0), CellClass.OBSTACLE, False, id="a wall in the air"),
+        pytest.param((-5.0, 0.0), CellClass.FOLIAGE, False, id="foliage in the air"),
+        pytest.param((-5.0, 0.0), CellClass.SMOKE, False, id="smoke in the air"),
+        pytest.param((0.5, -1.64), CellClass.FREE, False, id="nothing in foliage"),
+        pytest.param((0.5, -1.64), CellClass.OBSTACLE, True, id="a wall in foliage"),
+        pytest.param((4.0, 3.2), CellClass.FREE, False, id="nothing in a crate"),
+        pytest.param((4.0, 3.2), CellClass.FOLIAGE, True, id="foliage in a crate"),
+        pytest.param((-5.0, 9.0), CellClass.FREE, True, id="nothing outside"),
     ],
 )
 def test_what_is_wrong_is_counted(
@@ -139,13 +139,13 @@ def test_what_is_wrong_is_counted(
     score = judged(classes, foliage_room)
     wrong = 0 if is_right else np.count_nonzero(spot)
     assert score.wrong == wrong
-    in_the_air = kind == OBSTACLE and not is_right
+    in_the_air = kind == CellClass.OBSTACLE and not is_right
     assert (score.false_obstacles > 0) == in_the_air
 
 
 def test_foliage_and_walls_are_told_apart_or_not(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
-    classes[classes == FOLIAGE_CELL] = OBSTACLE
+    classes[classes == CellClass.FOLIAGE] = CellClass.OBSTACLE
     score = judged(classes, foliage_room)
     assert score.wrong == 0
     assert score.class_accuracy is not None
@@ -154,25 +154,27 @@ def test_foliage_and_walls_are_told_apart_or_not(foliage_room: Scene) -> None:
 
 def test_smoke_is_to_be_known_as_such(smoke_room: Scene) -> None:
     classes = perfect(smoke_room)
-    classes[classes == SMOKE_CELL] = FREE
+    classes[classes == CellClass.SMOKE] = CellClass.FREE
     score = judged(classes, smoke_room)
     assert score.wrong * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
 
 
 def test_in_the_open_there_is_no_floor_to_be_known() -> None:
     scene = load_map("bug_box")
-    score = judged(np.full(LATTICE.shape, FREE, np.uint8), scene, start=(-4.0, -0.4))
+    score = judged(
+        np.full(LATTICE.shape, CellClass.FREE, np.uint8), scene, start=(-4.0, -0.4)
+    )
     assert score.unknown is score.coverage is score.near_coverage is None
     assert score.wrong > 0  # the box is not free
 
 
 def test_leaves_have_no_inside() -> None:
     scene = load_map("forest_edge")
-    lattice = GridFrame(0.05).grown((-21.0, -16.0), (21.0, 16.0))
-    truth = Truth(scene, lattice, HEIGHT)
-    leaves = truth.kinds[FOLIAGE_CELL] & ~truth.inside[FOLIAGE_CELL]
+    frame = GridFrame(0.05).extended_to((-21.0, -16.0), (21.0, 16.0))
+    truth = Truth(scene, frame, HEIGHT)
+    leaves = truth.kinds[CellClass.FOLIAGE] & ~truth.inside[CellClass.FOLIAGE]
     assert np.count_nonzero(leaves) > 1000
-    assert truth.indoors[lattice.cell(-15.0, 0.0) or (0, 0)]
+    assert truth.indoors[frame.cell(-15.0, 0.0) or (0, 0)]
 
 
 def test_the_answer_for_programs_is_short(empty_room: Scene) -> None:

@@ -20,7 +20,9 @@ from radarsim.exploration.options import StrategyName
 from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
-from radarsim.mapping.occupancy_grid import FOLIAGE_CELL
+from radarsim.mapping.occupancy_grid import (
+    CellClass,
+)
 from radarsim.mapping.trajectory import trajectory_errors
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.observation import Observation
@@ -48,15 +50,15 @@ def run(
     with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
         made.run(client)
     assert referee.collisions == 0
-    assert referee.path_length == pytest.approx(made.course.length, rel=0.05, abs=0.2)
+    assert referee.path_length == pytest.approx(made.trip.length, rel=0.05, abs=0.2)
     return made
 
 
 def test_a_room_is_explored(empty_room: Scene) -> None:
     made = run(empty_room, strategy=StrategyName.FRONTIERS)
     assert made.outcome is Outcome.EXPLORED
-    assert made.course.time < 15  # all is seen from the start
-    assert made.course.length < 0.2
+    assert made.trip.time < 15  # all is seen from the start
+    assert made.trip.length < 0.2
     assert made.safety_distance == pytest.approx(0.5, abs=0.01)
 
 
@@ -68,8 +70,8 @@ def test_when_the_time_is_up_the_map_so_far_is_there(foliage_room: Scene) -> Non
     assert made.outcome is Outcome.TIME_LIMIT
     assert made.mapper is not None
     assert made.mapper.scans == len(moments) == 52
-    assert (made.mapper.grid.classes() == FOLIAGE_CELL).any()
-    assert made.course.time == pytest.approx(5.1)
+    assert (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
+    assert made.trip.time == pytest.approx(5.1)
     assert moments[0].doing == "looking"
     assert {moment.doing for moment in moments} == {"looking", "seeking"}
 
@@ -88,26 +90,26 @@ def test_the_robot_stands_when_it_is_done(empty_room: Scene) -> None:
 
 @pytest.mark.parametrize("seed", ["odometry", "none"])
 def test_other_seeds_map_too(empty_room: Scene, seed: Any) -> None:
-    made = run(empty_room, seed=seed, time_limit=15.0, start="RobotStart2")
+    made = run(empty_room, motion_source=seed, time_limit=15.0, start="RobotStart2")
     assert made.mapper is not None
     errors = trajectory_errors(made.mapper.trajectory, made.mapper.truth)
     assert errors.ate < 0.05
-    assert made.course.start is not None
-    assert made.course.start.y == pytest.approx(3.5, abs=0.05)
+    assert made.trip.start is not None
+    assert made.trip.start.y == pytest.approx(3.5, abs=0.05)
 
 
 def test_a_laser_sees_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:
     made = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
     assert made.mapper is not None
     assert not made.mapper.grid.sensed(5.0, 0.0)
-    assert not (made.mapper.grid.classes() == FOLIAGE_CELL).any()
+    assert not (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
 
 
 def test_without_echoes_it_has_to_stay_farther_away(foliage_room: Scene) -> None:
-    made = run(foliage_room, echoes=False, depth=1.43, time_limit=2.0)
+    made = run(foliage_room, echoes=False, penetration_depth=1.43, time_limit=2.0)
     assert made.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
     assert made.mapper is not None
-    assert not (made.mapper.grid.classes() == FOLIAGE_CELL).any()
+    assert not (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
 
 
 def test_who_pushes_against_what_it_does_not_see_is_stuck(foliage_room: Scene) -> None:
@@ -159,7 +161,7 @@ def test_time_passes_by_the_clock_where_stamps_stand_still(empty_room: Scene) ->
     with Client(Still(Host(empty_room))) as client:
         made.run(client)
     assert made.outcome is Outcome.TIME_LIMIT
-    assert made.course.time == pytest.approx(5.1)
+    assert made.trip.time == pytest.approx(5.1)
     assert made.mapper is not None
     assert made.mapper.scans == 52
 
@@ -209,7 +211,7 @@ def test_scans_that_have_lost_their_beams_end_it(empty_room: Scene) -> None:
 
 def test_a_robot_that_looks_ahead_goes_where_it_is_sent(foliage_room: Scene) -> None:
     way = ((-6.0, 2.0), (-3.0, 0.0))
-    made = run(foliage_room, robot_class="P3AT", way=way)
+    made = run(foliage_room, robot_class="P3AT", waypoints=way)
     assert made.outcome is Outcome.EXPLORED
     assert made.unreached == ()
     assert made.mapper is not None
@@ -236,18 +238,18 @@ def test_what_cannot_be_is_said_before_anything_moves(
     ):
         made.run(client)
     assert made.outcome is Outcome.FAILED
-    assert made.course.start is None
+    assert made.trip.start is None
 
 
 def test_a_course_adds_up_what_is_more_than_noise() -> None:
-    course = TripMeter(noise=0.05)
-    assert course.start is None
+    trip = TripMeter(noise=0.05)
+    assert trip.start is None
     places = [0.0, 0.03, 0.0, 0.04, 0.1, 0.2, 0.19]
     for k, x in enumerate(places):
-        course.add(Observation(1 + 0.1 * k, Pose2(x, 0.0), np.zeros(0), np.zeros(0)))
-    assert course.start == Pose2(0.0, 0.0)
-    assert course.time == pytest.approx(0.6)
-    assert course.length == pytest.approx(0.2)
+        trip.add(Observation(1 + 0.1 * k, Pose2(x, 0.0), np.zeros(0), np.zeros(0)))
+    assert trip.start == Pose2(0.0, 0.0)
+    assert trip.time == pytest.approx(0.6)
+    assert trip.length == pytest.approx(0.2)
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def test_a_survey_compiles_nothing_more(foliage_room: Scene) -> None:
     assert before["radarsim.mapping.inverse_sensor_model.cross"] == 1
     for wish in (
         ExplorationPlan(time_limit=8.0),
-        ExplorationPlan(seed="none", time_limit=2.0),
+        ExplorationPlan(motion_source="none", time_limit=2.0),
     ):
         with Client(InProcessTransport(Host(foliage_room))) as client:
             Exploration(wish, generator_for(0, "exploring")).run(client)

@@ -19,8 +19,8 @@ from ruamel.yaml import YAML
 from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
-from radarsim.cli.map_report import MapRun, as_json
 from radarsim.client import Client
+from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import Exploration, ExplorationPlan, Outcome
 from radarsim.geometry import Floats
 from radarsim.host import Host
@@ -28,11 +28,7 @@ from radarsim.host.lockstep import InProcessTransport
 from radarsim.mapping.export import nav_map
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.occupancy_grid import (
-    FOLIAGE_CELL,
-    FREE,
-    OBSTACLE,
-    SMOKE_CELL,
-    UNKNOWN,
+    CellClass,
 )
 from radarsim.navigation.control import SpeedLimits
 from radarsim.rng import generator_for
@@ -123,7 +119,7 @@ class Drive:
 def drive(name: str, way: FollowSide, robot: Robot, speed: float) -> Drive:
     class_name, settings = robot
     plan = ExplorationPlan(
-        way=way, robot_class=class_name, pace=SpeedLimits(speed=speed)
+        waypoints=way, robot_class=class_name, speed_limits=SpeedLimits(speed=speed)
     )
     survey = Exploration(plan, generator_for(0, "exploring"))
     config = SimulationConfig(item_settings={"lms200": dict(settings)})
@@ -329,8 +325,8 @@ def test_the_far_sides_of_the_biggest_bushes_stay_unsensed(robot: Robot) -> None
         assert np.count_nonzero(bush & unsensed) >= 100, name
         assert not (bush & unsensed & (X < 0)).any(), name
         assert X[bush & unsensed].mean() > 1.0, name
-    middles = [ROOM[name].centroid for name in BIG]
-    places = np.array([(middle.x, middle.y) for middle in middles])
+    cell_centers = [ROOM[name].centroid for name in BIG]
+    places = np.array([(middle.x, middle.y) for middle in cell_centers])
     assert (nav_of(robot).at(*places.T) != -1).all()
 
 
@@ -367,8 +363,16 @@ def test_next_to_nothing_is_mapped_in_free_air(robot: Robot) -> None:
 def test_files_have_the_classes_of_the_map(robot: Robot) -> None:
     grid = along_bushes(robot).mapper.grid
     told = np.zeros(5, np.int8)
-    told[[UNKNOWN, FREE, OBSTACLE, FOLIAGE_CELL, SMOKE_CELL]] = (-1, 0, 100, 100, 0)
-    places = np.meshgrid(*grid.lattice.middles())
+    told[
+        [
+            CellClass.UNKNOWN,
+            CellClass.FREE,
+            CellClass.OBSTACLE,
+            CellClass.FOLIAGE,
+            CellClass.SMOKE,
+        ]
+    ] = (-1, 0, 100, 100, 0)
+    places = np.meshgrid(*grid.frame.cell_centers())
     assert (nav_of(robot).at(*places) == told[grid.classes()]).all()
 
 
@@ -401,7 +405,7 @@ def test_over_60_m_the_pose_stays_right_though_the_ins_drifts(
     drifted, twisted = errors(made.ins, made.truth)
     assert drifted > 0.10
     assert twisted > 1
-    run = MapRun("way", "ins", course=made.survey.course, mapper=made.mapper)
-    told = json.loads(as_json(run))["pose_errors"]
+    run = MappingResult("way", "ins", trip=made.survey.trip, mapper=made.mapper)
+    told = json.loads(run.to_json())["pose_errors"]
     assert told["ate"] == pytest.approx(off, abs=0.001)
     assert told["yaw_deg"] == pytest.approx(turned, abs=0.02)

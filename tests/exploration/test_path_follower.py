@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
-from radarsim.exploration.contour import Contour
-from radarsim.exploration.coverage import CentreOut, RandomBounce
-from radarsim.exploration.frontier import to_fill, to_frontiers
+from radarsim.exploration.contour import ContourStrategy
+from radarsim.exploration.coverage import RandomBounce, SpiralCoverage
+from radarsim.exploration.frontier import coverage_strategy, frontier_strategy
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import (
     PATIENCE,
@@ -21,11 +21,16 @@ from radarsim.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
-from radarsim.exploration.strategies import Auto, strategy_named
+from radarsim.exploration.strategies import AutoStrategy, create_strategy
 from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.occupancy_grid import OccupancyGrid
-from radarsim.mapping.scan import HIT, NOTHING, UNSURE, PlanarScan
+from radarsim.mapping.occupancy_grid import (
+    OccupancyGrid,
+)
+from radarsim.mapping.scan import (
+    BeamEnd,
+    PlanarScan,
+)
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits, Twist
 from radarsim.navigation.observation import Observation
@@ -37,7 +42,7 @@ STEP = 0.2  # s between two scans
 CLEARANCE = 0.371  # m; half the diagonal of a P3AT
 HABITS = ExplorationSettings(
     bumpers=Bumpers(safety_distance=0.5),
-    pace=SpeedLimits(speed=0.6, turn=1.0),
+    speed_limits=SpeedLimits(speed=0.6, turn=1.0),
     radius=5.0,
 )
 STRAIGHT = Twist(0.3, 0.0)
@@ -89,12 +94,12 @@ class World:
     def scan(self) -> Observation:
         time = len(self.track) * STEP
         scan = self.look(self.walls, self.pose, time=time)
-        nothing = scan.ends == NOTHING
+        nothing = scan.ends == BeamEnd.NOTHING
         reach = np.where(nothing, np.minimum(scan.reach, FAR), scan.reach)
         scan = replace(scan, reach=reach)
         self.grid.add(self.pose, scan)
         self.grid.stand(self.pose, 0.25)
-        ended = (scan.ends == HIT) | (scan.ends == UNSURE)
+        ended = (scan.ends == BeamEnd.HIT) | (scan.ends == BeamEnd.UNSURE)
         ranges = np.where(ended, scan.reach, math.inf)
         return Observation(time, self.pose, scan.angles.copy(), ranges)
 
@@ -142,7 +147,7 @@ def test_every_strategy_ends_and_keeps_its_distance(
     world: Make, name: StrategyName
 ) -> None:
     here = world(TWO_ROOMS, -3.0, 0.4)
-    strategy = strategy_named(name, HABITS, chance())
+    strategy = create_strategy(name, HABITS, chance())
     here.run(strategy)
     assert strategy.is_done
     assert here.nearest > CLEARANCE
@@ -152,7 +157,7 @@ def test_every_strategy_ends_and_keeps_its_distance(
 @pytest.mark.parametrize("name", ["contour", "turn_away", "auto"])
 def test_a_room_is_seen_at_short_range_all_over(world: Make, name: str) -> None:
     here = world(HALL, -3.0, 0.4)
-    here.run(strategy_named(StrategyName(name), HABITS, chance()))
+    here.run(create_strategy(StrategyName(name), HABITS, chance()))
     floor = here.floor
     left = floor.unvisited & floor.reachable(here.pose)
     assert floor.area(left) < 1.0
@@ -163,10 +168,10 @@ def test_a_contour_is_followed_once_and_then_the_interior_filled(
     world: Make, on_left: bool
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
-    habits = ExplorationSettings(
-        bumpers=HABITS.bumpers, pace=HABITS.pace, on_left=on_left
+    settings = ExplorationSettings(
+        bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, on_left=on_left
     )
-    strategy = Contour(habits)
+    strategy = ContourStrategy(settings)
     here.run(strategy)
     assert here.doings == ["seeking", "aligning", "following", "filling"]
     assert strategy.contours == 1
@@ -180,7 +185,7 @@ def test_a_contour_is_followed_once_and_then_the_interior_filled(
 
 def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
     """Of a wall in the open nobody knows at first what it is of."""
-    strategy = Contour(HABITS)
+    strategy = ContourStrategy(HABITS)
     here = world(PILLAR, 2.0, 0.0, math.pi)
     here.run(strategy)
     assert strategy.contours == 1  # that of the pillar, from outside
@@ -197,7 +202,7 @@ def test_where_nothing_is_sensed_a_wall_is_looked_for_ahead(look: Look) -> None:
             return Observation(sensed.time, sensed.pose, sensed.bearings, ranges)
 
     here = Nearsighted(look, HALL, Pose2(0.0, 0.0, 0.0))
-    strategy = Contour(HABITS)
+    strategy = ContourStrategy(HABITS)
     for _ in range(60):
         here.move(strategy.step(here.scan(), here.grid))
     assert here.pose.x > 3.0
@@ -206,10 +211,10 @@ def test_where_nothing_is_sensed_a_wall_is_looked_for_ahead(look: Look) -> None:
 
 def test_frontiers_lead_through_doors(world: Make) -> None:
     here = world(TWO_ROOMS, -3.0, 0.4)
-    here.run(to_frontiers(HABITS))
+    here.run(frontier_strategy(HABITS))
     assert here.pose.x > -1.0
     inside = shapely.box(-4.9, -2.4, 4.9, 2.4)
-    across, up = here.floor.middles()
+    across, up = here.floor.cell_centers()
     x, y = np.meshgrid(across, up)
     known = ~here.floor.unknown[shapely.contains_xy(inside, x, y)]
     assert known.mean() > 0.99
@@ -217,15 +222,15 @@ def test_frontiers_lead_through_doors(world: Make) -> None:
 
 def test_no_frontier_beyond_a_gap_that_is_too_narrow_is_gone_to(world: Make) -> None:
     here = world(TOO_NARROW, -3.0, 0.4)
-    here.run(to_frontiers(HABITS))
+    here.run(frontier_strategy(HABITS))
     assert max(pose.x for pose in here.track) < -CLEARANCE
 
 
 def test_in_a_closet_there_is_nothing_to_do(world: Make) -> None:
     here = world(CLOSET)
-    here.run(to_frontiers(HABITS), steps=60)  # turns round once
+    here.run(frontier_strategy(HABITS), steps=60)  # turns round once
     assert here.pose.yaw > 2 * math.pi
-    here.run(to_fill(HABITS), steps=20)
+    here.run(coverage_strategy(HABITS), steps=20)
     assert here.length == 0.0
 
 
@@ -266,7 +271,7 @@ def test_who_is_walled_in_turns_about(world: Make) -> None:
 
 def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
     here = world(nowhere, 2.0, 1.0)
-    here.run(CentreOut(HABITS))
+    here.run(SpiralCoverage(HABITS))
     far = [math.dist((pose.x, pose.y), (2.0, 1.0)) for pose in here.track]
     assert max(far) == pytest.approx(HABITS.radius, abs=1.2)
     assert (np.maximum.accumulate(far) - far).max() < 1.0
@@ -278,14 +283,14 @@ def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
 def test_a_spiral_leaves_out_what_is_in_the_way(world: Make) -> None:
     box = rectangle(1.5, 0.5, 4.0, 2.0)
     here = world(box, 0.0, 0.0)
-    here.run(CentreOut(HABITS))
+    here.run(SpiralCoverage(HABITS))
     assert here.nearest > CLEARANCE
     assert max(pose.x for pose in here.track) > 2.0
 
 
 def test_a_spiral_ends_where_a_border_is_all_round(world: Make) -> None:
     here = world(CLOSET)
-    strategy = CentreOut(ExplorationSettings(bumpers=HABITS.bumpers, radius=50.0))
+    strategy = SpiralCoverage(ExplorationSettings(bumpers=HABITS.bumpers, radius=50.0))
     here.run(strategy, steps=300)
     assert here.length < 5
 
@@ -301,7 +306,7 @@ def test_a_spiral_ends_where_a_border_is_all_round(world: Make) -> None:
 )
 def test_what_is_sensed_decides(world: Make, walls: Floats, chosen: list[str]) -> None:
     here = world(walls, -3.0, 0.4)
-    strategy = Auto(HABITS)
+    strategy = AutoStrategy(HABITS)
     here.run(strategy)
     assert [name.value for name in strategy.chosen] == chosen
 
@@ -312,8 +317,10 @@ def test_who_comes_to_a_border_stops_going_round(world: Make) -> None:
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
-    strategy = Auto(
-        ExplorationSettings(bumpers=HABITS.bumpers, pace=HABITS.pace, radius=8.0)
+    strategy = AutoStrategy(
+        ExplorationSettings(
+            bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, radius=8.0
+        )
     )
     here.run(strategy)
     assert [name.value for name in strategy.chosen] == ["centre_out", "frontiers"]
@@ -359,7 +366,7 @@ def test_the_nearest_clear_bearing_is_taken() -> None:
 def test_a_place_that_it_does_not_get_nearer_to_is_given_up(world: Make) -> None:
     """What holds the robot is on no map."""
     here = world(HALL, -3.0, 0.4)
-    strategy = to_fill(HABITS)
+    strategy = coverage_strategy(HABITS)
     steps = round(PATIENCE / STEP) + 20
     ends: list[Any] = []
     for _ in range(steps):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from radarsim.exploration.shortest_path import reached, shortest_path
+from radarsim.exploration.shortest_path import flood_fill, shortest_path
 from radarsim.geometry import Floats
 
 COSTS = arrays(
@@ -71,5 +71,5 @@ def test_of_many_places_the_nearest_is_gone_to(
 def test_what_is_reached_is_what_a_way_leads_to(
     cost: Floats, start: tuple[int, int]
 ) -> None:
-    found = reached(np.isfinite(cost), start)
+    found = flood_fill(np.isfinite(cost), start)
     assert (found == np.isfinite(cheapest(cost, start))).all()

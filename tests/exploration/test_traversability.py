@@ -9,8 +9,14 @@ import pytest
 
 from radarsim.exploration.traversability import MARGIN, TraversabilityMap
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.occupancy_grid import OccupancyGrid
-from radarsim.mapping.scan import FOLIAGE, BeamHits, PlanarScan
+from radarsim.mapping.occupancy_grid import (
+    OccupancyGrid,
+)
+from radarsim.mapping.scan import (
+    BeamHits,
+    Layer,
+    PlanarScan,
+)
 
 Look = Callable[..., PlanarScan]
 SAFETY = 0.5
@@ -46,7 +52,7 @@ def test_a_straight_way_goes_through_nothing(floor: TraversabilityMap) -> None:
 
 
 def test_the_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> None:
-    across, up = floor.middles()
+    across, up = floor.cell_centers()
     for x, y, due in [
         (4.5, 0.0, True),
         (0.0, 4.5, True),
@@ -59,14 +65,14 @@ def test_the_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> Non
 
 def test_frontiers_are_where_the_unknown_begins(floor: TraversabilityMap) -> None:
     rows, columns = np.nonzero(floor.frontiers)
-    across, up = floor.middles()
+    across, up = floor.cell_centers()
     assert len(rows) > 10
     assert (up[rows] < 1.6).all()  # the boxes are in the south
     assert (np.abs(across[columns]) < 6).all()
 
 
 def test_a_way_to_a_frontier_keeps_its_distance_too(floor: TraversabilityMap) -> None:
-    way = floor.way_to(MIDDLE, floor.frontiers)
+    way = floor.find_path(MIDDLE, floor.frontiers)
     assert math.dist(way[0], (MIDDLE.x, MIDDLE.y)) < 0.1
     assert all(floor.is_open(*place) for place in way)
     assert max(math.dist(a, b) for a, b in pairwise(way)) < 0.15
@@ -74,15 +80,15 @@ def test_a_way_to_a_frontier_keeps_its_distance_too(floor: TraversabilityMap) ->
 
 def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -> None:
     outside = floor.within(0.0, 6.0, 1.0)
-    assert not floor.way_to(MIDDLE, outside)
-    assert not floor.way_to(Pose2(99.0, 0.0), floor.frontiers)
+    assert not floor.find_path(MIDDLE, outside)
+    assert not floor.find_path(Pose2(99.0, 0.0), floor.frontiers)
     assert not floor.reachable(Pose2(99.0, 0.0)).any()
 
 
 def test_who_is_too_near_may_leave(floor: TraversabilityMap) -> None:
     near = Pose2(0.0, 3.75)
     assert not floor.is_open(near.x, near.y)
-    way = floor.way_to(near, floor.within(0.0, 1.0, 0.3))
+    way = floor.find_path(near, floor.within(0.0, 1.0, 0.3))
     assert way
     assert way[0][1] == pytest.approx(3.75, abs=0.1)
     assert floor.reachable(near)[floor.within(0.0, 1.0, 0.3)].all()
@@ -91,11 +97,11 @@ def test_who_is_too_near_may_leave(floor: TraversabilityMap) -> None:
 def test_a_rim_goes_along_walls_and_not_round_islands(look: Look, room: Floats) -> None:
     corners = [Pose2(x, y) for x in (-5, 0, 5) for y in (-3, 3)]
     floor = TraversabilityMap(seen(look, room, *corners), SAFETY)
-    rim = floor.rim(floor.reachable(MIDDLE))
-    assert rim.any()
-    assert not (rim & floor.within(2.0, 1.0, 1.5)).any()
+    outer_boundary = floor.outer_boundary(floor.reachable(MIDDLE))
+    assert outer_boundary.any()
+    assert not (outer_boundary & floor.within(2.0, 1.0, 1.5)).any()
     for side in [(5.2, 0), (-5.2, 0), (0, 3.2), (4.0, -3.2)]:
-        assert (rim & floor.within(*side, 0.3)).any()
+        assert (outer_boundary & floor.within(*side, 0.3)).any()
 
 
 def test_floor_is_unvisited_where_it_was_seen_from_afar(
@@ -114,7 +120,7 @@ def test_cells_of_any_size_give_the_same_floor(
     floor = TraversabilityMap(seen(look, room, MIDDLE, resolution=resolution), SAFETY)
     assert floor.is_open(-3.0, 2.0)
     assert not floor.is_open(2.0, -0.2 + 1.0)  # beside a box
-    assert floor.way_to(MIDDLE, floor.within(-4.0, 2.0, 0.3))
+    assert floor.find_path(MIDDLE, floor.within(-4.0, 2.0, 0.3))
 
 
 def test_foliage_keeps_a_robot_out_though_beams_get_in(
@@ -123,7 +129,7 @@ def test_foliage_keeps_a_robot_out_though_beams_get_in(
     scan = look(nowhere, Pose2(0.0, 0.0))
     beams = np.arange(170, 191)
     here, there = np.full(len(beams), 2.0), np.full(len(beams), 3.0)
-    what = np.full(len(beams), FOLIAGE, np.int8)
+    what = np.full(len(beams), Layer.FOLIAGE, np.int8)
     scan = PlanarScan(
         scan.time,
         scan.mount,

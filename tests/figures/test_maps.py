@@ -42,15 +42,15 @@ def test_the_radar_maps_what_is_hidden_and_the_hokuyo_nothing(pair: Pair) -> Non
     assert left.score.hidden_coverage > 0.5
     assert right.score.hidden_coverage == 0
     assert not any(things_in(right).values())
-    x, _ = right.grid.lattice.middles()
+    x, _ = right.grid.frame.cell_centers()
     beyond = right.grid.sensed_cells()[:, x > far_side(ROOM)]
     assert not beyond.any()
 
 
 def test_things_are_on_the_map_where_beams_end_at_them(pair: Pair) -> None:
     left, _ = pair
-    x, y = left.grid.lattice.middles()
-    ended, counts = left.grid.ended_cells(), things_in(left)
+    x, y = left.grid.frame.cell_centers()
+    ended, counts = left.grid.beam_end_cells(), things_in(left)
     assert counts["cabinet"] > 10  # 1.6 m, which are 32 cells, face the robot
     columns, rows = np.abs(x - 8) < 0.3 + 0.125, np.abs(y - 0.8) < 0.8 + 0.125
     assert counts["cabinet"] == ended[np.ix_(rows, columns)].sum()
@@ -58,7 +58,7 @@ def test_things_are_on_the_map_where_beams_end_at_them(pair: Pair) -> None:
 
 def test_bushes_are_round_and_the_hokuyo_has_only_their_edges(pair: Pair) -> None:
     left, right = (bushes_in(run) for run in pair)
-    size = pair[0].grid.lattice.resolution
+    size = pair[0].grid.frame.resolution
     for one, two, bush in zip(left, right, bushes_of(ROOM), strict=True):
         radius = np.ptp(bush.vertices[:, 0]) / 2
         across = math.sqrt(radius**2 - (0.6 - pair[0].drive.height) ** 2)
@@ -75,7 +75,7 @@ def test_a_picture_lies_where_its_map_does(pair: Pair) -> None:
     for run in pair:
         picture, (west, east, south, north) = placed(run.grid)
         rows, columns = picture.shape[:2]
-        size = run.grid.lattice.resolution
+        size = run.grid.frame.resolution
         assert (east - west, north - south) == pytest.approx(
             (columns * size, rows * size)
         )

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.mapping.distance_field import clearance
+from radarsim.mapping.distance_field import distance_field
 from radarsim.rng import generator_for
 
 
@@ -28,8 +28,8 @@ def test_it_is_the_distance_to_the_nearest_one(
     seed: int, share: float, reach: float, shape: tuple[int, int]
 ) -> None:
     cells = generator_for(seed, "cells").random(shape) < share
-    assert clearance(cells, reach) == pytest.approx(by_hand(cells, reach))
+    assert distance_field(cells, reach) == pytest.approx(by_hand(cells, reach))
 
 
 def test_no_cells_have_no_distances() -> None:
-    assert clearance(np.zeros((0, 0), np.bool_), 3.0).shape == (0, 0)
+    assert distance_field(np.zeros((0, 0), np.bool_), 3.0).shape == (0, 0)

@@ -21,11 +21,7 @@ from radarsim.mapping.export import (
     nav_map,
 )
 from radarsim.mapping.occupancy_grid import (
-    FOLIAGE_CELL,
-    FREE,
-    OBSTACLE,
-    SMOKE_CELL,
-    UNKNOWN,
+    CellClass,
     OccupancyGrid,
 )
 from radarsim.mapping.scan import PlanarScan, read_scan
@@ -85,8 +81,8 @@ def pixel_of(
     grid: OccupancyGrid, image: Image.Image, origin: list[float], x: float, y: float
 ) -> Any:
     """Look a place up as readers do: by the lower left corner, rows from the top."""
-    column = math.floor((x - origin[0]) / grid.lattice.resolution)
-    row = math.floor((y - origin[1]) / grid.lattice.resolution)
+    column = math.floor((x - origin[0]) / grid.frame.resolution)
+    row = math.floor((y - origin[1]) / grid.frame.resolution)
     return image.getpixel((column, image.height - 1 - row))
 
 
@@ -113,7 +109,7 @@ def loaded(grid: OccupancyGrid, mode: Any) -> tuple[NDArray[np.int16], dict[str,
 def classes_in(grid: OccupancyGrid, head: dict[str, Any], shape: Any) -> Any:
     """Cut out of a map's classes what a file covers."""
     x, y, _ = head["origin"]
-    row, column = grid.lattice.cell(x + 0.01, y + 0.01) or (-1, -1)
+    row, column = grid.frame.cell(x + 0.01, y + 0.01) or (-1, -1)
     return grid.classes()[row : row + shape[0], column : column + shape[1]]
 
 
@@ -122,10 +118,13 @@ def test_trinary_is_loaded_with_the_same_classes(mapped: OccupancyGrid) -> None:
     classes = classes_in(mapped, head, cells.shape)
     assert head["image"] == "yard.pgm"
     assert (
-        cells[(classes == OBSTACLE) | (classes == FOLIAGE_CELL)] == NAV_OCCUPIED
+        cells[(classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)]
+        == NAV_OCCUPIED
     ).all()
-    assert (cells[(classes == FREE) | (classes == SMOKE_CELL)] == NAV_FREE).all()
-    assert (cells[classes == UNKNOWN] == NAV_UNKNOWN).all()
+    assert (
+        cells[(classes == CellClass.FREE) | (classes == CellClass.SMOKE)] == NAV_FREE
+    ).all()
+    assert (cells[classes == CellClass.UNKNOWN] == NAV_UNKNOWN).all()
     assert all((classes == kind).any() for kind in range(5))
 
 
@@ -148,11 +147,14 @@ def test_scale_is_loaded_with_probabilities(mapped: OccupancyGrid) -> None:
     cells, head = loaded(mapped, "scale")
     classes = classes_in(mapped, head, cells.shape)
     assert head["mode"] == "scale"
-    assert (cells[classes == UNKNOWN] == NAV_UNKNOWN).all()
-    known = cells[classes != UNKNOWN]
+    assert (cells[classes == CellClass.UNKNOWN] == NAV_UNKNOWN).all()
+    known = cells[classes != CellClass.UNKNOWN]
     assert ((known >= 0) & (known <= 100)).all()
-    assert (cells[classes == OBSTACLE] > 90).all()
-    assert cells[classes == FREE].max() < cells[classes == FOLIAGE_CELL].min()
+    assert (cells[classes == CellClass.OBSTACLE] > 90).all()
+    assert (
+        cells[classes == CellClass.FREE].max()
+        < cells[classes == CellClass.FOLIAGE].min()
+    )
 
 
 def test_the_files_cover_all_that_is_sensed_and_little_more(
@@ -160,7 +162,7 @@ def test_the_files_cover_all_that_is_sensed_and_little_more(
 ) -> None:
     cells, head = loaded(mapped, "trinary")
     classes = mapped.classes()
-    assert (cells != NAV_UNKNOWN).sum() == (classes != UNKNOWN).sum()
+    assert (cells != NAV_UNKNOWN).sum() == (classes != CellClass.UNKNOWN).sum()
     assert cells.size < classes.size
     rows = np.flatnonzero((cells != NAV_UNKNOWN).any(axis=1))
     assert rows[0] == 10

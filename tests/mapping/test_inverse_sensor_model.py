@@ -1,6 +1,7 @@
 """The cells that beams cross, against a beam that is followed in tiny steps."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from hypothesis import example, given
@@ -8,13 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.mapping.inverse_sensor_model import (
-    AGAINST,
-    ENDED,
-    FOR,
     LAYERS,
+    LOG_ODDS_FREE,
+    LOG_ODDS_HIT,
+    LOG_ODDS_LIMIT,
     NEAR,
     SENSED,
-    SUREST,
     Beams,
     Cells,
     cross,
@@ -22,14 +22,9 @@ from radarsim.mapping.inverse_sensor_model import (
     meet,
 )
 from radarsim.mapping.scan import (
-    BLIND,
-    FOLIAGE,
-    HIT,
-    NOTHING,
-    SMOKE,
-    SOLID,
-    SPENT,
+    BeamEnd,
     BeamHits,
+    Layer,
 )
 
 SIDE = 40
@@ -52,8 +47,8 @@ class Sheet:
     def scan(
         self,
         start: tuple[float, float],
-        rays: list[tuple[float, float, int]],
-        *marks: Mark,
+        rays: Sequence[tuple[float, float, int]],
+        *hits: Mark,
         short: float = 5.0,
         sees_through: bool = True,
     ) -> None:
@@ -61,10 +56,10 @@ class Sheet:
         angle, reach, ends = (np.array(column) for column in zip(*rays, strict=True))
         ways = np.column_stack([np.cos(angle), np.sin(angle)])
         met = BeamHits(
-            np.array([mark[0] for mark in marks], np.int64),
-            np.array([mark[1] for mark in marks], np.float64),
-            np.array([mark[2] for mark in marks], np.float64),
-            np.array([mark[3] for mark in marks], np.int8),
+            np.array([mark[0] for mark in hits], np.int64),
+            np.array([mark[1] for mark in hits], np.float64),
+            np.array([mark[2] for mark in hits], np.float64),
+            np.array([mark[3] for mark in hits], np.int8),
         )
         beams = Beams(
             np.array(start),
@@ -80,7 +75,7 @@ class Sheet:
         forget(self.cells, beams, self._path)
 
     def sensed(self) -> NDArray[np.bool_]:
-        return np.asarray(self.cells.marks & SENSED > 0)
+        return np.asarray(self.cells.flags & SENSED > 0)
 
 
 BARELY = 1e-9  # cells; so near to the edge of one, rounding decides
@@ -109,7 +104,7 @@ def test_a_beam_crosses_the_cells_that_it_is_in(
     start: tuple[float, float], angle: float, reach: float
 ) -> None:
     sheet = Sheet()
-    sheet.scan(start, [(angle, reach, NOTHING)])
+    sheet.scan(start, [(angle, reach, BeamEnd.NOTHING)])
     crossed = {(int(i), int(j)) for i, j in np.argwhere(sheet.sensed())}
     sure, maybe = in_tiny_steps(start, angle, reach)
     assert sure <= crossed
@@ -121,11 +116,11 @@ def test_the_cell_of_a_hit_gets_evidence_and_all_before_it_lose_some(
     start: tuple[float, float], angle: float, reach: float
 ) -> None:
     sheet = Sheet()
-    sheet.scan(start, [(angle, reach, HIT)], (0, reach, reach, SOLID))
-    for layer in (SOLID, ENDED):
+    sheet.scan(start, [(angle, reach, BeamEnd.HIT)], (0, reach, reach, Layer.SOLID))
+    for layer in (Layer.SOLID, Layer.BEAM_END):
         evidence = sheet.cells.evidence[layer]
         assert (evidence > 0).sum() == 1
-        assert evidence.max() == FOR
+        assert evidence.max() == LOG_ODDS_HIT
         assert (evidence < 0).sum() == sheet.sensed().sum() - 1
 
 
@@ -135,60 +130,68 @@ def test_a_bush_is_the_stretch_that_was_crossed(
 ) -> None:
     sheet = Sheet()
     far = near + depth
-    sheet.scan(start, [(angle, far, SPENT)], (0, near, far, FOLIAGE))
-    bush = sheet.cells.evidence[FOLIAGE] > 0
+    sheet.scan(start, [(angle, far, BeamEnd.SPENT)], (0, near, far, Layer.FOLIAGE))
+    bush = sheet.cells.evidence[Layer.FOLIAGE] > 0
     _, beam = in_tiny_steps(start, angle, far)
     assert {(int(i), int(j)) for i, j in np.argwhere(bush)} <= {
         (i + di, j + dj) for i, j in beam for di in (-1, 0, 1) for dj in (-1, 0, 1)
     }
     assert bush.sum() >= depth * max(abs(math.cos(angle)), abs(math.sin(angle))) - 1
-    assert not (sheet.cells.evidence[SOLID] > 0).any()
-    assert not (sheet.cells.evidence[SMOKE] > 0).any()
+    assert not (sheet.cells.evidence[Layer.SOLID] > 0).any()
+    assert not (sheet.cells.evidence[Layer.SMOKE] > 0).any()
 
 
 def test_a_cell_has_one_piece_of_evidence_of_a_scan() -> None:
     sheet = Sheet()
-    beams = [(0.001 * k, 10.0, HIT) for k in range(20)]
-    sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, SOLID) for k in range(20)])
-    assert sheet.cells.evidence[SOLID, 20, 30] == FOR
-    assert sheet.cells.evidence[SOLID, 20, 25] == -AGAINST
-    assert not (sheet.cells.marks & ~np.uint8(SENSED | NEAR)).any()
+    beams = [(0.001 * k, 10.0, BeamEnd.HIT) for k in range(20)]
+    sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, Layer.SOLID) for k in range(20)])
+    assert sheet.cells.evidence[Layer.SOLID, 20, 30] == LOG_ODDS_HIT
+    assert sheet.cells.evidence[Layer.SOLID, 20, 25] == -LOG_ODDS_FREE
+    assert not (sheet.cells.flags & ~np.uint8(SENSED | NEAR)).any()
 
 
 def test_what_one_beam_meets_others_do_not_wear_away() -> None:
     sheet = Sheet()
-    beams = [(0.0, 10.0, HIT), (0.01, 15.0, NOTHING), (-0.01, 15.0, NOTHING)]
+    beams = [
+        (0.0, 10.0, BeamEnd.HIT),
+        (0.01, 15.0, BeamEnd.NOTHING),
+        (-0.01, 15.0, BeamEnd.NOTHING),
+    ]
     for _ in range(3):
-        sheet.scan((20.5, 20.5), beams, (0, 10.0, 10.0, SOLID))
-    assert sheet.cells.evidence[SOLID, 20, 30] == 3 * FOR
+        sheet.scan((20.5, 20.5), beams, (0, 10.0, 10.0, Layer.SOLID))
+    assert sheet.cells.evidence[Layer.SOLID, 20, 30] == 3 * LOG_ODDS_HIT
 
 
 def test_evidence_has_bounds_so_that_things_can_go_away() -> None:
     sheet = Sheet()
     for _ in range(30):
-        sheet.scan((20.5, 20.5), [(0.0, 10.0, HIT)], (0, 10.0, 10.0, SOLID))
-    assert sheet.cells.evidence[SOLID].max() == SUREST
+        sheet.scan(
+            (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT)], (0, 10.0, 10.0, Layer.SOLID)
+        )
+    assert sheet.cells.evidence[Layer.SOLID].max() == LOG_ODDS_LIMIT
     for _ in range(60):
-        sheet.scan((20.5, 20.5), [(0.0, 15.0, NOTHING)])
-    assert sheet.cells.evidence[SOLID].max() == 0
-    assert sheet.cells.evidence[SOLID].min() == -SUREST
+        sheet.scan((20.5, 20.5), [(0.0, 15.0, BeamEnd.NOTHING)])
+    assert sheet.cells.evidence[Layer.SOLID].max() == 0
+    assert sheet.cells.evidence[Layer.SOLID].min() == -LOG_ODDS_LIMIT
 
 
 def test_without_echoes_nothing_is_learnt_of_foliage() -> None:
     sheet = Sheet()
-    sheet.scan((20.5, 20.5), [(0.0, 9.0, NOTHING)], sees_through=False)
-    assert not sheet.cells.evidence[[FOLIAGE, SMOKE]].any()
-    assert sheet.cells.evidence[[SOLID, ENDED]].any()
+    sheet.scan((20.5, 20.5), [(0.0, 9.0, BeamEnd.NOTHING)], sees_through=False)
+    assert not sheet.cells.evidence[[Layer.FOLIAGE, Layer.SMOKE]].any()
+    assert sheet.cells.evidence[[Layer.SOLID, Layer.BEAM_END]].any()
 
 
 def test_a_blind_beam_says_nothing() -> None:
     sheet = Sheet()
-    sheet.scan((20.5, 20.5), [(0.0, 0.0, BLIND)])
+    sheet.scan((20.5, 20.5), [(0.0, 0.0, BeamEnd.BLIND)])
     assert not sheet.sensed().any()
 
 
 def test_near_is_what_is_crossed_within_the_short_range() -> None:
     sheet = Sheet()
-    sheet.scan((20.5, 20.5), [(0.0, 10.0, HIT), (math.pi, 3.0, HIT)], short=5.0)
-    near = np.flatnonzero(sheet.cells.marks[20] & NEAR)
+    sheet.scan(
+        (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT), (math.pi, 3.0, BeamEnd.HIT)], short=5.0
+    )
+    near = np.flatnonzero(sheet.cells.flags[20] & NEAR)
     assert near.tolist() == [18, 19, 20, 21, 22, 23, 24]

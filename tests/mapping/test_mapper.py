@@ -10,8 +10,12 @@ import pytest
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.mapping.mapper import STALE, Mapper, MapperSettings
-from radarsim.mapping.occupancy_grid import FOLIAGE_CELL, FREE, OBSTACLE, UNKNOWN
-from radarsim.mapping.scan import PlanarScan
+from radarsim.mapping.occupancy_grid import (
+    CellClass,
+)
+from radarsim.mapping.scan import (
+    PlanarScan,
+)
 from radarsim.mapping.slam import SlamSettings
 from radarsim.protocol.reports import (
     EchoLine,
@@ -73,7 +77,9 @@ def truth(time: float, x: float = 0.0) -> GroundTruth:
 
 def mapper(**wish: Any) -> Mapper:
     seed = wish.pop("seed", "ins")
-    return Mapper(SCANNER, MapperSettings(slam=SlamSettings(seed=seed), **wish))
+    return Mapper(
+        SCANNER, MapperSettings(slam=SlamSettings(motion_source=seed), **wish)
+    )
 
 
 def fed(maker: Mapper, *reports: Report) -> list[Any]:
@@ -81,16 +87,16 @@ def fed(maker: Mapper, *reports: Report) -> list[Any]:
 
 
 def class_at(maker: Mapper, x: float, y: float) -> int:
-    cell = maker.grid.lattice.cell(x, y)
-    return UNKNOWN if cell is None else int(maker.grid.classes()[cell])
+    cell = maker.grid.frame.cell(x, y)
+    return CellClass.UNKNOWN if cell is None else int(maker.grid.classes()[cell])
 
 
 def test_ranges_and_a_pose_make_a_map() -> None:
     maker = mapper(echo_wait=0.0)
     fed(maker, ins(0.1, 1.0, 2.0, math.pi / 2), scan(0.1, 3.0))
-    assert class_at(maker, 1.0, 2.0 + 0.2 + 3.0) == OBSTACLE
-    assert class_at(maker, 1.0, 4.0) == FREE
-    assert class_at(maker, 1.0, 6.0) == UNKNOWN
+    assert class_at(maker, 1.0, 2.0 + 0.2 + 3.0) == CellClass.OBSTACLE
+    assert class_at(maker, 1.0, 4.0) == CellClass.FREE
+    assert class_at(maker, 1.0, 6.0) == CellClass.UNKNOWN
     assert maker.trajectory.poses == [Pose2(1.0, 2.0, math.pi / 2)]
     assert maker.trajectory.times == [0.1]
     assert maker.scans == 1
@@ -105,9 +111,9 @@ def test_echoes_tell_foliage_from_walls() -> None:
         echoes(0.1, (5.0, "hit"), object="wall", material="brick", line=2, lines=2),
         scan(0.1, 5.0),
     )
-    assert class_at(maker, 2.7, 0.0) == FOLIAGE_CELL
-    assert class_at(maker, 4.0, 0.0) == FREE
-    assert class_at(maker, 5.2, 0.0) == OBSTACLE
+    assert class_at(maker, 2.7, 0.0) == CellClass.FOLIAGE
+    assert class_at(maker, 4.0, 0.0) == CellClass.FREE
+    assert class_at(maker, 5.2, 0.0) == CellClass.OBSTACLE
 
 
 def test_what_is_around_is_what_robots_cannot_enter() -> None:
@@ -214,16 +220,16 @@ def test_a_server_that_tells_no_time_and_no_limits_is_mapped_too() -> None:
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
     fed(maker, ins(math.nan), scan(math.nan, 3.0))
-    assert class_at(maker, 3.0, 0.0) == OBSTACLE
+    assert class_at(maker, 3.0, 0.0) == CellClass.OBSTACLE
     fed(maker, ins(math.nan), scan(math.nan, 1e9))  # nothing is that far away
-    assert max(maker.grid.lattice.shape) < 9000
+    assert max(maker.grid.frame.shape) < 9000
 
 
 def test_the_floor_under_the_robot_is_free() -> None:
     maker = mapper(echo_wait=0.0, body=0.25)
     fed(maker, ins(0.0), scan(0.0, 3.0))
-    assert class_at(maker, 0.0, 0.2) == class_at(maker, -0.2, 0.0) == FREE
-    assert class_at(maker, 0.0, 0.35) == UNKNOWN
+    assert class_at(maker, 0.0, 0.2) == class_at(maker, -0.2, 0.0) == CellClass.FREE
+    assert class_at(maker, 0.0, 0.35) == CellClass.UNKNOWN
 
 
 @pytest.fixture
@@ -250,7 +256,7 @@ def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) ->
     sizes = []
     for report in drive:
         maker.take(report)
-        sizes.append((maker.grid.lattice.shape, len(maker.slam._map)))
+        sizes.append((maker.grid.frame.shape, len(maker.slam._map)))
     grids, points = zip(*sizes, strict=True)
     assert grids[100] == grids[-1]
     assert points[-1] < 1.15 * points[len(points) // 2]
@@ -274,4 +280,4 @@ def test_echoes_belong_to_scans_without_time_stamps_too() -> None:
         fed(maker, ins(math.nan), echoes(math.nan, (near, "enter"), (4.0, "spent")))
         fed(maker, scan(math.nan, 4.0))
     assert maker.scans == 3
-    assert class_at(maker, 0.2 + 3.0, 0.0) == FOLIAGE_CELL
+    assert class_at(maker, 0.2 + 3.0, 0.0) == CellClass.FOLIAGE

@@ -8,11 +8,7 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.occupancy_grid import (
-    FOLIAGE_CELL,
-    FREE,
-    OBSTACLE,
-    SMOKE_CELL,
-    UNKNOWN,
+    CellClass,
     OccupancyGrid,
 )
 from radarsim.mapping.scan import PlanarScan, read_scan
@@ -67,8 +63,8 @@ def grid_of(*scans: PlanarScan, pose: Pose2 | None = None) -> OccupancyGrid:
 
 
 def class_at(grid: OccupancyGrid, x: float, y: float) -> int:
-    cell = grid.lattice.cell(x, y)
-    return UNKNOWN if cell is None else int(grid.classes()[cell])
+    cell = grid.frame.cell(x, y)
+    return CellClass.UNKNOWN if cell is None else int(grid.classes()[cell])
 
 
 @pytest.fixture(scope="module")
@@ -87,11 +83,11 @@ def test_of_nothing_nothing_is_known() -> None:
 def test_a_room_is_free_within_and_unknown_behind_its_walls(
     mapped: OccupancyGrid,
 ) -> None:
-    assert class_at(mapped, 1.0, -1.0) == FREE
-    assert class_at(mapped, -5.0, 3.0) == FREE
-    assert class_at(mapped, 6.5, 0.0) == UNKNOWN
-    assert class_at(mapped, 2.0, 1.0) == UNKNOWN  # in a box
-    assert class_at(mapped, 2.9, 2.5) == UNKNOWN  # in its shadow
+    assert class_at(mapped, 1.0, -1.0) == CellClass.FREE
+    assert class_at(mapped, -5.0, 3.0) == CellClass.FREE
+    assert class_at(mapped, 6.5, 0.0) == CellClass.UNKNOWN
+    assert class_at(mapped, 2.0, 1.0) == CellClass.UNKNOWN  # in a box
+    assert class_at(mapped, 2.9, 2.5) == CellClass.UNKNOWN  # in its shadow
 
 
 def test_walls_are_where_beams_end(
@@ -100,8 +96,8 @@ def test_walls_are_where_beams_end(
     ends, _ = look(room, HERE).points()
     c, s = math.cos(HERE.yaw), math.sin(HERE.yaw)
     placed = ends @ np.array([[c, s], [-s, c]]) + (HERE.x, HERE.y)
-    middles_x, middles_y = mapped.lattice.middles()
-    rows, columns = np.nonzero(mapped.classes() == OBSTACLE)
+    middles_x, middles_y = mapped.frame.cell_centers()
+    rows, columns = np.nonzero(mapped.classes() == CellClass.OBSTACLE)
     x, y = middles_x[columns], middles_y[rows]
     apart = np.hypot(placed[:, :1] - x, placed[:, 1:] - y)
     assert apart.min(axis=0).max() <= 0.05 * math.sqrt(0.5) + 1e-9
@@ -118,39 +114,39 @@ def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
         scan.angles,
         scan.reach,
         scan.ends,
-        scan.marks,
+        scan.hits,
         scan.sees_through,
     )
     c, s = math.cos(0.4), math.sin(0.4)
     body = Pose2(1.0 - (0.2 * c - 0.1 * s), -(0.2 * s + 0.1 * c), 0.4)
     one = grid_of(scan, pose=relative_to)
     other = grid_of(moved, pose=body)
-    assert one.lattice == other.lattice
+    assert one.frame == other.frame
     assert (one.classes() != other.classes()).mean() < 1e-3  # rounding at borders
 
 
 def test_foliage_is_sensed_and_nobody_drives_there() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
-    assert class_at(grid, 2.5, 0.0) == FOLIAGE_CELL
+    assert class_at(grid, 2.5, 0.0) == CellClass.FOLIAGE
     assert grid.sensed(2.5, 0.0)
     assert not grid.drivable(2.5, 0.0, 0.0)
-    assert class_at(grid, 4.5, 0.0) == FREE
-    assert class_at(grid, 6.0, 0.0) == OBSTACLE
+    assert class_at(grid, 4.5, 0.0) == CellClass.FREE
+    assert class_at(grid, 6.0, 0.0) == CellClass.OBSTACLE
 
 
 def test_smoke_is_sensed_and_robots_drive_there() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=True))
-    assert class_at(grid, 2.5, 0.0) == SMOKE_CELL
+    assert class_at(grid, 2.5, 0.0) == CellClass.SMOKE
     assert grid.drivable(2.5, 0.0, 0.3)
 
 
 def test_where_power_runs_out_is_an_end_and_no_obstacle() -> None:
     grid = grid_of(through(2.0, 3.5, None, passes=False))
-    assert class_at(grid, 3.49, 0.0) == FOLIAGE_CELL
-    assert class_at(grid, 3.7, 0.0) == UNKNOWN
-    cell = grid.lattice.cell(3.5, 0.0)
+    assert class_at(grid, 3.49, 0.0) == CellClass.FOLIAGE
+    assert class_at(grid, 3.7, 0.0) == CellClass.UNKNOWN
+    cell = grid.frame.cell(3.5, 0.0)
     assert cell is not None
-    assert grid.ended_cells()[cell]
+    assert grid.beam_end_cells()[cell]
 
 
 def test_a_safety_distance_is_kept_from_foliage_and_from_walls() -> None:
@@ -165,7 +161,7 @@ def test_a_safety_distance_is_kept_from_foliage_and_from_walls() -> None:
 def test_drivable_is_sensed_and_far_from_all_that_blocks(
     mapped: OccupancyGrid, x: float, y: float, safety: float
 ) -> None:
-    cell = mapped.lattice.cell(x, y)
+    cell = mapped.frame.cell(x, y)
     expected = False
     if cell is not None:
         rows, columns = np.nonzero(mapped.blocked_cells())
@@ -183,8 +179,8 @@ def test_beams_without_return_clear_up_to_their_limit(
     for away in (0.1, 10.0, 29.9):
         x = HERE.x + away * math.cos(bearing)
         assert grid.sensed(x, HERE.y + away * math.sin(bearing))
-    assert not (grid.classes() == OBSTACLE).any()
-    assert not grid.ended_cells().any()
+    assert not (grid.classes() == CellClass.OBSTACLE).any()
+    assert not grid.beam_end_cells().any()
 
 
 def test_however_a_map_grew_it_says_the_same(look: Look, room: Floats) -> None:
@@ -196,7 +192,7 @@ def test_however_a_map_grew_it_says_the_same(look: Look, room: Floats) -> None:
         one.add(pose, scan)
     for pose, scan in zip(reversed(poses), reversed(seen), strict=True):
         other.add(pose, scan)
-    assert one.lattice == other.lattice
+    assert one.frame == other.frame
     assert (one.classes() == other.classes()).all()
 
 
@@ -211,20 +207,22 @@ def test_where_the_robot_stands_it_is_free() -> None:
 def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> None:
     grid = OccupancyGrid(short_range=2.0)
     grid.add(HERE, look(nowhere, HERE))
-    x, y = grid.lattice.middles()
+    x, y = grid.frame.cell_centers()
     away = np.hypot(x - HERE.x, y[:, None] - HERE.y)
-    assert away[grid.near_cells()].max() <= 2.05
-    assert grid.near_cells()[away < 1.9].mean() > 0.99
+    assert away[grid.short_range_cells()].max() <= 2.05
+    assert grid.short_range_cells()[away < 1.9].mean() > 0.99
 
 
 def test_blockage_is_a_probability_where_anything_is_known() -> None:
     grid = grid_of(*[through(2.0, 3.0, 6.0, passes=False)] * 4)
-    blockage = grid.blockage()
+    occupancy_probability = grid.occupancy_probability()
     for x, low, high in [(1.0, 0.0, 0.4), (2.5, 0.9, 1.0), (6.0, 0.9, 1.0)]:
-        cell = grid.lattice.cell(x, 0.0)
+        cell = grid.frame.cell(x, 0.0)
         assert cell is not None
-        assert low < blockage[cell] < high
-    assert (np.isnan(blockage) == (grid.classes() == UNKNOWN)).all()
+        assert low < occupancy_probability[cell] < high
+    assert (
+        np.isnan(occupancy_probability) == (grid.classes() == CellClass.UNKNOWN)
+    ).all()
 
 
 @pytest.mark.parametrize("angle", [math.nan, math.inf])
@@ -238,4 +236,7 @@ def test_a_beam_without_a_direction_is_an_error(angle: float) -> None:
 def test_the_same_scans_give_the_same_map(look: Look, room: Floats) -> None:
     one, other = (grid_of(look(room, HERE), pose=HERE) for _ in range(2))
     assert (one.classes() == other.classes()).all()
-    assert (np.nan_to_num(one.blockage()) == np.nan_to_num(other.blockage())).all()
+    assert (
+        np.nan_to_num(one.occupancy_probability())
+        == np.nan_to_num(other.occupancy_probability())
+    ).all()

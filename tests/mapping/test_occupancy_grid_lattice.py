@@ -14,24 +14,24 @@ points = st.tuples(metres, metres)
 
 
 def holding(*places: tuple[float, float]) -> GridFrame:
-    lattice = GridFrame(SIZE)
+    frame = GridFrame(SIZE)
     for place in places:
-        lattice = lattice.grown(place, place)
-    return lattice
+        frame = frame.extended_to(place, place)
+    return frame
 
 
 @given(places=st.lists(points, min_size=1, max_size=6))
 def test_it_holds_all_that_it_has_grown_to(places: list[tuple[float, float]]) -> None:
-    lattice = holding(*places)
-    assert all(lattice.cell(x, y) is not None for x, y in places)
+    frame = holding(*places)
+    assert all(frame.cell(x, y) is not None for x, y in places)
 
 
 @given(places=st.lists(points, min_size=1, max_size=6), place=points)
 def test_what_it_holds_already_changes_nothing(
     places: list[tuple[float, float]], place: tuple[float, float]
 ) -> None:
-    lattice = holding(*places, place)
-    assert lattice.grown(place, place) == lattice
+    frame = holding(*places, place)
+    assert frame.extended_to(place, place) == frame
 
 
 @given(places=st.lists(points, min_size=1, max_size=6), place=points)
@@ -44,26 +44,26 @@ def test_a_cell_keeps_its_place_and_what_is_in_it(
     cells[row, column] = 7
     large = small
     for other in places:
-        large = large.grown(other, other)
-    moved = small.moved(cells, large)
+        large = large.extended_to(other, other)
+    moved = small.copy_into(cells, large)
     assert moved[large.cell(*place)] == 7
     assert moved.sum() == 7
 
 
 @given(place=points)
 def test_middles_are_in_their_cells(place: tuple[float, float]) -> None:
-    lattice = holding(place)
-    x, y = lattice.middles()
-    row, column = lattice.cell(*place) or (-1, -1)
+    frame = holding(place)
+    x, y = frame.cell_centers()
+    row, column = frame.cell(*place) or (-1, -1)
     assert abs(x[column] - place[0]) <= SIZE / 2 + 1e-9
     assert abs(y[row] - place[1]) <= SIZE / 2 + 1e-9
-    assert lattice.origin == pytest.approx((x[0] - SIZE / 2, y[0] - SIZE / 2))
+    assert frame.origin == pytest.approx((x[0] - SIZE / 2, y[0] - SIZE / 2))
 
 
 def test_it_grows_by_many_cells_at_once() -> None:
-    lattice = holding((0.0, 0.0))
-    assert lattice.shape == (STEP, STEP)
-    assert lattice.grown((-0.01, 0), (0, 0)).shape == (STEP, 2 * STEP)
+    frame = holding((0.0, 0.0))
+    assert frame.shape == (STEP, STEP)
+    assert frame.extended_to((-0.01, 0), (0, 0)).shape == (STEP, 2 * STEP)
 
 
 def test_outside_there_is_no_cell() -> None:
@@ -74,12 +74,12 @@ def test_outside_there_is_no_cell() -> None:
 @pytest.mark.parametrize("far", [1e4, math.inf, math.nan])
 def test_a_place_too_far_away_is_an_error(far: float) -> None:
     with pytest.raises((MappingError, ValueError, OverflowError)):
-        GridFrame(SIZE).grown((0.0, 0.0), (far, 0.0))
+        GridFrame(SIZE).extended_to((0.0, 0.0), (far, 0.0))
 
 
 def test_an_area_too_large_is_an_error() -> None:
     side = SIZE * 8000
-    lattice = GridFrame(SIZE).grown((0.0, 0.0), (side, side))
-    assert lattice.shape > (8000, 8000)
+    frame = GridFrame(SIZE).extended_to((0.0, 0.0), (side, side))
+    assert frame.shape > (8000, 8000)
     with pytest.raises(MappingError, match=r"in cells of 0\.\d+ m, expected at most"):
-        lattice.grown((-side, 0.0), (0.0, 0.0))
+        frame.extended_to((-side, 0.0), (0.0, 0.0))

@@ -38,8 +38,8 @@ def by_hand(points: Floats, x: float, y: float) -> tuple[float, ...] | None:
     """Give the shape as the definition says, point by point."""
     for level in range(LEVELS):
         size = FINEST * 2**level
-        middles = (np.floor(points / size) + 0.5) * size
-        steps = (middles - (x, y)) / size
+        cell_centers = (np.floor(points / size) + 0.5) * size
+        steps = (cell_centers - (x, y)) / size
         weights = np.array([bump(dx) * bump(dy) for dx, dy in steps])
         if weights.sum() >= ENOUGH:
             share = weights / weights.sum()

@@ -10,15 +10,8 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
 from radarsim.mapping.scan import (
-    AIR,
-    BLIND,
-    FOLIAGE,
-    HIT,
-    NOTHING,
-    SMOKE,
-    SOLID,
-    SPENT,
-    UNSURE,
+    BeamEnd,
+    Layer,
     PlanarScan,
     read_scan,
 )
@@ -48,7 +41,7 @@ def seen(
 
 def met(scan: PlanarScan) -> list[tuple[int, float, float, int]]:
     """List the marks: beam, near, far, what."""
-    columns = (column.tolist() for column in scan.marks)
+    columns = (column.tolist() for column in scan.hits)
     return sorted(zip(*columns, strict=True))
 
 
@@ -64,15 +57,15 @@ def test_beams_are_spread_over_the_field_of_view_from_the_right() -> None:
 
 def test_without_echoes_ranges_are_taken_for_something_opaque() -> None:
     scan = read_scan(scan_of(1.0, 2.0), max_range=FAR)
-    assert scan.ends.tolist() == [UNSURE, UNSURE]
-    assert met(scan) == [(0, 1.0, 1.0, SOLID), (1, 2.0, 2.0, SOLID)]
+    assert scan.ends.tolist() == [BeamEnd.UNSURE, BeamEnd.UNSURE]
+    assert met(scan) == [(0, 1.0, 1.0, Layer.SOLID), (1, 2.0, 2.0, Layer.SOLID)]
     assert not scan.sees_through
 
 
 @pytest.mark.parametrize("reading", [FAR, FAR - 0.005, 99.0, math.inf])
 def test_the_greatest_range_is_nothing_at_all(reading: float) -> None:
     scan = read_scan(scan_of(reading, 3.0), max_range=FAR)
-    assert scan.ends.tolist() == [NOTHING, UNSURE]
+    assert scan.ends.tolist() == [BeamEnd.NOTHING, BeamEnd.UNSURE]
     assert scan.reach.tolist() == [FAR, 3.0]
     assert [beam for beam, *_ in met(scan)] == [1]
 
@@ -80,14 +73,14 @@ def test_the_greatest_range_is_nothing_at_all(reading: float) -> None:
 @pytest.mark.parametrize("reading", [0.0, 0.09, -1.0, math.nan])
 def test_a_range_below_the_least_tells_nothing(reading: float) -> None:
     scan = read_scan(scan_of(reading, 3.0), max_range=FAR, min_range=0.1)
-    assert scan.ends.tolist() == [BLIND, UNSURE]
+    assert scan.ends.tolist() == [BeamEnd.BLIND, BeamEnd.UNSURE]
     assert scan.reach.tolist() == [0.0, 3.0]
     assert [beam for beam, *_ in met(scan)] == [1]
 
 
 def test_where_nobody_tells_the_greatest_range_every_number_is_a_return() -> None:
     scan = read_scan(scan_of(79.0, math.inf), max_range=math.inf)
-    assert scan.ends.tolist() == [UNSURE, BLIND]
+    assert scan.ends.tolist() == [BeamEnd.UNSURE, BeamEnd.BLIND]
     assert np.isfinite(scan.reach).all()
 
 
@@ -95,23 +88,23 @@ def test_a_wall_behind_a_bush_is_hit_and_the_bush_is_where_it_was_crossed() -> N
     bush = seen((0, 2.0, "enter"), (0, 3.0, "leave"))
     wall = seen((0, 5.0, "hit"), name="wall", material="concrete")
     scan = told(5.0, by=[bush, wall])
-    assert scan.ends.tolist() == [HIT]
-    assert met(scan) == [(0, 2.0, 3.0, FOLIAGE), (0, 5.0, 5.0, SOLID)]
+    assert scan.ends.tolist() == [BeamEnd.HIT]
+    assert met(scan) == [(0, 2.0, 3.0, Layer.FOLIAGE), (0, 5.0, 5.0, Layer.SOLID)]
     assert scan.sees_through
 
 
 def test_what_is_spent_in_a_bush_is_no_wall() -> None:
     scan = told(3.4, by=[seen((0, 2.0, "enter"), (0, 3.4, "spent"))])
-    assert scan.ends.tolist() == [SPENT]
-    assert met(scan) == [(0, 2.0, 3.4, FOLIAGE)]
+    assert scan.ends.tolist() == [BeamEnd.SPENT]
+    assert met(scan) == [(0, 2.0, 3.4, Layer.FOLIAGE)]
 
 
 def test_a_trunk_ends_the_bush_around_it() -> None:
     bush = seen((0, 2.0, "enter"))
     trunk = seen((0, 2.6, "hit"), name="trunk", material="wood")
     assert met(told(2.6, by=[bush, trunk])) == [
-        (0, 2.0, 2.6, FOLIAGE),
-        (0, 2.6, 2.6, SOLID),
+        (0, 2.0, 2.6, Layer.FOLIAGE),
+        (0, 2.6, 2.6, Layer.SOLID),
     ]
 
 
@@ -119,8 +112,8 @@ def test_who_stands_in_smoke_has_smoke_from_the_start() -> None:
     cloud = seen((0, 4.0, "leave"), name="cloud", passes=True)
     wall = seen((0, 9.0, "hit"), name="wall")
     assert met(told(9.0, by=[cloud, wall])) == [
-        (0, 0.0, 4.0, SMOKE),
-        (0, 9.0, 9.0, SOLID),
+        (0, 0.0, 4.0, Layer.SMOKE),
+        (0, 9.0, 9.0, Layer.SOLID),
     ]
 
 
@@ -128,8 +121,8 @@ def test_a_leaf_is_a_point() -> None:
     leaves = seen((0, 2.0, "sheet"), (0, 2.5, "sheet"))
     wall = seen((0, 9.0, "hit"), name="wall")
     assert met(told(9.0, by=[leaves, wall]))[:2] == [
-        (0, 2.0, 2.0, FOLIAGE),
-        (0, 2.5, 2.5, FOLIAGE),
+        (0, 2.0, 2.0, Layer.FOLIAGE),
+        (0, 2.5, 2.5, Layer.FOLIAGE),
     ]
 
 
@@ -138,8 +131,8 @@ def test_a_thing_within_itself_is_one() -> None:
     echoes = [(0, 1.0 + i, kind) for i, kind in enumerate(kinds)]
     wall = seen((0, 9.0, "hit"), name="wall")
     assert met(told(9.0, by=[seen(*echoes), wall])) == [
-        (0, 1.0, 4.0, FOLIAGE),
-        (0, 9.0, 9.0, SOLID),
+        (0, 1.0, 4.0, Layer.FOLIAGE),
+        (0, 9.0, 9.0, Layer.SOLID),
     ]
 
 
@@ -147,27 +140,27 @@ def test_a_thing_that_is_met_twice_is_two() -> None:
     kinds = ["enter", "leave", "enter", "leave"]
     echoes = [(0, 1.0 + i, kind) for i, kind in enumerate(kinds)]
     assert met(told(FAR, by=[seen(*echoes)])) == [
-        (0, 1.0, 2.0, FOLIAGE),
-        (0, 3.0, 4.0, FOLIAGE),
+        (0, 1.0, 2.0, Layer.FOLIAGE),
+        (0, 3.0, 4.0, Layer.FOLIAGE),
     ]
 
 
 def test_a_beam_that_is_spent_is_known_no_farther_even_if_it_reads_nothing() -> None:
     scan = told(FAR, by=[seen((0, 2.0, "enter"), (0, 3.4, "spent"))])
     assert scan.reach.tolist() == [3.4]
-    assert scan.ends.tolist() == [SPENT]
+    assert scan.ends.tolist() == [BeamEnd.SPENT]
 
 
 def test_a_scanner_of_first_echoes_sees_no_farther_than_a_bush() -> None:
     scan = told(2.0, by=[seen((0, 2.0, "enter"))])
-    assert scan.ends.tolist() == [SPENT]
-    assert met(scan) == [(0, 2.0, 2.0, FOLIAGE)]
+    assert scan.ends.tolist() == [BeamEnd.SPENT]
+    assert met(scan) == [(0, 2.0, 2.0, Layer.FOLIAGE)]
 
 
 def test_a_drop_of_rain_ends_a_beam_and_is_nothing() -> None:
     drop = seen((0, 3.0, "rain"), name="air", passes=True)
     scan = told(3.0, by=[drop])
-    assert scan.ends.tolist() == [AIR]
+    assert scan.ends.tolist() == [BeamEnd.AIR]
     assert scan.reach.tolist() == [3.0]
     assert met(scan) == []
 
@@ -177,13 +170,13 @@ def test_the_farthest_of_several_ends_is_the_beams() -> None:
     wall = seen((0, 9.0, "hit"), name="wall")
     scan = told(9.0, by=[wall, edge])
     assert scan.reach.tolist() == [9.0]
-    assert met(scan) == [(0, 4.0, 4.0, SOLID), (0, 9.0, 9.0, SOLID)]
+    assert met(scan) == [(0, 4.0, 4.0, Layer.SOLID), (0, 9.0, 9.0, Layer.SOLID)]
 
 
 def test_a_blinded_beam_tells_nothing_of_what_its_echoes_met() -> None:
     cloud = seen((0, 1.0, "enter"), (0, 1.2, "spent"), name="cloud", passes=True)
     scan = told(0.0, by=[cloud], min_range=0.1)
-    assert scan.ends.tolist() == [BLIND]
+    assert scan.ends.tolist() == [BeamEnd.BLIND]
     assert met(scan) == []
 
 
@@ -191,7 +184,7 @@ def test_echoes_that_cannot_be_are_left_out() -> None:
     odd = seen((-1, 2.0, "hit"), (7, 2.0, "hit"), (0, 1e9, "hit"), (0, math.nan, "hit"))
     unknown = seen((0, 2.0, "glimmer"))
     scan = told(FAR, by=[odd, unknown])
-    assert scan.ends.tolist() == [NOTHING]
+    assert scan.ends.tolist() == [BeamEnd.NOTHING]
     assert met(scan) == []
 
 
@@ -220,7 +213,7 @@ def test_no_mark_is_beyond_its_beam_and_each_goes_outward(
     bush: list[Echo], wall: list[Echo]
 ) -> None:
     scan = told(FAR, 8.0, 5.0, 0.0, by=[seen(*bush), seen(*wall, name="wall")])
-    beams, near, far, _ = scan.marks
+    beams, near, far, _ = scan.hits
     assert (near >= 0).all()
     assert (near <= far).all()
     assert (far <= scan.reach[beams]).all()
@@ -230,8 +223,8 @@ def test_no_mark_is_beyond_its_beam_and_each_goes_outward(
 def test_stretches_of_one_thing_do_not_overlap(echoes: list[Echo]) -> None:
     inside = [echo for echo in echoes if echo[2] in ("enter", "leave")]
     scan = told(FAR, FAR, FAR, FAR, by=[seen(*inside)])
-    marks = met(scan)
-    for (beam, _, far, _), (other, near, _, _) in pairwise(marks):
+    hits = met(scan)
+    for (beam, _, far, _), (other, near, _, _) in pairwise(hits):
         assert beam != other or far <= near
 
 

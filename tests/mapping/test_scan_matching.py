@@ -129,12 +129,12 @@ def test_echoes_from_beside_their_beams_average_out(
 def poles() -> tuple[PointMap, Points]:
     """Make a map of five poles in the open, and a scan of them."""
     rng = generator_for(3, "poles")
-    middles = np.array([[4, 1], [3, -3], [-2, 4], [-4, -2], [1, 5]], np.float64)
-    spots = np.repeat(middles, 40, axis=0) + rng.normal(0, 0.05, (200, 2))
+    cell_centers = np.array([[4, 1], [3, -3], [-2, 4], [-4, -2], [1, 5]], np.float64)
+    spots = np.repeat(cell_centers, 40, axis=0) + rng.normal(0, 0.05, (200, 2))
     known = PointMap()
     known.add(spots)
-    along = middles / np.linalg.norm(middles, axis=1)[:, None]
-    return known, Points(middles, along, 0.05, True)
+    along = cell_centers / np.linalg.norm(cell_centers, axis=1)[:, None]
+    return known, Points(cell_centers, along, 0.05, True)
 
 
 def test_spots_hold_a_pose_in_both_directions() -> None:

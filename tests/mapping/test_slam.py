@@ -69,7 +69,7 @@ def scans(look: Look, room: Floats, path: list[Pose2]) -> list[PlanarScan]:
 def matched(
     scans: list[PlanarScan], seeds: list[Pose2 | None], kind: MotionSource
 ) -> Slam:
-    slam = Slam(SlamSettings(seed=kind), START)
+    slam = Slam(SlamSettings(motion_source=kind), START)
     for scan, seed in zip(scans, seeds, strict=True):
         slam.step(scan, seed)
     return slam
@@ -127,7 +127,7 @@ def test_spinning_wheels_do_not_move_a_robot_that_sees_walls(
     look: Look, room: Floats
 ) -> None:
     scan = look(room, START)
-    slam = Slam(SlamSettings(seed="odometry"), START)
+    slam = Slam(SlamSettings(motion_source="odometry"), START)
     for i in range(100):
         slam.step(scan, Pose2(STEP * i, 0.0, 0.0))
     assert math.hypot(slam.pose.x - START.x, slam.pose.y - START.y) < 0.05
@@ -140,7 +140,7 @@ places = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1
 def test_in_the_open_an_ins_is_followed_on_the_axes_of_the_map(
     look: Look, nowhere: Floats, seeds: list[Pose2]
 ) -> None:
-    slam = Slam(SlamSettings(seed="ins"), START)
+    slam = Slam(SlamSettings(motion_source="ins"), START)
     scan = look(nowhere, START)
     for seed in seeds:
         pose = slam.step(scan, seed)
@@ -154,7 +154,7 @@ def test_in_the_open_an_ins_is_followed_on_the_axes_of_the_map(
 def test_in_the_open_odometry_is_followed_on_the_axes_of_the_robot(
     look: Look, nowhere: Floats, seeds: list[Pose2]
 ) -> None:
-    slam = Slam(SlamSettings(seed="odometry"), START)
+    slam = Slam(SlamSettings(motion_source="odometry"), START)
     scan = look(nowhere, START)
     turn = START.yaw - seeds[0].yaw
     c, s = math.cos(turn), math.sin(turn)
@@ -166,7 +166,7 @@ def test_in_the_open_odometry_is_followed_on_the_axes_of_the_robot(
 
 
 def test_in_the_open_with_no_seed_the_robot_stands(look: Look, nowhere: Floats) -> None:
-    slam = Slam(SlamSettings(seed="none"), START)
+    slam = Slam(SlamSettings(motion_source="none"), START)
     for _ in range(5):
         assert slam.step(look(nowhere, START)) == START
 

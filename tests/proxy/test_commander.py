@@ -22,10 +22,12 @@ import pytest
 from radarsim.geometry import Pose3
 from radarsim.host import Diagnostic, Host
 from radarsim.mapping.mapper import Mapper, MapperSettings
-from radarsim.mapping.occupancy_grid import OBSTACLE
+from radarsim.mapping.occupancy_grid import (
+    CellClass,
+)
 from radarsim.protocol.decode import decode_report
-from radarsim.proxy import Choice, ConnectionState, Listener, TcpProxy
-from radarsim.proxy.line_queue import Backlog
+from radarsim.proxy import ConnectionState, RobotSelector, TcpProxy, TrafficObserver
+from radarsim.proxy.line_queue import LineQueue
 from radarsim.scene.scene import Scene
 from radarsim.server import Server
 from radarsim.simulation.config import SimulationConfig
@@ -198,7 +200,7 @@ def running(scene: Scene) -> Iterator[World]:
 
 
 @contextmanager
-def tapped(world: World, listener: Listener) -> Iterator[None]:
+def tapped(world: World, listener: TrafficObserver) -> Iterator[None]:
     tap = TcpProxy(world.server.address, listener.hear)
     world.run(tap.start())
     world.address = tap.address
@@ -246,7 +248,9 @@ def test_it_maps_through_the_tap_and_neither_sides_bytes_change(
     empty_room: Scene, direct: Played
 ) -> None:
     mapping = Mapping()
-    listener = Listener(Choice(mapping.begin), Backlog(most_scans=10_000))
+    listener = TrafficObserver(
+        RobotSelector(mapping.begin), LineQueue(most_scans=10_000)
+    )
     with running(empty_room) as world:
         with tapped(world, listener):
             through = play(world)
@@ -260,7 +264,7 @@ def test_it_maps_through_the_tap_and_neither_sides_bytes_change(
 
 
 def assert_mapped(
-    mapping: Mapping, commander: "usarcommander.Commander", listener: Listener
+    mapping: Mapping, commander: "usarcommander.Commander", listener: TrafficObserver
 ) -> None:
     overheard, mapper = mapping.overheard, mapping.mapper
     assert listener.error is None
@@ -274,8 +278,8 @@ def assert_mapped(
     pose = mapper.trajectory.poses[-1]
     assert (pose.x, pose.y) == pytest.approx((x, -y), abs=0.05)
     assert mapper.grid.sensed(-5.0, 0.0)
-    across, up = np.meshgrid(*mapper.grid.lattice.middles())
-    walls = mapper.grid.classes() == OBSTACLE
+    across, up = np.meshgrid(*mapper.grid.frame.cell_centers())
+    walls = mapper.grid.classes() == CellClass.OBSTACLE
     off = stand_in().wall_errors(np.column_stack([across[walls], up[walls]]))
     assert np.mean(off < 0.13) > 0.95  # two cells and a half
 
@@ -284,7 +288,9 @@ def test_the_map_is_the_one_of_what_the_client_was_told(
     empty_room: Scene, direct: Played
 ) -> None:
     mapping = Mapping()
-    listener = Listener(Choice(mapping.begin), Backlog(most_scans=10_000))
+    listener = TrafficObserver(
+        RobotSelector(mapping.begin), LineQueue(most_scans=10_000)
+    )
     with running(empty_room) as world, tapped(world, listener):
         play(world)
     assert mapping.mapper is not None

@@ -35,10 +35,10 @@ def overheard() -> ConnectionState:
 def test_before_a_scan_nothing_is_known_of_its_scanner(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
-    overheard.hear_server(GEO)
-    overheard.hear_server(CONF)
+    overheard.receive_server_line(GEO)
+    overheard.receive_server_line(CONF)
     assert overheard.scanner() is None
-    overheard.hear_server(scan_line(1))
+    overheard.receive_server_line(scan_line(1))
     assert overheard.scanner("another") is None
 
 
@@ -46,11 +46,11 @@ def test_what_the_server_answers_counts_more_than_what_is_given(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     given = ScannerDefaults(Pose3(9, 9, 9), 5.0)
-    overheard.hear_server(scan_line(1))
+    overheard.receive_server_line(scan_line(1))
     assert not overheard.is_described("lms200")
-    overheard.hear_server(GEO)
+    overheard.receive_server_line(GEO)
     assert not overheard.is_described("lms200")
-    overheard.hear_server(CONF)
+    overheard.receive_server_line(CONF)
     assert overheard.is_described("lms200")
     scanner = overheard.scanner(given=given)
     assert scanner is not None
@@ -62,7 +62,7 @@ def test_what_the_server_answers_counts_more_than_what_is_given(
 def test_what_nobody_asks_for_is_what_is_given(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
-    overheard.hear_server(scan_line(1, OPEN))
+    overheard.receive_server_line(scan_line(1, OPEN))
     scanner = overheard.scanner("lms200", ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount, scanner.max_range) == (MOUNT, 5.0)
@@ -73,8 +73,8 @@ def test_what_nobody_asks_for_is_what_is_given(
 def test_half_of_the_answers_leaves_the_rest_to_what_is_given(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
-    overheard.hear_server(scan_line(1))
-    overheard.hear_server(GEO)
+    overheard.receive_server_line(scan_line(1))
+    overheard.receive_server_line(GEO)
     scanner = overheard.scanner(given=ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount.x, scanner.max_range) == (0.2085, 5.0)
@@ -92,7 +92,7 @@ def test_without_either_a_range_that_many_beams_share_is_the_limit(
     overheard: ConnectionState, scan_line: ScanLine, ranges: list[str], limit: float
 ) -> None:
     for k, text in enumerate(ranges):
-        overheard.hear_server(scan_line(k, text))
+        overheard.receive_server_line(scan_line(k, text))
     scanner = overheard.scanner()
     assert scanner is not None
     assert (scanner.mount, scanner.max_range) == (Pose3(0, 0, 0), limit)
@@ -102,7 +102,7 @@ def test_the_scanner_that_scans_first_is_the_one(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     for name in ("second", "first", "second"):
-        overheard.hear_server(scan_line(1, name=name))
+        overheard.receive_server_line(scan_line(1, name=name))
     names = [s.name for s in (overheard.scanner(), overheard.scanner("first")) if s]
     assert names == ["second", "first"]
 
@@ -111,26 +111,26 @@ def test_lines_say_what_they_say(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     truth = "SEN {Type GroundTruth} {Name t} {Location 1,2,3} {Orientation 0,0,0}"
-    assert isinstance(overheard.hear_server(scan_line(1)), RangeScan)
-    said = overheard.hear_server(truth)
+    assert isinstance(overheard.receive_server_line(scan_line(1)), RangeScan)
+    said = overheard.receive_server_line(truth)
     assert isinstance(said, GroundTruth)
     assert (said.time, said.pose) == (1.0, Pose3(1, -2, -3))
-    assert overheard.hear_server("SEN {Type Sonar} {Name s}") is None
-    assert overheard.hear_server("\xff{{") is None
+    assert overheard.receive_server_line("SEN {Type Sonar} {Name s}") is None
+    assert overheard.receive_server_line("\xff{{") is None
     assert overheard.session.unread == 2
-    assert overheard.hear_client("getstartposes") == GetStartPoses()
-    assert overheard.hear_client("DRIVE {Left 1} {Right 2}") == Drive(1.0, 2.0)
-    assert overheard.hear_client("DRIVE {Left x}") is None
+    assert overheard.receive_client_line("getstartposes") == GetStartPoses()
+    assert overheard.receive_client_line("DRIVE {Left 1} {Right 2}") == Drive(1.0, 2.0)
+    assert overheard.receive_client_line("DRIVE {Left x}") is None
     assert overheard.unread == 1
 
 
 def test_the_robot_is_the_one_that_the_client_wished(
     overheard: ConnectionState,
 ) -> None:
-    overheard.hear_client("INIT {ClassName USARBot.P3AT} {Name Rob} {Start A}")
+    overheard.receive_client_line("INIT {ClassName USARBot.P3AT} {Name Rob} {Start A}")
     assert overheard.robot == Init("P3AT", "Rob", "A")
     assert overheard.geometry is None
-    overheard.hear_server(ROBOT)
+    overheard.receive_server_line(ROBOT)
     assert overheard.geometry is not None
     assert overheard.geometry.dimensions == (0.552, 0.497, 0.46)
 
@@ -157,19 +157,19 @@ def test_the_robot_is_the_one_that_the_client_wished(
 def test_echoes_are_expected_of_a_scanner_that_was_told_to_send_them(
     overheard: ConnectionState, orders: list[str], echoes: bool
 ) -> None:
-    overheard.hear_client("SET {Type INS} {Opcode ECHOES} {Params true}")
+    overheard.receive_client_line("SET {Type INS} {Opcode ECHOES} {Params true}")
     for order in orders:
-        overheard.hear_client(f"SET {{Type RangeScanner}} {order}")
+        overheard.receive_client_line(f"SET {{Type RangeScanner}} {order}")
     assert overheard.asks_for_echoes("LMS200") is echoes
 
 
 def test_names_are_the_same_in_any_case(scan_line: ScanLine) -> None:
     heard = ConnectionState(1)
-    heard.hear_server(
+    heard.receive_server_line(
         "GEO {Type RangeScanner} {Name LMS200 Location 0.2,0,0 Orientation 0,0,0"
         " Mount HARD}"
     )
-    heard.hear_server(scan_line(1.0))
+    heard.receive_server_line(scan_line(1.0))
     facts = heard.scanner("lms200")
     assert facts is not None
     assert facts.mount.x == 0.2

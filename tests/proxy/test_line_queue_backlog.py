@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.proxy.line_queue import Backlog, Line, Side
+from radarsim.proxy.line_queue import Line, LineQueue, Side
 
 ScanLine = Callable[..., str]
 ECHOES = "SEN {{Time {0:.2f}}} {{Type Echoes}} {{Name lms200}} {{Line 1}} {{Lines 1}}"
@@ -16,12 +16,14 @@ STATUS = "STA {{Type GroundVehicle}} {{Time {0:.2f}}} {{Battery 99}}"
 WORDS = st.sampled_from(["DRIVE {Left 1}", "NFO {Level a}", "\xff{{", "x y"])
 
 
-def put(backlog: Backlog, *texts: str, number: int = 1, side: Side = "server") -> None:
+def put(
+    backlog: LineQueue, *texts: str, number: int = 1, side: Side = "server"
+) -> None:
     for text in texts:
         backlog.put(number, side, f"{text}\r\n".encode("latin-1"))
 
 
-def drain(backlog: Backlog) -> list[Line]:
+def drain(backlog: LineQueue) -> list[Line]:
     backlog.end()
     return list(iter(backlog.take, None))
 
@@ -36,14 +38,14 @@ def test_lines_are_whole_however_they_were_cut(
 ) -> None:
     data = "".join(f"{word}\r\n" for word in words).encode("latin-1")
     places = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
-    backlog = Backlog()
+    backlog = LineQueue()
     for start, end in pairwise(places):
         backlog.put(1, "client", data[start:end])
     assert texts(drain(backlog)) == words
 
 
 def test_both_sides_and_all_connections_have_lines_of_their_own() -> None:
-    backlog = Backlog()
+    backlog = LineQueue()
     backlog.put(1, "client", b"GETSTART")
     backlog.put(1, "server", b"NFO {Level a}\r\nSTA")
     backlog.put(2, "client", b"GETGEO {Type Robot}\r\n")
@@ -56,10 +58,10 @@ def test_both_sides_and_all_connections_have_lines_of_their_own() -> None:
 
 
 def test_an_endless_line_is_left_out_and_the_next_is_heard() -> None:
-    backlog = Backlog()
+    backlog = LineQueue()
     put(backlog, "STA {Time 1}", "x" * 70_000, "STA {Time 2}")
     assert texts(drain(backlog))[0] == "STA {Time 1}"
-    backlog = Backlog()
+    backlog = LineQueue()
     for _ in range(70):
         backlog.put(1, "server", b"x" * 1000)
     put(backlog, "", "STA {Time 2}")
@@ -70,7 +72,7 @@ def test_an_endless_line_is_left_out_and_the_next_is_heard() -> None:
 def test_the_newest_scans_stay_with_their_echoes_and_all_else(kinds: list[str]) -> None:
     made = {"scan": SCAN, "echoes": ECHOES, "status": STATUS}
     lines = [made[kind].format(k) for k, kind in enumerate(kinds)]
-    backlog = Backlog(most_scans=3)
+    backlog = LineQueue(most_scans=3)
     put(backlog, *lines)
     scans = [k for k, kind in enumerate(kinds) if kind == "scan"]
     lost_until = scans[-4] if len(scans) > 3 else -1
@@ -85,7 +87,7 @@ SCAN = "SEN {{Time {0:.2f}}} {{Type RangeScanner}} {{Name lms200}} {{Range 1,2}}
 
 def test_whatever_is_too_much_gives_way_the_oldest_first(scan_line: ScanLine) -> None:
     lines = [scan_line(0), *[STATUS.format(k) for k in range(100)]]
-    backlog = Backlog(most_characters=1000)
+    backlog = LineQueue(most_characters=1000)
     put(backlog, *lines)
     kept = texts(drain(backlog))
     assert kept == lines[-len(kept) :]
@@ -94,7 +96,7 @@ def test_whatever_is_too_much_gives_way_the_oldest_first(scan_line: ScanLine) ->
 
 
 def test_nothing_is_taken_of_connections_that_nobody_listens_to() -> None:
-    backlog = Backlog(most_scans=1)
+    backlog = LineQueue(most_scans=1)
     put(backlog, SCAN.format(1), "NFO {Level b}", number=2)
     put(backlog, SCAN.format(2), "NFO {Level a}", number=1)
     put(backlog, "DRIVE {Left 1}", number=2, side="client")
@@ -105,7 +107,7 @@ def test_nothing_is_taken_of_connections_that_nobody_listens_to() -> None:
 
 
 def test_after_the_end_nothing_is_taken_and_what_is_there_can_be_had() -> None:
-    backlog = Backlog()
+    backlog = LineQueue()
     put(backlog, "NFO {Level a}")
     backlog.end()
     put(backlog, "NFO {Level b}")
@@ -115,7 +117,7 @@ def test_after_the_end_nothing_is_taken_and_what_is_there_can_be_had() -> None:
 
 @pytest.mark.parametrize("ends", [False, True])
 def test_who_takes_waits_for_a_line_or_for_the_end(ends: bool) -> None:
-    backlog = Backlog()
+    backlog = LineQueue()
     with ThreadPoolExecutor(1) as pool:
         line = pool.submit(backlog.take)
         assert not line.done()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from radarsim.protocol.reports import Ins, RangeScan, Report
-from radarsim.proxy import Choice, ConnectionState
+from radarsim.proxy import ConnectionState, RobotSelector
 from radarsim.proxy.observer import MOST_SCANS
 
 ScanLine = Callable[..., str]
@@ -49,9 +49,9 @@ def made() -> Made:
     return Made()
 
 
-def tell(choice: Choice, overheard: ConnectionState, *lines: str) -> None:
+def tell(choice: RobotSelector, overheard: ConnectionState, *lines: str) -> None:
     for line in lines:
-        report = overheard.hear_server(line)
+        report = overheard.receive_server_line(line)
         if report is not None:
             choice.take(overheard, report)
 
@@ -59,7 +59,7 @@ def tell(choice: Choice, overheard: ConnectionState, *lines: str) -> None:
 def test_the_first_connection_with_scans_is_followed_and_no_other(
     made: Made, scan_line: ScanLine
 ) -> None:
-    choice = Choice(made.begin)
+    choice = RobotSelector(made.begin)
     probe, robot, late = ConnectionState(1), ConnectionState(2), ConnectionState(3)
     tell(choice, probe, "NFO {Level a}", pose(50))
     tell(choice, robot, pose(1), pose(2))
@@ -81,7 +81,7 @@ def test_the_first_connection_with_scans_is_followed_and_no_other(
 def test_a_client_that_does_not_ask_is_waited_for_a_while(
     made: Made, scan_line: ScanLine
 ) -> None:
-    choice, robot = Choice(made.begin, patience=2.0), ConnectionState(1)
+    choice, robot = RobotSelector(made.begin, patience=2.0), ConnectionState(1)
     tell(choice, robot, *[scan_line(k / 10) for k in range(20)])
     assert choice.consumer is None
     tell(choice, robot, scan_line(2.0))
@@ -93,7 +93,7 @@ def test_a_client_that_does_not_ask_is_waited_for_a_while(
 def test_where_no_time_is_told_scans_are_counted(
     made: Made, scan_line: ScanLine
 ) -> None:
-    choice, robot = Choice(made.begin), ConnectionState(1)
+    choice, robot = RobotSelector(made.begin), ConnectionState(1)
     scan = scan_line(0).replace("{Time 0.00} ", "")
     tell(choice, robot, *[scan] * (MOST_SCANS - 1))
     assert choice.consumer is None
@@ -102,7 +102,7 @@ def test_where_no_time_is_told_scans_are_counted(
 
 
 def test_one_scanner_may_be_asked_for(made: Made, scan_line: ScanLine) -> None:
-    choice = Choice(made.begin, scanner="lms200")
+    choice = RobotSelector(made.begin, scanner="lms200")
     other, robot = ConnectionState(1), ConnectionState(2)
     tell(choice, other, scan_line(1, name="sick"))
     tell(choice, robot, scan_line(1, name="sick"), scan_line(1), GEO, CONF)
@@ -112,7 +112,7 @@ def test_one_scanner_may_be_asked_for(made: Made, scan_line: ScanLine) -> None:
 def test_at_the_end_what_was_waited_for_is_given_up(
     made: Made, scan_line: ScanLine
 ) -> None:
-    choice, robot = Choice(made.begin), ConnectionState(1)
+    choice, robot = RobotSelector(made.begin), ConnectionState(1)
     choice.finish()
     tell(choice, robot, pose(1))
     choice.finish()
@@ -127,7 +127,7 @@ def test_at_the_end_what_was_waited_for_is_given_up(
 def test_of_a_long_talk_before_the_first_scan_the_end_is_kept(
     made: Made, scan_line: ScanLine
 ) -> None:
-    choice, robot = Choice(made.begin), ConnectionState(1)
+    choice, robot = RobotSelector(made.begin), ConnectionState(1)
     tell(choice, robot, *[pose(k) for k in range(1000)], scan_line(1000))
     choice.finish()
     assert made.times[-2:] == [999, 1000]

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 import pytest
 
 from radarsim.protocol.reports import RangeScan, Report
-from radarsim.proxy import Choice, Listener
-from radarsim.proxy.line_queue import Backlog
+from radarsim.proxy import RobotSelector, TrafficObserver
+from radarsim.proxy.line_queue import LineQueue
 from radarsim.proxy.observer import Consumer
 
 ScanLine = Callable[..., str]
@@ -39,9 +39,9 @@ def taker() -> Taker:
 
 
 @contextmanager
-def listening(taker: Consumer, most_scans: int = 1000) -> Iterator[Listener]:
-    choice = Choice(lambda *_: taker, patience=0.0)
-    listener = Listener(choice, Backlog(most_scans=most_scans))
+def listening(taker: Consumer, most_scans: int = 1000) -> Iterator[TrafficObserver]:
+    choice = RobotSelector(lambda *_: taker, patience=0.0)
+    listener = TrafficObserver(choice, LineQueue(most_scans=most_scans))
     before = sys.getswitchinterval()
     listener.start()
     try:
@@ -51,7 +51,7 @@ def listening(taker: Consumer, most_scans: int = 1000) -> Iterator[Listener]:
         assert sys.getswitchinterval() == before
 
 
-def tell(listener: Listener, *lines: str, number: int = 1) -> None:
+def tell(listener: TrafficObserver, *lines: str, number: int = 1) -> None:
     for line in lines:
         listener.hear(number, "server", f"{line}\r\n".encode())
 

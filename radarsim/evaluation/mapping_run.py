@@ -1,0 +1,205 @@
+"""One mapping run: an exploration, its server, its judge and its result.
+
+The server is either one in this process, which runs in lockstep with the client and whose
+scene the map is judged by, or one that listens on a TCP port.
+"""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from radarsim.client import Client
+from radarsim.evaluation.map_score import MapScore, judge_mapper
+from radarsim.evaluation.trials import GroundTruthMonitor
+from radarsim.exploration.exploration import (
+    Exploration,
+    ExplorationPlan,
+    ExplorationStep,
+    Outcome,
+)
+from radarsim.host import Host
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.mapping.mapper import Mapper
+from radarsim.mapping.occupancy_grid import CellClass
+from radarsim.mapping.trajectory import trajectory_errors
+from radarsim.navigation.runner import TripMeter
+from radarsim.rng import generator_for
+
+INTERRUPTED: Final = "interrupted"
+
+
+@dataclass(slots=True)
+class MappingResult:
+    """How a map was made, and what came of it.
+
+    Attributes:
+        strategy: Name of the strategy; ``way`` for waypoints, None where another client
+            drove.
+        motion_source: Where the robot's motion between scans was read from.
+        trip: How far the robot came.
+        mapper: Holds the map; None if the robot was never known.
+        outcome: How the run ended.
+        unreached: Waypoints that the robot could not reach, m.
+        safety_distance: Distance kept from obstacles, m; None where another client drove.
+        monitor: Watched the true robot, if the server was in this process.
+        score: Comparison of the map with the scene, if the scene is known.
+        files: Files that were written.
+        error: What went wrong; empty if nothing did.
+    """
+
+    strategy: str | None
+    motion_source: str
+    trip: TripMeter = field(default_factory=TripMeter)
+    mapper: Mapper | None = None
+    outcome: str = Outcome.BROKEN_OFF.value
+    unreached: tuple[tuple[float, float], ...] = ()
+    safety_distance: float | None = None
+    monitor: GroundTruthMonitor | None = None
+    score: MapScore | None = None
+    files: tuple[Path, ...] = ()
+    error: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with lengths in mm precision.
+
+        Errors of poses have five digits. A run that ended early is described as far as
+        it came.
+        """
+        result: dict[str, Any] = {
+            "outcome": self.outcome,
+            "strategy": self.strategy,
+            "seed_from": self.motion_source,
+            "time": round(self.trip.time, 3),
+            "path_length": round(self.trip.length, 3),
+            "left_out": [list(point) for point in self.unreached],
+            "safety_distance": _rounded(self.safety_distance, 3),
+            "scans": 0 if self.mapper is None else self.mapper.scans,
+            "cells": _cell_counts(self.mapper),
+            "pose_errors": _pose_errors(self.mapper),
+            "files": [str(file) for file in self.files],
+            "error": self.error or None,
+        }
+        if self.monitor is not None:
+            result["judge"] = {
+                "path_length": round(self.monitor.path_length, 3),
+                "collisions": self.monitor.collisions,
+            }
+            if self.score is not None:
+                result["judge"] |= self.score.to_dict()
+        return result
+
+    def to_json(self) -> str:
+        """Return the result as one line of JSON."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+
+class MappingRun:
+    """Runs an exploration and keeps its result, also of a run that fails.
+
+    Attributes:
+        exploration: The exploration.
+        result: What is known of the run; complete once ``run`` has returned or raised.
+    """
+
+    def __init__(
+        self, plan: ExplorationPlan, host: Host | None = None, *, seed: int = 0
+    ) -> None:
+        """Create a run that has not begun.
+
+        Args:
+            plan: What to map, and how.
+            host: Server in this process; None for one that listens on a port.
+            seed: Seed of strategies that use chance.
+        """
+        self.exploration = Exploration(plan, generator_for(seed, "exploring"))
+        name = "way" if plan.waypoints else plan.strategy.value
+        self.result = MappingResult(name, plan.motion_source)
+        self._host = host
+
+    def run(
+        self,
+        address: tuple[str, int],
+        observe: Callable[[ExplorationStep], None] = lambda _: None,
+    ) -> None:
+        """Connect, explore, and complete the result, however the run ends.
+
+        Args:
+            address: Host and port of the server, unless it is in this process.
+            observe: Called at every scan.
+
+        Raises:
+            ClientError: If the server does not send what is needed.
+            MappingError: If no map can be made of what it sends.
+            NavigationError: If the robot cannot do what is asked of it.
+        """
+        try:
+            with self._connect(address) as client:
+                self.exploration.run(client, observe)
+        except BaseException as error:
+            is_failure = isinstance(error, Exception)
+            self.result.error = str(error) if is_failure else INTERRUPTED
+            raise
+        finally:
+            self._complete_result()
+
+    def judge(self) -> None:
+        """Compare the map with the scene, if both are known."""
+        mapper, start = self.result.mapper, self.result.trip.start
+        if self._host is None or mapper is None or start is None:
+            return
+        self.result.score = judge_mapper(
+            mapper,
+            self._host.simulation.scene,
+            robot_class=self.exploration.plan.robot_class,
+            start=start,
+        )
+
+    def _connect(self, address: tuple[str, int]) -> Client:
+        if self._host is None:
+            return Client.connect(*address)
+        monitor = GroundTruthMonitor(self._host)
+        self.result.monitor = monitor
+        return Client(InProcessTransport(self._host, after_tick=monitor.watch))
+
+    def _complete_result(self) -> None:
+        result, exploration = self.result, self.exploration
+        result.outcome, result.trip = exploration.outcome.value, exploration.trip
+        result.mapper = exploration.mapper
+        result.safety_distance = exploration.safety_distance
+        result.unreached = exploration.unreached
+        is_interrupted = result.error in ("", INTERRUPTED)
+        if exploration.outcome is Outcome.BROKEN_OFF and not is_interrupted:
+            result.outcome = Outcome.FAILED.value
+
+
+def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
+    if mapper is None or not mapper.scans:
+        return None
+    counts = np.bincount(mapper.grid.classes().ravel(), minlength=len(CellClass))
+    known = [each for each in CellClass if each is not CellClass.UNKNOWN]
+    named = {each.name.lower(): int(counts[each]) for each in known}
+    return {"resolution": mapper.grid.frame.resolution, **named}
+
+
+def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
+    """Compare the estimated poses with the true ones, as far as the server sends these."""
+    if mapper is None:
+        return None
+    try:
+        errors = asdict(trajectory_errors(mapper.trajectory, mapper.truth))
+    except ValueError:
+        return None
+    for name in ("yaw", "yaw_max", "rpe_yaw"):
+        errors[f"{name}_deg"] = math.degrees(errors.pop(name))
+    return {name: _rounded(value, 5) for name, value in errors.items()}
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    if value is None or not math.isfinite(value):
+        return None
+    return round(value, digits)

@@ -1,0 +1,122 @@
+"""Map made of the reports that pass a proxy, while another client drives."""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from radarsim.exploration.exploration import NOISE
+from radarsim.mapping.mapper import Mapper, MapperSettings
+from radarsim.mapping.slam import MotionSource, SlamSettings
+from radarsim.navigation.runner import TripMeter
+from radarsim.protocol.reports import Report
+from radarsim.proxy.connection_state import (
+    NO_DEFAULTS,
+    ConnectionState,
+    ScannerDefaults,
+)
+from radarsim.proxy.observer import RobotSelector, TrafficObserver
+from radarsim.proxy.tcp_proxy import TcpProxy, forward_until_signal
+
+ECHO_WAIT = 1.0  # s
+
+
+class TrafficMapper:
+    """Maps what the first robot that scans sends; a ``Consumer`` of its reports.
+
+    Attributes:
+        mapper: Holds the map; None before a robot was heard of.
+        trip: How far the robot has come.
+        error: Why there is no map, or only a part of it; empty if there is one.
+        on_scan: Called after every scan that is on the map, in the observer's thread.
+        on_guess: Called with the name of a scanner whose mount and limits nobody has
+            asked the server for, and for which no defaults are set.
+    """
+
+    def __init__(
+        self,
+        *,
+        motion_source: MotionSource,
+        resolution: float,
+        scanner: str | None = None,
+        defaults: ScannerDefaults = NO_DEFAULTS,
+    ) -> None:
+        """Create a mapper that waits for a robot.
+
+        Args:
+            motion_source: Where the motion between scans is read from.
+            resolution: Side of a cell, m.
+            scanner: Name of the scanner to map with; the first that scans by default.
+            defaults: Mount and maximum range, where no client asks the server for them.
+        """
+        self.mapper: Mapper | None = None
+        self.trip = TripMeter(noise=NOISE)
+        self.error = ""
+        self.on_scan: Callable[[], None] = lambda: None
+        self.on_guess: Callable[[str], None] = lambda _: None
+        self._motion_source: MotionSource = motion_source
+        self._resolution = resolution
+        self._scanner = scanner
+        self._defaults = defaults
+
+    def run(
+        self,
+        server: tuple[str, int],
+        listen: tuple[str, int],
+        announce: Callable[[tuple[str, int]], None],
+    ) -> int:
+        """Forward between clients and a server until a signal comes; map what passes.
+
+        Args:
+            server: Host and port of the server.
+            listen: Address and port to listen on; port 0 for a free one.
+            announce: Called with the address as soon as clients can connect.
+
+        Returns:
+            The exit code that the signal asks for; ``error`` tells whether there is
+            a map.
+
+        Raises:
+            ServerError: If the port is taken.
+        """
+        observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
+        proxy = TcpProxy(server, observer.hear)
+        observer.start()
+        try:
+            code = asyncio.run(forward_until_signal(proxy, *listen, announce))
+        finally:
+            is_finished = observer.finish()
+            self.error = self._fault(observer, is_finished=is_finished)
+            if not is_finished:  # the thread may still change it
+                self.mapper = None
+        return code
+
+    def begin(self, connection: ConnectionState, scanner: str) -> "TrafficMapper":
+        """Start the map with the scans of one scanner."""
+        info = connection.scanner(scanner, self._defaults)
+        assert info is not None  # a robot is selected by its first scan
+        if not connection.is_described(scanner) and self._defaults == NO_DEFAULTS:
+            self.on_guess(scanner)
+        echoes = connection.asks_for_echoes(scanner)
+        settings = MapperSettings(
+            slam=SlamSettings(motion_source=self._motion_source),
+            resolution=self._resolution,
+            echo_wait=ECHO_WAIT if echoes else 0.0,
+        )
+        self.mapper = Mapper(info, settings, clock=time.monotonic)
+        return self
+
+    def take(self, report: Report) -> None:
+        """Add a report of the robot."""
+        assert self.mapper is not None
+        observation = self.mapper.take(report)
+        if observation is not None:
+            self.trip.add(observation)
+            self.on_scan()
+
+    def _fault(self, observer: TrafficObserver, *, is_finished: bool) -> str:
+        if observer.error is not None:
+            return f"the map ends early: {observer.error}"
+        if not is_finished:
+            return "no map: what had passed was still being read after 30 s"
+        has_scans = self.mapper is not None and self.mapper.scans
+        return "" if has_scans else "no map: no scan has passed"
