@@ -1,7 +1,7 @@
 """One mapping run: an exploration, its server, its judge and its result.
 
-The server is either one in this process, which runs in lockstep with the client and whose
-scene the map is judged by, or one that listens on a TCP port.
+The server is either one in this process, which runs in lockstep with the client and
+whose scene the map is judged by, or one that listens on a TCP port.
 """
 
 import json
@@ -45,7 +45,7 @@ class MappingResult:
         mapper: Holds the map; None if the robot was never known.
         outcome: How the run ended.
         unreached: Waypoints that the robot could not reach, m.
-        safety_distance: Distance kept from obstacles, m; None where another client drove.
+        safety_distance: Distance kept from obstacles, m; None if another client drove.
         monitor: Watched the true robot, if the server was in this process.
         score: Comparison of the map with the scene, if the scene is known.
         files: Files that were written.
@@ -187,7 +187,7 @@ def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
 
 
 def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
-    """Compare the estimated poses with the true ones, as far as the server sends these."""
+    """Compare the estimated poses with the true ones that the server sends."""
     if mapper is None:
         return None
     try:

@@ -1,7 +1,7 @@
 """TCP proxy between clients and a server that forwards every byte unchanged.
 
-``TcpProxy`` forwards between sockets. A ``TrafficObserver`` parses a copy of the traffic
-in a thread of its own, ``ConnectionState`` holds what one connection has said so far,
+``TcpProxy`` forwards between sockets. A ``TrafficObserver`` parses a copy of the
+traffic in a thread of its own, ``ConnectionState`` holds what one connection has said,
 and ``RobotSelector`` passes the reports of one robot to a consumer such as a mapper.
 """
 
