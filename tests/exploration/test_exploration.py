@@ -37,7 +37,7 @@ LASER = SimulationConfig(
 
 
 def survey(**wish: Any) -> Exploration:
-    values = {"pace": SpeedLimits(speed=0.6), **wish}
+    values = {"speed_limits": SpeedLimits(speed=0.6), **wish}
     return Exploration(ExplorationPlan(**values), generator_for(0, "exploring"))
 
 
