@@ -14,8 +14,8 @@ from radarsim.host import Host
 from radarsim.presets.sensors import parse_setting
 from radarsim.protocol.dialect import get_dialect
 from radarsim.scene.map_file import load_map
-from radarsim.server import Server
-from radarsim.server import serve as serve_until_signal
+from radarsim.server.tcp_server import Server
+from radarsim.server.tcp_server import serve as serve_until_signal
 from radarsim.simulation.config import SimulationConfig
 
 

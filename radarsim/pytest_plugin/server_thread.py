@@ -14,7 +14,7 @@ from typing import Any
 from radarsim.host import Host
 from radarsim.protocol.dialect import get_dialect
 from radarsim.scene.map_file import load_map
-from radarsim.server import Server
+from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
 MOST_STOP = 5.0  # s; it takes some milliseconds

@@ -1,77 +1,100 @@
-"""What runs in the foreground: it listens on a port until a signal ends it."""
+"""What servers share: signals that end them, listening, and socket options."""
 
 import asyncio
 import os
 import signal
-from collections.abc import Callable, Iterator
+import socket
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Final
 
 from radarsim.errors import ServerError
+from radarsim.signals import INTERRUPTED, signal_handlers
 
-CODES: Final = {signal.SIGINT: 130, signal.SIGTERM: 0}
+SEND_BUFFER_BYTES = 131_072  # what waits in the kernel is stale when it arrives
+
+
+@contextmanager
+def signal_callbacks(
+    numbers: Iterable[int], callback: Callable[[int], object]
+) -> Iterator[None]:
+    """Call a function in the running event loop when a signal comes.
+
+    Args:
+        numbers: The signals, which would otherwise end the process.
+        callback: Called with the number of the signal.
+    """
+    loop = asyncio.get_running_loop()
+
+    def handle(number: int, _: FrameType | None) -> None:
+        with suppress(RuntimeError):  # the loop is closed
+            loop.call_soon_threadsafe(callback, number)
+
+    # Not loop.add_signal_handler: when that is undone, the default action is back, and
+    # a second signal would kill the process while it shuts down.
+    with signal_handlers(dict.fromkeys(numbers, handle)):
+        yield
 
 
 @contextmanager
 def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
-    """Have signals that would end the process end a wait in the loop instead.
+    """Turn the signals that end a process into the result of a future.
 
     Yields:
         The exit code, once the first signal has come: 130 after an interrupt, 0 after
         a request to terminate.
     """
-    loop = asyncio.get_running_loop()
-    ended: asyncio.Future[int] = loop.create_future()
+    codes: dict[int, int] = {signal.SIGINT: INTERRUPTED, signal.SIGTERM: 0}
+    exit_code: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
-    def end(code: int) -> None:
-        if not ended.done():
-            ended.set_result(code)
+    def end(number: int) -> None:
+        if not exit_code.done():
+            exit_code.set_result(codes[number])
 
-    def calls(code: int) -> Callable[[int, FrameType | None], None]:
-        def handle(_number: int, _frame: FrameType | None) -> None:
-            with suppress(RuntimeError):  # the loop is closed
-                loop.call_soon_threadsafe(end, code)
-
-        return handle
-
-    # Not the loop's own handlers: these leave none behind, and a second signal would
-    # kill the process while it ends.
-    before = {
-        number: signal.signal(number, calls(code)) for number, code in CODES.items()
-    }
-    try:
-        yield ended
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with signal_callbacks(codes, end):
+        yield exit_code
 
 
 async def listen(
-    expect: Callable[[], asyncio.BaseProtocol], address: str, port: int
+    protocol_factory: Callable[[], asyncio.BaseProtocol], address: str, port: int
 ) -> tuple[asyncio.Server, tuple[str, int]]:
-    """Listen for clients.
+    """Listen for TCP clients.
 
     Args:
-        expect: Makes what talks with the next one.
-        address: To listen on.
-        port: 0 for a free one.
+        protocol_factory: Creates the protocol of a connection.
+        address: Address to listen on.
+        port: Port to listen on; 0 for a free one.
 
     Returns:
-        What listens, and the host and port that it does so on.
+        The listening server, and the host and port that it listens on.
 
     Raises:
-        ServerError: If the port is taken, or the address is none of ours.
+        ServerError: If the port is taken, or the address is not one of this machine.
     """
     loop = asyncio.get_running_loop()
     try:
-        listener = await loop.create_server(expect, address, port, reuse_address=True)
+        listener = await loop.create_server(
+            protocol_factory, address, port, reuse_address=True
+        )
     except OSError as error:
-        number = error.errno or 0  # asyncio says the address again in strerror
+        number = error.errno or 0  # asyncio repeats the address in strerror
         reason = os.strerror(number) if number > 0 else error.strerror or error
         text = f"cannot listen on {address}:{port}: {reason}"
         raise ServerError(text) from error
     if not listener.sockets:
         raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
-    host, number = listener.sockets[0].getsockname()[:2]
-    return listener, (host, number)
+    host, bound_port = listener.sockets[0].getsockname()[:2]
+    return listener, (host, bound_port)
+
+
+def configure_socket(transport: asyncio.BaseTransport) -> None:
+    """Detect peers that are gone, and let little data wait in the kernel."""
+    sock = transport.get_extra_info("socket")
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+
+
+def peer_name(transport: asyncio.BaseTransport) -> str:
+    """Return address and port of a peer, for the log; ``?`` if they are unknown."""
+    peer = transport.get_extra_info("peername")
+    return f"{peer[0]}:{peer[1]}" if isinstance(peer, tuple) else "?"

@@ -20,7 +20,7 @@ import pytest
 from radarsim.geometry import Floats
 from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene
-from radarsim.server import Server
+from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
 ONE_READ = 4096

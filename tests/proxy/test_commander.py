@@ -29,7 +29,7 @@ from radarsim.protocol.decode import decode_report
 from radarsim.proxy import ConnectionState, RobotSelector, TcpProxy, TrafficObserver
 from radarsim.proxy.line_queue import LineQueue
 from radarsim.scene.scene import Scene
-from radarsim.server import Server
+from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from radarsim.host import Host
 from radarsim.proxy import TcpProxy
 from radarsim.proxy.line_queue import Side
 from radarsim.scene.scene import Scene
-from radarsim.server import Server
+from radarsim.server.tcp_server import Server
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"

@@ -16,7 +16,7 @@ from radarsim.errors import ServerError
 from radarsim.geometry import Pose3
 from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene, StartPose
-from radarsim.server import Server
+from radarsim.server.tcp_server import Server
 from radarsim.server.tcp_server import Connection
 from radarsim.simulation.config import SimulationConfig
 
@@ -335,7 +335,7 @@ async def test_too_many_clients_are_turned_away(
     caplog: pytest.LogCaptureFixture,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("radarsim.server.tcp_server.MOST_CLIENTS", 2)
+    monkeypatch.setattr("radarsim.server.tcp_server.MAX_CLIENTS", 2)
     first, second, third = [await floor.peer() for _ in range(3)]
     assert await first.line() == GREETING
     assert await second.line() == GREETING
