@@ -16,8 +16,7 @@ from radarsim.errors import ServerError
 from radarsim.geometry import Pose3
 from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene, StartPose
-from radarsim.server.tcp_server import Server
-from radarsim.server.tcp_server import Connection
+from radarsim.server.tcp_server import Connection, Server
 from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
