@@ -1,51 +1,129 @@
-"""The door to numba: functions that run as machine code, without Python's lock.
+"""Decorators that compile functions to machine code with numba, and cache the result.
 
-What is compiled is kept on disk, beside the module. That store notices a change of
-the module itself, not of functions that it takes from other modules: after editing
-one, remove the ``__pycache__`` of those that call it.
+Compiled functions run without Python's global lock. numba checks only whether the
+module of a cached function has changed, not the modules of the functions and constants
+that were compiled into it. The cache folder is therefore named after a hash of all
+modules that import this one: any edit of a kernel module leads to an empty folder.
+
+Rule: constants, and named tuples that kernels take, are defined in modules that import
+this one, so that they are part of the hash.
+
+The folder is in ``NUMBA_CACHE_DIR`` if that is set, else beside this module, else in
+the user's cache folder. Where none can be written, each process compiles for itself.
 """
 
-from collections.abc import Callable
+import functools
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Any, Final, TypeVar, cast
 
 import numba
 from numba import types
+from numba.misc.appdirs import AppDirs
 
 F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit
 _cfunc: Any = numba.cfunc
 
+PACKAGE: Final = Path(__file__).parent
+PREFIX: Final = "radarsim-"  # of the names of cache folders
+MAX_FOLDERS: Final = 8  # kept of older states of the code, such as other branches
+
 
 def njit_cached(function: F) -> F:
     """Compile a function when it is first called; division by zero gives inf or nan."""
-    return cast(F, _kept(_njit, function, nogil=True))
+    return cast(F, _compiled(_njit, function, nogil=True))
 
 
 def njit_inline(function: F) -> F:
-    """Compile a function into those that call it.
+    """Compile a function into its callers.
 
-    It makes no arrays, so that nobody need count who holds those it is given: counting
-    would cost as much as all the rest.
+    It must not create arrays: it is compiled without reference counting, which would
+    cost as much as all the rest.
     """
     options = {"nogil": True, "forceinline": True, "_nrt": False}
-    return cast(F, _kept(_njit, function, **options))
+    return cast(F, _compiled(_njit, function, **options))
 
 
 def c_callback(function: Callable[[Any], None]) -> Any:
-    """Compile a function that takes a pointer, for C to call by its ``address``."""
-    return _kept(partial(_cfunc, types.void(types.voidptr)), function)
+    """Compile a function of one pointer that C can call by its ``address``."""
+    return _compiled(partial(_cfunc, types.void(types.voidptr)), function)
 
 
 def c_predicate(function: Callable[[Any], Any]) -> Any:
-    """Compile a function that takes a pointer and says yes or no, for C to call."""
-    return _kept(partial(_cfunc, types.boolean(types.voidptr)), function)
+    """Compile a function of one pointer that returns a bool, for C to call."""
+    return _compiled(partial(_cfunc, types.boolean(types.voidptr)), function)
 
 
-def _kept(make: Any, function: Any, **options: Any) -> Any:
-    """Compile, and keep the result on disk if there is a place that can be written."""
+def _compiled(make: Any, function: Any, **options: Any) -> Any:
     options["error_model"] = "numpy"
+    folder = cache_folder()
+    if folder is not None:
+        try:
+            with _numba_cache_dir(folder):
+                return make(cache=True, **options)(function)
+        except RuntimeError:  # the function's source is in no file
+            pass
+    return make(**options)(function)
+
+
+@contextmanager
+def _numba_cache_dir(folder: Path) -> Iterator[None]:
+    """Let numba cache the functions that are decorated meanwhile in a folder."""
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
     try:
-        return make(cache=True, **options)(function)
-    except RuntimeError:  # numba found no such place
-        return make(**options)(function)
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
+@functools.cache
+def cache_folder() -> Path | None:
+    """Return the folder for the code as it is, created; None if none can be written."""
+    name = PREFIX + kernel_hash(PACKAGE)
+    for parent in _parents():
+        folder = parent / name
+        try:
+            if not folder.is_dir():
+                folder.mkdir(parents=True, exist_ok=True)
+                _remove_oldest(parent)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)  # folders not used for longest are removed first
+        except OSError:
+            continue
+        return folder
+    return None
+
+
+def kernel_hash(package: Path) -> str:
+    """Return a hash of the modules of a package that import this module."""
+    digest = hashlib.sha256((package / "jit.py").read_bytes())
+    for path in sorted(package.glob("*/*.py")):
+        text = path.read_bytes()
+        if b"radarsim.jit import" in text:
+            digest.update(b"%s %d " % (path.name.encode(), len(text)))
+            digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def _parents() -> list[Path]:
+    """Return the folders in which cache folders may be, best first."""
+    if numba.config.CACHE_DIR:
+        return [Path(numba.config.CACHE_DIR).absolute()]
+    user = Path(AppDirs(appname="numba", appauthor=False).user_cache_dir)
+    # Without a home folder, "~" is left in the path as it is.
+    return [PACKAGE / "__pycache__", *([user] if user.is_absolute() else [])]
+
+
+def _remove_oldest(parent: Path) -> None:
+    folders = sorted(parent.glob(f"{PREFIX}*"), key=lambda each: -each.stat().st_mtime)
+    for folder in folders[MAX_FOLDERS:]:
+        shutil.rmtree(folder, ignore_errors=True)

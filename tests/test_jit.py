@@ -1,16 +1,210 @@
-from collections.abc import Callable
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from radarsim import jit
 from radarsim.jit import njit_cached, njit_inline
+
+PACKAGE = Path(jit.__file__).parent
+DECORATORS = {"njit_cached", "njit_inline", "c_callback", "c_predicate"}
+
+KERNEL = """
+from radarsim.jit import njit_cached
+from radarsim.kernels.inner import step
+
+@njit_cached
+def run(x):
+    return step(x)
+"""
+INNER = """
+from radarsim.jit import njit_inline
+
+@njit_inline
+def step(x):
+    return x + {number}
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package of one kernel that inlines a function of another module."""
+    package = tmp_path / "radarsim"
+    (package / "kernels").mkdir(parents=True)
+    for folder in (package, package / "kernels"):
+        (folder / "__init__.py").write_text("")
+    shutil.copy(jit.__file__, package)
+    (package / "kernels/outer.py").write_text(KERNEL)
+    (package / "kernels/inner.py").write_text(INNER.format(number=1))
+    return package
+
+
+PROGRAM = (
+    "from radarsim.kernels.outer import run\n"
+    "print(run(1), sum(run.stats.cache_hits.values()))\n"
+    "from radarsim import jit; print(jit.cache_folder())"
+)
+
+
+def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
+    environment = {"NUMBA_CACHE_DIR": None, "PYTHONPATH": str(package.parent)} | changes
+    return subprocess.Popen(
+        [sys.executable, "-B", "-c", PROGRAM],
+        env={
+            name: value
+            for name, value in (dict(os.environ) | environment).items()
+            if value is not None
+        },
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=package.parent,
+    )
+
+
+def finish(process: "subprocess.Popen[str]") -> tuple[int, bool, str]:
+    """Wait; return the kernel's result, whether it was cached, and the folder."""
+    output, _ = process.communicate()
+    numbers, folder = output.splitlines()
+    result, hits = numbers.split()
+    return int(result), hits == "1", folder
+
+
+def run(package: Path, **changes: str | None) -> tuple[int, bool, str]:
+    return finish(start(package, **changes))
+
+
+def folders(parent: Path) -> list[Path]:
+    return list(parent.glob(f"{jit.PREFIX}*"))
 
 
 @pytest.mark.parametrize("decorate", [njit_cached, njit_inline])
-def test_what_cannot_be_kept_on_disk_runs_all_the_same(
+def test_function_without_a_file_is_compiled_without_a_cache(
     decorate: Callable[[Any], Any],
 ) -> None:
-    # Numba knows no place to keep what is in no file, as in a folder nobody may write.
-    found: dict[str, Any] = {}
-    exec("def half(x):\n    return x / 2", found)
-    assert decorate(found["half"])(3.0) == 1.5
+    namespace: dict[str, Any] = {}
+    exec("def half(x):\n    return x / 2", namespace)
+    assert decorate(namespace["half"])(3.0) == 1.5
+
+
+def test_edit_of_an_inlined_function_in_another_module_is_noticed(
+    package: Path,
+) -> None:
+    assert run(package)[:2] == (2, False)
+    assert run(package)[:2] == (2, True)
+    (package / "kernels/inner.py").write_text(INNER.format(number=5))
+    assert run(package)[:2] == (6, False)
+    (package / "kernels/inner.py").write_text(INNER.format(number=1))
+    assert run(package)[:2] == (2, True)  # the folder of that code is still there
+
+
+def test_edit_of_a_module_without_kernels_keeps_the_cache(package: Path) -> None:
+    run(package)
+    (package / "kernels/other.py").write_text("NUMBER = 1\n")
+    assert run(package)[:2] == (2, True)
+
+
+def test_cache_is_in_the_folder_that_numba_is_told_to_use(
+    package: Path, tmp_path: Path
+) -> None:
+    parent = tmp_path / "elsewhere"
+    assert run(package, NUMBA_CACHE_DIR=str(parent))[1] is False
+    result, cached, folder = run(package, NUMBA_CACHE_DIR=str(parent))
+    assert (result, cached, Path(folder).parent) == (2, True, parent)
+    assert not (package / "__pycache__").exists()
+
+
+def test_without_home_or_a_writable_folder_kernels_are_compiled_each_time(
+    package: Path, tmp_path: Path
+) -> None:
+    # A file where a folder should be: root may write into any folder.
+    (tmp_path / "file").write_text("")
+    (package / "__pycache__").write_text("")
+    changes = {"HOME": None, "XDG_CACHE_HOME": str(tmp_path / "file")}
+    for _ in range(2):
+        assert run(package, **changes) == (2, False, "None")
+
+
+def test_user_cache_folder_is_second_choice(package: Path, tmp_path: Path) -> None:
+    (package / "__pycache__").write_text("")
+    changes = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    run(package, **changes)
+    assert run(package, **changes)[:2] == (2, True)
+
+
+def test_two_processes_can_fill_the_cache_at_once(package: Path) -> None:
+    both = [start(package) for _ in range(2)]
+    assert [finish(process)[0] for process in both] == [2, 2]
+    assert run(package)[:2] == (2, True)
+
+
+def test_old_cache_folders_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    for age in range(3 * jit.MAX_FOLDERS):
+        folder = tmp_path / f"{jit.PREFIX}{age}"
+        folder.mkdir()
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    jit.cache_folder.cache_clear()
+    try:
+        assert jit.cache_folder() in folders(tmp_path)
+    finally:
+        jit.cache_folder.cache_clear()
+    assert len(folders(tmp_path)) == jit.MAX_FOLDERS
+    assert (tmp_path / f"{jit.PREFIX}0").exists()
+
+
+def kernel_modules() -> list[Path]:
+    return [
+        path
+        for path in PACKAGE.glob("*/*.py")
+        if "radarsim.jit import" in path.read_text()
+    ]
+
+
+def decorated(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    for node in tree.body:
+        names = getattr(node, "decorator_list", [])
+        if any(isinstance(name, ast.Name) and name.id in DECORATORS for name in names):
+            assert isinstance(node, ast.FunctionDef)
+            yield node
+
+
+def names_in(node: ast.AST) -> set[str]:
+    return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+
+
+@pytest.mark.parametrize(
+    "path", kernel_modules(), ids=lambda path: f"{path.parent.name}.{path.stem}"
+)
+def test_everything_compiled_into_kernels_is_part_of_the_hash(path: Path) -> None:
+    """Names that kernels use come from kernel modules, or from outside the package."""
+    tree = ast.parse(path.read_text())
+    assigned: dict[str, set[str]] = {}
+    origin: dict[str, str] = {}
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            origin |= {each.asname or each.name: node.module for each in node.names}
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value:
+            for name in names_in(node) - names_in(node.value):
+                assigned[name] = names_in(node.value)
+    used = set().union(
+        *(
+            names_in(statement)
+            for function in decorated(tree)
+            for statement in function.body
+        ),
+        set(),
+    )
+    while new := set().union(*(assigned.get(name, set()) for name in used)) - used:
+        used |= new
+    hashed = {f"radarsim.{each.parent.name}.{each.stem}" for each in kernel_modules()}
+    modules = {origin[name] for name in used if name in origin}
+    ours = {module for module in modules if module.startswith("radarsim.")}
+    assert ours - hashed <= {"radarsim.jit"}
