@@ -30,6 +30,8 @@ from numba.misc.appdirs import AppDirs
 F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit
 _cfunc: Any = numba.cfunc
+_config: Any = numba.config
+_app_dirs: Any = AppDirs
 
 PACKAGE: Final = Path(__file__).parent
 PREFIX: Final = "radarsim-"  # of the names of cache folders
@@ -76,13 +78,12 @@ def _compiled(make: Any, function: Any, **options: Any) -> Any:
 @contextmanager
 def _numba_cache_dir(folder: Path) -> Iterator[None]:
     """Let numba cache the functions that are decorated meanwhile in a folder."""
-    config: Any = numba.config
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder)
+    before = _config.CACHE_DIR
+    _config.CACHE_DIR = str(folder)
     try:
         yield
     finally:
-        config.CACHE_DIR = before
+        _config.CACHE_DIR = before
 
 
 @functools.cache
@@ -116,9 +117,9 @@ def kernel_hash(package: Path) -> str:
 
 def _parents() -> list[Path]:
     """Return the folders in which cache folders may be, best first."""
-    if numba.config.CACHE_DIR:
-        return [Path(numba.config.CACHE_DIR).absolute()]
-    user = Path(AppDirs(appname="numba", appauthor=False).user_cache_dir)
+    if _config.CACHE_DIR:
+        return [Path(_config.CACHE_DIR).absolute()]
+    user = Path(_app_dirs(appname="numba", appauthor=False).user_cache_dir)
     # Without a home folder, "~" is left in the path as it is.
     return [PACKAGE / "__pycache__", *([user] if user.is_absolute() else [])]
 
