@@ -13,7 +13,12 @@ from shapely.geometry.polygon import orient
 from shapely.ops import substring
 
 from radarsim.evaluation.bug_bounds import bug_bounds, shortest_path
-from radarsim.evaluation.free_space import Place, free_space, is_connected, piece_around
+from radarsim.evaluation.free_space import (
+    Place,
+    component_around,
+    free_space,
+    is_connected,
+)
 from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.scene import Scene
@@ -131,7 +136,7 @@ def along(name: str, *, seen_into: float = 0.0) -> tuple[Polygon, Place, Place]:
     """Give the edge that bugs follow on a map, and the ends of their way."""
     tried = task(name)
     distance = tried.safety_distance + FOLLOWED - seen_into
-    free = piece_around(free_space(tried.scene, distance), tried.start)
+    free = component_around(free_space(tried.scene, distance), tried.start)
     assert free is not None
     return free, *tried.ends
 
@@ -147,14 +152,14 @@ def test_nothing_is_wrong_with_a_map(name: str) -> None:
 def test_start_and_goal_are_farther_from_everything_than_is_followed(name: str) -> None:
     tried = task(name)
     free = free_space(tried.scene, tried.safety_distance + FOLLOWED)
-    assert all(piece_around(free, place) for place in tried.ends)
+    assert all(component_around(free, place) for place in tried.ends)
 
 
 @pytest.mark.parametrize("name", OPAQUE)
 def test_start_and_goal_are_away_from_walls(name: str) -> None:
     tried = task(name)
     free = free_space(tried.scene, 1.1 - 1e-6)
-    assert all(piece_around(free, place) for place in tried.ends)
+    assert all(component_around(free, place) for place in tried.ends)
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -219,7 +224,7 @@ def test_elsewhere_it_makes_no_difference_when_bug2_gives_up(name: str) -> None:
 
 def test_the_goal_of_the_closed_box_is_inside_of_it() -> None:
     tried = task("bug_closed_box")
-    free = piece_around(free_space(tried.scene, 0.0), tried.goal)
+    free = component_around(free_space(tried.scene, 0.0), tried.goal)
     assert free is not None
     assert free.area < 12
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import typer
 
 from radarsim.errors import MapError
-from radarsim.evaluation.bug_bounds import is_connected
+from radarsim.evaluation.free_space import is_connected
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_variants

@@ -26,7 +26,7 @@ class Mapping(Protocol):
 class Teller(Protocol):
     """Tells of a map as it grows."""
 
-    def tell(self, doing: str) -> None:
+    def tell(self, activity: str) -> None:
         """Take notice of a scan, and of what the robot is at."""
 
 
@@ -43,15 +43,15 @@ class Now:
 
     def __init__(self, mapping: Mapping) -> None:
         self._mapping = mapping
-        self._doing = "waiting for a scan"
+        self._activity = "waiting for a scan"
 
-    def tell(self, doing: str) -> None:
+    def tell(self, activity: str) -> None:
         """Take notice."""
-        self._doing = doing
+        self._activity = activity
 
     def present(self) -> str:
         """Say how things stand."""
-        return present(self._mapping, self._doing)
+        return present(self._mapping, self._activity)
 
 
 class Changes:
@@ -62,22 +62,26 @@ class Changes:
         self._mapping = mapping
         self._before = ""
 
-    def tell(self, doing: str) -> None:
+    def tell(self, activity: str) -> None:
         """Print a line if something has changed."""
-        if doing == self._before:
+        if activity == self._before:
             return
-        self._before = doing
-        self._lines.add(present(self._mapping, doing))
+        self._before = activity
+        self._lines.add(present(self._mapping, activity))
 
 
-def present(mapping: Mapping, doing: str) -> str:
+def present(mapping: Mapping, activity: str) -> str:
     """Say in one line how things stand."""
     mapper, trip = mapping.mapper, mapping.trip
     if mapper is None or not mapper.scans:
-        return doing
+        return activity
     area = f"sensed {sensed_area(mapper):7.1f} m²"
     path = f"path {trip.length:6.2f} m"
+<<<<<<< HEAD
     return f"{trip.time:8.1f} s  {doing:9}  {path}  {area}"
+=======
+    return f"{trip.time:8.1f} s  {activity:9}  {path}  {area}"
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
 
 def sensed_area(mapper: Mapper) -> float:

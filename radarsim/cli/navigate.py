@@ -8,10 +8,12 @@ from pathlib import Path
 import typer
 
 from radarsim.cli.navigate_options import MissionWish, ServerWish
-from radarsim.cli.navigate_report import Run, as_text, title_of
 from radarsim.cli.navigate_report import as_json as told_as_json
+from radarsim.cli.navigate_report import as_text, title_of
 from radarsim.cli.options import check_place, write_file
-from radarsim.evaluation.free_space import plan_of
+from radarsim.cli.progress import progress
+from radarsim.evaluation.free_space import floor_plan
+from radarsim.evaluation.navigation_run import NavigationRun
 
 EXIT_CODES = {"reached": 0, "no_path": 3}
 FORMS = ("png", "svg", "pdf")
@@ -62,16 +64,22 @@ def run_navigator(
     server.check()
     files.check()
     host = server.open()
-    run = Run(wish.read(None if host is None else host.simulation.scene), host)
-    with _written(run, files), _printed(run, as_json=as_json):
-        run.drive(server.address)
+    run = NavigationRun(
+        wish.read(None if host is None else host.simulation.scene), host
+    )
+    with (
+        _written(run, files),
+        _printed(run, as_json=as_json),
+        progress(run.run_log) as reporter,
+    ):
+        run.execute(server.address, reporter.tell)
     if run.error:
         typer.echo(f"radarsim: {run.error}", err=True)
     return EXIT_CODES.get(run.outcome, 1)
 
 
 @contextmanager
-def _printed(run: Run, *, as_json: bool) -> Iterator[None]:
+def _printed(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
     """Print how a run went; programs are told of one that broke off, too."""
     try:
         yield
@@ -85,22 +93,22 @@ def _printed(run: Run, *, as_json: bool) -> Iterator[None]:
 
 
 @contextmanager
-def _written(run: Run, files: Files) -> Iterator[None]:
+def _written(run: NavigationRun, files: Files) -> Iterator[None]:
     """Write the files in the end, however that comes."""
     try:
         yield
     finally:
         if files.trace is not None:
-            write_file(files.trace, run.record.as_csv().encode(), "--trace")
-        if files.plot is not None and run.record.rows:
+            write_file(files.trace, run.run_log.as_csv().encode(), "--trace")
+        if files.plot is not None and run.run_log.rows:
             write_file(files.plot, _picture(run, files.form), "--plot")
 
 
-def _picture(run: Run, form: str) -> bytes:
+def _picture(run: NavigationRun, form: str) -> bytes:
     from radarsim.plotting.runs import (
         NO_LINES,
         draw_run,
     )
 
-    plan = NO_LINES if run.scene is None else plan_of(run.scene)
-    return draw_run(run.record, title_of(run), plan=plan, form=form)
+    plan = NO_LINES if run.scene is None else floor_plan(run.scene)
+    return draw_run(run.run_log, title_of(run), plan=plan, form=form)

@@ -144,7 +144,7 @@ class DriveWish:
             raise typer.BadParameter("expected only one of --start and --pose")
 
     @property
-    def depth(self) -> float:
+    def penetration_depth(self) -> float:
         """How far a radar sees into the thinnest foliage, m; 0 if none is told of."""
         if self.foliage_density is None:
             return 0.0
@@ -187,14 +187,14 @@ class MissionWish(DriveWish):
             pose=None if self.pose is None else read_pose(self.pose),
             scanner=self.scanner,
             safety_distance=self._safety_distance(trial),
-            depth=self.depth,
+            penetration_depth=self.penetration_depth,
             bumpers=self.bumpers,
             share=self.share,
             rule=Rule(self.rule),
-            on_left=self.side == "left",
+            wall_on_left=self.side == "left",
             give_up=GiveUp(self.give_up),
-            source=PoseSource(self.pose_from),
-            pace=SpeedLimits(speed=self.speed),
+            pose_source=PoseSource(self.pose_from),
+            speed_limits=SpeedLimits(speed=self.speed),
             time_limit=self.time_limit,
             timeout=self.timeout,
             drive_unit=self.drive_unit,

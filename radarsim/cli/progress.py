@@ -72,30 +72,30 @@ class NullReporter:
 
 
 @contextmanager
-def progress(record: RunLog) -> Iterator[ProgressReporter]:
+def progress(run_log: RunLog) -> Iterator[ProgressReporter]:
     """Tell of a run, by one living line on a terminal, else by a line per change."""
-    with living(lambda: describe_latest(record)) as lines:
-        yield NullReporter() if lines is None else ChangeLogger(lines, record)
+    with living(lambda: describe_latest(run_log)) as lines:
+        yield NullReporter() if lines is None else ChangeLogger(lines, run_log)
 
 
-def describe_latest(record: RunLog) -> str:
+def describe_latest(run_log: RunLog) -> str:
     """Say in one line how things stand."""
     return (
-        describe_progress(record, record.rows[-1])
-        if record.rows
+        describe_progress(run_log, run_log.rows[-1])
+        if run_log.rows
         else "waiting for a scan"
     )
 
 
-def describe_progress(record: RunLog, row: Row) -> str:
+def describe_progress(run_log: RunLog, row: Row) -> str:
     """Say in one line how things stand."""
     nearest = f"{row.nearest:5.2f} m" if math.isfinite(row.nearest) else "   none"
     return "  ".join(
         (
-            f"{row.doing.value:9}",
+            f"{row.activity.value:9}",
             f"goal {row.goal_distance:6.2f} m",
-            f"{record.time:7.1f} s",
-            f"path {record.length:6.2f} m",
+            f"{run_log.time:7.1f} s",
+            f"path {run_log.path_length:6.2f} m",
             f"nearest {nearest}",
             row.pressed,
         )
@@ -105,30 +105,32 @@ def describe_progress(record: RunLog, row: Row) -> str:
 class ChangeLogger:
     """A line for every change of what the robot is at."""
 
-    def __init__(self, lines: Lines, record: RunLog) -> None:
+    def __init__(self, lines: Lines, run_log: RunLog) -> None:
         self._lines = lines
-        self._record = record
+        self._run_log = run_log
         self._before: tuple[Activity, Point | None] | None = None
 
     def tell(self, row: Row) -> None:
         """Print a line if something has changed."""
-        describe_latest = (row.doing, row.goal)
+        describe_latest = (row.activity, row.goal)
         if describe_latest == self._before:
             return
-        line = f"{self._record.time:8.1f} s  {self._change(row)}"
+        line = f"{self._run_log.time:8.1f} s  {self._change(row)}"
         self._before = describe_latest
         self._lines.add(line)
 
     def _change(self, row: Row) -> str:
-        doing, goal = self._before or (None, None)
-        along = doing in AT_BOUNDARY and goal == row.goal
+        activity, goal = self._before or (None, None)
+        along = activity in AT_BOUNDARY and goal == row.goal
         here = f"{row.x:.2f} {row.y:.2f}"
-        if row.doing is Activity.GOING and row.goal is not None:
+        if row.activity is Activity.GOING and row.goal is not None:
             x, y = row.goal
             left = (
-                f"leave point {len(self._record.leaves)} at {here}, " if along else ""
+                f"leave point {len(self._run_log.leave_points)} at {here}, "
+                if along
+                else ""
             )
             return f"{left}going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-        if row.doing in AT_BOUNDARY and not along:
-            return f"hit point {len(self._record.hits)} at {here}, {row.doing.value}"
-        return row.doing.value.replace("_", " ")
+        if row.activity in AT_BOUNDARY and not along:
+            return f"hit point {len(self._run_log.hit_points)} at {here}, {row.activity.value}"
+        return row.activity.value.replace("_", " ")

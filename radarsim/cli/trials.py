@@ -16,7 +16,7 @@ from radarsim.errors import MapError, PresetError
 from radarsim.evaluation.trials import (
     MAPS,
     Score,
-    conditions_of,
+    config_with_sensor,
     entries,
     load_trial,
     run_trials,
@@ -89,7 +89,7 @@ def _check(
             raise typer.BadParameter(text, param_hint="--algorithms")
     for name in sensors:
         try:
-            conditions_of(name)
+            config_with_sensor(name)
         except PresetError as error:
             raise typer.BadParameter(str(error), param_hint="--sensors") from None
 

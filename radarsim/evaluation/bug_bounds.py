@@ -22,7 +22,12 @@ from dataclasses import dataclass
 import shapely
 from shapely import LinearRing, LineString, Point, Polygon
 
-from radarsim.evaluation.free_space import Place, free_space, is_connected, piece_around
+from radarsim.evaluation.free_space import (
+    Place,
+    component_around,
+    free_space,
+    is_connected,
+)
 from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.scene.scene import Scene
 
@@ -95,7 +100,7 @@ def bug_bounds(
             everything is within 0.5 m more of something where it gets to from there.
     """
     ends = (start, goal)
-    home = piece_around(free_space(scene, safety_distance, places=ends), start)
+    home = component_around(free_space(scene, safety_distance, places=ends), start)
     pressed = safety_distance + PRESSED
     free = free_space(scene, pressed, places=ends)
     rooms = [room for room in free.geoms if home is not None and room.intersects(home)]

@@ -46,7 +46,7 @@ def free_space(
     return MultiPolygon(shapely.get_parts(free).tolist())
 
 
-def piece_around(free: MultiPolygon, place: Place) -> Polygon | None:
+def component_around(free: MultiPolygon, place: Place) -> Polygon | None:
     """Give the piece that a place is in; None if it is in none of them."""
     point = Point(place)
     return next((piece for piece in free.geoms if piece.intersects(point)), None)
@@ -55,11 +55,11 @@ def piece_around(free: MultiPolygon, place: Place) -> Polygon | None:
 def is_connected(scene: Scene, start: Place, goal: Place, distance: float) -> bool:
     """Tell whether one gets from place to place always so far from what is solid, m."""
     free = free_space(scene, distance, places=(start, goal))
-    piece = piece_around(free, start)
+    piece = component_around(free, start)
     return piece is not None and piece.intersects(Point(goal))
 
 
-def plan_of(scene: Scene) -> Floats:
+def floor_plan(scene: Scene) -> Floats:
     """Give the lines of what is solid where robots bump into it, (S, 2, 2) m."""
     solid = (part for part in scene.parts if part.material.solid)
     return slice_parts(solid, _floor_of(scene) + PLAN_HEIGHT)

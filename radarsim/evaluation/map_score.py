@@ -19,8 +19,13 @@ import numpy as np
 import shapely
 from shapely import MultiPoint
 
+<<<<<<< HEAD
 from radarsim.evaluation.free_space import Place, free_space, piece_around
 from radarsim.exploration.shortest_path import flood_fill
+=======
+from radarsim.evaluation.free_space import Place, component_around, free_space
+from radarsim.exploration.shortest_path import reached
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.mapper import Mapper
@@ -36,6 +41,7 @@ from radarsim.scene.scene import Part, Scene
 
 TOLERANCE: Final = 2  # cells
 BESIDE: Final = 0.5  # cells more, so that corners of a cell count as beside it
+_KEYS: Final = {"class_accuracy": "told_apart"}  # in JSON
 _SAMPLES: Final = 4  # along a line, for each cell
 
 
@@ -75,10 +81,19 @@ class MapScore:
     class_accuracy: float | None
 
     def to_dict(self) -> dict[str, Any]:
+<<<<<<< HEAD
         """Return the score for JSON, with shares rounded to four digits."""
         rounded = {
             key: round(value, 4) if isinstance(value, float) else value
             for key, value in asdict(self).items()
+=======
+        """Give it for JSON, shares to four digits."""
+        return {
+            _KEYS.get(name, name): round(value, 4)
+            if isinstance(value, float)
+            else value
+            for name, value in asdict(self).items()
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         }
         rounded["told_apart"] = rounded.pop("class_accuracy")
         return rounded
@@ -152,7 +167,7 @@ def kind_of(part: Part) -> CellClass:
     return CellClass.FOLIAGE if seen_through else CellClass.OBSTACLE
 
 
-def judge_map(
+def score_map(
     grid: OccupancyGrid,
     scene: Scene,
     *,
@@ -200,7 +215,7 @@ def judge_map(
     )
 
 
-def judge_mapper(
+def score_mapper(
     mapper: Mapper, scene: Scene, *, robot_class: str, start: Pose2
 ) -> MapScore:
     """Judge what a robot has mapped by its scanner.
@@ -213,7 +228,7 @@ def judge_mapper(
     """
     robot = load_robot(robot_class)
     floor = scene.floor_at(start.x, start.y)
-    return judge_map(
+    return score_map(
         mapper.grid,
         scene,
         start=(start.x, start.y),
@@ -255,7 +270,7 @@ def _away(cells: Mask) -> Floats:
 def _beyond(scene: Scene, frame: GridFrame, start: Place, body: float) -> Mask:
     """Give where a robot would have room and cannot get to."""
     free = free_space(scene, body, places=[start])
-    home = piece_around(free, start)
+    home = component_around(free, start)
     others = [piece for piece in free.geoms if home is None or not piece.equals(home)]
     return _covered(shapely.union_all(others), frame)
 

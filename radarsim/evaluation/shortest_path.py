@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.polygon import orient
 
-from radarsim.evaluation.free_space import Place, free_space, piece_around
+from radarsim.evaluation.free_space import Place, component_around, free_space
 from radarsim.geometry import Floats
 from radarsim.scene.scene import Scene
 
@@ -43,7 +43,7 @@ def shortest_path(
         None if there is no path. It is less than 0.1 % shorter than the exact one.
     """
     around = free_space(scene, clearance, places=(start, goal))
-    piece = piece_around(around, start)
+    piece = component_around(around, start)
     if piece is None or not piece.intersects(shapely.Point(goal)):
         return None
     free = piece.buffer(_SLACK, join_style="mitre")

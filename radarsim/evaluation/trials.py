@@ -13,9 +13,9 @@ from typing import Any
 
 from radarsim.client import Client
 from radarsim.errors import ClientError, MapError, NavigationError
-from radarsim.evaluation.bug_bounds import shortest_path
+from radarsim.evaluation.ground_truth import GroundTruthMonitor
+from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.evaluation.workers import worker_pool
-from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.navigation.mission import Mission, run_mission
@@ -94,38 +94,6 @@ class Score:
         }
 
 
-class GroundTruthMonitor:
-    """Watches the true robot, tick by tick.
-
-    Attributes:
-        collisions: How often it began to touch something.
-        path_length: True way, m.
-    """
-
-    def __init__(self, host: Host) -> None:
-        self.collisions = 0
-        self.path_length = 0.0
-        self._simulation = host.simulation
-        self._touching = False
-        self._pose: Pose2 | None = None
-
-    def watch(self) -> None:
-        """Look; to be called after every tick."""
-        for vehicle in self._simulation.vehicles:
-            pose, touching = vehicle.robot.pose, vehicle.robot.touched
-            self.collisions += touching and not self._touching
-            self._touching = touching
-            before = self._pose or pose
-            self.path_length += math.hypot(pose.x - before.x, pose.y - before.y)
-            self._pose = pose
-
-    def distance(self, goal: tuple[float, float]) -> float:
-        """Give how far the robot is from a place, m; ``inf`` without a robot."""
-        if self._pose is None:
-            return math.inf
-        return math.hypot(self._pose.x - goal[0], self._pose.y - goal[1])
-
-
 def entries(
     maps: Sequence[str], algorithms: Sequence[str], sensors: Sequence[str], seeds: int
 ) -> list[Entry]:
@@ -138,7 +106,7 @@ def entries(
     ]
 
 
-def conditions_of(sensor: str) -> SimulationConfig:
+def config_with_sensor(sensor: str) -> SimulationConfig:
     """Give the robot a sensor that looks all the way round, at the radar's steps.
 
     Raises:
@@ -170,8 +138,8 @@ def run_trial(entry: Entry) -> Score:
         PresetError: If there is no such sensor.
     """
     scene, trial, shortest = _prepared(entry.map)
-    host = Host(scene, config=conditions_of(entry.sensor), seed=entry.seed)
-    referee = GroundTruthMonitor(host)
+    host = Host(scene, config=config_with_sensor(entry.sensor), seed=entry.seed)
+    monitor = GroundTruthMonitor(host)
     mission = Mission(
         algorithm=Algorithm(entry.algorithm),
         goals=(trial.goal,),
@@ -180,21 +148,21 @@ def run_trial(entry: Entry) -> Score:
         time_limit=TIME_LIMIT,
     )
     outcome, note, circuits = "failed", "", 0
-    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits
             note = "" if outcome != "failed" else f"not there after {TIME_LIMIT:g} s"
         except (ClientError, NavigationError) as error:
             note = str(error)
-    off = referee.distance(trial.goal)
+    off = monitor.distance(trial.goal)
     if outcome == "reached" and off > GOAL_REACH:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
     return Score(
         **asdict(entry),
         outcome=outcome,
-        collisions=referee.collisions,
-        path_length=referee.path_length,
+        collisions=monitor.collisions,
+        path_length=monitor.path_length,
         shortest_path=shortest,
         time=host.simulation.time,
         circuits=circuits,
@@ -242,4 +210,4 @@ def _check(wanted: Sequence[Entry]) -> None:
     for map_ in dict.fromkeys(entry.map for entry in wanted):
         load_trial(map_)
     for sensor in dict.fromkeys(entry.sensor for entry in wanted):
-        conditions_of(sensor)
+        config_with_sensor(sensor)

@@ -22,7 +22,7 @@ from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.boundary_policy import Landmark
 from radarsim.navigation.control import STAND, Twist, bearing_of, distance, moved
 from radarsim.navigation.observation import Observation
-from radarsim.navigation.wall_following import FollowSide, WallFollower
+from radarsim.navigation.wall_following import FollowMode, WallFollower
 
 THERE: Final = 0.3  # m from a wall's place where following begins
 SHORTEST: Final = 3.0  # m that a contour has at least
@@ -35,11 +35,12 @@ class ContourStrategy:
     """Follows the contour of a room once, then fills the interior.
 
     Attributes:
-        doing: ``seeking``, ``aligning``, ``following`` or ``filling``.
+        activity: ``seeking``, ``aligning``, ``following`` or ``filling``.
         is_done: Whether contour and interior are done, or no wall is one of a room's.
         contours: How many it has closed, islands too.
     """
 
+<<<<<<< HEAD
     def __init__(self, settings: ExplorationSettings) -> None:
         self.doing = "seeking"
         self.is_done = False
@@ -49,90 +50,111 @@ class ContourStrategy:
         self._way = FollowSide(on_left=settings.on_left)
         self._walker = PathFollower(settings)
         self._fill = coverage_strategy(settings)
+=======
+    def __init__(self, habits: ExplorationSettings) -> None:
+        self.activity = "seeking"
+        self.is_done = False
+        self.contours = 0
+        self._habits = habits
+        self._follower = WallFollower(habits.bumpers, habits.speed_limits)
+        self._way = FollowMode(wall_on_left=habits.wall_on_left)
+        self._walker = PathFollower(habits)
+        self._fill = to_fill(habits)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         self._track: list[Point] = []
         self._round: _Round | None = None
         self._scans = 0
         self._nothing = False
         self._wall: Point = (0.0, 0.0)
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
             return STAND
-        if self.doing == "seeking":
-            return self._seek(sensed, grid)
-        if self.doing == "aligning":
-            return self._align(sensed)
-        if self.doing == "following":
-            return self._follow(sensed)
-        motion = self._fill.step(sensed, grid)
+        if self.activity == "seeking":
+            return self._seek(observation, grid)
+        if self.activity == "aligning":
+            return self._align(observation)
+        if self.activity == "following":
+            return self._follow(observation)
+        twist = self._fill.step(observation, grid)
         self.is_done = self._fill.is_done
-        return motion
+        return twist
 
-    def _seek(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def _seek(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Go to a wall, and stand once it is there."""
         walker = self._walker
-        if walker.look(sensed, grid):
+        if walker.look(observation, grid):
             assert walker.floor is not None
-            targets = self._walls(walker.floor, sensed)
-            self._nothing = not walker.plan(sensed, targets)
+            targets = self._walls(walker.floor, observation)
+            self._nothing = not walker.plan(observation, targets)
         if self._nothing and not self.contours:
-            return self._onward(sensed)
+            return self._onward(observation)
         if self._nothing:
             self.is_done = True
-        elif walker.end is not None and distance(sensed.pose, *walker.end) < THERE:
-            return self._arrive(sensed)
-        return walker.walk(sensed)
+        elif walker.end is not None and distance(observation.pose, *walker.end) < THERE:
+            return self._arrive(observation)
+        return walker.walk(observation)
 
-    def _walls(self, floor: TraversabilityMap, sensed: Observation) -> Mask:
+    def _walls(self, floor: TraversabilityMap, observation: Observation) -> Mask:
         """Give the floor along walls that it has not followed."""
+<<<<<<< HEAD
         targets = floor.outer_boundary(floor.reachable(sensed.pose))
+=======
+        targets = floor.rim(floor.reachable(observation.pose))
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         for place in self._track:
             targets &= ~floor.within(*place, FOLLOWED)
         return targets
 
-    def _onward(self, sensed: Observation) -> Twist:
+    def _onward(self, observation: Observation) -> Twist:
         """Go straight on until there is something."""
+<<<<<<< HEAD
         if self._settings.bumpers.towards(sensed, 0.0).blocked:
             return self._arrive(sensed)
         return Twist(self._settings.speed_limits.speed, 0.0)
+=======
+        if self._habits.bumpers.towards(observation, 0.0).blocked:
+            return self._arrive(observation)
+        return Twist(self._habits.speed_limits.speed, 0.0)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
-    def _arrive(self, sensed: Observation) -> Twist:
+    def _arrive(self, observation: Observation) -> Twist:
         """Choose the nearest place of a wall to align with."""
-        self.doing = "aligning"
-        nearest = int(sensed.ranges.argmin())
-        away = float(sensed.ranges[nearest])
-        angle = float(sensed.bearings[nearest]) + sensed.pose.yaw
+        self.activity = "aligning"
+        nearest = int(observation.ranges.argmin())
+        away = float(observation.ranges[nearest])
+        angle = float(observation.bearings[nearest]) + observation.pose.yaw
         self._wall = (
-            sensed.pose.x + away * math.cos(angle),
-            sensed.pose.y + away * math.sin(angle),
+            observation.pose.x + away * math.cos(angle),
+            observation.pose.y + away * math.sin(angle),
         )
         return STAND
 
-    def _align(self, sensed: Observation) -> Twist:
-        obstacle = bearing_of(sensed.pose, *self._wall)
-        motion, aligned = self._follower.align(sensed, self._way, obstacle)
+    def _align(self, observation: Observation) -> Twist:
+        obstacle = bearing_of(observation.pose, *self._wall)
+        twist, aligned = self._follower.align(observation, self._way, obstacle)
         if aligned:
-            self.doing = "following"
-            direction = self._follower.tangent(sensed, self._way)
-            self._round = _Round(sensed, direction, self._follower.wanted)
-            self._track.append((sensed.pose.x, sensed.pose.y))
-        return motion
+            self.activity = "following"
+            direction = self._follower.tangent(observation, self._way)
+            self._round = _Round(observation, direction, self._follower.wanted)
+            self._track.append((observation.pose.x, observation.pose.y))
+        return twist
 
-    def _follow(self, sensed: Observation) -> Twist:
-        motion, found = self._follower.step(sensed, self._way)
+    def _follow(self, observation: Observation) -> Twist:
+        twist, found = self._follower.step(observation, self._way)
         assert self._round is not None
-        self._round.add(sensed, found=found)
-        if distance(sensed.pose, *self._track[-1]) > TRACK_EVERY:
-            self._track.append((sensed.pose.x, sensed.pose.y))
+        self._round.add(observation, found=found)
+        if distance(observation.pose, *self._track[-1]) > TRACK_EVERY:
+            self._track.append((observation.pose.x, observation.pose.y))
         if self._round.is_closed:
             self.contours += 1
-            inside = (self._round.turned < 0) == self._way.on_left
-            self.doing = "filling" if inside else "seeking"
+            inside = (self._round.turned < 0) == self._way.wall_on_left
+            self.activity = "filling" if inside else "seeking"
         elif self._round.lost > LOST * 2 * math.pi * self._follower.wanted:
-            self.doing = "seeking"
-        return motion
+            self.activity = "seeking"
+        return twist
 
 
 class _Round:
@@ -144,18 +166,20 @@ class _Round:
         lost: How far it went since there was a wall, m.
     """
 
-    def __init__(self, sensed: Observation, direction: float, reach: float) -> None:
+    def __init__(
+        self, observation: Observation, direction: float, reach: float
+    ) -> None:
         self.is_closed = False
         self.turned = 0.0
         self.lost = 0.0
         self._length = 0.0
-        self._last = sensed.pose
-        self._mark = Landmark(sensed.pose, direction, reach=reach)
+        self._last = observation.pose
+        self._mark = Landmark(observation.pose, direction, reach=reach)
 
-    def add(self, sensed: Observation, *, found: bool) -> None:
-        step = moved(self._last, sensed.pose)
+    def add(self, observation: Observation, *, found: bool) -> None:
+        step = moved(self._last, observation.pose)
         self._length += step
         self.lost = 0.0 if found else self.lost + step
-        self.turned += wrap_angle(sensed.pose.yaw - self._last.yaw)
-        self._last = sensed.pose
-        self.is_closed = self._mark.passed(sensed.pose) and self._length > SHORTEST
+        self.turned += wrap_angle(observation.pose.yaw - self._last.yaw)
+        self._last = observation.pose
+        self.is_closed = self._mark.passed(observation.pose) and self._length > SHORTEST

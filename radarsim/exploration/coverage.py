@@ -25,12 +25,12 @@ class SpiralCoverage:
     """Goes round its start in ever wider turns; what is in the way is left out.
 
     Attributes:
-        doing: Always ``spiral``.
+        activity: Always ``spiral``.
         is_done: Whether it has got as far as it is to, or nothing of a whole turn can
             be got to.
     """
 
-    doing = "spiral"
+    activity = "spiral"
 
     def __init__(self, settings: ExplorationSettings) -> None:
         self.is_done = False
@@ -41,28 +41,28 @@ class SpiralCoverage:
         self._left_out = 0.0
         self._scans = 0
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
-        self._start = self._start or sensed.pose
+        self._start = self._start or observation.pose
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
             return STAND
-        there = distance(sensed.pose, *self._place()) < THERE
-        if self._walker.look(sensed, grid) or there:
-            self._choose(sensed, there=there)
-        return self._walker.walk(sensed)
+        there = distance(observation.pose, *self._place()) < THERE
+        if self._walker.look(observation, grid) or there:
+            self._choose(observation, there=there)
+        return self._walker.walk(observation)
 
-    def _choose(self, sensed: Observation, *, there: bool) -> None:
+    def _choose(self, observation: Observation, *, there: bool) -> None:
         """Find the next place on the spiral that can be got to."""
         floor = self._walker.floor
         assert floor is not None
-        reachable = floor.reachable(sensed.pose)
+        reachable = floor.reachable(observation.pose)
         if there:
             self._left_out = 0.0
             self._go_on()
         while not self.is_done:
             targets = reachable & floor.within(*self._place(), STRIDE / 2)
-            if self._walker.plan(sensed, targets):
+            if self._walker.plan(observation, targets):
                 return
             self._left_out += self._go_on()
             self.is_done |= self._left_out > 2 * math.pi
@@ -99,13 +99,18 @@ class RandomBounce:
     """Turns away at walls, by chance.
 
     Attributes:
-        doing: ``straight`` or ``turning``.
+        activity: ``straight`` or ``turning``.
         is_done: Whether all floor that it can get to was seen at short range, or the
             last legs have shown nothing new.
     """
 
+<<<<<<< HEAD
     def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
         self.doing = "straight"
+=======
+    def __init__(self, habits: ExplorationSettings, rng: np.random.Generator) -> None:
+        self.activity = "straight"
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         self.is_done = False
         self._settings = settings
         self._rng = rng
@@ -113,8 +118,9 @@ class RandomBounce:
         self._unvisited = math.inf
         self._idle = 0
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
+<<<<<<< HEAD
         settings, yaw = self._settings, sensed.pose.yaw
         if self._heading is None:
             self._heading = yaw
@@ -131,15 +137,40 @@ class RandomBounce:
         if self.doing == "turning":
             return Twist(0.0, motion.turn)
         return settings.careful(sensed, motion)
+=======
+        habits, yaw = self._habits, observation.pose.yaw
+        if self._heading is None:
+            self._heading = yaw
+        if self.activity == "turning" and abs(wrap_angle(self._heading - yaw)) < FACING:
+            self.activity = "straight"
+        ahead = habits.bumpers.towards(observation, wrap_angle(self._heading - yaw))
+        if self.activity == "straight" and ahead.blocked:
+            self._judge(observation.pose, grid)
+            self._heading = yaw + self._turn(observation)
+            self.activity = "turning"
+        if self.is_done:
+            return STAND
+        twist = habits.speed_limits.towards(wrap_angle(self._heading - yaw))
+        if self.activity == "turning":
+            return Twist(0.0, twist.turn)
+        return habits.careful(observation, twist)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
-    def _turn(self, sensed: Observation) -> float:
+    def _turn(self, observation: Observation) -> float:
         """Draw a turn to where nothing is in the way, rad; right about if that is not.
 
         The bumper that has stopped it is some way off, so there is room to turn in.
         """
         turns = np.arange(LEAST_TURN, 2 * math.pi - LEAST_TURN, _TRIED)
+<<<<<<< HEAD
         bumpers = self._settings.bumpers
         free = [turn for turn in turns if not bumpers.towards(sensed, turn).blocked]
+=======
+        bumpers = self._habits.bumpers
+        free = [
+            turn for turn in turns if not bumpers.towards(observation, turn).blocked
+        ]
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         return float(self._rng.choice(free)) if free else math.pi
 
     def _judge(self, pose: Pose2, grid: OccupancyGrid) -> None:

@@ -32,7 +32,11 @@ from radarsim.navigation.control import (
     Twist,
     check_beams,
 )
-from radarsim.navigation.mission import check_sight, find_start, safety_distance_for
+from radarsim.navigation.mission import (
+    check_field_of_view,
+    choose_start,
+    safety_distance_for,
+)
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import ROBOT
 from radarsim.navigation.runner import TripMeter
@@ -68,10 +72,16 @@ class ExplorationPlan:
         start: Name of a start pose; the server's first one if there is no pose either.
         pose: Where to start otherwise.
         scanner: Name of the scanner to map with; the first one by default.
+<<<<<<< HEAD
         safety_distance: m from the robot's centre; None for the one that follows from
             ``penetration_depth``.
         penetration_depth: How far the sensor sees into foliage without knowing it, m.
         on_left: Whether walls are followed on the left hand.
+=======
+        safety_distance: m from the robot's centre; None for what ``penetration_depth`` asks for.
+        penetration_depth: How far the sensor sees into foliage without knowing it, m.
+        wall_on_left: Whether walls are followed on the left hand.
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         speed_limits: How fast.
         radius: How far from its start it goes where there is no border, m.
         time_limit: s of the server.
@@ -90,7 +100,11 @@ class ExplorationPlan:
     scanner: str | None = None
     safety_distance: float | None = None
     penetration_depth: float = 0.0
+<<<<<<< HEAD
     on_left: bool = True
+=======
+    wall_on_left: bool = True
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
     radius: float = RADIUS
     time_limit: float = TIME_LIMIT
@@ -103,14 +117,14 @@ class ExplorationStep:
     """One scan, and what the strategy made of it.
 
     Attributes:
-        sensed: What was known.
-        doing: What the strategy is at, in a word.
-        motion: What it wants.
+        observation: What was known.
+        activity: What the strategy is at, in a word.
+        twist: What it wants.
     """
 
-    sensed: Observation
-    doing: str
-    motion: Twist
+    observation: Observation
+    activity: str
+    twist: Twist
 
 
 class Exploration:
@@ -121,7 +135,7 @@ class Exploration:
         mapper: Has the map and the trajectory; None before the robot is known.
         outcome: How it ended; ``broken_off`` while it lasts.
         safety_distance: That is kept, m; nan before the robot is known.
-        course: How far it has come.
+        trip: How far it has come.
     """
 
     def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
@@ -177,13 +191,19 @@ class Exploration:
 
     def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
         plan = self.plan
-        start = None if plan.pose is not None else find_start(client, plan.start)
+        start = None if plan.pose is not None else choose_start(client, plan.start)
         client.spawn(plan.robot_class, start=start, pose=plan.pose)
         facts = client.robot_info(drive_unit=plan.drive_unit)
         scanner = facts.scanner(plan.scanner)
+<<<<<<< HEAD
         settings = self._settings_for(facts)
         if not plan.waypoints:
             check_sight(settings.bumpers, scanner)
+=======
+        habits = self._habits(facts)
+        if not plan.way:
+            check_field_of_view(habits.bumpers, scanner)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         if plan.echoes:
             client.echoes(scanner.name)
         mapper_settings = MapperSettings(
@@ -215,7 +235,11 @@ class Exploration:
             speed_limits=SpeedLimits(
                 min(plan.speed_limits.speed, facts.top_speed), plan.speed_limits.turn
             ),
+<<<<<<< HEAD
             on_left=plan.on_left,
+=======
+            wall_on_left=plan.wall_on_left,
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
             radius=plan.radius,
         )
 
@@ -227,18 +251,26 @@ class Exploration:
     ) -> None:
         assert self.mapper is not None
         push, standstill = StuckDetector(), StandstillDetector()
+<<<<<<< HEAD
         for sensed in helm.scans():
             check_beams(len(sensed.bearings), self.mapper.scanner)
             self.trip.add(sensed)
             motion = strategy.step(sensed, self.mapper.grid)
             observe(ExplorationStep(sensed, strategy.doing, motion))
+=======
+        for observation in helm.scans():
+            check_beams(len(observation.bearings), self.mapper.scanner)
+            self.trip.add(observation)
+            twist = strategy.step(observation, self.mapper.grid)
+            observe(ExplorationStep(observation, strategy.activity, twist))
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
             if strategy.is_done or self.trip.time > self.plan.time_limit:
                 done = strategy.is_done
                 self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT
                 return
-            push.check(sensed, motion)
-            standstill.check(sensed)
-            helm.drive(motion)
+            push.check(observation, twist)
+            standstill.check(observation)
+            helm.drive(twist)
 
 
 # Section from mapping.warming.

@@ -31,15 +31,21 @@ class NearestTargetStrategy:
     """Goes to the nearest of what a choice leaves on the floor.
 
     Attributes:
-        doing: A word for it.
+        activity: A word for it.
         is_done: Whether nothing is left that can be got to.
     """
 
     def __init__(
         self,
+<<<<<<< HEAD
         settings: ExplorationSettings,
         choice: TargetSelector,
         doing: str,
+=======
+        habits: ExplorationSettings,
+        choice: Choice,
+        activity: str,
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         *,
         turn: float = 0.0,
     ) -> None:
@@ -48,36 +54,40 @@ class NearestTargetStrategy:
         Args:
             settings: How the robot goes.
             choice: What to go to.
-            doing: A word for it.
+            activity: A word for it.
             turn: How far to turn on the spot first, rad.
         """
-        self.doing = doing
+        self.activity = activity
         self.is_done = False
         self._turn = turn
         self._yaw = math.nan
+<<<<<<< HEAD
         self._pace = settings.speed_limits
+=======
+        self._speed_limits = habits.speed_limits
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         self._choice = choice
         self._walker = PathFollower(settings)
         self._scans = 0
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
             return STAND
         if self._turn > 0:
-            return self._look_around(sensed)
-        if self._walker.look(sensed, grid):
+            return self._look_around(observation)
+        if self._walker.look(observation, grid):
             assert self._walker.floor is not None
             targets = self._choice(self._walker.floor)
-            self.is_done = not self._walker.plan(sensed, self._kept(targets))
-        return self._walker.walk(sensed)
+            self.is_done = not self._walker.plan(observation, self._kept(targets))
+        return self._walker.walk(observation)
 
-    def _look_around(self, sensed: Observation) -> Twist:
+    def _look_around(self, observation: Observation) -> Twist:
         if not math.isnan(self._yaw):
-            self._turn -= abs(wrap_angle(sensed.pose.yaw - self._yaw))
-        self._yaw = sensed.pose.yaw
-        return Twist(0.0, self._pace.turn)
+            self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
+        self._yaw = observation.pose.yaw
+        return Twist(0.0, self._speed_limits.turn)
 
     def _kept(self, targets: Mask) -> Mask:
         """Stay with what is around the last target as long as anything is."""

@@ -40,14 +40,14 @@ class Strategy(Protocol):
     """A way to explore."""
 
     @property
-    def doing(self) -> str:
+    def activity(self) -> str:
         """What it is at, in one word."""
 
     @property
     def is_done(self) -> bool:
         """Whether nothing is left to do for it."""
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
 
 
@@ -58,32 +58,46 @@ class ExplorationSettings:
     Attributes:
         bumpers: What it senses by, and the distance that it keeps.
         speed_limits: How fast it goes.
+<<<<<<< HEAD
         on_left: Whether it keeps walls on its left hand.
+=======
+        wall_on_left: Whether it keeps walls on its left hand.
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         radius: How far from its start it goes where there is no border, m.
     """
 
     bumpers: Bumpers
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
+<<<<<<< HEAD
     on_left: bool = True
+=======
+    wall_on_left: bool = True
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     radius: float = 12.0
 
     def floor(self, grid: OccupancyGrid) -> TraversabilityMap:
         """Look at a map."""
         return TraversabilityMap(grid, self.bumpers.safety_distance)
 
-    def careful(self, sensed: Observation, motion: Twist) -> Twist:
+    def careful(self, observation: Observation, twist: Twist) -> Twist:
         """Let the bumpers overrule a motion: turn where something ahead is too near."""
-        behind = motion.speed < 0
+        behind = twist.speed < 0
         ahead = math.pi if behind else 0.0
+<<<<<<< HEAD
         if not motion.speed or not self.bumpers.towards(sensed, ahead).too_near:
             return motion
         return Twist(0.0, motion.turn or self.speed_limits.turn)
+=======
+        if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
+            return twist
+        return Twist(0.0, twist.turn or self.speed_limits.turn)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
-    def clear_bearing(self, sensed: Observation, bearing: float) -> float:
+    def clear_bearing(self, observation: Observation, bearing: float) -> float:
         """Give the nearest to a bearing that is not too near to anything, rad."""
         for k in range(int(math.pi / _TRIED) + 1):
             for tried in (bearing + k * _TRIED, bearing - k * _TRIED):
-                if not self.bumpers.towards(sensed, tried).too_near:
+                if not self.bumpers.towards(observation, tried).too_near:
                     return tried
         return bearing
 
@@ -103,33 +117,49 @@ class PathFollower:
         self._given_up: list[Point] = []
         self._since: tuple[float, Pose2] | None = None
 
-    def look(self, sensed: Observation, grid: OccupancyGrid) -> bool:
+    def look(self, observation: Observation, grid: OccupancyGrid) -> bool:
         """Look at the map if it is time to; tells whether it was."""
-        if self.floor is not None and sensed.time < self._looked + LOOK_EVERY:
+        if self.floor is not None and observation.time < self._looked + LOOK_EVERY:
             return False
+<<<<<<< HEAD
         self.floor, self._looked = self._settings.floor(grid), sensed.time
+=======
+        self.floor, self._looked = self._habits.floor(grid), observation.time
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         return True
 
-    def plan(self, sensed: Observation, targets: Mask) -> bool:
+    def plan(self, observation: Observation, targets: Mask) -> bool:
         """Find the way to the nearest of some tiles; tells whether there is one."""
         assert self.floor is not None
         for place in self._given_up:
             targets = targets & ~self.floor.within(*place, GIVEN_UP)
         before = self._way[-1:]
+<<<<<<< HEAD
         self._way = self.floor.find_path(sensed.pose, targets)
+=======
+        self._way = self.floor.way_to(observation.pose, targets)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         if self._since is None or not before:
-            self._since = sensed.time, sensed.pose
+            self._since = observation.time, observation.pose
         return bool(self._way)
 
-    def walk(self, sensed: Observation) -> Twist:
+    def walk(self, observation: Observation) -> Twist:
         """Decide how to go on along the way."""
         if not self._way:
             return STAND
+<<<<<<< HEAD
         self._mind(sensed)
         settings = self._settings
         bearing = bearing_of(sensed.pose, *self._next(sensed.pose))
         bearing = settings.clear_bearing(sensed, bearing)
         return settings.careful(sensed, settings.speed_limits.towards(bearing))
+=======
+        self._mind(observation)
+        habits = self._habits
+        bearing = bearing_of(observation.pose, *self._next(observation.pose))
+        bearing = habits.clear_bearing(observation, bearing)
+        return habits.careful(observation, habits.speed_limits.towards(bearing))
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
     @property
     def end(self) -> Point | None:
@@ -150,15 +180,15 @@ class PathFollower:
                 chosen = place
         return chosen
 
-    def _mind(self, sensed: Observation) -> None:
+    def _mind(self, observation: Observation) -> None:
         """Give a place up that it does not get nearer to."""
         assert self._since is not None
         since, pose = self._since
-        if moved(pose, sensed.pose) > _PROGRESS:
-            self._since = sensed.time, sensed.pose
-        elif sensed.time > since + PATIENCE:
+        if moved(pose, observation.pose) > _PROGRESS:
+            self._since = observation.time, observation.pose
+        elif observation.time > since + PATIENCE:
             self._given_up.append(self._way[-1])
-            self._since, self._looked = (sensed.time, sensed.pose), -math.inf
+            self._since, self._looked = (observation.time, observation.pose), -math.inf
 
 
 # Section from mapping.exploring_way.
@@ -171,12 +201,12 @@ class WaypointFollower:
     """Goes to some places in turn, as near to each as sensed and open floor leads.
 
     Attributes:
-        doing: Always ``underway``.
+        activity: Always ``underway``.
         is_done: Whether it has been to all places, or as near as could be.
         left_out: Those that it could not get to, m.
     """
 
-    doing = "underway"
+    activity = "underway"
 
     def __init__(self, settings: ExplorationSettings, places: Sequence[Point]) -> None:
         """Get ready.
@@ -191,35 +221,40 @@ class WaypointFollower:
         self._places = list(places)
         self._scans = 0
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
         if self.is_done or self._scans < LEAST_SCANS:
             return STAND
-        there = distance(sensed.pose, *self._places[0]) < THERE
-        if self._walker.look(sensed, grid) or there:
-            self.is_done = not self._choose(sensed)
-        return STAND if self.is_done else self._walker.walk(sensed)
+        there = distance(observation.pose, *self._places[0]) < THERE
+        if self._walker.look(observation, grid) or there:
+            self.is_done = not self._choose(observation)
+        return STAND if self.is_done else self._walker.walk(observation)
 
-    def _choose(self, sensed: Observation) -> bool:
+    def _choose(self, observation: Observation) -> bool:
         """Find the next place that can be got nearer to; tells whether there is one."""
         while self._places:
-            if distance(sensed.pose, *self._places[0]) >= THERE:
-                if self._is_on_way(sensed):
+            if distance(observation.pose, *self._places[0]) >= THERE:
+                if self._is_on_way(observation):
                     return True
                 self.unreached.append(self._places[0])
             self._places.pop(0)
         return False
 
-    def _is_on_way(self, sensed: Observation) -> bool:
+    def _is_on_way(self, observation: Observation) -> bool:
         """Plan to get as near to a place as can be; tells whether that is nearer."""
         floor = self._walker.floor
         assert floor is not None
+<<<<<<< HEAD
         tiles = floor.nearest(floor.reachable(sensed.pose), *self._places[0])
         across, up = floor.cell_centers()
+=======
+        tiles = floor.nearest(floor.reachable(observation.pose), *self._places[0])
+        across, up = floor.middles()
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         for row, column in np.argwhere(tiles):
             left = math.dist((across[column], up[row]), self._places[0])
-            gain = distance(sensed.pose, *self._places[0]) - left
+            gain = distance(observation.pose, *self._places[0]) - left
             if left < THERE or gain > THERE:
-                return self._walker.plan(sensed, tiles)
+                return self._walker.plan(observation, tiles)
         return False

@@ -76,47 +76,62 @@ class AutoStrategy:
         self._scans = 0
 
     @property
-    def doing(self) -> str:
+    def activity(self) -> str:
         """What the chosen one is at."""
-        return "looking" if self._now is None else self._now.doing
+        return "looking" if self._now is None else self._now.activity
 
-    def step(self, sensed: Observation, grid: OccupancyGrid) -> Twist:
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
         self._scans += 1
-        self._start = self._start or sensed.pose
+        self._start = self._start or observation.pose
         if self.is_done or self._scans < LEAST_SCANS:
             return STAND
-        if self._now is None or self._now.is_done or self._is_elsewhere(sensed):
-            self._choose(sensed, grid)
-        return STAND if self._now is None else self._now.step(sensed, grid)
+        if self._now is None or self._now.is_done or self._is_elsewhere(observation):
+            self._choose(observation, grid)
+        return STAND if self._now is None else self._now.step(observation, grid)
 
-    def _is_elsewhere(self, sensed: Observation) -> bool:
+    def _is_elsewhere(self, observation: Observation) -> bool:
         """Tell whether a border has turned up where none was, or the other way."""
-        if sensed.time < self._looked + LOOK_EVERY:
+        if observation.time < self._looked + LOOK_EVERY:
             return False
-        self._looked = sensed.time
+        self._looked = observation.time
         last = self.chosen[-1]
         if last == StrategyName.CENTRE_OUT:
+<<<<<<< HEAD
             return is_enclosed(sensed)
         is_new = StrategyName.CENTRE_OUT not in self.chosen
         return is_new and last == StrategyName.FRONTIERS and not is_enclosed(sensed)
+=======
+            return is_bordered(observation)
+        is_new = StrategyName.CENTRE_OUT not in self.chosen
+        return (
+            is_new and last == StrategyName.FRONTIERS and not is_bordered(observation)
+        )
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
-    def _choose(self, sensed: Observation, grid: OccupancyGrid) -> None:
-        name = self._best(sensed, grid)
+    def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
+        name = self._best(observation, grid)
         self.is_done, self._now = name is None, None
         if name is None:
             return
         self.chosen.append(name)
-        self._looked = sensed.time
+        self._looked = observation.time
         if name == StrategyName.FRONTIERS:
             self._now = frontier_strategy(self._settings, self._frontiers)
         else:
             self._now = _CHOICES[name](self._settings)
 
-    def _best(self, sensed: Observation, grid: OccupancyGrid) -> StrategyName | None:
+    def _best(
+        self, observation: Observation, grid: OccupancyGrid
+    ) -> StrategyName | None:
         """Choose one that fits, each no more often than makes sense."""
+<<<<<<< HEAD
         floor, bordered = self._settings.floor(grid), is_enclosed(sensed)
         left = self._frontiers(floor) & floor.reachable(sensed.pose)
+=======
+        floor, bordered = self._habits.floor(grid), is_bordered(observation)
+        left = self._frontiers(floor) & floor.reachable(observation.pose)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         for name, fits, often in (
             (StrategyName.CENTRE_OUT, not bordered, 1),
             (StrategyName.FRONTIERS, bool(left.any()), 2),
@@ -133,6 +148,10 @@ class AutoStrategy:
         return floor.frontiers & floor.within(start.x, start.y, radius)
 
 
+<<<<<<< HEAD
 def is_enclosed(sensed: Observation) -> bool:
+=======
+def is_bordered(observation: Observation) -> bool:
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     """Tell whether most directions end at something."""
-    return bool(np.isfinite(sensed.ranges).mean() > BORDERED)
+    return bool(np.isfinite(observation.ranges).mean() > BORDERED)

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from radarsim.client import Client
-from radarsim.evaluation.free_space import plan_of
-from radarsim.evaluation.trials import GroundTruthMonitor, load_trial
+from radarsim.evaluation.free_space import floor_plan
+from radarsim.evaluation.ground_truth import GroundTruthMonitor
+from radarsim.evaluation.trials import load_trial
 from radarsim.figures.figure import Plate
 from radarsim.figures.scan_spec import ROBOT
 from radarsim.host import Host
@@ -39,7 +40,7 @@ class Run:
 
     map: str
     algorithm: Algorithm
-    record: RunLog
+    run_log: RunLog
     outcome: str
     circuits: int
     collisions: int
@@ -51,7 +52,7 @@ def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
     """Let a robot try to reach the goal of a map's trial."""
     scene, trial = load_trial(map_)
     host = Host(scene, seed=seed)
-    referee, record = GroundTruthMonitor(host), RunLog()
+    monitor, run_log = GroundTruthMonitor(host), RunLog()
     mission = Mission(
         algorithm=algorithm,
         goals=(trial.goal,),
@@ -61,28 +62,28 @@ def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
     )
 
     def observe(moment: NavigationStep) -> None:
-        record.add(moment)
+        run_log.add(moment)
 
-    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         result = run_mission(client, mission, observe)
     return Run(
         map_,
         algorithm,
-        record,
+        run_log,
         result.outcome,
         result.circuits,
-        referee.collisions,
-        referee.path_length,
-        referee.distance(trial.goal),
+        monitor.collisions,
+        monitor.path_length,
+        monitor.distance(trial.goal),
     )
 
 
 def draw_bug(seed: int, *, algorithm: Algorithm) -> Plate:
     """Draw a run that gets to the goal above one that finds that it cannot."""
     runs = [run(map_, algorithm, seed) for map_ in (OPEN, CLOSED)]
-    plans = [plan_of(load_trial(each.map)[0]) for each in runs]
+    plans = [floor_plan(load_trial(each.map)[0]) for each in runs]
     drawings = tuple(
-        figure_of(each.record, _title(each), plan)
+        figure_of(each.run_log, _title(each), plan)
         for each, plan in zip(runs, plans, strict=True)
     )
     ways = [f"--serve {each.map} --algorithm {algorithm.value}" for each in runs]

@@ -21,7 +21,7 @@ from radarsim.mapping.scan import (
 )
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
-from radarsim.navigation.observation import Observation, Stamps, from_centre
+from radarsim.navigation.observation import Observation, ScanClock, from_centre
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -130,7 +130,7 @@ class Mapper:
         mount = scanner.mount
         self.scanner = scanner
         self._mount = Pose2(mount.x, mount.y, mount.yaw)
-        self._stamps = Stamps(clock)
+        self._stamps = ScanClock(clock)
         self._echoes = EchoCollector()
         self._echoes_due = math.nan
         self._spawned: Pose2 | None = None

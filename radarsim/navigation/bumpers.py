@@ -109,18 +109,21 @@ class Bumpers:
             return FOUR if self.count == 4 else EIGHT
         return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
 
-    def read(self, sensed: Observation) -> tuple[Bumper, ...]:
+    def read(self, observation: Observation) -> tuple[Bumper, ...]:
         """Give the state of all bumpers, in the order of ``names``."""
-        sectors = self._sectors(sensed.bearings)
+        sectors = self._sectors(observation.bearings)
         return tuple(
-            self._state(name, sensed.ranges[sectors == k])
+            self._state(name, observation.ranges[sectors == k])
             for k, name in enumerate(self.names)
         )
 
-    def towards(self, sensed: Observation, bearing: float) -> Bumper:
+    def towards(self, observation: Observation, bearing: float) -> Bumper:
         """Give the state that the front bumper has once the robot faces a bearing."""
-        apart = np.remainder(sensed.bearings - bearing + math.pi, 2 * math.pi) - math.pi
-        return self._state("front", sensed.ranges[np.abs(apart) <= self.width / 2])
+        apart = (
+            np.remainder(observation.bearings - bearing + math.pi, 2 * math.pi)
+            - math.pi
+        )
+        return self._state("front", observation.ranges[np.abs(apart) <= self.width / 2])
 
     def blind(self, angles: Floats) -> tuple[str, ...]:
         """Name the bumpers that a fan of beams, (N,) rad, leaves without any beam."""

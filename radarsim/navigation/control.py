@@ -81,17 +81,17 @@ class StuckDetector:
         self._last = 0.0
         self._told = 0.0
 
-    def check(self, sensed: Observation, motion: Twist) -> None:
+    def check(self, observation: Observation, twist: Twist) -> None:
         """Take in a scan, and what was decided by it.
 
         Raises:
             NavigationError: If it stays where it is.
         """
-        passed, self._last = sensed.time - self._last, sensed.time
-        if self._since is None or moved(self._since.pose, sensed.pose) > _STAYS:
-            self._since, self._told = sensed, 0.0
+        passed, self._last = observation.time - self._last, observation.time
+        if self._since is None or moved(self._since.pose, observation.pose) > _STAYS:
+            self._since, self._told = observation, 0.0
         else:
-            self._told += abs(motion.speed) * passed
+            self._told += abs(twist.speed) * passed
         if self._told > STUCK_AFTER:
             pose = self._since.pose
             raise NavigationError(
@@ -107,17 +107,17 @@ class StandstillDetector:
     def __init__(self) -> None:
         self._since: Observation | None = None
 
-    def check(self, sensed: Observation) -> None:
+    def check(self, observation: Observation) -> None:
         """Take in a scan.
 
         Raises:
             NavigationError: If it has stood for a minute.
         """
         since = self._since
-        if since is None or _has_moved(since.pose, sensed.pose):
-            self._since = sensed
-        elif sensed.time - since.time > STOOD_FOR:
-            pose = sensed.pose
+        if since is None or _has_moved(since.pose, observation.pose):
+            self._since = observation
+        elif observation.time - since.time > STOOD_FOR:
+            pose = observation.pose
             raise NavigationError(
                 f"the robot has stood at {pose.x:.2f} {pose.y:.2f} for {STOOD_FOR:g} s:"
                 " on all sides something is nearer than the safety distance"
@@ -188,9 +188,9 @@ class ControlLoop:
         self._lookout = lookout
         self._timeout = timeout
 
-    def drive(self, motion: Twist) -> None:
+    def drive(self, twist: Twist) -> None:
         """Set the wheels to a motion."""
-        self._client.drive(*self._facts.wheel_speeds(motion.speed, motion.turn))
+        self._client.drive(*self._facts.wheel_speeds(twist.speed, twist.turn))
 
     def scans(self) -> Iterator[Observation]:
         """Give what is known at every scan; stops the robot while none comes.

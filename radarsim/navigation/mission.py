@@ -27,15 +27,15 @@ class Mission:
         start: Name of a start pose; the server's first one if there is no pose either.
         pose: Where to start otherwise.
         scanner: Name of the scanner to steer by; the first one by default.
-        safety_distance: m from the robot's centre; None for what ``depth`` asks for.
-        depth: How far the sensor sees into foliage, m.
+        safety_distance: m from the robot's centre; None for what ``penetration_depth`` asks for.
+        penetration_depth: How far the sensor sees into foliage, m.
         bumpers: How many.
         share: Of a bumper's beams that press it.
         rule: When a bumper is pressed.
-        on_left: Whether boundaries are kept on the left hand.
+        wall_on_left: Whether boundaries are kept on the left hand.
         give_up: When Bug2 says that there is no path.
-        source: Where poses come from.
-        pace: How fast.
+        pose_source: Where poses come from.
+        speed_limits: How fast.
         tolerance: How near a goal is there, m.
         time_limit: s of the server.
         timeout: After so many s without a scan the run is given up.
@@ -49,14 +49,14 @@ class Mission:
     pose: Pose2 | None = None
     scanner: str | None = None
     safety_distance: float | None = None
-    depth: float = 0.0
+    penetration_depth: float = 0.0
     bumpers: int = 8
     share: float = LEAST_SHARE
     rule: Rule = Rule.SHARE
-    on_left: bool = True
+    wall_on_left: bool = True
     give_up: GiveUp = GiveUp.HIT_POINT
-    source: PoseSource = PoseSource.INS
-    pace: SpeedLimits = field(default_factory=SpeedLimits)
+    pose_source: PoseSource = PoseSource.INS
+    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
     tolerance: float = TOLERANCE
     time_limit: float = math.inf
     timeout: float = 2.0
@@ -79,35 +79,37 @@ def run_mission(
         ClientError: If the server does not say what is needed.
         NavigationError: If the robot cannot do what is asked of it.
     """
-    start = None if mission.pose is not None else find_start(client, mission.start)
+    start = None if mission.pose is not None else choose_start(client, mission.start)
     client.spawn(mission.robot_class, start=start, pose=mission.pose)
     facts = client.robot_info(drive_unit=mission.drive_unit)
     scanner = facts.scanner(mission.scanner)
     bumpers = Bumpers(
         safety_distance=safety_distance_for(
-            facts, mission.safety_distance, mission.depth
+            facts, mission.safety_distance, mission.penetration_depth
         ),
         count=mission.bumpers,
         share=mission.share,
         rule=mission.rule,
     )
-    check_sight(bumpers, scanner)
+    check_field_of_view(bumpers, scanner)
     settings = BugSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        pace=SpeedLimits(min(mission.pace.speed, facts.top_speed), mission.pace.turn),
-        on_left=mission.on_left,
+        speed_limits=SpeedLimits(
+            min(mission.speed_limits.speed, facts.top_speed), mission.speed_limits.turn
+        ),
+        wall_on_left=mission.wall_on_left,
         give_up=mission.give_up,
         tolerance=mission.tolerance,
     )
     pilot = Navigator(
-        client, facts, scanner, source=mission.source, timeout=mission.timeout
+        client, facts, scanner, pose_source=mission.pose_source, timeout=mission.timeout
     )
     bug = Bug(mission.goals, settings)
     return pilot.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
 
 
-def find_start(client: Client, wanted: str | None) -> str | None:
+def choose_start(client: Client, wanted: str | None) -> str | None:
     """Find a start among those of the map; some servers tell of none.
 
     Args:
@@ -131,22 +133,26 @@ def find_start(client: Client, wanted: str | None) -> str | None:
     return wanted
 
 
-def safety_distance_for(facts: RobotInfo, wanted: float | None, depth: float) -> float:
+def safety_distance_for(
+    facts: RobotInfo, wanted: float | None, penetration_depth: float
+) -> float:
     """Give the safety distance of a robot, m.
 
     Args:
         facts: Of the robot.
         wanted: m; None for what is needed and a margin.
-        depth: How far the sensor sees into foliage, m.
+        penetration_depth: How far the sensor sees into foliage, m.
 
     Raises:
         NavigationError: If the wanted one is too small.
     """
-    least = facts.clearance + depth
+    least = facts.clearance + penetration_depth
     if wanted is None:
         return least + MARGIN
     if wanted < least:
-        into = f" and {depth:.2f} m seen into foliage" * bool(depth)
+        into = f" and {penetration_depth:.2f} m seen into foliage" * bool(
+            penetration_depth
+        )
         raise NavigationError(
             f"safety distance {wanted:g} m, expected at least {least:.3f} m,"
             f" half the diagonal of {facts.name}{into}"
@@ -154,7 +160,7 @@ def safety_distance_for(facts: RobotInfo, wanted: float | None, depth: float) ->
     return wanted
 
 
-def check_sight(bumpers: Bumpers, scanner: ScannerInfo) -> None:
+def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
     """Refuse a scanner that does not see all around.
 
     Raises:

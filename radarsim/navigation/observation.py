@@ -9,7 +9,7 @@ import numpy as np
 from radarsim.geometry import Floats, Pose2, Pose3
 
 
-class Stamps:
+class ScanClock:
     """Reads time stamps; some servers send none, or the same one again and again."""
 
     def __init__(self, clock: Callable[[], float]) -> None:

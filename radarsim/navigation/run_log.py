@@ -12,6 +12,7 @@ from radarsim.geometry import Floats, wrap_angle
 from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.runner import NavigationStep
 
+TRACE_NAMES = {"activity": "doing"}  # columns of a trace that are named otherwise
 CELL = 0.05  # m; of sensed points that share a square of this size, one is kept
 AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
 _ROWS = 2**31  # of squares; the number of a square is column * _ROWS + row
@@ -27,7 +28,7 @@ class Row:
         x: Where the robot took itself to be, m, map frame.
         y: m.
         yaw: rad.
-        doing: What the bug was at.
+        activity: What the bug was at.
         goal_x: The next goal's, m; None once there is none.
         goal_y: m.
         speed: What the bug wanted, m/s.
@@ -40,7 +41,7 @@ class Row:
     x: float
     y: float
     yaw: float
-    doing: Activity
+    activity: Activity
     goal_x: float | None
     goal_y: float | None
     speed: float
@@ -63,7 +64,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class GoalLine:
     """The straight line from where the robot set out for a goal to that goal, m."""
 
     start: Point
@@ -75,20 +76,20 @@ class RunLog:
 
     Attributes:
         rows: One for each scan.
-        hits: Where obstacles were met, m, map frame.
-        leaves: Where they were left.
-        legs: The lines that were to be followed.
+        hit_points: Where obstacles were met, m, map frame.
+        leave_points: Where they were left.
+        goal_lines: The lines that were to be followed.
         circuits: How often the robot set out for a leave point after going all round.
-        length: Of the way, m.
+        path_length: Of the way, m.
     """
 
     def __init__(self) -> None:
         self.rows: list[Row] = []
-        self.hits: list[Point] = []
-        self.leaves: list[Point] = []
-        self.legs: list[Leg] = []
+        self.hit_points: list[Point] = []
+        self.leave_points: list[Point] = []
+        self.goal_lines: list[GoalLine] = []
         self.circuits = 0
-        self.length = 0.0
+        self.path_length = 0.0
         self._cells: Counter[int] = Counter()
 
     def add(self, moment: NavigationStep) -> Row:
@@ -96,7 +97,7 @@ class RunLog:
         row = _row(moment)
         self._note(self.rows[-1] if self.rows else None, row)
         self.rows.append(row)
-        columns, rows = np.floor(moment.sensed.points() / CELL).astype(np.int64).T
+        columns, rows = np.floor(moment.observation.points() / CELL).astype(np.int64).T
         self._cells.update((columns * _ROWS + rows).tolist())
         return row
 
@@ -111,12 +112,12 @@ class RunLog:
         return min((row.nearest for row in self.rows), default=math.inf)
 
     @property
-    def way(self) -> Floats:
+    def path(self) -> Floats:
         """Where the robot took itself to be, (N, 2) m."""
         return np.array([(row.x, row.y) for row in self.rows]).reshape(-1, 2)
 
     @property
-    def sensed(self) -> Floats:
+    def beam_ends(self) -> Floats:
         """Where beams ended: x and y in m, and how many did, (M, 3).
 
         All that ended in one square of 5 cm are in its middle.
@@ -132,7 +133,8 @@ class RunLog:
         """Give a row for each scan; what there is none of is empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(field.name for field in fields(Row))
+        names = (field.name for field in fields(Row))
+        writer.writerow(TRACE_NAMES.get(name, name) for name in names)
         writer.writerows(map(_cell, astuple(row)) for row in self.rows)
         return text.getvalue()
 
@@ -140,32 +142,32 @@ class RunLog:
         """Note what has changed: goals, hit points, leave points."""
         here = (row.x, row.y)
         same_goal = before is not None and before.goal == row.goal
-        was_at_boundary = before is not None and before.doing in AT_BOUNDARY
+        was_at_boundary = before is not None and before.activity in AT_BOUNDARY
         if row.goal is not None and not same_goal:
-            self.legs.append(Leg(here, row.goal))
-        if row.doing in AT_BOUNDARY and not (was_at_boundary and same_goal):
-            self.hits.append(here)
-        if row.doing is Activity.GOING and was_at_boundary and same_goal:
-            self.leaves.append(here)
+            self.goal_lines.append(GoalLine(here, row.goal))
+        if row.activity in AT_BOUNDARY and not (was_at_boundary and same_goal):
+            self.hit_points.append(here)
+        if row.activity is Activity.GOING and was_at_boundary and same_goal:
+            self.leave_points.append(here)
         if before is not None:
-            self.length += math.hypot(row.x - before.x, row.y - before.y)
-            self.circuits += before.doing != row.doing == Activity.RETURNING
+            self.path_length += math.hypot(row.x - before.x, row.y - before.y)
+            self.circuits += before.activity != row.activity == Activity.RETURNING
 
 
 def _row(moment: NavigationStep) -> Row:
-    sensed, motion = moment.sensed, moment.motion
+    observation, twist = moment.observation, moment.twist
     goal_x, goal_y = moment.goal or (None, None)
     return Row(
-        sensed.time,
-        sensed.pose.x,
-        sensed.pose.y,
-        wrap_angle(sensed.pose.yaw),
-        moment.doing,
+        observation.time,
+        observation.pose.x,
+        observation.pose.y,
+        wrap_angle(observation.pose.yaw),
+        moment.activity,
         goal_x,
         goal_y,
-        motion.speed,
-        motion.turn,
-        float(sensed.ranges.min(initial=math.inf)),
+        twist.speed,
+        twist.turn,
+        float(observation.ranges.min(initial=math.inf)),
         " ".join(moment.pressed),
     )
 

@@ -16,7 +16,7 @@ from radarsim.navigation.control import (
     check_beams,
     moved,
 )
-from radarsim.navigation.observation import Observation, Stamps, from_centre
+from radarsim.navigation.observation import Observation, ScanClock, from_centre
 from radarsim.navigation.options import PoseSource
 from radarsim.protocol.reports import (
     GroundTruth,
@@ -49,16 +49,16 @@ class TripMeter:
         self._began = 0.0
         self._last = Pose2(0.0, 0.0)
 
-    def add(self, sensed: Observation) -> None:
+    def add(self, observation: Observation) -> None:
         """Take in a scan."""
         if self.start is None:
-            self.start = self._last = sensed.pose
-            self._began = sensed.time
-        self.time = sensed.time - self._began
-        step = moved(self._last, sensed.pose)
+            self.start = self._last = observation.pose
+            self._began = observation.time
+        self.time = observation.time - self._began
+        step = moved(self._last, observation.pose)
         if step > self._noise:
             self.length += step
-            self._last = sensed.pose
+            self._last = observation.pose
 
 
 # Section from navigation.pilot.
@@ -74,16 +74,16 @@ class NavigationStep:
     """One scan, and what the bug made of it.
 
     Attributes:
-        sensed: What was known.
-        doing: What the bug is at.
-        motion: What it wants.
+        observation: What was known.
+        activity: What the bug is at.
+        twist: What it wants.
         pressed: The names of the bumpers that are pressed or too near.
         goal: The next one; None once there is none.
     """
 
-    sensed: Observation
-    doing: Activity
-    motion: Twist
+    observation: Observation
+    activity: Activity
+    twist: Twist
     pressed: tuple[str, ...]
     goal: Point | None
 
@@ -97,8 +97,8 @@ class Result:
         path_length: m, by the poses that it was steered by.
         time: s of the server, from the first scan to the last; by the link's clock
             where its time stamps stand still.
-        hits: Hit points, map frame, m.
-        leaves: Leave points.
+        hit_points: Hit points, map frame, m.
+        leave_points: Leave points.
         circuits: How often it went all round an obstacle.
         nearest: The smallest range from the robot's centre, m; ``inf`` for none.
         goals_left: How many goals it has not reached.
@@ -108,8 +108,8 @@ class Result:
     outcome: str
     path_length: float
     time: float
-    hits: tuple[Point, ...]
-    leaves: tuple[Point, ...]
+    hit_points: tuple[Point, ...]
+    leave_points: tuple[Point, ...]
     circuits: int
     nearest: float
     goals_left: int
@@ -120,21 +120,21 @@ class ObservationBuilder:
     """Puts scans and poses together as they come in."""
 
     def __init__(
-        self, scanner: ScannerInfo, source: PoseSource, clock: Callable[[], float]
+        self, scanner: ScannerInfo, pose_source: PoseSource, clock: Callable[[], float]
     ) -> None:
         """Begin.
 
         Args:
             scanner: Whose scans are wanted.
-            source: Where poses come from.
+            pose_source: Where poses come from.
             clock: Gives s, where time stamps do not.
         """
         self._scanner = scanner
-        self._source = source
-        self._stamps = Stamps(clock)
+        self._pose_source = pose_source
+        self._stamps = ScanClock(clock)
         self._pose: Pose2 | None = None
         self._spawned: Pose2 | None = None
-        self.missing = f"pose from {source.value}"
+        self.missing = f"pose from {pose_source.value}"
 
     def take(self, report: Report) -> Observation | None:
         """Take in a report; give what is known if it completes that.
@@ -154,7 +154,7 @@ class ObservationBuilder:
         if isinstance(report, Ins | GroundTruth):
             level = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
             self._spawned = self._spawned or level
-            wanted = Ins if self._source == PoseSource.INS else GroundTruth
+            wanted = Ins if self._pose_source == PoseSource.INS else GroundTruth
             pose = level if isinstance(report, wanted) else None
         elif isinstance(report, Odometry) and self._spawned is not None:
             pose = self._spawned.compose(report.pose)
@@ -165,7 +165,7 @@ class ObservationBuilder:
 
     @property
     def _by_wheels(self) -> bool:
-        return self._source == PoseSource.ODOMETRY
+        return self._pose_source == PoseSource.ODOMETRY
 
     def _sensed(self, report: RangeScan, pose: Pose2) -> Observation:
         scanner = self._scanner
@@ -190,7 +190,7 @@ class Navigator:
         facts: RobotInfo,
         scanner: ScannerInfo,
         *,
-        source: PoseSource = PoseSource.INS,
+        pose_source: PoseSource = PoseSource.INS,
         timeout: float = 2.0,
     ) -> None:
         """Get ready.
@@ -199,12 +199,12 @@ class Navigator:
             client: The connection; its robot is spawned.
             facts: Of the robot.
             scanner: The one to steer by.
-            source: Where poses come from.
+            pose_source: Where poses come from.
             timeout: After so many s without a scan the run is given up.
         """
         self.client = client
         self.facts = facts
-        eyes = ObservationBuilder(scanner, source, client.transport.time)
+        eyes = ObservationBuilder(scanner, pose_source, client.transport.time)
         self._helm = ControlLoop(client, facts, eyes, timeout=timeout)
 
     def run(
@@ -230,16 +230,16 @@ class Navigator:
         """
         tally, push = _Tally(), StuckDetector()
         try:
-            for sensed in self._helm.scans():
-                motion = bug.step(sensed)
-                tally.add(sensed)
+            for observation in self._helm.scans():
+                twist = bug.step(observation)
+                tally.add(observation)
                 goal = bug.goals[0] if bug.goals else None
-                pressed = pressed_names(bumpers.read(sensed))
-                observe(NavigationStep(sensed, bug.doing, motion, pressed, goal))
-                if bug.is_done or tally.course.time > time_limit:
+                pressed = pressed_names(bumpers.read(observation))
+                observe(NavigationStep(observation, bug.activity, twist, pressed, goal))
+                if bug.is_done or tally.trip.time > time_limit:
                     break
-                push.check(sensed, motion)
-                self._helm.drive(motion)
+                push.check(observation, twist)
+                self._helm.drive(twist)
         finally:
             self.client.stop()
         return tally.result(bug, bumpers)
@@ -249,21 +249,21 @@ class _Tally:
     """Adds up what a run tells of itself."""
 
     def __init__(self) -> None:
-        self.course = TripMeter()
+        self.trip = TripMeter()
         self.nearest = math.inf
 
-    def add(self, sensed: Observation) -> None:
-        self.course.add(sensed)
-        if len(sensed.ranges):
-            self.nearest = min(self.nearest, float(sensed.ranges.min()))
+    def add(self, observation: Observation) -> None:
+        self.trip.add(observation)
+        if len(observation.ranges):
+            self.nearest = min(self.nearest, float(observation.ranges.min()))
 
     def result(self, bug: Bug, bumpers: Bumpers) -> Result:
         return Result(
-            outcome=bug.doing.value if bug.is_done else "failed",
-            path_length=self.course.length,
-            time=self.course.time,
-            hits=tuple(bug.hits),
-            leaves=tuple(bug.leaves),
+            outcome=bug.activity.value if bug.is_done else "failed",
+            path_length=self.trip.length,
+            time=self.trip.time,
+            hit_points=tuple(bug.hit_points),
+            leave_points=tuple(bug.leave_points),
             circuits=bug.circuits,
             nearest=self.nearest,
             goals_left=len(bug.goals),

@@ -50,33 +50,37 @@ _ALIKE = 0.05  # m within which places of the boundary count as equally near
 
 
 @dataclass(frozen=True, slots=True)
-class FollowSide:
+class FollowMode:
     """How to go along: with the boundary on which hand, and forward or backward."""
 
-    on_left: bool = True
+    wall_on_left: bool = True
     forward: bool = True
 
     @property
-    def reversed(self) -> "FollowSide":
+    def reversed(self) -> "FollowMode":
         """The same boundary on the same hand, the other way along."""
-        return FollowSide(self.on_left, not self.forward)
+        return FollowMode(self.wall_on_left, not self.forward)
 
     @property
     def _mirrored(self) -> bool:
         # going backward, what is on the robot's left is on the right of its way
-        return self.on_left != self.forward
+        return self.wall_on_left != self.forward
 
-    def seen(self, sensed: Observation) -> Observation:
+    def seen(self, observation: Observation) -> Observation:
         """Turn and mirror a scan, so that the boundary is on the left of the way."""
-        bearings = sensed.bearings if self.forward else sensed.bearings + math.pi
+        bearings = (
+            observation.bearings if self.forward else observation.bearings + math.pi
+        )
         bearings = -bearings if self._mirrored else bearings
         bearings = np.remainder(bearings + math.pi, 2 * math.pi) - math.pi
-        return Observation(sensed.time, sensed.pose, bearings, sensed.ranges)
+        return Observation(
+            observation.time, observation.pose, bearings, observation.ranges
+        )
 
-    def told(self, motion: Twist) -> Twist:
+    def told(self, twist: Twist) -> Twist:
         """Turn and mirror a motion back."""
-        speed = motion.speed if self.forward else -motion.speed
-        return Twist(speed, -motion.turn if self._mirrored else motion.turn)
+        speed = twist.speed if self.forward else -twist.speed
+        return Twist(speed, -twist.turn if self._mirrored else twist.turn)
 
     def bearing(self, seen: float) -> float:
         """Turn and mirror a bearing back, rad; any number of turns."""
@@ -98,81 +102,83 @@ class WallFollower:
 
     Attributes:
         bumpers: What is sensed by.
-        pace: How fast.
+        speed_limits: How fast.
     """
 
     bumpers: Bumpers
-    pace: SpeedLimits
+    speed_limits: SpeedLimits
 
     @property
     def wanted(self) -> float:
         """Distance of the boundary that is kept where there is room, m."""
         return self.bumpers.safety_distance + self.bumpers.band / 2
 
-    def step(self, sensed: Observation, way: FollowSide) -> tuple[Twist, bool]:
+    def step(self, observation: Observation, mode: FollowMode) -> tuple[Twist, bool]:
         """Decide how to move.
 
         Returns:
             The motion, and whether the boundary is there; where it is not, the motion
             leads towards it.
         """
-        seen = way.seen(sensed)
+        seen = mode.seen(observation)
         boundary = self._boundary(seen)
         if boundary is None:
             # the circle that a corner out of sight would ask for
-            speed = self.pace.speed
-            return way.told(Twist(speed, speed / self.wanted)), False
+            speed = self.speed_limits.speed
+            return mode.told(Twist(speed, speed / self.wanted)), False
         heading = self._clear_heading(seen, self._along(seen, boundary))
-        return way.told(self._move(seen, heading)), True
+        return mode.told(self._move(seen, heading)), True
 
     def align(
-        self, sensed: Observation, way: FollowSide, obstacle: float
+        self, observation: Observation, mode: FollowMode, obstacle: float
     ) -> tuple[Twist, bool]:
         """Turn on the spot until the obstacle is abeam.
 
         Args:
-            sensed: What is around.
-            way: How to go along afterwards.
+            observation: What is around.
+            mode: How to go along afterwards.
             obstacle: Direction in which the obstacle is, rad from the robot's front.
 
         Returns:
             The motion, and whether that is done.
         """
-        seen = way.seen(sensed)
-        ahead = wrap_angle(self._sidelong(seen, way, obstacle))
-        motion = self.pace.towards(ahead)
-        return way.told(Twist(0.0, motion.turn)), abs(ahead) < ALIGNED
+        seen = mode.seen(observation)
+        ahead = wrap_angle(self._sidelong(seen, mode, obstacle))
+        twist = self.speed_limits.towards(ahead)
+        return mode.told(Twist(0.0, twist.turn)), abs(ahead) < ALIGNED
 
-    def direction(self, sensed: Observation, way: FollowSide, obstacle: float) -> float:
+    def direction(
+        self, observation: Observation, mode: FollowMode, obstacle: float
+    ) -> float:
         """Give the direction along an obstacle, rad, map frame; arguments as above."""
-        ahead = self._sidelong(way.seen(sensed), way, obstacle)
-        return sensed.pose.yaw + way.bearing(ahead)
+        ahead = self._sidelong(mode.seen(observation), mode, obstacle)
+        return observation.pose.yaw + mode.bearing(ahead)
 
-    def tangent(self, sensed: Observation, way: FollowSide) -> float:
+    def tangent(self, observation: Observation, mode: FollowMode) -> float:
         """Give the direction along the boundary, rad, map frame; any number of turns.
 
         Where there is no boundary it is the way ahead.
         """
-        boundary = self._boundary(way.seen(sensed))
+        boundary = self._boundary(mode.seen(observation))
         ahead = 0.0 if boundary is None else boundary.bearing - ABEAM
-        return sensed.pose.yaw + way.bearing(ahead)
+        return observation.pose.yaw + mode.bearing(ahead)
 
-    def faces(self, sensed: Observation, way: FollowSide, bearing: float) -> bool:
+    def faces(self, observation: Observation, mode: FollowMode, bearing: float) -> bool:
         """Tell whether a direction leads into the boundary that is followed.
 
         What is on the other side of a gap is another matter.
 
         Args:
-            sensed: What is around.
-            way: How it is followed.
+            observation: What is around.
+            mode: How it is followed.
             bearing: The direction, rad from the robot's front.
         """
-        seen = way.seen(sensed)
+        seen = mode.seen(observation)
         boundary = self._boundary(seen)
         if boundary is None:
             return False
         side = self._side(seen) & (seen.ranges <= boundary.distance + CORNER)
-        apart = seen.bearings[side] - way.bearing(bearing)  # they undo themselves
+        apart = seen.bearings[side] - mode.bearing(bearing)  # they undo themselves
         apart = np.remainder(apart + math.pi, 2 * math.pi) - math.pi
         return bool((np.abs(apart) <= FACING).any())
 
@@ -181,9 +187,9 @@ class WallFollower:
         left: NDArray[np.bool_] = seen.bearings >= -ASIDE
         return left | (seen.bearings < self.bumpers.width / 2 - math.pi)
 
-    def _sidelong(self, seen: Observation, way: FollowSide, obstacle: float) -> float:
+    def _sidelong(self, seen: Observation, mode: FollowMode, obstacle: float) -> float:
         """Give the heading that brings the nearest of what is there abeam, rad."""
-        centre = way.bearing(obstacle)  # turning and mirroring undo themselves
+        centre = mode.bearing(obstacle)  # turning and mirroring undo themselves
         apart = np.remainder(seen.bearings - centre + math.pi, 2 * math.pi) - math.pi
         # what is ahead of the robot is what it hit; else it is beside its way
         ahead = self.bumpers.towards(seen, centre).blocked
@@ -244,10 +250,10 @@ class WallFollower:
         return float(tried[clear[0]])
 
     def _move(self, seen: Observation, heading: float) -> Twist:
-        motion = self.pace.towards(max(-math.pi, min(math.pi, heading)))
+        twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
         if self.bumpers.towards(seen, 0.0).too_near:
-            return Twist(0.0, motion.turn)
-        return motion
+            return Twist(0.0, twist.turn)
+        return twist
 
 
 def _places(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:

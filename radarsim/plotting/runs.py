@@ -51,12 +51,12 @@ STROKES: Final = {
 
 
 def draw_run(
-    record: RunLog, title: str, *, plan: Floats = NO_LINES, form: str = "png"
+    run_log: RunLog, title: str, *, plan: Floats = NO_LINES, form: str = "png"
 ) -> bytes:
     """Draw a run.
 
     Args:
-        record: At least one moment.
+        run_log: At least one moment.
         title: Above the picture.
         plan: Lines of the map, (S, 2, 2) m.
         form: One of ``FORMS``.
@@ -67,24 +67,24 @@ def draw_run(
     dates = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
     data = io.BytesIO()
     with rc_context({"svg.hashsalt": "radarsim"}):
-        canvas = FigureCanvasAgg(figure_of(record, title, plan))
+        canvas = FigureCanvasAgg(figure_of(run_log, title, plan))
         told = {dates[form]: None}
         canvas.print_figure(data, format=form, metadata=told)
     return data.getvalue()
 
 
-def figure_of(record: RunLog, title: str, plan: Floats = NO_LINES) -> Figure:
+def figure_of(run_log: RunLog, title: str, plan: Floats = NO_LINES) -> Figure:
     """Draw a run; arguments as in ``draw_run``."""
-    low, high = _extent(record)
+    low, high = _extent(run_log)
     wide, tall = (high - low) * _LONGEST / max(high - low)
     layout = ConstrainedLayoutEngine(compress=True, w_pad=0.12, h_pad=0.1)
     size = (max(wide, 4.0) + 2.9, max(tall, 3.0) + 0.9)
     figure = Figure(figsize=size, dpi=110, layout=layout)
     axes = figure.add_subplot()
     rows = [
-        *_draw_surroundings(axes, record, plan),
-        *_draw_way(axes, record),
-        *_draw_marks(axes, record),
+        *_draw_surroundings(axes, run_log, plan),
+        *_draw_way(axes, run_log),
+        *_draw_marks(axes, run_log),
     ]
     axes.set_aspect("equal")
     axes.set_xlim(low[0], high[0])
@@ -98,44 +98,46 @@ def figure_of(record: RunLog, title: str, plan: Floats = NO_LINES) -> Figure:
     return figure
 
 
-def _extent(record: RunLog) -> tuple[Floats, Floats]:
+def _extent(run_log: RunLog) -> tuple[Floats, Floats]:
     """Give the corners of what is shown: the way, and what was sensed near it."""
-    ends = [end for leg in record.legs for end in (leg.start, leg.goal)]
-    way = np.concatenate([record.way, np.array(ends).reshape(-1, 2)])
-    low, high = way.min(axis=0), way.max(axis=0)
-    sensed = record.sensed[:, :2]
-    near = (sensed >= low - AROUND).all(axis=1) & (sensed <= high + AROUND).all(axis=1)
-    shown = np.concatenate([way, sensed[near]])
+    ends = [end for line in run_log.goal_lines for end in (line.start, line.goal)]
+    path = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2)])
+    low, high = path.min(axis=0), path.max(axis=0)
+    observation = run_log.beam_ends[:, :2]
+    near = (observation >= low - AROUND).all(axis=1) & (
+        observation <= high + AROUND
+    ).all(axis=1)
+    shown = np.concatenate([path, observation[near]])
     return shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
 
 
-def _draw_surroundings(axes: Axes, record: RunLog, plan: Floats) -> list[Line2D]:
+def _draw_surroundings(axes: Axes, run_log: RunLog, plan: Floats) -> list[Line2D]:
     rows = []
     if len(plan):
         lines = LineCollection(list(plan), colors="black", linewidths=1.5, zorder=1.5)
         axes.add_collection(lines)
         rows.append(Line2D([], [], color="black", linewidth=1.5, label="map"))
-    x, y, counts = record.sensed.T
+    x, y, counts = run_log.beam_ends.T
     often = np.log1p(counts) / np.log1p(counts.max(initial=1.0))
     shades = LIGHTEST + (DARKEST - LIGHTEST) * often
     style: dict[str, Any] = {"cmap": "gray", "vmin": 0.0, "vmax": 1.0}
     axes.scatter(x, y, 3.0, shades, marker=".", **style, zorder=1.0)
     dots: dict[str, Any] = {"color": "0.45", "marker": ".", "linestyle": "none"}
     rows.append(Line2D([], [], **dots, markersize=5, label="sensed (darker: often)"))
-    for leg in record.legs:
-        ends = np.array([leg.start, leg.goal])
+    for line in run_log.goal_lines:
+        ends = np.array([line.start, line.goal])
         axes.plot(*ends.T, "--", color="0.3", linewidth=1.0, zorder=2.0)
     dashes: dict[str, Any] = {"color": "0.3", "linestyle": "--", "linewidth": 1.0}
     rows.append(Line2D([], [], **dashes, label="line to the goal"))
     return rows
 
 
-def _draw_way(axes: Axes, record: RunLog) -> list[Line2D]:
+def _draw_way(axes: Axes, run_log: RunLog) -> list[Line2D]:
     """Draw the way in the colours of what the robot was at; give the legend's rows."""
-    way = record.way
-    doings = [row.doing for row in record.rows]
-    strokes = [STROKES.get(doing, GOING) for doing in doings]
-    steps = np.stack([way[:-1], way[1:]], axis=1)
+    path = run_log.path
+    activities = [row.activity for row in run_log.rows]
+    strokes = [STROKES.get(activity, GOING) for activity in activities]
+    steps = np.stack([path[:-1], path[1:]], axis=1)
     rows = []
     for stroke in (GOING, FOLLOWING, RETURNING):
         chosen = np.array([one is stroke for one in strokes[:-1]], dtype=np.bool_)
@@ -185,14 +187,14 @@ LEAVE: Final = Mark("leave point", "L", "^", "#006d2c", 7.0, (9, 8))
 END: Final = Mark("end, goal not reached", "", "X", "black", 9.0, (0, 0))
 
 
-def _draw_marks(axes: Axes, record: RunLog) -> list[Line2D]:
-    last = record.rows[-1]
+def _draw_marks(axes: Axes, run_log: RunLog) -> list[Line2D]:
+    last = run_log.rows[-1]
     ends = [] if last.goal is None else [(last.x, last.y)]
     return [
-        *_draw_mark(axes, START, [leg.start for leg in record.legs[:1]]),
-        *_draw_mark(axes, HIT, record.hits),
-        *_draw_mark(axes, LEAVE, record.leaves),
-        *_draw_mark(axes, GOAL, [leg.goal for leg in record.legs]),
+        *_draw_mark(axes, START, [line.start for line in run_log.goal_lines[:1]]),
+        *_draw_mark(axes, HIT, run_log.hit_points),
+        *_draw_mark(axes, LEAVE, run_log.leave_points),
+        *_draw_mark(axes, GOAL, [line.goal for line in run_log.goal_lines]),
         *_draw_mark(axes, END, ends),
     ]
 

@@ -118,7 +118,7 @@ def test_commands_in_captions_drive_the_same_way(radarsim: Command) -> None:
     run = bugs.run(bugs.CLOSED, Algorithm.BUG2, 1)
     words = f"navigate --serve {bugs.CLOSED} --algorithm bug2 --seed 1 --json"
     told = json.loads(radarsim(*words.split()).text)
-    assert told["path_length"] == pytest.approx(run.record.length, abs=1e-3)
+    assert told["path_length"] == pytest.approx(run.run_log.path_length, abs=1e-3)
     assert told["judge"]["goal_distance"] == pytest.approx(run.off, abs=1e-3)
 
 

@@ -6,10 +6,10 @@ import shapely
 from shapely import Point
 
 from radarsim.evaluation.free_space import (
+    component_around,
+    floor_plan,
     free_space,
     is_connected,
-    piece_around,
-    plan_of,
 )
 from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
@@ -59,7 +59,7 @@ def test_what_is_closed_is_solid_all_through(part: Part) -> None:
 
 def test_what_a_robot_starts_in_is_a_room() -> None:
     scene = hall(block(0, 0, (6, 4)), start=Pose3(1, 1, 0))
-    room = piece_around(free_space(scene, 0.5), (1, 1))
+    room = component_around(free_space(scene, 0.5), (1, 1))
     assert room is not None
     assert room.area == pytest.approx(5 * 3)
     assert not is_connected(scene, (1, 1), (8, 0), 0.1)
@@ -141,7 +141,7 @@ def test_a_plan_shows_what_robots_bump_into_above_the_floor_they_start_on() -> N
     cloud = Part("cloud", SMOKE, *sphere(2.0))
     for floor, shown in ((0.0, [low, high]), (0.3, [high])):
         scene = hall(low, high, cloud, start=Pose3(9, 9, floor))
-        sides = shapely.multilinestrings(shapely.linestrings(plan_of(scene)))
+        sides = shapely.multilinestrings(shapely.linestrings(floor_plan(scene)))
         boxes = [
             shapely.box(*part.vertices[:, :2].min(0), *part.vertices[:, :2].max(0))
             for part in shown

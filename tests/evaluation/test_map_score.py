@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarsim.evaluation.map_score import MapScore, Truth, judge_map
+from radarsim.evaluation.map_score import MapScore, Truth, score_map
 from radarsim.mapping.occupancy_grid import (
     CellClass,
     GridFrame,
@@ -53,7 +53,7 @@ def perfect(scene: Scene) -> NDArray[np.uint8]:
 
 def judged(classes: NDArray[np.uint8], scene: Scene, **wish: Any) -> MapScore:
     values = {"start": START, "body": 0.371, "height": HEIGHT, **wish}
-    return judge_map(Painted(classes), scene, **values)
+    return score_map(Painted(classes), scene, **values)
 
 
 def around(x: float, y: float, radius: float) -> Mask:

@@ -7,11 +7,11 @@ import pytest
 from radarsim.client import Client
 from radarsim.errors import MapError, PresetError
 from radarsim.evaluation.bug_bounds import bug_bounds
+from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.trials import (
     Entry,
-    GroundTruthMonitor,
     Score,
-    conditions_of,
+    config_with_sensor,
     entries,
     load_trial,
     run_trial,
@@ -122,26 +122,26 @@ def test_json_has_millimetres_and_none() -> None:
 
 def test_the_referee_counts_a_touch_once_and_the_true_way(empty_room: Scene) -> None:
     host = Host(empty_room)
-    referee = GroundTruthMonitor(host)
-    assert referee.distance((0.0, 0.0)) == math.inf
-    with Client(InProcessTransport(host, after_tick=referee.watch)) as client:
+    monitor = GroundTruthMonitor(host)
+    assert monitor.distance((0.0, 0.0)) == math.inf
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         client.spawn("P3AT", pose=Pose2(9.0, 0.0, 0.0))
         client.drive(6.0, 6.0)
         for _ in range(100):
             client.read()
-        into_the_wall = referee.path_length
+        into_the_wall = monitor.path_length
         client.drive(-3.0, -3.0)
         for _ in range(20):
             client.read()
-    assert referee.collisions == 1
+    assert monitor.collisions == 1
     assert 0.8 < into_the_wall < 1.3
-    assert referee.path_length > into_the_wall + 0.1
-    assert referee.distance((9.0, 0.0)) < into_the_wall
+    assert monitor.path_length > into_the_wall + 0.1
+    assert monitor.distance((9.0, 0.0)) < into_the_wall
 
 
 def test_an_unknown_sensor_and_a_map_without_a_trial_are_errors() -> None:
     with pytest.raises(PresetError, match="expected one of"):
-        conditions_of("sonar")
+        config_with_sensor("sonar")
     with pytest.raises(MapError, match="empty_room: no 'trial'"):
         load_trial("empty_room")
     with pytest.raises(MapError):

@@ -38,7 +38,7 @@ from radarsim.simulation.config import SimulationConfig
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 Mask = NDArray[np.bool_]
-FollowSide = tuple[tuple[float, float], ...]
+FollowMode = tuple[tuple[float, float], ...]
 
 SIZE = 0.05  # m, of a cell
 HEIGHT = 0.346  # m, of a P3AT's scanner
@@ -116,10 +116,14 @@ class Drive:
 
 
 @cache
-def drive(name: str, way: FollowSide, robot: Robot, speed: float) -> Drive:
+def drive(name: str, way: FollowMode, robot: Robot, speed: float) -> Drive:
     class_name, settings = robot
     plan = ExplorationPlan(
+<<<<<<< HEAD
         waypoints=way, robot_class=class_name, speed_limits=SpeedLimits(speed=speed)
+=======
+        way=way, robot_class=class_name, speed_limits=SpeedLimits(speed=speed)
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     )
     survey = Exploration(plan, generator_for(0, "exploring"))
     config = SimulationConfig(item_settings={"lms200": dict(settings)})
@@ -394,7 +398,7 @@ def errors(poses: Floats, truth: Floats) -> tuple[float, float]:
     ],
 )
 def test_over_60_m_the_pose_stays_right_though_the_ins_drifts(
-    name: str, way: FollowSide
+    name: str, way: FollowMode
 ) -> None:
     made = drive(name, way, RADAR, speed=0.6)
     assert np.hypot(*np.diff(made.truth[:, 1:3], axis=0).T).sum() > 60
@@ -405,7 +409,12 @@ def test_over_60_m_the_pose_stays_right_though_the_ins_drifts(
     drifted, twisted = errors(made.ins, made.truth)
     assert drifted > 0.10
     assert twisted > 1
+<<<<<<< HEAD
     run = MappingResult("way", "ins", trip=made.survey.trip, mapper=made.mapper)
     told = json.loads(run.to_json())["pose_errors"]
+=======
+    run = MapRun("way", "ins", trip=made.survey.trip, mapper=made.mapper)
+    told = json.loads(as_json(run))["pose_errors"]
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     assert told["ate"] == pytest.approx(off, abs=0.001)
     assert told["yaw_deg"] == pytest.approx(turned, abs=0.02)

@@ -79,7 +79,7 @@ class World:
     pose: Pose2
     grid: OccupancyGrid = field(default_factory=OccupancyGrid)
     track: list[Pose2] = field(default_factory=list)
-    doings: list[str] = field(default_factory=list)
+    activities: list[str] = field(default_factory=list)
     nearest: float = math.inf
 
     @property
@@ -103,13 +103,13 @@ class World:
         ranges = np.where(ended, scan.reach, math.inf)
         return Observation(time, self.pose, scan.angles.copy(), ranges)
 
-    def move(self, motion: Twist) -> None:
-        pose, middle = self.pose, self.pose.yaw + motion.turn * STEP / 2
-        way = motion.speed * STEP
+    def move(self, twist: Twist) -> None:
+        pose, middle = self.pose, self.pose.yaw + twist.turn * STEP / 2
+        way = twist.speed * STEP
         self.pose = Pose2(
             pose.x + way * math.cos(middle),
             pose.y + way * math.sin(middle),
-            pose.yaw + motion.turn * STEP,
+            pose.yaw + twist.turn * STEP,
         )
         self.track.append(self.pose)
         lines = shapely.multilinestrings(self.walls)
@@ -118,13 +118,13 @@ class World:
 
     def run(self, strategy: Strategy, *, steps: int = 2000) -> None:
         for _ in range(steps):
-            motion = strategy.step(self.scan(), self.grid)
-            if self.doings[-1:] != [strategy.doing]:
-                self.doings.append(strategy.doing)
+            twist = strategy.step(self.scan(), self.grid)
+            if self.activities[-1:] != [strategy.activity]:
+                self.activities.append(strategy.activity)
             if strategy.is_done:
                 return
-            self.move(motion)
-        raise AssertionError(f"{strategy.doing} after {steps} steps at {self.pose}")
+            self.move(twist)
+        raise AssertionError(f"{strategy.activity} after {steps} steps at {self.pose}")
 
 
 @pytest.fixture
@@ -163,24 +163,31 @@ def test_a_room_is_seen_at_short_range_all_over(world: Make, name: str) -> None:
     assert floor.area(left) < 1.0
 
 
-@pytest.mark.parametrize("on_left", [True, False])
+@pytest.mark.parametrize("wall_on_left", [True, False])
 def test_a_contour_is_followed_once_and_then_the_interior_filled(
-    world: Make, on_left: bool
+    world: Make, wall_on_left: bool
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
+<<<<<<< HEAD
     settings = ExplorationSettings(
         bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, on_left=on_left
+=======
+    habits = ExplorationSettings(
+        bumpers=HABITS.bumpers,
+        speed_limits=HABITS.speed_limits,
+        wall_on_left=wall_on_left,
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     )
     strategy = ContourStrategy(settings)
     here.run(strategy)
-    assert here.doings == ["seeking", "aligning", "following", "filling"]
+    assert here.activities == ["seeking", "aligning", "following", "filling"]
     assert strategy.contours == 1
     way = shapely.LineString([(pose.x, pose.y) for pose in here.track])
     for corner in ((-4.2, -2.7), (4.2, -2.7), (4.2, 2.7), (-4.2, 2.7)):
         assert way.distance(shapely.Point(corner)) < 0.4
     assert here.length < 2 * (8.5 + 5.5) + 25
     turns = np.diff([pose.yaw for pose in here.track])
-    assert (turns.sum() < 0) == on_left
+    assert (turns.sum() < 0) == wall_on_left
 
 
 def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
@@ -189,24 +196,26 @@ def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
     here = world(PILLAR, 2.0, 0.0, math.pi)
     here.run(strategy)
     assert strategy.contours == 1  # that of the pillar, from outside
-    assert here.doings == ["seeking", "aligning", "following", "seeking"]
+    assert here.activities == ["seeking", "aligning", "following", "seeking"]
     assert here.length < 12  # and nothing is filled
 
 
 def test_where_nothing_is_sensed_a_wall_is_looked_for_ahead(look: Look) -> None:
     class Nearsighted(World):
         def scan(self) -> Observation:
-            sensed = super().scan()
+            observation = super().scan()
             self.grid = OccupancyGrid()  # forgets all
-            ranges = np.where(sensed.ranges < 2.0, sensed.ranges, math.inf)
-            return Observation(sensed.time, sensed.pose, sensed.bearings, ranges)
+            ranges = np.where(observation.ranges < 2.0, observation.ranges, math.inf)
+            return Observation(
+                observation.time, observation.pose, observation.bearings, ranges
+            )
 
     here = Nearsighted(look, HALL, Pose2(0.0, 0.0, 0.0))
     strategy = ContourStrategy(HABITS)
     for _ in range(60):
         here.move(strategy.step(here.scan(), here.grid))
     assert here.pose.x > 3.0
-    assert strategy.doing in ("aligning", "following")
+    assert strategy.activity in ("aligning", "following")
 
 
 def test_frontiers_lead_through_doors(world: Make) -> None:
@@ -251,14 +260,14 @@ def test_a_vacuum_robot_goes_straight_between_walls(world: Make) -> None:
     here = world(HALL, -3.0, 0.5)
     strategy = RandomBounce(HABITS, chance())
     for _ in range(200):
-        doing = strategy.doing
-        motion = strategy.step(here.scan(), here.grid)
-        if doing == strategy.doing == "straight":
-            assert motion.speed > 0.5
-            assert abs(motion.turn) < 0.4
-        elif strategy.doing == "turning":
-            assert motion.speed == 0.0
-        here.move(motion)
+        activity = strategy.activity
+        twist = strategy.step(here.scan(), here.grid)
+        if activity == strategy.activity == "straight":
+            assert twist.speed > 0.5
+            assert abs(twist.turn) < 0.4
+        elif strategy.activity == "turning":
+            assert twist.speed == 0.0
+        here.move(twist)
     assert here.length > 15
 
 
@@ -317,7 +326,11 @@ def test_who_comes_to_a_border_stops_going_round(world: Make) -> None:
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
+<<<<<<< HEAD
     strategy = AutoStrategy(
+=======
+    strategy = Auto(
+>>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         ExplorationSettings(
             bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, radius=8.0
         )
@@ -338,7 +351,7 @@ def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
 
 
 @pytest.mark.parametrize(
-    ("near", "motion", "allowed"),
+    ("near", "twist", "allowed"),
     [
         pytest.param({}, STRAIGHT, STRAIGHT, id="nothing"),
         pytest.param({0: 0.6}, STRAIGHT, STRAIGHT, id="something in the band"),
@@ -350,9 +363,9 @@ def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
     ],
 )
 def test_bumpers_overrule(
-    near: dict[float, float], motion: Twist, allowed: Twist
+    near: dict[float, float], twist: Twist, allowed: Twist
 ) -> None:
-    assert HABITS.careful(sensed_with(near), motion) == allowed
+    assert HABITS.careful(sensed_with(near), twist) == allowed
 
 
 def test_the_nearest_clear_bearing_is_taken() -> None:
@@ -397,7 +410,7 @@ def test_a_way_leads_from_place_to_place(world: Make) -> None:
     ]
     assert max(near) < THERE
     assert here.length < 1.05 * (2.24 + 6 + 4)
-    assert set(here.doings) == {"underway"}
+    assert set(here.activities) == {"underway"}
 
 
 def test_what_no_way_leads_to_is_left_out(world: Make) -> None:

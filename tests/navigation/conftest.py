@@ -59,14 +59,14 @@ class Flatland:
         nearest = np.where(met, ranges, math.inf).min(axis=1, initial=math.inf)
         return Observation(len(self.track) * STEP, self.pose, BEARINGS.copy(), nearest)
 
-    def move(self, motion: Twist) -> None:
+    def move(self, twist: Twist) -> None:
         """Let one step pass."""
-        pose, middle = self.pose, self.pose.yaw + motion.turn * STEP / 2
-        way = motion.speed * STEP
+        pose, middle = self.pose, self.pose.yaw + twist.turn * STEP / 2
+        way = twist.speed * STEP
         self.pose = Pose2(
             pose.x + way * math.cos(middle),
             pose.y + way * math.sin(middle),
-            pose.yaw + motion.turn * STEP,
+            pose.yaw + twist.turn * STEP,
         )
         self.track.append(self.pose)
         place = shapely.Point(self.pose.x, self.pose.y)
@@ -78,7 +78,7 @@ class Flatland:
             self.move(bug.step(self.scan()))
             if bug.is_done:
                 return
-        raise AssertionError(f"{bug.doing} after {steps} steps at {self.pose}")
+        raise AssertionError(f"{bug.activity} after {steps} steps at {self.pose}")
 
 
 def _cross(starts: Floats, sides: Floats) -> Floats:

@@ -23,11 +23,11 @@ class World(Protocol):
 S = 0.5
 FAST = SpeedLimits(0.6, 1.5)  # exact worlds allow it, and tests are over sooner
 BOTH = pytest.mark.parametrize("algorithm", list(Algorithm))
-HANDS = pytest.mark.parametrize("on_left", [True, False], ids=["left", "right"])
+HANDS = pytest.mark.parametrize("wall_on_left", [True, False], ids=["left", "right"])
 
 
 def bug(algorithm: Algorithm, *goals: tuple[float, float], **changed: object) -> Bug:
-    values = {"bumpers": Bumpers(safety_distance=S), "pace": FAST, **changed}
+    values = {"bumpers": Bumpers(safety_distance=S), "speed_limits": FAST, **changed}
     return Bug(goals, BugSettings(algorithm=algorithm, **values))  # type: ignore[arg-type]
 
 
@@ -42,12 +42,12 @@ CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
     "shape", [pytest.param(BOX, id="box"), pytest.param(TRAP, id="trap")]
 )
 def test_it_gets_round_within_the_bounds_of_choset(
-    flatland: World, shape: shapely.Polygon, algorithm: Algorithm, on_left: bool
+    flatland: World, shape: shapely.Polygon, algorithm: Algorithm, wall_on_left: bool
 ) -> None:
     world = flatland(shape, at=Pose2(-6.0, 0.0))
-    walker = bug(algorithm, (6.0, 0.2), on_left=on_left)
+    walker = bug(algorithm, (6.0, 0.2), wall_on_left=wall_on_left)
     world.run(walker)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert math.hypot(world.pose.x - 6, world.pose.y - 0.2) <= 0.15
     assert world.nearest > 0.45
     grown = shape.buffer(S + 0.5).exterior
@@ -55,7 +55,7 @@ def test_it_gets_round_within_the_bounds_of_choset(
     crossings = len(shapely.get_parts(grown.intersection(line)))
     share = 1.5 if algorithm is Algorithm.BUG1 else crossings / 2
     assert world.length <= 1.05 * (line.length + share * grown.length)
-    assert len(walker.hits) == len(walker.leaves) == 1
+    assert len(walker.hit_points) == len(walker.leave_points) == 1
     assert walker.circuits == (algorithm is Algorithm.BUG1)
 
 
@@ -71,16 +71,16 @@ def test_it_gets_round_within_the_bounds_of_choset(
 def test_it_says_that_there_is_no_path(
     flatland: World,
     algorithm: Algorithm,
-    on_left: bool,
+    wall_on_left: bool,
     start: tuple[float, float],
     goal: tuple[float, float],
 ) -> None:
     world = flatland(CELL, at=Pose2(*start, 1.0))
-    walker = bug(algorithm, goal, on_left=on_left)
+    walker = bug(algorithm, goal, wall_on_left=wall_on_left)
     world.run(walker)
-    assert walker.doing is Activity.NO_PATH
+    assert walker.activity is Activity.NO_PATH
     assert walker.circuits == 1
-    assert not walker.leaves
+    assert not walker.leave_points
     assert world.nearest > 0.45
 
 
@@ -99,7 +99,7 @@ def test_without_obstacles_the_way_is_straight(flatland: World) -> None:
     walker = bug(Algorithm.BUG1, (3.0, -4.0))
     world.run(walker)
     assert world.length == pytest.approx(5.0, abs=0.2)
-    assert walker.hits == walker.leaves == []
+    assert walker.hit_points == walker.leave_points == []
 
 
 def test_way_points_are_reached_in_turn(flatland: World) -> None:
@@ -129,14 +129,14 @@ def test_what_is_beyond_the_goal_is_not_in_the_way(flatland: World) -> None:
     world = flatland(shapely.box(3, -5, 4, 5), at=Pose2(0.0, 0.0))
     walker = bug(Algorithm.BUG2, (2.45, 0.0))  # 0.55 m before the wall
     world.run(walker)
-    assert walker.hits == []
+    assert walker.hit_points == []
 
 
 def test_a_goal_beside_the_boundary_is_reached_from_it(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(Algorithm.BUG1, (2.1, 0.5))  # 0.6 m behind the box
     world.run(walker)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert walker.circuits == 0
 
 
@@ -148,9 +148,9 @@ def test_the_shorter_rule_gives_up_where_hit_point_goes_on(flatland: World) -> N
     ends = {}
     for rule in GiveUp:
         world = flatland(hook, at=Pose2(0.5, 0.0))
-        walker = bug(Algorithm.BUG2, (6.5, 0.0), give_up=rule, on_left=False)
+        walker = bug(Algorithm.BUG2, (6.5, 0.0), give_up=rule, wall_on_left=False)
         world.run(walker)
-        ends[rule] = walker.doing
+        ends[rule] = walker.activity
     assert ends == {GiveUp.HIT_POINT: Activity.REACHED, GiveUp.LINE: Activity.NO_PATH}
 
 
@@ -161,7 +161,7 @@ def test_any_number_of_bumpers_will_do(flatland: World, count: int) -> None:
         Algorithm.BUG2, (6.0, 0.0), bumpers=Bumpers(safety_distance=S, count=count)
     )
     world.run(walker)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -170,14 +170,14 @@ def test_the_literal_rule_will_do(flatland: World) -> None:
     bumpers = Bumpers(safety_distance=S, rule=Rule.ALL)
     walker = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
     world.run(walker)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
 def test_a_boundary_that_vanishes_is_left(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(Algorithm.BUG1, (6.0, 0.0))
-    while walker.doing != Activity.FOLLOWING:
+    while walker.activity != Activity.FOLLOWING:
         world.move(walker.step(world.scan()))
     empty = flatland(at=world.pose)
     empty.run(walker)
@@ -205,12 +205,12 @@ BOXES = st.builds(
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.sampled_from(list(Algorithm)), st.booleans(), BOXES)
 def test_no_box_keeps_it_from_a_goal_behind(
-    flatland: World, algorithm: Algorithm, on_left: bool, box: shapely.Polygon
+    flatland: World, algorithm: Algorithm, wall_on_left: bool, box: shapely.Polygon
 ) -> None:
     world = flatland(box, at=Pose2(-5.5, 0.0))
-    walker = bug(algorithm, (5.5, 0.0), on_left=on_left)
+    walker = bug(algorithm, (5.5, 0.0), wall_on_left=wall_on_left)
     world.run(walker, steps=4000)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -222,9 +222,9 @@ def test_a_goal_that_is_too_near_to_something_ends_in_no_path_or_at_the_goal(
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(algorithm, (-1.5 - gap, 0.3))
     world.run(walker, steps=3000)
-    assert len(walker.hits) < 8
+    assert len(walker.hit_points) < 8
     assert world.nearest > 0.38
-    assert walker.doing in (Activity.NO_PATH, Activity.REACHED)
+    assert walker.activity in (Activity.NO_PATH, Activity.REACHED)
 
 
 def gate(width: float) -> list[shapely.Polygon]:
@@ -239,14 +239,14 @@ def gate(width: float) -> list[shapely.Polygon]:
 @HANDS
 @pytest.mark.parametrize("width", [1.1, 1.3, 1.5, 1.7, 1.9])
 def test_it_gets_past_two_obstacles_however_far_apart(
-    flatland: World, algorithm: Algorithm, on_left: bool, width: float
+    flatland: World, algorithm: Algorithm, wall_on_left: bool, width: float
 ) -> None:
     first = shapely.box(-2.5, -1, -1.5, 1)
     second = shapely.box(-1.5 + width, -1, -0.5 + width, 1)
     world = flatland(first, second, at=Pose2(-5.0, 0.3))
-    walker = bug(algorithm, (4.0, 0.3), on_left=on_left)
+    walker = bug(algorithm, (4.0, 0.3), wall_on_left=wall_on_left)
     world.run(walker)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -255,26 +255,30 @@ def test_it_gets_past_two_obstacles_however_far_apart(
 @pytest.mark.parametrize("width", [1.4, 1.5, 1.9])
 @pytest.mark.parametrize("start", [0.0, 1.5])
 def test_it_goes_through_gaps_wider_than_twice_the_safety_distance(
-    flatland: World, algorithm: Algorithm, on_left: bool, width: float, start: float
+    flatland: World,
+    algorithm: Algorithm,
+    wall_on_left: bool,
+    width: float,
+    start: float,
 ) -> None:
     room = shapely.box(-6, -4.1, 6, 4.1).exterior.buffer(0.1, cap_style="square")
     world = flatland(room, *gate(width), at=Pose2(-4.0, start))
-    walker = bug(algorithm, (4.0, 1.0), on_left=on_left)
+    walker = bug(algorithm, (4.0, 1.0), wall_on_left=wall_on_left)
     world.run(walker)
-    assert walker.doing is Activity.REACHED
+    assert walker.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
 @BOTH
 @HANDS
 def test_it_comes_back_out_of_a_dead_end(
-    flatland: World, algorithm: Algorithm, on_left: bool
+    flatland: World, algorithm: Algorithm, wall_on_left: bool
 ) -> None:
     for width in (1.3, 1.7):
         half = width / 2
         walls = shapely.box(-3, -half - 0.1, 3, half + 0.1)
         dead_end = walls.difference(shapely.box(-4, -half, 2.9, half))
         world = flatland(dead_end, at=Pose2(-6.0, 0.1))
-        walker = bug(algorithm, (6.0, 0.1), on_left=on_left)
+        walker = bug(algorithm, (6.0, 0.1), wall_on_left=wall_on_left)
         world.run(walker)
-        assert walker.doing is Activity.REACHED
+        assert walker.activity is Activity.REACHED

@@ -14,7 +14,7 @@ BEARINGS = np.radians(np.arange(360) - 180.0)
 HERE = Pose2(0.0, 0.0)
 
 
-def sensed(ranges: object) -> Observation:
+def observation(ranges: object) -> Observation:
     values = np.broadcast_to(np.asarray(ranges, float), (360,)).copy()
     return Observation(0.0, HERE, BEARINGS, values)
 
@@ -22,7 +22,9 @@ def sensed(ranges: object) -> Observation:
 def wall_ahead(distance: float) -> Observation:
     """A flat wall across the way."""
     facing = np.cos(BEARINGS)
-    return sensed(np.where(facing > 1e-9, distance / np.maximum(facing, 1e-9), np.inf))
+    return observation(
+        np.where(facing > 1e-9, distance / np.maximum(facing, 1e-9), np.inf)
+    )
 
 
 def read(bumpers: Bumpers, seen: Observation) -> dict[str, Bumper]:
@@ -35,12 +37,12 @@ def test_every_beam_presses_exactly_one_bumper(count: int, ranges: list[float]) 
     for beam in (0, 1, 22, 23, 180, 202, 359):
         alone = np.full(360, 50.0)
         alone[beam] = 0.5
-        states = bumpers.read(sensed(alone))
+        states = bumpers.read(observation(alone))
         assert sum(state.pressed for state in states) == 1
         centre = bumpers.width * [state.pressed for state in states].index(True)
         apart = math.remainder(centre - BEARINGS[beam], 2 * math.pi)
         assert abs(apart) <= bumpers.width / 2 + 1e-9
-    assert len(bumpers.read(sensed(ranges))) == count == len(set(bumpers.names))
+    assert len(bumpers.read(observation(ranges))) == count == len(set(bumpers.names))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +57,7 @@ def test_a_bumper_is_pressed_by_a_tenth_of_its_45_beams(
 ) -> None:
     ranges = np.full(360, 9.0)
     ranges[270 : 270 + beams] = 1.49  # about the left
-    states = read(Bumpers(safety_distance=1.0), sensed(ranges))
+    states = read(Bumpers(safety_distance=1.0), observation(ranges))
     assert [name for name, state in states.items() if state.pressed] == [
         "left"
     ] * pressed
@@ -74,7 +76,7 @@ def test_a_bumper_is_pressed_by_a_tenth_of_its_45_beams(
 def test_the_band_is_half_a_metre(
     distance: float, pressed: bool, too_near: bool
 ) -> None:
-    for state in Bumpers(safety_distance=1.0).read(sensed(distance)):
+    for state in Bumpers(safety_distance=1.0).read(observation(distance)):
         assert (state.pressed, state.too_near) == (pressed, too_near)
         assert state.blocked == pressed
         assert state.distance == distance
@@ -112,7 +114,9 @@ def test_towards_is_the_front_bumper_of_a_robot_that_faces_there() -> None:
     bumpers = Bumpers(safety_distance=1.0)
     for turn in (0.0, 0.7, math.pi, -2.0):
         facing = np.cos(BEARINGS - turn)
-        seen = sensed(np.where(facing > 0.01, 1.3 / np.maximum(facing, 0.01), np.inf))
+        seen = observation(
+            np.where(facing > 0.01, 1.3 / np.maximum(facing, 0.01), np.inf)
+        )
         assert bumpers.towards(seen, turn).pressed
         assert not bumpers.towards(seen, turn + math.pi).blocked
 

@@ -24,12 +24,12 @@ def test_a_minute_without_a_move_is_too_long() -> None:
 
 
 @pytest.mark.parametrize(
-    "pace", [Twist(0.01, 0.0), Twist(0.0, 0.02)], ids=["creeps", "turns"]
+    "speed_limits", [Twist(0.01, 0.0), Twist(0.0, 0.02)], ids=["creeps", "turns"]
 )
-def test_who_moves_however_slowly_does_not_stand(pace: Twist) -> None:
+def test_who_moves_however_slowly_does_not_stand(speed_limits: Twist) -> None:
     watch = StandstillDetector()
     for time in range(300):
-        watch.check(at(time, pace.speed * time, pace.turn * time))
+        watch.check(at(time, speed_limits.speed * time, speed_limits.turn * time))
 
 
 def test_3_m_told_and_none_made_is_pushing() -> None:

@@ -105,15 +105,15 @@ def test_a_safety_distance_below_what_is_seen_into_foliage_is_an_error(
     with pytest.raises(
         NavigationError, match=r"1\.371 m, .* 1\.00 m seen into foliage"
     ):
-        run(empty_room, safety_distance=1.3, depth=1.0)
+        run(empty_room, safety_distance=1.3, penetration_depth=1.0)
 
 
-@pytest.mark.parametrize("depth", [0.0, 0.8])
+@pytest.mark.parametrize("penetration_depth", [0.0, 0.8])
 def test_it_keeps_hull_and_foliage_and_a_margin_away_by_itself(
-    empty_room: Scene, depth: float
+    empty_room: Scene, penetration_depth: float
 ) -> None:
-    result = run(empty_room, depth=depth, time_limit=0.1)
-    expected = HALF_DIAGONAL + depth + MARGIN
+    result = run(empty_room, penetration_depth=penetration_depth, time_limit=0.1)
+    expected = HALF_DIAGONAL + penetration_depth + MARGIN
     assert result.safety_distance == pytest.approx(expected, abs=1e-3)
 
 
@@ -125,20 +125,20 @@ def test_it_drives_in_the_unit_of_the_server(empty_room: Scene, unit: Any) -> No
 
 
 @pytest.mark.parametrize(
-    ("on_left", "sign"),
+    ("wall_on_left", "sign"),
     [pytest.param(True, -1, id="left"), pytest.param(False, 1, id="right")],
 )
 def test_it_turns_so_that_the_boundary_comes_to_the_chosen_hand(
-    foliage_room: Scene, on_left: bool, sign: int
+    foliage_room: Scene, wall_on_left: bool, sign: int
 ) -> None:
     turns: list[float] = []
     wish = mission(
         goals=((8.0, 0.0),),
         start="RobotStart1",
         safety_distance=2.0,
-        on_left=on_left,
+        wall_on_left=wall_on_left,
         time_limit=30.0,
     )
     with Client(InProcessTransport(Host(foliage_room))) as client:
-        run_mission(client, wish, lambda moment: turns.append(moment.motion.turn))
-    assert max(turns, key=abs) * sign == pytest.approx(wish.pace.turn)
+        run_mission(client, wish, lambda moment: turns.append(moment.twist.turn))
+    assert max(turns, key=abs) * sign == pytest.approx(wish.speed_limits.turn)

@@ -38,10 +38,10 @@ def test_what_did_not_come_back_is_infinitely_far_and_keeps_its_bearing() -> Non
 
 
 def test_points_are_where_beams_ended_on_the_map() -> None:
-    sensed = Observation(
+    observation = Observation(
         0.0,
         Pose2(1.0, 2.0, math.pi / 2),
         np.array([0.0, 1.0]),
         np.array([3.0, math.inf]),
     )
-    assert sensed.points() == pytest.approx(np.array([[1.0, 5.0]]))
+    assert observation.points() == pytest.approx(np.array([[1.0, 5.0]]))

@@ -16,7 +16,7 @@ from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.control import STAND, SpeedLimits, Twist
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm
-from radarsim.navigation.run_log import CELL, Leg, RunLog
+from radarsim.navigation.run_log import CELL, GoalLine, RunLog
 from radarsim.navigation.runner import NavigationStep
 
 BUMPERS = Bumpers(safety_distance=0.5)
@@ -25,28 +25,30 @@ GOALS = ((6.0, 0.2), (0.0, 5.0))
 
 
 def moment(
-    x: float, y: float, doing: Activity, *ranges: float, time: float = 0.0
+    x: float, y: float, activity: Activity, *ranges: float, time: float = 0.0
 ) -> NavigationStep:
     bearings = np.linspace(-1.0, 1.0, len(ranges))
-    sensed = Observation(time, Pose2(x, y, 0.5), bearings, np.array(ranges))
-    goal = None if doing is Activity.REACHED else (5.0, 0.0)
-    return NavigationStep(sensed, doing, Twist(0.3, -0.1), ("front", "left"), goal)
+    observation = Observation(time, Pose2(x, y, 0.5), bearings, np.array(ranges))
+    goal = None if activity is Activity.REACHED else (5.0, 0.0)
+    return NavigationStep(
+        observation, activity, Twist(0.3, -0.1), ("front", "left"), goal
+    )
 
 
 def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
     """Let a bug drive in a flat world, and record it."""
     settings = BugSettings(
-        algorithm=algorithm, bumpers=BUMPERS, pace=SpeedLimits(0.6, 1.5)
+        algorithm=algorithm, bumpers=BUMPERS, speed_limits=SpeedLimits(0.6, 1.5)
     )
-    bug, record = Bug(GOALS, settings), RunLog()
+    bug, run_log = Bug(GOALS, settings), RunLog()
     while not bug.is_done:
-        sensed = world.scan()
-        motion = bug.step(sensed)
+        observation = world.scan()
+        twist = bug.step(observation)
         goal = bug.goals[0] if bug.goals else None
-        pressed = pressed_names(BUMPERS.read(sensed))
-        record.add(NavigationStep(sensed, bug.doing, motion, pressed, goal))
-        world.move(motion)
-    return bug, record
+        pressed = pressed_names(BUMPERS.read(observation))
+        run_log.add(NavigationStep(observation, bug.activity, twist, pressed, goal))
+        world.move(twist)
+    return bug, run_log
 
 
 @pytest.mark.parametrize("algorithm", list(Algorithm))
@@ -54,40 +56,40 @@ def test_it_knows_what_the_bug_knows(
     flatland: Callable[..., Any], algorithm: Algorithm
 ) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    bug, record = driven(world, algorithm)
-    assert record.hits == bug.hits
-    assert record.leaves == bug.leaves
-    assert record.circuits == bug.circuits == (algorithm is Algorithm.BUG1)
-    assert [leg.goal for leg in record.legs] == list(GOALS)
-    assert record.legs[0] == Leg((-6.0, 0.0), GOALS[0])
-    assert record.length == pytest.approx(world.length, abs=0.1)
-    assert record.nearest == pytest.approx(world.nearest, abs=0.02)
+    bug, run_log = driven(world, algorithm)
+    assert run_log.hit_points == bug.hit_points
+    assert run_log.leave_points == bug.leave_points
+    assert run_log.circuits == bug.circuits == (algorithm is Algorithm.BUG1)
+    assert [line.goal for line in run_log.goal_lines] == list(GOALS)
+    assert run_log.goal_lines[0] == GoalLine((-6.0, 0.0), GOALS[0])
+    assert run_log.path_length == pytest.approx(world.length, abs=0.1)
+    assert run_log.nearest == pytest.approx(world.nearest, abs=0.02)
 
 
 def test_where_the_goal_is_reached_at_a_boundary_is_no_leave_point() -> None:
-    record = RunLog()
-    record.add(moment(0, 0, Activity.GOING))
-    record.add(moment(1, 0, Activity.ALIGNING))
-    record.add(moment(1, 1, Activity.FOLLOWING))
-    record.add(moment(5, 0, Activity.REACHED))
-    assert record.hits == [(1, 0)]
-    assert record.leaves == []
-    assert record.rows[-1].goal_distance == 0
+    run_log = RunLog()
+    run_log.add(moment(0, 0, Activity.GOING))
+    run_log.add(moment(1, 0, Activity.ALIGNING))
+    run_log.add(moment(1, 1, Activity.FOLLOWING))
+    run_log.add(moment(5, 0, Activity.REACHED))
+    assert run_log.hit_points == [(1, 0)]
+    assert run_log.leave_points == []
+    assert run_log.rows[-1].goal_distance == 0
 
 
 def test_a_run_that_begins_at_an_obstacle_begins_with_a_hit_point() -> None:
-    record = RunLog()
-    record.add(moment(0, 0, Activity.FOLLOWING))
-    record.add(moment(1, 0, Activity.GOING))
-    assert (record.hits, record.leaves) == ([(0, 0)], [(1, 0)])
+    run_log = RunLog()
+    run_log.add(moment(0, 0, Activity.FOLLOWING))
+    run_log.add(moment(1, 0, Activity.GOING))
+    assert (run_log.hit_points, run_log.leave_points) == ([(0, 0)], [(1, 0)])
 
 
 def test_nothing_is_known_of_nothing() -> None:
-    record = RunLog()
-    assert (record.time, record.length, record.nearest) == (0.0, 0.0, math.inf)
-    assert record.way.shape == (0, 2)
-    assert record.sensed.shape == (0, 3)
-    assert record.as_csv().count("\n") == 1
+    run_log = RunLog()
+    assert (run_log.time, run_log.path_length, run_log.nearest) == (0.0, 0.0, math.inf)
+    assert run_log.path.shape == (0, 2)
+    assert run_log.beam_ends.shape == (0, 3)
+    assert run_log.as_csv().count("\n") == 1
 
 
 @given(
@@ -98,22 +100,22 @@ def test_nothing_is_known_of_nothing() -> None:
 def test_every_sensed_point_is_kept_to_half_a_square(
     x: float, y: float, ranges: list[float]
 ) -> None:
-    record = RunLog()
+    run_log = RunLog()
     seen = moment(x, y, Activity.GOING, *ranges, math.inf)
-    record.add(seen)
-    record.add(seen)
-    kept = record.sensed
-    points = seen.sensed.points()
+    run_log.add(seen)
+    run_log.add(seen)
+    kept = run_log.beam_ends
+    points = seen.observation.points()
     apart = np.abs(points[:, None] - kept[None, :, :2]).max(axis=2).min(axis=1)
     assert apart.max() <= CELL / 2 + 1e-6
     assert kept[:, 2].sum() == 2 * len(ranges)
 
 
 def test_a_trace_has_a_row_for_each_moment_and_gaps_for_what_is_not() -> None:
-    record = RunLog()
-    record.add(moment(-0.00001, 1.23456, Activity.GOING, 2.5, 1.5, time=0.2))
-    record.add(moment(0.1, 1.25, Activity.REACHED, math.inf, time=0.30000000000000004))
-    first, last = csv.DictReader(io.StringIO(record.as_csv()))
+    run_log = RunLog()
+    run_log.add(moment(-0.00001, 1.23456, Activity.GOING, 2.5, 1.5, time=0.2))
+    run_log.add(moment(0.1, 1.25, Activity.REACHED, math.inf, time=0.30000000000000004))
+    first, last = csv.DictReader(io.StringIO(run_log.as_csv()))
     assert first == {
         "time": "0.2",
         "x": "0.0",
@@ -131,7 +133,9 @@ def test_a_trace_has_a_row_for_each_moment_and_gaps_for_what_is_not() -> None:
 
 
 def test_yaw_stays_within_half_a_turn() -> None:
-    record = RunLog()
-    sensed = Observation(0.0, Pose2(0, 0, 7.0), np.zeros(0), np.zeros(0))
-    row = record.add(NavigationStep(sensed, Activity.NO_PATH, STAND, (), (1.0, 0.0)))
+    run_log = RunLog()
+    observation = Observation(0.0, Pose2(0, 0, 7.0), np.zeros(0), np.zeros(0))
+    row = run_log.add(
+        NavigationStep(observation, Activity.NO_PATH, STAND, (), (1.0, 0.0))
+    )
     assert row.yaw == pytest.approx(7.0 - 2 * math.pi)

@@ -119,22 +119,22 @@ def stops(link: Ill) -> list[float]:
     return [when for when, drive in link.driven if drive.left == drive.right == 0]
 
 
-@pytest.mark.parametrize("source", list(PoseSource))
+@pytest.mark.parametrize("pose_source", list(PoseSource))
 def test_it_gets_to_a_goal_by_any_reading_of_its_pose_and_stands(
-    empty_room: Scene, source: PoseSource
+    empty_room: Scene, pose_source: PoseSource
 ) -> None:
     link = Ill(Host(empty_room))
     moments: list[NavigationStep] = []
-    result = go_with(link, source=source, observe=moments.append)
+    result = go_with(link, pose_source=pose_source, observe=moments.append)
     assert (result.outcome, result.goals_left) == ("reached", 0)
     assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
     assert stops(link) == [link.driven[-1][0]]
     assert result.path_length == pytest.approx(math.dist((-8, 0), GOAL), abs=0.3)
     assert result.time == pytest.approx((len(moments) - 1) * 0.1, abs=1e-6)
-    assert moments[-1].doing is Activity.REACHED
+    assert moments[-1].activity is Activity.REACHED
     assert moments[-1].goal is None
     assert {moment.goal for moment in moments[:-1]} == {GOAL}
-    assert result.nearest == min(moment.sensed.ranges.min() for moment in moments)
+    assert result.nearest == min(moment.observation.ranges.min() for moment in moments)
 
 
 def test_way_points_are_met_in_turn(empty_room: Scene) -> None:
@@ -209,7 +209,7 @@ def test_a_robot_without_a_scanner_is_said_to_have_none(empty_room: Scene) -> No
 
 
 @pytest.mark.parametrize(
-    ("source", "line"),
+    ("pose_source", "line"),
     [
         pytest.param(PoseSource.INS, b"{Type INS}", id="ins"),
         pytest.param(PoseSource.GROUND_TRUTH, b"{Type GroundTruth}", id="truth"),
@@ -217,11 +217,13 @@ def test_a_robot_without_a_scanner_is_said_to_have_none(empty_room: Scene) -> No
     ],
 )
 def test_a_pose_that_never_comes_is_said_to_be_missing(
-    empty_room: Scene, source: PoseSource, line: bytes
+    empty_room: Scene, pose_source: PoseSource, line: bytes
 ) -> None:
     link = Ill(Host(empty_room), line, since=ALWAYS)
-    with pytest.raises(ClientError, match=f"no pose from {source.value} within 2 s"):
-        go_with(link, source=source)
+    with pytest.raises(
+        ClientError, match=f"no pose from {pose_source.value} within 2 s"
+    ):
+        go_with(link, pose_source=pose_source)
 
 
 def test_a_robot_that_stays_where_it_is_is_given_up(empty_room: Scene) -> None:
@@ -243,7 +245,7 @@ def test_whatever_goes_wrong_the_robot_is_told_to_stop(empty_room: Scene) -> Non
     link = Ill(Host(empty_room))
 
     def interrupt(moment: NavigationStep) -> None:
-        if moment.sensed.time > 2.0:
+        if moment.observation.time > 2.0:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -277,7 +279,7 @@ def test_time_is_limited_at_a_server_without_a_clock(
     result = go_with(link, time_limit=2.0, observe=moments.append)
     assert result.outcome == "failed"
     assert result.time == pytest.approx(2.1)
-    assert all(math.isfinite(moment.sensed.time) for moment in moments)
+    assert all(math.isfinite(moment.observation.time) for moment in moments)
 
 
 @STAMPS

@@ -8,7 +8,7 @@ import shapely
 from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
-from radarsim.navigation.wall_following import FollowSide, WallFollower
+from radarsim.navigation.wall_following import FollowMode, WallFollower
 
 
 class World(Protocol):
@@ -19,40 +19,41 @@ class World(Protocol):
 
 S = 0.5
 FOLLOWER = WallFollower(Bumpers(safety_distance=S), SpeedLimits(0.3))
-WAYS = [
+MODES = [
     pytest.param(
-        FollowSide(on_left, forward), id=f"{'left' if on_left else 'right'}, {name}"
+        FollowMode(wall_on_left, forward),
+        id=f"{'left' if wall_on_left else 'right'}, {name}",
     )
-    for on_left in (True, False)
+    for wall_on_left in (True, False)
     for forward, name in ((True, "forward"), (False, "backward"))
 ]
 
 
-def alongside(way: FollowSide, *, distance: float) -> Pose2:
+def alongside(mode: FollowMode, *, distance: float) -> Pose2:
     """A pose beside a boundary at y = 0 that is above the robot."""
-    facing_east = way.on_left  # the boundary's hand, whatever the way along
+    facing_east = mode.wall_on_left  # the boundary's hand, whatever the way along
     return Pose2(0.0, -distance, 0.0 if facing_east else math.pi)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("distance", [0.55, 0.75, 0.98])
 def test_along_a_wall_it_settles_in_the_middle_of_the_band(
-    flatland: World, way: FollowSide, distance: float
+    flatland: World, mode: FollowMode, distance: float
 ) -> None:
-    world = flatland(shapely.box(-30, 0, 30, 1), at=alongside(way, distance=distance))
+    world = flatland(shapely.box(-30, 0, 30, 1), at=alongside(mode, distance=distance))
     for _ in range(300):
-        motion, found = FOLLOWER.step(world.scan(), way)
+        twist, found = FOLLOWER.step(world.scan(), mode)
         assert found
-        assert (motion.speed > 0) == way.forward
-        world.move(motion)
+        assert (twist.speed > 0) == mode.forward
+        world.move(twist)
     assert world.pose.y == pytest.approx(-FOLLOWER.wanted, abs=0.12)
     assert abs(world.pose.x) > 7
-    east = (world.pose.x > 0) == (way.on_left == way.forward)
+    east = (world.pose.x > 0) == (mode.wall_on_left == mode.forward)
     assert east
     assert world.nearest > S
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(
     "shape",
     [
@@ -71,14 +72,14 @@ def test_along_a_wall_it_settles_in_the_middle_of_the_band(
     ],
 )
 def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
-    flatland: World, shape: shapely.Polygon, way: FollowSide
+    flatland: World, shape: shapely.Polygon, mode: FollowMode
 ) -> None:
-    world = flatland(shape, at=alongside(way, distance=0.75))
+    world = flatland(shape, at=alongside(mode, distance=0.75))
     begin, turned = world.pose, 0.0
     for _ in range(3000):
-        motion, _ = FOLLOWER.step(world.scan(), way)
-        world.move(motion)
-        turned += motion.turn * 0.1
+        twist, _ = FOLLOWER.step(world.scan(), mode)
+        world.move(twist)
+        turned += twist.turn * 0.1
         home = math.hypot(world.pose.x - begin.x, world.pose.y - begin.y)
         if abs(turned) > 4 and world.length > 3 and home < 0.35:
             break
@@ -94,26 +95,26 @@ def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
 
 def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0))
-    for way in (
-        FollowSide(),
-        FollowSide(on_left=False),
-        FollowSide(forward=False),
-        FollowSide(False, False),
+    for mode in (
+        FollowMode(),
+        FollowMode(wall_on_left=False),
+        FollowMode(forward=False),
+        FollowMode(False, False),
     ):
-        motion, found = FOLLOWER.step(world.scan(), way)
+        twist, found = FOLLOWER.step(world.scan(), mode)
         assert not found
         # about a centre on the boundary's hand, at the distance that is kept
-        assert motion.speed / motion.turn == pytest.approx(
-            FOLLOWER.wanted * (1 if way.on_left else -1)
+        assert twist.speed / twist.turn == pytest.approx(
+            FOLLOWER.wanted * (1 if mode.wall_on_left else -1)
         )
-        assert (motion.speed > 0) == way.forward
+        assert (twist.speed > 0) == mode.forward
 
 
 def test_in_a_gap_it_keeps_to_the_middle(flatland: World) -> None:
     walls = shapely.box(-20, 0.6, 20, 1), shapely.box(-20, -1, 20, -0.6)
     world = flatland(*walls, at=Pose2(-15.0, 0.05, 0.0))
     for _ in range(600):
-        world.move(FOLLOWER.step(world.scan(), FollowSide())[0])
+        world.move(FOLLOWER.step(world.scan(), FollowMode())[0])
     assert world.pose.x > 0
     assert world.nearest > 0.5
 
@@ -122,29 +123,32 @@ def test_walled_in_it_turns_and_stays(flatland: World) -> None:
     well = shapely.Point(0, 0).buffer(0.6).exterior.buffer(0.01)
     world = flatland(well, at=Pose2(0.0, 0.0))
     for _ in range(100):
-        world.move(FOLLOWER.step(world.scan(), FollowSide())[0])
+        world.move(FOLLOWER.step(world.scan(), FollowMode())[0])
     assert world.nearest > 0.4
 
 
 def test_the_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
     wall = shapely.box(-9, 0, 9, 1)
-    for way, expected in ((FollowSide(), 0.0), (FollowSide(on_left=False), math.pi)):
+    for mode, expected in (
+        (FollowMode(), 0.0),
+        (FollowMode(wall_on_left=False), math.pi),
+    ):
         world = flatland(wall, at=Pose2(0.0, -0.8, expected + 0.4))
-        tangent = FOLLOWER.tangent(world.scan(), way)
+        tangent = FOLLOWER.tangent(world.scan(), mode)
         assert math.cos(tangent - expected) == pytest.approx(1.0, abs=0.01)
     away = flatland(at=Pose2(0.0, 0.0, 0.4))
-    assert FOLLOWER.tangent(away.scan(), FollowSide()) == pytest.approx(0.4)
+    assert FOLLOWER.tangent(away.scan(), FollowMode()) == pytest.approx(0.4)
 
 
 def test_going_back_is_the_same_hand_the_other_way() -> None:
-    way = FollowSide(on_left=False)
-    assert way.reversed == FollowSide(on_left=False, forward=False)
-    assert way.reversed.reversed == way
+    mode = FollowMode(wall_on_left=False)
+    assert mode.reversed == FollowMode(wall_on_left=False, forward=False)
+    assert mode.reversed.reversed == mode
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_bearings_come_back_as_they_went(flatland: World, way: FollowSide) -> None:
-    sensed = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
-    seen = way.seen(sensed)
-    back = np.array([way.bearing(float(b)) for b in seen.bearings])
-    assert np.cos(back - sensed.bearings) == pytest.approx(1.0)
+@pytest.mark.parametrize("mode", MODES)
+def test_bearings_come_back_as_they_went(flatland: World, mode: FollowMode) -> None:
+    observation = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
+    seen = mode.seen(observation)
+    back = np.array([mode.bearing(float(b)) for b in seen.bearings])
+    assert np.cos(back - observation.bearings) == pytest.approx(1.0)

@@ -52,13 +52,13 @@ NEARLY_THE_SAME = [
 
 
 def record_of(*rows: tuple[float, float, Activity], goal: Point = (4.0, 0.0)) -> RunLog:
-    record = RunLog()
-    for time, (x, y, doing) in enumerate(rows):
+    run_log = RunLog()
+    for time, (x, y, activity) in enumerate(rows):
         ranges = np.array([1.0, 2.0, 60.0, math.inf])
-        sensed = Observation(float(time), Pose2(x, y), np.arange(4.0), ranges)
-        next_goal = None if doing is Activity.REACHED else goal
-        record.add(NavigationStep(sensed, doing, STAND, (), next_goal))
-    return record
+        observation = Observation(float(time), Pose2(x, y), np.arange(4.0), ranges)
+        next_goal = None if activity is Activity.REACHED else goal
+        run_log.add(NavigationStep(observation, activity, STAND, (), next_goal))
+    return run_log
 
 
 def labels(figure: Figure) -> set[str]:
@@ -101,11 +101,13 @@ def test_points_that_lie_close_share_a_label() -> None:
 
 
 def test_several_goals_are_numbered() -> None:
-    record = record_of((0.0, 0.0, Activity.GOING), goal=(1.0, 0.0))
+    run_log = record_of((0.0, 0.0, Activity.GOING), goal=(1.0, 0.0))
     for row in record_of(*BUG1).rows:
-        sensed = Observation(row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0))
-        record.add(NavigationStep(sensed, row.doing, STAND, (), row.goal))
-    assert {"G1", "G2"} <= labels(figure_of(record, ""))
+        observation = Observation(
+            row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0)
+        )
+        run_log.add(NavigationStep(observation, row.activity, STAND, (), row.goal))
+    assert {"G1", "G2"} <= labels(figure_of(run_log, ""))
 
 
 def test_the_legend_tells_what_is_there_and_no_more() -> None:
