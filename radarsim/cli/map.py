@@ -10,23 +10,8 @@ from radarsim.cli.map_progress import progress
 from radarsim.cli.map_report import MapFiles, as_text, keep
 from radarsim.cli.navigate_options import ServerWish
 from radarsim.cli.signals import ending_at_once
-<<<<<<< HEAD
 from radarsim.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.exploration.exploration import warm_up
-=======
-from radarsim.client import Client
-from radarsim.evaluation.ground_truth import GroundTruthMonitor
-from radarsim.evaluation.map_score import score_mapper
-from radarsim.exploration.exploration import (
-    Exploration,
-    ExplorationPlan,
-    ExplorationStep,
-    Outcome,
-    warm_up,
-)
-from radarsim.host import Host
-from radarsim.host.lockstep import InProcessTransport
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 from radarsim.mapping.export import NavMode
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
@@ -69,7 +54,7 @@ def run_survey(
     run = MappingRun(plan, host, seed=wish.seed or 0)
     try:
         with progress(run.exploration) as teller:
-            run.run(server.address, lambda step: teller.tell(step.doing))
+            run.run(server.address, lambda step: teller.tell(step.activity))
     finally:  # however it ends, what there is of the map is kept and told of
         keep(run.result, files)
         run.judge()
@@ -84,7 +69,6 @@ def _overhear(
     if server.map_ is not None:
         text = "expected no --serve with it"
         raise typer.BadParameter(text, param_hint="--through")
-<<<<<<< HEAD
     port = wish.through or 0
     _check_ports(port, server)
     files.check()
@@ -93,46 +77,6 @@ def _overhear(
         resolution=wish.resolution,
         scanner=wish.scanner,
         defaults=wish.given(),
-=======
-    run, code = overhear(wish, server, files)
-    _tell(run, told_as_json=told_as_json)
-    return code
-
-
-def _connect(run: MapRun, host: Host | None, server: ServerWish) -> Client:
-    if host is None:
-        return Client.connect(*server.address)
-    run.monitor = GroundTruthMonitor(host)
-    return Client(InProcessTransport(host, after_tick=run.monitor.watch))
-
-
-def _explore(survey: Exploration, client: Client) -> None:
-    """Explore, and tell on stderr how it goes."""
-    with client, progress(survey) as teller:
-
-        def observe(moment: ExplorationStep) -> None:
-            teller.tell(moment.activity)
-
-        survey.run(client, observe)
-
-
-def _take_stock(run: MapRun, survey: Exploration) -> None:
-    """Note how a survey went, as far as it came."""
-    run.outcome, run.trip = survey.outcome.value, survey.trip
-    run.mapper, run.safety_distance = survey.mapper, survey.safety_distance
-    run.unreached = survey.unreached
-    if run.error not in ("", INTERRUPTED) and survey.outcome is Outcome.BROKEN_OFF:
-        run.outcome = Outcome.FAILED.value
-
-
-def _judge(run: MapRun, host: Host | None, plan: ExplorationPlan) -> None:
-    """Compare the map with the scene, if both are there."""
-    mapper, start = run.mapper, run.trip.start
-    if host is None or mapper is None or start is None:
-        return
-    run.score = score_mapper(
-        mapper, host.simulation.scene, robot_class=plan.robot_class, start=start
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     )
     traffic.on_guess = lambda name: _warn(UNTOLD.format(name))
     with ending_at_once():
@@ -174,12 +118,6 @@ def _warn(text: str) -> None:
 def _tell(result: MappingResult, *, told_as_json: bool) -> None:
     """Print how it was; a run that failed before its first scan has only JSON."""
     if told_as_json:
-<<<<<<< HEAD
         typer.echo(result.to_json())
     elif result.trip.start is not None or not result.error:
         typer.echo("\n".join(as_text(result)))
-=======
-        typer.echo(as_json(run))
-    elif run.trip.start is not None or not run.error:
-        typer.echo("\n".join(as_text(run)))
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)

@@ -92,11 +92,7 @@ class MapWish(DriveWish):
             pose=None if self.pose is None else read_pose(self.pose),
             scanner=self.scanner,
             safety_distance=self.safety_distance,
-<<<<<<< HEAD
-            penetration_depth=self.depth,
-=======
             penetration_depth=self.penetration_depth,
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
             speed_limits=SpeedLimits(speed=self.speed),
             radius=self.radius,
             time_limit=self.time_limit,

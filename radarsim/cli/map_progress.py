@@ -77,11 +77,7 @@ def present(mapping: Mapping, activity: str) -> str:
         return activity
     area = f"sensed {sensed_area(mapper):7.1f} m²"
     path = f"path {trip.length:6.2f} m"
-<<<<<<< HEAD
-    return f"{trip.time:8.1f} s  {doing:9}  {path}  {area}"
-=======
     return f"{trip.time:8.1f} s  {activity:9}  {path}  {area}"
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
 
 def sensed_area(mapper: Mapper) -> float:

@@ -10,12 +10,7 @@ import typer
 
 from radarsim.atomic_write import write_atomically
 from radarsim.cli.options import check_place
-<<<<<<< HEAD
 from radarsim.evaluation.mapping_run import MappingResult
-=======
-from radarsim.evaluation.ground_truth import GroundTruthMonitor
-from radarsim.evaluation.map_score import MapScore
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.trajectory import tum_text
@@ -123,42 +118,7 @@ ENDINGS: Final = {
 }
 
 
-<<<<<<< HEAD
 def keep(run: MappingResult, files: MapFiles) -> None:
-=======
-@dataclass(slots=True)
-class MapRun:
-    """One map: how it was made, and what came of it.
-
-    Attributes:
-        strategy: Its name; None where another client drove.
-        seed_from: What told the robot's motion.
-        course: How far the robot came.
-        mapper: Has the map; None if nothing was ever known of the robot.
-        outcome: How it ended.
-        left_out: Places of a way that it could not get to, m.
-        safety_distance: That was kept, m; None where another client drove.
-        referee: Watched the true robot, if that could be.
-        score: What a judge says who has the map file, if there is one.
-        files: That were written.
-        error: What went wrong; empty if nothing did.
-    """
-
-    strategy: str | None
-    seed_from: str
-    trip: TripMeter = field(default_factory=TripMeter)
-    mapper: Mapper | None = None
-    outcome: str = "broken_off"
-    unreached: tuple[tuple[float, float], ...] = ()
-    safety_distance: float | None = None
-    monitor: GroundTruthMonitor | None = None
-    score: MapScore | None = None
-    files: tuple[Path, ...] = ()
-    error: str = ""
-
-
-def keep(run: MapRun, files: MapFiles) -> None:
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     """Write what there is of a map; say on stderr why that cannot be."""
     try:
         run.files = files.write(run.mapper)
@@ -168,45 +128,7 @@ def keep(run: MapRun, files: MapFiles) -> None:
         run.error = f"{run.error}; {fault}" if run.error else fault
 
 
-<<<<<<< HEAD
 def as_text(run: MappingResult) -> list[str]:
-=======
-def summary(run: MapRun) -> dict[str, Any]:
-    """Give all that is known, for JSON; lengths to mm, except those of errors.
-
-    A run that broke off is told of as far as it came.
-    """
-    told: dict[str, Any] = {
-        "outcome": run.outcome,
-        "strategy": run.strategy,
-        "seed_from": run.seed_from,
-        "time": round(run.trip.time, 3),
-        "path_length": round(run.trip.length, 3),
-        "left_out": [list(place) for place in run.unreached],
-        "safety_distance": _number(run.safety_distance, 3),
-        "scans": 0 if run.mapper is None else run.mapper.scans,
-        "cells": _cells(run.mapper),
-        "pose_errors": _pose_errors(run.mapper),
-        "files": [str(file) for file in run.files],
-        "error": run.error or None,
-    }
-    if run.monitor is not None:
-        told["judge"] = {
-            "path_length": round(run.monitor.path_length, 3),
-            "collisions": run.monitor.collisions,
-        }
-        if run.score is not None:
-            told["judge"] |= run.score.to_dict()
-    return told
-
-
-def as_json(run: MapRun) -> str:
-    """Give that as one line."""
-    return json.dumps(summary(run), allow_nan=False)
-
-
-def as_text(run: MapRun) -> list[str]:
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     """Give that for people, in lines."""
     told = run.to_dict()
     ending = ENDINGS.get(run.outcome, run.outcome)

@@ -23,7 +23,8 @@ def as_text(run: NavigationRun) -> list[str]:
     near = f"nearest obstacle {nearest:.2f} m" if met else "nothing was met"
     lines = [
         f"{ending_of(run)} by {summary['algorithm']}: {_places(run.mission.goals)}",
-        f"path          {summary['path_length']:.2f} m in {summary['time']:.1f} s; {near}",
+        f"path          {summary['path_length']:.2f} m in {summary['time']:.1f} s;"
+        f" {near}",
         f"hit points    {_places(summary['hit_points'])}",
         f"leave points  {_places(summary['leave_points'])}",
         f"circuits      {summary['circuits']}",

@@ -132,5 +132,6 @@ class ChangeLogger:
             )
             return f"{left}going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
         if row.activity in AT_BOUNDARY and not along:
-            return f"hit point {len(self._run_log.hit_points)} at {here}, {row.activity.value}"
+            number = len(self._run_log.hit_points)
+            return f"hit point {number} at {here}, {row.activity.value}"
         return row.activity.value.replace("_", " ")

@@ -19,13 +19,8 @@ import numpy as np
 import shapely
 from shapely import MultiPoint
 
-<<<<<<< HEAD
-from radarsim.evaluation.free_space import Place, free_space, piece_around
-from radarsim.exploration.shortest_path import flood_fill
-=======
 from radarsim.evaluation.free_space import Place, component_around, free_space
-from radarsim.exploration.shortest_path import reached
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+from radarsim.exploration.shortest_path import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.mapper import Mapper
@@ -41,7 +36,6 @@ from radarsim.scene.scene import Part, Scene
 
 TOLERANCE: Final = 2  # cells
 BESIDE: Final = 0.5  # cells more, so that corners of a cell count as beside it
-_KEYS: Final = {"class_accuracy": "told_apart"}  # in JSON
 _SAMPLES: Final = 4  # along a line, for each cell
 
 
@@ -81,19 +75,10 @@ class MapScore:
     class_accuracy: float | None
 
     def to_dict(self) -> dict[str, Any]:
-<<<<<<< HEAD
         """Return the score for JSON, with shares rounded to four digits."""
         rounded = {
             key: round(value, 4) if isinstance(value, float) else value
             for key, value in asdict(self).items()
-=======
-        """Give it for JSON, shares to four digits."""
-        return {
-            _KEYS.get(name, name): round(value, 4)
-            if isinstance(value, float)
-            else value
-            for name, value in asdict(self).items()
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         }
         rounded["told_apart"] = rounded.pop("class_accuracy")
         return rounded
@@ -126,7 +111,7 @@ class Truth:
         for part in scene.parts:
             segments = slice_mesh(part.vertices, part.faces, height)
             if len(segments):
-                kind = kind_of(part)
+                kind = class_of(part)
                 filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
@@ -158,7 +143,7 @@ class Truth:
         return np.asarray(~outdoors & ~walls)[1:-1, 1:-1]
 
 
-def kind_of(part: Part) -> CellClass:
+def class_of(part: Part) -> CellClass:
     """Tell what a map should take a part for."""
     material = part.material
     if not material.solid:
@@ -290,7 +275,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     lines = shapely.linestrings(np.round(segments, 6))
     # cut where they cross: one mesh may have surfaces that do
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
-    if kind_of(part) == CellClass.OBSTACLE:
+    if class_of(part) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
     return _covered(shapely.union_all(areas), frame)
 

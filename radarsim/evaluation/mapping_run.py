@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.client import Client
-from radarsim.evaluation.map_score import MapScore, judge_mapper
-from radarsim.evaluation.trials import GroundTruthMonitor
+from radarsim.evaluation.ground_truth import GroundTruthMonitor
+from radarsim.evaluation.map_score import MapScore, score_mapper
 from radarsim.exploration.exploration import (
     Exploration,
     ExplorationPlan,
@@ -152,7 +152,7 @@ class MappingRun:
         mapper, start = self.result.mapper, self.result.trip.start
         if self._host is None or mapper is None or start is None:
             return
-        self.result.score = judge_mapper(
+        self.result.score = score_mapper(
             mapper,
             self._host.simulation.scene,
             robot_class=self.exploration.plan.robot_class,

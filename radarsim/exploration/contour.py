@@ -40,27 +40,15 @@ class ContourStrategy:
         contours: How many it has closed, islands too.
     """
 
-<<<<<<< HEAD
     def __init__(self, settings: ExplorationSettings) -> None:
-        self.doing = "seeking"
+        self.activity = "seeking"
         self.is_done = False
         self.contours = 0
         self._settings = settings
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._way = FollowSide(on_left=settings.on_left)
+        self._way = FollowMode(wall_on_left=settings.wall_on_left)
         self._walker = PathFollower(settings)
         self._fill = coverage_strategy(settings)
-=======
-    def __init__(self, habits: ExplorationSettings) -> None:
-        self.activity = "seeking"
-        self.is_done = False
-        self.contours = 0
-        self._habits = habits
-        self._follower = WallFollower(habits.bumpers, habits.speed_limits)
-        self._way = FollowMode(wall_on_left=habits.wall_on_left)
-        self._walker = PathFollower(habits)
-        self._fill = to_fill(habits)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         self._track: list[Point] = []
         self._round: _Round | None = None
         self._scans = 0
@@ -99,26 +87,16 @@ class ContourStrategy:
 
     def _walls(self, floor: TraversabilityMap, observation: Observation) -> Mask:
         """Give the floor along walls that it has not followed."""
-<<<<<<< HEAD
-        targets = floor.outer_boundary(floor.reachable(sensed.pose))
-=======
-        targets = floor.rim(floor.reachable(observation.pose))
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        targets = floor.outer_boundary(floor.reachable(observation.pose))
         for place in self._track:
             targets &= ~floor.within(*place, FOLLOWED)
         return targets
 
     def _onward(self, observation: Observation) -> Twist:
         """Go straight on until there is something."""
-<<<<<<< HEAD
-        if self._settings.bumpers.towards(sensed, 0.0).blocked:
-            return self._arrive(sensed)
-        return Twist(self._settings.speed_limits.speed, 0.0)
-=======
-        if self._habits.bumpers.towards(observation, 0.0).blocked:
+        if self._settings.bumpers.towards(observation, 0.0).blocked:
             return self._arrive(observation)
-        return Twist(self._habits.speed_limits.speed, 0.0)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        return Twist(self._settings.speed_limits.speed, 0.0)
 
     def _arrive(self, observation: Observation) -> Twist:
         """Choose the nearest place of a wall to align with."""

@@ -104,13 +104,8 @@ class RandomBounce:
             last legs have shown nothing new.
     """
 
-<<<<<<< HEAD
     def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
-        self.doing = "straight"
-=======
-    def __init__(self, habits: ExplorationSettings, rng: np.random.Generator) -> None:
         self.activity = "straight"
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         self.is_done = False
         self._settings = settings
         self._rng = rng
@@ -120,41 +115,22 @@ class RandomBounce:
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Take in a scan and the map with it, and decide how to move until the next."""
-<<<<<<< HEAD
-        settings, yaw = self._settings, sensed.pose.yaw
-        if self._heading is None:
-            self._heading = yaw
-        if self.doing == "turning" and abs(wrap_angle(self._heading - yaw)) < FACING:
-            self.doing = "straight"
-        ahead = settings.bumpers.towards(sensed, wrap_angle(self._heading - yaw))
-        if self.doing == "straight" and ahead.blocked:
-            self._judge(sensed.pose, grid)
-            self._heading = yaw + self._turn(sensed)
-            self.doing = "turning"
-        if self.is_done:
-            return STAND
-        motion = settings.speed_limits.towards(wrap_angle(self._heading - yaw))
-        if self.doing == "turning":
-            return Twist(0.0, motion.turn)
-        return settings.careful(sensed, motion)
-=======
-        habits, yaw = self._habits, observation.pose.yaw
+        settings, yaw = self._settings, observation.pose.yaw
         if self._heading is None:
             self._heading = yaw
         if self.activity == "turning" and abs(wrap_angle(self._heading - yaw)) < FACING:
             self.activity = "straight"
-        ahead = habits.bumpers.towards(observation, wrap_angle(self._heading - yaw))
+        ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
             self._judge(observation.pose, grid)
             self._heading = yaw + self._turn(observation)
             self.activity = "turning"
         if self.is_done:
             return STAND
-        twist = habits.speed_limits.towards(wrap_angle(self._heading - yaw))
+        twist = settings.speed_limits.towards(wrap_angle(self._heading - yaw))
         if self.activity == "turning":
             return Twist(0.0, twist.turn)
-        return habits.careful(observation, twist)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        return settings.careful(observation, twist)
 
     def _turn(self, observation: Observation) -> float:
         """Draw a turn to where nothing is in the way, rad; right about if that is not.
@@ -162,15 +138,10 @@ class RandomBounce:
         The bumper that has stopped it is some way off, so there is room to turn in.
         """
         turns = np.arange(LEAST_TURN, 2 * math.pi - LEAST_TURN, _TRIED)
-<<<<<<< HEAD
         bumpers = self._settings.bumpers
-        free = [turn for turn in turns if not bumpers.towards(sensed, turn).blocked]
-=======
-        bumpers = self._habits.bumpers
         free = [
             turn for turn in turns if not bumpers.towards(observation, turn).blocked
         ]
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         return float(self._rng.choice(free)) if free else math.pi
 
     def _judge(self, pose: Pose2, grid: OccupancyGrid) -> None:

@@ -72,16 +72,10 @@ class ExplorationPlan:
         start: Name of a start pose; the server's first one if there is no pose either.
         pose: Where to start otherwise.
         scanner: Name of the scanner to map with; the first one by default.
-<<<<<<< HEAD
         safety_distance: m from the robot's centre; None for the one that follows from
             ``penetration_depth``.
         penetration_depth: How far the sensor sees into foliage without knowing it, m.
-        on_left: Whether walls are followed on the left hand.
-=======
-        safety_distance: m from the robot's centre; None for what ``penetration_depth`` asks for.
-        penetration_depth: How far the sensor sees into foliage without knowing it, m.
         wall_on_left: Whether walls are followed on the left hand.
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         speed_limits: How fast.
         radius: How far from its start it goes where there is no border, m.
         time_limit: s of the server.
@@ -100,11 +94,7 @@ class ExplorationPlan:
     scanner: str | None = None
     safety_distance: float | None = None
     penetration_depth: float = 0.0
-<<<<<<< HEAD
-    on_left: bool = True
-=======
     wall_on_left: bool = True
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
     radius: float = RADIUS
     time_limit: float = TIME_LIMIT
@@ -195,15 +185,9 @@ class Exploration:
         client.spawn(plan.robot_class, start=start, pose=plan.pose)
         facts = client.robot_info(drive_unit=plan.drive_unit)
         scanner = facts.scanner(plan.scanner)
-<<<<<<< HEAD
         settings = self._settings_for(facts)
         if not plan.waypoints:
-            check_sight(settings.bumpers, scanner)
-=======
-        habits = self._habits(facts)
-        if not plan.way:
-            check_field_of_view(habits.bumpers, scanner)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+            check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
         mapper_settings = MapperSettings(
@@ -235,11 +219,7 @@ class Exploration:
             speed_limits=SpeedLimits(
                 min(plan.speed_limits.speed, facts.top_speed), plan.speed_limits.turn
             ),
-<<<<<<< HEAD
-            on_left=plan.on_left,
-=======
             wall_on_left=plan.wall_on_left,
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
             radius=plan.radius,
         )
 
@@ -251,19 +231,11 @@ class Exploration:
     ) -> None:
         assert self.mapper is not None
         push, standstill = StuckDetector(), StandstillDetector()
-<<<<<<< HEAD
-        for sensed in helm.scans():
-            check_beams(len(sensed.bearings), self.mapper.scanner)
-            self.trip.add(sensed)
-            motion = strategy.step(sensed, self.mapper.grid)
-            observe(ExplorationStep(sensed, strategy.doing, motion))
-=======
         for observation in helm.scans():
             check_beams(len(observation.bearings), self.mapper.scanner)
             self.trip.add(observation)
             twist = strategy.step(observation, self.mapper.grid)
             observe(ExplorationStep(observation, strategy.activity, twist))
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
             if strategy.is_done or self.trip.time > self.plan.time_limit:
                 done = strategy.is_done
                 self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT

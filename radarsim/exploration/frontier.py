@@ -37,15 +37,9 @@ class NearestTargetStrategy:
 
     def __init__(
         self,
-<<<<<<< HEAD
         settings: ExplorationSettings,
         choice: TargetSelector,
-        doing: str,
-=======
-        habits: ExplorationSettings,
-        choice: Choice,
         activity: str,
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         *,
         turn: float = 0.0,
     ) -> None:
@@ -61,11 +55,7 @@ class NearestTargetStrategy:
         self.is_done = False
         self._turn = turn
         self._yaw = math.nan
-<<<<<<< HEAD
-        self._pace = settings.speed_limits
-=======
-        self._speed_limits = habits.speed_limits
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        self._speed_limits = settings.speed_limits
         self._choice = choice
         self._walker = PathFollower(settings)
         self._scans = 0

@@ -58,21 +58,13 @@ class ExplorationSettings:
     Attributes:
         bumpers: What it senses by, and the distance that it keeps.
         speed_limits: How fast it goes.
-<<<<<<< HEAD
-        on_left: Whether it keeps walls on its left hand.
-=======
         wall_on_left: Whether it keeps walls on its left hand.
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         radius: How far from its start it goes where there is no border, m.
     """
 
     bumpers: Bumpers
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-<<<<<<< HEAD
-    on_left: bool = True
-=======
     wall_on_left: bool = True
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     radius: float = 12.0
 
     def floor(self, grid: OccupancyGrid) -> TraversabilityMap:
@@ -83,15 +75,9 @@ class ExplorationSettings:
         """Let the bumpers overrule a motion: turn where something ahead is too near."""
         behind = twist.speed < 0
         ahead = math.pi if behind else 0.0
-<<<<<<< HEAD
-        if not motion.speed or not self.bumpers.towards(sensed, ahead).too_near:
-            return motion
-        return Twist(0.0, motion.turn or self.speed_limits.turn)
-=======
         if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
             return twist
         return Twist(0.0, twist.turn or self.speed_limits.turn)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
         """Give the nearest to a bearing that is not too near to anything, rad."""
@@ -121,11 +107,7 @@ class PathFollower:
         """Look at the map if it is time to; tells whether it was."""
         if self.floor is not None and observation.time < self._looked + LOOK_EVERY:
             return False
-<<<<<<< HEAD
-        self.floor, self._looked = self._settings.floor(grid), sensed.time
-=======
-        self.floor, self._looked = self._habits.floor(grid), observation.time
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        self.floor, self._looked = self._settings.floor(grid), observation.time
         return True
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
@@ -134,11 +116,7 @@ class PathFollower:
         for place in self._given_up:
             targets = targets & ~self.floor.within(*place, GIVEN_UP)
         before = self._way[-1:]
-<<<<<<< HEAD
-        self._way = self.floor.find_path(sensed.pose, targets)
-=======
-        self._way = self.floor.way_to(observation.pose, targets)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        self._way = self.floor.find_path(observation.pose, targets)
         if self._since is None or not before:
             self._since = observation.time, observation.pose
         return bool(self._way)
@@ -147,19 +125,11 @@ class PathFollower:
         """Decide how to go on along the way."""
         if not self._way:
             return STAND
-<<<<<<< HEAD
-        self._mind(sensed)
-        settings = self._settings
-        bearing = bearing_of(sensed.pose, *self._next(sensed.pose))
-        bearing = settings.clear_bearing(sensed, bearing)
-        return settings.careful(sensed, settings.speed_limits.towards(bearing))
-=======
         self._mind(observation)
-        habits = self._habits
+        settings = self._settings
         bearing = bearing_of(observation.pose, *self._next(observation.pose))
-        bearing = habits.clear_bearing(observation, bearing)
-        return habits.careful(observation, habits.speed_limits.towards(bearing))
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        bearing = settings.clear_bearing(observation, bearing)
+        return settings.careful(observation, settings.speed_limits.towards(bearing))
 
     @property
     def end(self) -> Point | None:
@@ -245,13 +215,8 @@ class WaypointFollower:
         """Plan to get as near to a place as can be; tells whether that is nearer."""
         floor = self._walker.floor
         assert floor is not None
-<<<<<<< HEAD
-        tiles = floor.nearest(floor.reachable(sensed.pose), *self._places[0])
-        across, up = floor.cell_centers()
-=======
         tiles = floor.nearest(floor.reachable(observation.pose), *self._places[0])
-        across, up = floor.middles()
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        across, up = floor.cell_centers()
         for row, column in np.argwhere(tiles):
             left = math.dist((across[column], up[row]), self._places[0])
             gain = distance(observation.pose, *self._places[0]) - left

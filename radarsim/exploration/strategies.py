@@ -97,17 +97,11 @@ class AutoStrategy:
         self._looked = observation.time
         last = self.chosen[-1]
         if last == StrategyName.CENTRE_OUT:
-<<<<<<< HEAD
-            return is_enclosed(sensed)
-        is_new = StrategyName.CENTRE_OUT not in self.chosen
-        return is_new and last == StrategyName.FRONTIERS and not is_enclosed(sensed)
-=======
-            return is_bordered(observation)
+            return is_enclosed(observation)
         is_new = StrategyName.CENTRE_OUT not in self.chosen
         return (
-            is_new and last == StrategyName.FRONTIERS and not is_bordered(observation)
+            is_new and last == StrategyName.FRONTIERS and not is_enclosed(observation)
         )
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 
     def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
         name = self._best(observation, grid)
@@ -125,13 +119,8 @@ class AutoStrategy:
         self, observation: Observation, grid: OccupancyGrid
     ) -> StrategyName | None:
         """Choose one that fits, each no more often than makes sense."""
-<<<<<<< HEAD
-        floor, bordered = self._settings.floor(grid), is_enclosed(sensed)
-        left = self._frontiers(floor) & floor.reachable(sensed.pose)
-=======
-        floor, bordered = self._habits.floor(grid), is_bordered(observation)
+        floor, bordered = self._settings.floor(grid), is_enclosed(observation)
         left = self._frontiers(floor) & floor.reachable(observation.pose)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         for name, fits, often in (
             (StrategyName.CENTRE_OUT, not bordered, 1),
             (StrategyName.FRONTIERS, bool(left.any()), 2),
@@ -148,10 +137,6 @@ class AutoStrategy:
         return floor.frontiers & floor.within(start.x, start.y, radius)
 
 
-<<<<<<< HEAD
-def is_enclosed(sensed: Observation) -> bool:
-=======
-def is_bordered(observation: Observation) -> bool:
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+def is_enclosed(observation: Observation) -> bool:
     """Tell whether most directions end at something."""
     return bool(np.isfinite(observation.ranges).mean() > BORDERED)

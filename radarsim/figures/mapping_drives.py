@@ -70,24 +70,15 @@ class Drive:
         """Drive, and judge what the robot has mapped."""
         scene = scene_of(MAP)
         host = Host(scene, config=self._config, seed=self.seed)
-<<<<<<< HEAD
-        referee = GroundTruthMonitor(host)
-        plan = ExplorationPlan(waypoints=self.way, robot_class=self.robot, start=START)
-=======
         monitor = GroundTruthMonitor(host)
-        plan = ExplorationPlan(way=self.way, robot_class=self.robot, start=START)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
+        plan = ExplorationPlan(waypoints=self.way, robot_class=self.robot, start=START)
         survey = Exploration(plan, generator_for(self.seed, "exploring"))
         with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
             survey.run(client)
         mapper = survey.mapper
         assert mapper is not None  # or the survey had said why
         assert survey.trip.start is not None
-<<<<<<< HEAD
-        score = judge_mapper(
-=======
         score = score_mapper(
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
             mapper, scene, robot_class=self.robot, start=survey.trip.start
         )
         return Explored(

@@ -27,7 +27,8 @@ class Mission:
         start: Name of a start pose; the server's first one if there is no pose either.
         pose: Where to start otherwise.
         scanner: Name of the scanner to steer by; the first one by default.
-        safety_distance: m from the robot's centre; None for what ``penetration_depth`` asks for.
+        safety_distance: m from the robot's centre; None for the
+            least that is safe with ``penetration_depth``.
         penetration_depth: How far the sensor sees into foliage, m.
         bumpers: How many.
         share: Of a bumper's beams that press it.

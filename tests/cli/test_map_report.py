@@ -10,11 +10,7 @@ from radarsim.cli.map_report import as_text
 from radarsim.client import ScannerInfo
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.map_score import MapScore
-<<<<<<< HEAD
 from radarsim.evaluation.mapping_run import MappingResult
-from radarsim.evaluation.trials import GroundTruthMonitor
-=======
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
 from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.mapping.mapper import Mapper, MapperSettings
@@ -52,11 +48,7 @@ def test_a_map_of_nothing_has_no_cells() -> None:
 
 
 def test_in_the_open_a_judge_knows_no_share_of_the_floor(empty_room: Scene) -> None:
-<<<<<<< HEAD
     run = MappingResult("auto", "ins", monitor=GroundTruthMonitor(Host(empty_room)))
-=======
-    run = MapRun("auto", "ins", monitor=GroundTruthMonitor(Host(empty_room)))
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
     run.score = MapScore(
         right=3,

@@ -119,11 +119,7 @@ class Drive:
 def drive(name: str, way: FollowMode, robot: Robot, speed: float) -> Drive:
     class_name, settings = robot
     plan = ExplorationPlan(
-<<<<<<< HEAD
         waypoints=way, robot_class=class_name, speed_limits=SpeedLimits(speed=speed)
-=======
-        way=way, robot_class=class_name, speed_limits=SpeedLimits(speed=speed)
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     )
     survey = Exploration(plan, generator_for(0, "exploring"))
     config = SimulationConfig(item_settings={"lms200": dict(settings)})
@@ -409,12 +405,7 @@ def test_over_60_m_the_pose_stays_right_though_the_ins_drifts(
     drifted, twisted = errors(made.ins, made.truth)
     assert drifted > 0.10
     assert twisted > 1
-<<<<<<< HEAD
     run = MappingResult("way", "ins", trip=made.survey.trip, mapper=made.mapper)
     told = json.loads(run.to_json())["pose_errors"]
-=======
-    run = MapRun("way", "ins", trip=made.survey.trip, mapper=made.mapper)
-    told = json.loads(as_json(run))["pose_errors"]
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     assert told["ate"] == pytest.approx(off, abs=0.001)
     assert told["yaw_deg"] == pytest.approx(turned, abs=0.02)

@@ -168,15 +168,10 @@ def test_a_contour_is_followed_once_and_then_the_interior_filled(
     world: Make, wall_on_left: bool
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
-<<<<<<< HEAD
     settings = ExplorationSettings(
-        bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, on_left=on_left
-=======
-    habits = ExplorationSettings(
         bumpers=HABITS.bumpers,
         speed_limits=HABITS.speed_limits,
         wall_on_left=wall_on_left,
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
     )
     strategy = ContourStrategy(settings)
     here.run(strategy)
@@ -326,11 +321,7 @@ def test_who_comes_to_a_border_stops_going_round(world: Make) -> None:
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
-<<<<<<< HEAD
     strategy = AutoStrategy(
-=======
-    strategy = Auto(
->>>>>>> 20db7e8 (Name navigation's observations, activities and limits by the field's words; a run has one home below the command line)
         ExplorationSettings(
             bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, radius=8.0
         )
