@@ -1,26 +1,37 @@
-"""``radarsim bench``."""
+"""``radarsim bench``: measured times of the engine and the server."""
+
+from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from radarsim.benchmark.measurement import GROUPS, Row
-from radarsim.benchmark.run import run_all
+from radarsim.cli.options import JsonOption
+from radarsim.cli.signals import exit_143_on_sigterm
+
+if TYPE_CHECKING:
+    from radarsim.benchmark.measurement import Row
 
 
-def run_benchmarks(*, as_json: bool) -> None:
-    """Measure, with a bar on stderr, and print a table or JSON on stdout."""
+def bench(*, as_json: JsonOption = False) -> None:
+    """Measure the engine and the server on this machine, in under two minutes."""
+    exit_143_on_sigterm()
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from radarsim.benchmark.measurement import GROUPS
+    from radarsim.benchmark.run import run_all
+
     columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("bench")
 
-        def tell(name: str, done: int, whole: int) -> None:
-            progress.update(task, description=name, completed=done, total=whole)
+        def update(name: str, done: int, total: int) -> None:
+            progress.update(task, description=name, completed=done, total=total)
 
-        rows = run_all(tell)
+        rows = run_all(update)
     if as_json:
         typer.echo(json.dumps([row.to_dict() for row in rows], indent=2))
         return

@@ -1,39 +1,56 @@
-"""``radarsim drive``."""
+"""``radarsim drive``: drive a robot from the keyboard."""
 
 import asyncio
-import math
 import os
 import sys
+from typing import Annotated
 
 import typer
 
-from radarsim.teleop.teleop import Wish, drive
-
-DUMB = ("dumb", "unknown")  # what TERM says where text cannot be placed
+from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive
 
 
-def run_driver(host: str, port: int, wish: Wish) -> int:
-    """Drive at this terminal; give the exit code.
+def drive(
+    *,
+    host: Annotated[str, typer.Option(help="Host of the server.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="Port of the server.")
+    ] = 3000,
+    robot: Annotated[str, typer.Option(help="Class of the robot.")] = "P3AT",
+    start: Annotated[
+        str | None,
+        typer.Option(help="Name of a start pose of the map; the first by default."),
+    ] = None,
+    scanner: Annotated[
+        str | None, typer.Option(help="Scanner to show; the first by default.")
+    ] = None,
+    speed: Annotated[
+        float,
+        typer.Option(
+            metavar="M_PER_S",
+            callback=check_positive,
+            help="Speed at which the keys drive at first; + and - change it.",
+        ),
+    ] = 0.4,
+    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
+) -> None:
+    """Drive a robot from the keyboard, and see what it senses."""
+    from radarsim.teleop.teleop import Wish
+    from radarsim.teleop.teleop import drive as drive_robot
 
-    Raises:
-        RadarsimError: If the server is not there, falls silent or lacks what is wished,
-            or the keyboard is gone.
-    """
-    if not 0 < wish.speed < math.inf:
-        raise typer.BadParameter(
-            f"speed {wish.speed}, expected above 0", param_hint="--speed"
-        )
-    fault = terminal_fault()
-    if fault:
-        typer.echo(f"radarsim: {fault}, expected a terminal to drive at", err=True)
-        return 2
-    return asyncio.run(drive(host, port, wish))
+    if problem := _terminal_problem():
+        typer.echo(f"radarsim: {problem}, expected a terminal to drive at", err=True)
+        raise typer.Exit(2)
+    wish = Wish(robot, start, scanner, speed, drive_unit.value)
+    raise typer.Exit(asyncio.run(drive_robot(host, port, wish)))
 
 
-def terminal_fault() -> str | None:
-    """Tell why nobody can drive here; None if somebody can."""
+def _terminal_problem() -> str | None:
+    """Return why this terminal cannot show the panel; None if it can."""
     for name, stream in (("stdin", sys.stdin), ("stdout", sys.stdout)):
         if not stream.isatty():
             return f"{name} is no terminal"
-    kind = os.environ.get("TERM", "")
-    return f"terminal {kind!r} cannot place text" if kind in DUMB else None
+    terminal = os.environ.get("TERM", "")
+    if terminal in ("dumb", "unknown"):
+        return f"terminal {terminal!r} cannot place text"
+    return None

@@ -1,60 +1,67 @@
-"""``radarsim figures``."""
+"""``radarsim figures``: the thesis' figures, and a page that shows them."""
+
+from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from radarsim.cli.options import write_file
-from radarsim.figures.catalogue import FIGURES, Entry, Made, entries_of, make_all
-from radarsim.figures.figure import is_ours
-from radarsim.figures.page import (
-    FILE,
-    GENERATOR,
-    block_of,
-    blocks_in,
-    page_of,
-)
+from radarsim.cli.options import SeedOption, write_file
+from radarsim.cli.signals import exit_143_on_sigterm
 
-_HEAD = 1024  # bytes, within which a file of ours says so
-_FEW = 2.0  # s of work that no other process is started for
+if TYPE_CHECKING:
+    from radarsim.figures.catalogue import Entry, Made
+
+_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
+_SMALL_WEIGHT: Final = 2.0  # s of work that is not worth starting processes
 
 
-def make_figures(out: Path, *, seed: int, only: str | None) -> None:
-    """Draw figures, with a bar on stderr, and print where the page is.
+def figures(
+    out: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="A folder; it is created if necessary."),
+    ],
+    *,
+    seed: SeedOption = 0,
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="N,...", help="Numbers of figures; all by default."),
+    ] = None,
+) -> None:
+    """Draw the thesis' figures from runs of the program, and a page with all."""
+    exit_143_on_sigterm()
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    Args:
-        out: The folder, made if it is not there.
-        seed: Of all figures.
-        only: Numbers with commas between them; None for all figures.
+    from radarsim.figures.catalogue import entries_of, make_all
+    from radarsim.figures.page import FILE
 
-    Raises:
-        typer.BadParameter: If an option is wrong, or the folder cannot be used.
-    """
-    wanted = _read(only)
-    _prepare(out, wanted)
+    wanted = _read_numbers(only)
+    _prepare(out, [FILE, *(entry.file for entry in wanted)])
     weight = sum(entry.weight for entry in wanted)
-    workers = 1 if weight <= _FEW else min(len(wanted), os.cpu_count() or 1)
+    workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), os.cpu_count() or 1)
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     made: list[Made] = []
-    with bar, closing(make_all(wanted, seed, workers=workers)) as figures:
+    with bar, closing(make_all(wanted, seed, workers=workers)) as drawn:
         task = bar.add_task("figures", total=weight)
-        for figure in figures:
+        for figure in drawn:
             write_file(out / figure.file, figure.png, "OUT")
             made.append(figure)
             (entry,) = entries_of([figure.number])
-            told = f"figure {entry.number} done"
-            bar.update(task, advance=entry.weight, description=told)
+            status = f"figure {entry.number} done"
+            bar.update(task, advance=entry.weight, description=status)
     write_file(out / FILE, _page(out, made).encode(), "OUT")
     typer.echo(out / FILE)
 
 
-def _read(only: str | None) -> tuple[Entry, ...]:
+def _read_numbers(only: str | None) -> tuple[Entry, ...]:
+    from radarsim.figures.catalogue import FIGURES, entries_of
+
     if only is None:
         return FIGURES
     numbers = [text.strip().lower().lstrip("0") for text in only.split(",")]
@@ -64,22 +71,25 @@ def _read(only: str | None) -> tuple[Entry, ...]:
         raise typer.BadParameter(str(error), param_hint="--only") from None
 
 
-def _prepare(out: Path, wanted: Sequence[Entry]) -> None:
-    """Make the folder, and find out whether anything in it is somebody else's."""
+def _prepare(out: Path, names: Sequence[str]) -> None:
+    """Create the folder, and refuse to overwrite files of other programs."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for name in (FILE, *(entry.file for entry in wanted)):
-            _check(out / name)
+        for name in names:
+            _check_overwriting(out / name)
     except OSError as error:
         text = f"cannot write to {out}: {(error.strerror or '').lower()}"
         raise typer.BadParameter(text, param_hint="OUT") from None
 
 
-def _check(path: Path) -> None:
+def _check_overwriting(path: Path) -> None:
+    from radarsim.figures.figure import is_ours
+    from radarsim.figures.page import FILE, GENERATOR
+
     if not path.exists():
         return
     with path.open("rb") as file:
-        head = file.read(_HEAD)
+        head = file.read(_HEAD_SIZE)
     ours = GENERATOR.encode() in head if path.name == FILE else is_ours(head)
     if not ours:
         text = f"{path} is not by radarsim, expected a folder without such a file"
@@ -87,14 +97,15 @@ def _check(path: Path) -> None:
 
 
 def _page(out: Path, made: Sequence[Made]) -> str:
-    """Put the new figures on the page, beside those that are there from before."""
+    """Return the page with the new figures and those that it showed before."""
+    from radarsim.figures.catalogue import FIGURES
+    from radarsim.figures.page import FILE, block_of, blocks_in, page_of
+
     page = out / FILE
-    before = (
-        blocks_in(page.read_text(encoding="utf-8", errors="replace"))
-        if page.exists()
-        else {}
-    )
-    blocks = before | {figure.number: block_of(figure) for figure in made}
+    blocks = {}
+    if page.exists():
+        blocks = blocks_in(page.read_text(encoding="utf-8", errors="replace"))
+    blocks |= {figure.number: block_of(figure) for figure in made}
     return page_of(
         blocks[entry.number]
         for entry in FIGURES

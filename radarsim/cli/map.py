@@ -9,7 +9,7 @@ from radarsim.cli.map_options import MapWish
 from radarsim.cli.map_progress import progress
 from radarsim.cli.map_report import MapFiles, as_text, keep
 from radarsim.cli.navigate_options import ServerWish
-from radarsim.cli.signals import ending_at_once
+from radarsim.cli.signals import exit_immediately_on_signals
 from radarsim.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.exploration.exploration import warm_up
 from radarsim.mapping.export import NavMode
@@ -48,7 +48,7 @@ def run_survey(
         return _overhear(wish, server, files, told_as_json=told_as_json)
     files.check(served=server.map_)
     host = server.open()
-    with ending_at_once():
+    with exit_immediately_on_signals():
         warm_up()
     plan = wish.read(None if host is None else host.simulation.scene)
     run = MappingRun(plan, host, seed=wish.seed or 0)
@@ -79,7 +79,7 @@ def _overhear(
         defaults=wish.given(),
     )
     traffic.on_guess = lambda name: _warn(UNTOLD.format(name))
-    with ending_at_once():
+    with exit_immediately_on_signals():
         warm_up()
     result = MappingResult(None, wish.seed_from, trip=traffic.trip, outcome="overheard")
     with progress(traffic) as teller:

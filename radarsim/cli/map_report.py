@@ -9,7 +9,7 @@ from typing import Any, Final
 import typer
 
 from radarsim.atomic_write import write_atomically
-from radarsim.cli.options import check_place
+from radarsim.cli.options import check_writable
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
 from radarsim.mapping.mapper import Mapper
@@ -70,7 +70,7 @@ class MapFiles:
             text = f"cannot make {stem.parent}: {error.strerror}"
             raise typer.BadParameter(text, param_hint="OUT") from None
         for path in self.paths:
-            check_place(path, "OUT")
+            check_writable(path, "OUT")
             if path.is_file() and not _may_go(path, served):
                 text = f"{path} is no map of radarsim's, expected another OUT"
                 raise typer.BadParameter(text, param_hint="OUT")

@@ -22,7 +22,7 @@ from radarsim.cli.options import (
     TimeLimitOption,
     TimeoutOption,
 )
-from radarsim.cli.signals import end_unfinished
+from radarsim.cli.signals import exit_143_on_sigterm
 from radarsim.exploration.options import StrategyName
 
 
@@ -155,7 +155,7 @@ def map_(
     Writes OUT.png in UsarCommander's colours, OUT.pgm with OUT.yaml for nav2's
     map_server, and the way of the robot as OUT.tum.
     """
-    end_unfinished()
+    exit_143_on_sigterm()
     from radarsim.cli.map import run_survey
     from radarsim.cli.map_options import MapWish
     from radarsim.cli.navigate_options import ServerWish

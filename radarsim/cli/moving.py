@@ -24,7 +24,7 @@ from radarsim.cli.options import (
     TimeLimitOption,
     TimeoutOption,
 )
-from radarsim.cli.signals import end_unfinished
+from radarsim.cli.signals import exit_143_on_sigterm
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 
 
@@ -103,7 +103,7 @@ def navigate(
     settings: ServedSettingsOption = None,
 ) -> None:
     """Drive a robot to a goal by its long-range bumpers; exits with 3 for no path."""
-    end_unfinished()
+    exit_143_on_sigterm()
     from radarsim.cli.navigate import Files, run_navigator
     from radarsim.cli.navigate_options import MissionWish, ServerWish
 
@@ -131,28 +131,3 @@ def navigate(
     )
     files = Files(trace, plot)
     raise typer.Exit(run_navigator(mission, server, files, as_json=as_json))
-
-
-def trials(
-    *,
-    maps: Annotated[
-        str | None,
-        typer.Option(metavar="NAME,...", help="Maps with a trial; all by default."),
-    ] = None,
-    algorithms: Annotated[str, typer.Option(metavar="NAME,...")] = "bug1,bug2",
-    sensors: Annotated[
-        str, typer.Option(metavar="NAME,...", help="Presets, all the way round.")
-    ] = "radar",
-    seeds: Annotated[int, typer.Option(min=1, metavar="K", help="0 to K - 1.")] = 3,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; one for each core by default.")
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Run and score navigation on maps, in lockstep and on all cores."""
-    end_unfinished()
-    from radarsim.cli.trials import run_and_print
-
-    run_and_print(
-        (maps, algorithms, sensors), seeds=seeds, workers=workers, as_json=as_json
-    )

@@ -10,7 +10,7 @@ import typer
 from radarsim.cli.navigate_options import MissionWish, ServerWish
 from radarsim.cli.navigate_report import as_json as told_as_json
 from radarsim.cli.navigate_report import as_text, title_of
-from radarsim.cli.options import check_place, write_file
+from radarsim.cli.options import check_writable, write_file
 from radarsim.cli.progress import progress
 from radarsim.evaluation.free_space import floor_plan
 from radarsim.evaluation.navigation_run import NavigationRun
@@ -39,7 +39,7 @@ class Files:
         """
         for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
             if path is not None:
-                check_place(path, hint)
+                check_writable(path, hint)
         if self.plot is not None and self.form not in FORMS:
             text = f"{str(self.plot)!r}, expected a name that ends in one of {FORMS}"
             raise typer.BadParameter(text, param_hint="--plot")

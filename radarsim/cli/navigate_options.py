@@ -6,8 +6,8 @@ from typing import Final
 
 import typer
 
-from radarsim.cli.serve import item_settings
-from radarsim.cli.signals import ending_at_once
+from radarsim.cli.options import read_item_settings
+from radarsim.cli.signals import exit_immediately_on_signals
 from radarsim.client import DriveUnit
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2
@@ -74,13 +74,13 @@ class ServerWish:
         """
         if self.map_ is None:
             return None
-        settings = item_settings(self.settings)
+        settings = read_item_settings(self.settings)
         config = SimulationConfig(drive_unit=self.drive_unit, item_settings=settings)
         try:
             config.check()
         except PresetError as error:
             raise typer.BadParameter(str(error), param_hint="--set") from None
-        with ending_at_once():
+        with exit_immediately_on_signals():
             scene = load_map(self.map_)
             return Host(scene, config=config, seed=self.seed or 0)
 

@@ -1,95 +1,231 @@
-"""Options that several commands take.
+"""Options that several commands share, and how their texts are read and checked.
 
-Nothing heavy is imported here: ``radarsim --help`` answers at once.
+Nothing heavy is imported at the top: ``radarsim --help`` answers at once.
 """
 
+from __future__ import annotations
+
+import math
 import os
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from radarsim.atomic_write import write_atomically
+from radarsim.errors import PresetError
+
+if TYPE_CHECKING:
+    from radarsim.geometry import Pose2
 
 
 class DriveUnit(StrEnum):
-    """Unit of DRIVE."""
+    """Unit of the wheel speeds in DRIVE commands."""
 
     RAD_PER_S = "rad_per_s"
     REV_PER_S = "rev_per_s"
 
 
-JsonOption = Annotated[bool, typer.Option("--json", help="For programs.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of all randomness.")]
+def check_positive(value: float | None) -> float | None:
+    """Return a number that is above 0 and finite, or None.
 
-# Of robots that drive by themselves, on any server.
-HostOption = Annotated[
-    str | None, typer.Option(help="Of the server.", show_default="127.0.0.1")
+    Raises:
+        typer.BadParameter: If it is not.
+    """
+    if value is not None and not 0 < value < math.inf:
+        raise typer.BadParameter(f"{value!r}, expected above 0 and finite")
+    return value
+
+
+def _check_time_limit(value: float) -> float:
+    if not value > 0:
+        raise typer.BadParameter(f"{value!r}, expected above 0")
+    return value
+
+
+MapArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="MAP",
+        help="A map file, or the name of a shipped map; @VARIANT may follow.",
+    ),
 ]
-PortOption = Annotated[int | None, typer.Option(min=1, max=65535, show_default="3000")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, help="Seed of all random numbers.")
+]
+
+# One scanner in a map without a server: scan and explain.
+SensorOption = Annotated[
+    str,
+    typer.Option("--sensor", help="Preset of the sensor; see 'radarsim sensors'."),
+]
+SensorPoseOption = Annotated[
+    str | None,
+    typer.Option(
+        "--pose",
+        metavar="X,Y,YAW_DEG",
+        help="Pose of the sensor in the map frame; or X,Y,Z,ROLL,PITCH,YAW_DEG.",
+    ),
+]
+SensorStartOption = Annotated[
+    str | None,
+    typer.Option(
+        "--start", help="Place the sensor where a P3AT at this start pose carries it."
+    ),
+]
+SensorSettingsOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting of the sensor."),
+]
+
+# Robots that drive autonomously, on any server: navigate and map.
+HostOption = Annotated[
+    str | None, typer.Option(help="Host of the server.", show_default="127.0.0.1")
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option(min=1, max=65535, help="Port of the server.", show_default="3000"),
+]
 StartOption = Annotated[
-    str | None, typer.Option(help="A start of the map; its first by default.")
+    str | None,
+    typer.Option(help="Name of a start pose of the map; the first by default."),
 ]
 PoseOption = Annotated[
-    str | None, typer.Option(metavar="X,Y,YAW_DEG", help="Where to start instead.")
+    str | None,
+    typer.Option(metavar="X,Y,YAW_DEG", help="Start here instead, in the map frame."),
 ]
 SafetyOption = Annotated[
     float | None,
     typer.Option(
         metavar="M",
-        help="From the robot's centre to what it sees; what the robot and"
-        " --foliage-density ask for by default.",
+        callback=check_positive,
+        help="Distance to keep between the robot's centre and obstacles; by default"
+        " what the size of the robot and --foliage-density require.",
     ),
 ]
 PowerOption = Annotated[
-    float, typer.Option(help="Of the radar, for --foliage-density.")
+    float,
+    typer.Option(
+        callback=check_positive,
+        help="Penetration power of the radar, for --foliage-density.",
+    ),
 ]
 DriveUnitOption = Annotated[
-    DriveUnit, typer.Option(help="In which the server counts wheel speeds.")
+    DriveUnit, typer.Option(help="Unit in which the server takes wheel speeds.")
 ]
 TimeoutOption = Annotated[
-    float, typer.Option(metavar="S", help="Without a scan, then it gives up.")
+    float,
+    typer.Option(
+        metavar="S",
+        callback=check_positive,
+        help="Give up after this time without a scan.",
+    ),
 ]
 TimeLimitOption = Annotated[
-    float, typer.Option(metavar="S", help="Of the server's time for the whole run.")
+    float,
+    typer.Option(
+        metavar="S",
+        callback=_check_time_limit,
+        help="Longest duration of the run, in the server's time.",
+    ),
 ]
 
-# Of the server in this process that --serve makes.
+# The simulation in this process that --serve starts.
 ServedSeedOption = Annotated[
     int | None,
-    typer.Option("--seed", min=0, help="Of the simulation.", show_default="0"),
+    typer.Option("--seed", min=0, help="Seed of the simulation.", show_default="0"),
 ]
 ServedSettingsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="ITEM.KEY=VALUE",
-        help="Change a setting of an item of the robot of --serve.",
+        help="Change a setting of an item of the robot that --serve simulates.",
     ),
 ]
 
 
-# Section from cli.files.
-# The files that options name.
-
-
-def check_place(path: Path, hint: str) -> None:
-    """Find out what would keep a file from being written, as far as that shows before.
+def read_point(text: str, hint: str) -> tuple[float, float]:
+    """Read ``X,Y``, in m.
 
     Args:
-        path: Where it is to be.
-        hint: The option that asks for it.
+        text: Value of the option.
+        hint: Name of the option.
 
     Raises:
-        typer.BadParameter: If there is no such folder, or no right to write there.
+        typer.BadParameter: If these are not two finite numbers.
     """
-    if reason := _hindrance(path):
+    x, y = _read_numbers(text, "X,Y", hint)
+    return x, y
+
+
+def read_pose(text: str, hint: str) -> Pose2:
+    """Read ``X,Y,YAW_DEG``, in m and degrees.
+
+    Args:
+        text: Value of the option.
+        hint: Name of the option.
+
+    Raises:
+        typer.BadParameter: If these are not three finite numbers.
+    """
+    from radarsim.geometry import Pose2
+
+    x, y, yaw_deg = _read_numbers(text, "X,Y,YAW_DEG", hint)
+    return Pose2(x, y, math.radians(yaw_deg))
+
+
+def _read_numbers(text: str, form: str, hint: str) -> list[float]:
+    try:
+        numbers = [float(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != form.count(",") + 1 or not all(map(math.isfinite, numbers)):
+        raise typer.BadParameter(f"{text[:80]!r}, expected {form}", param_hint=hint)
+    return numbers
+
+
+def read_item_settings(texts: list[str]) -> dict[str, dict[str, Any]]:
+    """Read ``ITEM.KEY=VALUE`` texts of ``--set`` into settings by item.
+
+    Raises:
+        typer.BadParameter: If a text has another form.
+    """
+    from radarsim.presets.sensors import parse_setting
+
+    settings: dict[str, dict[str, Any]] = {}
+    for text in texts:
+        try:
+            path, value = parse_setting(text)
+        except PresetError as error:
+            raise typer.BadParameter(str(error), param_hint="--set") from None
+        item, dot, key = path.partition(".")
+        if not dot or not item or not key:
+            raise typer.BadParameter(
+                f"setting {text[:80]!r}, expected ITEM.KEY=VALUE", param_hint="--set"
+            )
+        settings.setdefault(item, {})[key] = value
+    return settings
+
+
+def check_writable(path: Path, hint: str) -> None:
+    """Check beforehand that a file can be written, as far as that can be known.
+
+    Args:
+        path: The file to be written.
+        hint: Name of the option that asks for it.
+
+    Raises:
+        typer.BadParameter: If its folder is missing or not writable, or it is a folder.
+    """
+    if reason := _obstacle_to_writing(path):
         text = f"cannot write {path}: {reason}"
         raise typer.BadParameter(text, param_hint=hint)
 
 
-def _hindrance(path: Path) -> str:
+def _obstacle_to_writing(path: Path) -> str:
     if not path.parent.is_dir() or not Path(os.path.realpath(path)).parent.is_dir():
         return "no such folder"
     if path.is_dir():
@@ -98,12 +234,12 @@ def _hindrance(path: Path) -> str:
 
 
 def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
-    """Write a file whole or not at all, as ``write_atomically`` does.
+    """Write a file as a whole or not at all; see ``write_atomically``.
 
     Args:
-        path: Where.
-        data: All of it.
-        hint: The option that asks for it.
+        path: The file to be written.
+        data: Its contents.
+        hint: Name of the option that asks for it.
 
     Raises:
         typer.BadParameter: If it cannot be written.

@@ -1,80 +1,81 @@
-"""``radarsim sensors`` and ``radarsim materials``."""
+"""``radarsim sensors`` and ``radarsim materials``: presets with their sources."""
+
+from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from radarsim.presets.materials import LibraryEntry, library, library_material
-from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.presets.sensors import (
-    SensorPreset,
-    SourcedValue,
-    load_settings,
-    sensor_presets,
-)
+from radarsim.cli.options import JsonOption
 
-_Listed = TypeVar("_Listed", SensorPreset, LibraryEntry)
+if TYPE_CHECKING:
+    from radarsim.presets.materials import LibraryEntry
+    from radarsim.presets.sensors import SensorPreset, SourcedValue
+
+_Preset = TypeVar("_Preset")
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}
 
+NamesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="NAME", help="Names to list; all by default."),
+]
 
-def list_sensors(names: Sequence[str], *, as_json: bool) -> None:
-    """Print presets: those of these names, or an overview and all.
 
-    Raises:
-        typer.BadParameter: If there is none of a name.
-    """
-    shown = _chosen("sensor", names, sensor_presets())
+def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
+    """List the sensor presets: their numbers, sources and confidence."""
+    from radarsim.presets.sensors import sensor_presets
+
+    chosen = _choose("sensor", names, sensor_presets())
     if as_json:
-        plain = {name: preset.model_dump() for name, preset in shown.items()}
-        for told in plain.values():
-            for number in told["settings"].values():
-                if number["value"] == math.inf:  # JSON knows no infinity
+        plain = {name: preset.model_dump() for name, preset in chosen.items()}
+        for preset in plain.values():
+            for number in preset["settings"].values():
+                if number["value"] == math.inf:  # not allowed in JSON
                     number["value"] = None
         typer.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
     console = Console(soft_wrap=False)
     if not names:
-        console.print(_sensors(shown), "")
-    for name, preset in shown.items():
-        console.print(_numbers(f"{name}: {preset.about}", "setting", preset.settings))
+        console.print(_sensor_overview(chosen), "")
+    for name, each in chosen.items():
+        console.print(_details(f"{name}: {each.about}", "setting", each.settings))
 
 
-def list_materials(names: Sequence[str], *, as_json: bool) -> None:
-    """Print materials of the library: those of these names, or an overview and all.
+def materials(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
+    """List the library of materials: their numbers, sources and confidence."""
+    from radarsim.presets.materials import library
 
-    Raises:
-        typer.BadParameter: If there is none of a name.
-    """
-    shown = _chosen("material", names, library())
+    chosen = _choose("material", names, library())
     if as_json:
-        plain = {name: entry.model_dump() for name, entry in shown.items()}
+        plain = {name: entry.model_dump() for name, entry in chosen.items()}
         typer.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
     console = Console(soft_wrap=False)
     if not names:
-        console.print(_materials(shown), "")
-    for name, entry in shown.items():
-        console.print(_numbers(f"{name}: {entry.about}", "number", entry.numbers))
+        console.print(_material_overview(chosen), "")
+    for name, entry in chosen.items():
+        console.print(_details(f"{name}: {entry.about}", "number", entry.numbers))
 
 
-def _chosen(
-    kind: str, names: Sequence[str], every: Mapping[str, _Listed]
-) -> dict[str, _Listed]:
-    unknown = [name for name in names if name not in every]
-    if unknown:
-        raise typer.BadParameter(
-            f"{kind} {unknown[0][:80]!r}, expected one of {list(every)}"
-        )
-    return {name: every[name] for name in names or every}
+def _choose(
+    noun: str, names: Sequence[str] | None, presets: Mapping[str, _Preset]
+) -> dict[str, _Preset]:
+    for name in names or ():
+        if name not in presets:
+            text = f"{noun} {name[:80]!r}, expected one of {list(presets)}"
+            raise typer.BadParameter(text)
+    return {name: presets[name] for name in names or presets}
 
 
-def _sensors(presets: Mapping[str, SensorPreset]) -> Table:
-    """Show a line for each, with the first sentence about it."""
+def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
+    """Return a row for each sensor, with the first sentence about it."""
+    from radarsim.presets.sensors import load_settings
+
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("name", no_wrap=True)
     table.add_column("medium")
@@ -82,15 +83,18 @@ def _sensors(presets: Mapping[str, SensorPreset]) -> Table:
         table.add_column(column, justify="right")
     table.add_column("about")
     for name, preset in presets.items():
-        told = load_settings(name)
-        numbers = (told.beams, told.fov_deg, told.resolution_deg, told.max_range)
+        it = load_settings(name)
+        numbers = (it.beams, it.fov_deg, it.resolution_deg, it.max_range)
         sentence = preset.about.partition(". ")[0].rstrip(".")
-        table.add_row(name, told.medium, *(f"{n:.4g}" for n in numbers), sentence)
+        table.add_row(name, it.medium, *(f"{n:.4g}" for n in numbers), sentence)
     return table
 
 
-def _materials(entries: Mapping[str, LibraryEntry]) -> Table:
-    """Show a line for each, with what it takes from beams."""
+def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
+    """Return a row for each material, with the loss of beams in it."""
+    from radarsim.presets.materials import library_material
+    from radarsim.presets.sensor_settings import BANDS_GHZ
+
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("name", no_wrap=True)
     for column in (*(f"{band} GHz dB/m" for band in BANDS_GHZ), "laser dB/m"):
@@ -98,32 +102,30 @@ def _materials(entries: Mapping[str, LibraryEntry]) -> Table:
     table.add_column("amount", no_wrap=True)
     table.add_column("about")
     for name, entry in entries.items():
-        told = library_material(name)
-        radar = [_loss(told.density, db, told.radar_mirror) for db in told.radar_db]
+        it = library_material(name)
+        radar = [_loss_text(it.density, db, it.radar_mirror) for db in it.radar_db]
+        laser = _loss_text(it.laser_density, it.laser_db, it.laser_mirror)
         amount = ""
         if entry.amount is not None:
             amount = f"{entry.numbers[entry.amount].value:g} {_UNITS[entry.amount]}"
-        laser = _loss(told.laser_density, told.laser_db, told.laser_mirror)
         table.add_row(name, *radar, laser, amount, entry.about)
     return table
 
 
-def _loss(density: float, decibels: float, mirror: bool) -> str:
+def _loss_text(density: float, decibels: float, mirror: bool) -> str:
     if math.isinf(density):
         return "mirror" if mirror else "opaque"
     return f"{decibels:.3g}"
 
 
-def _numbers(title: str, kind: str, numbers: Mapping[Any, SourcedValue]) -> Table:
+def _details(title: str, noun: str, numbers: Mapping[Any, SourcedValue]) -> Table:
+    """Return a row for each number of a preset, with its source."""
     table = Table(title=title, title_justify="left")
-    for column in (kind, "value", "confidence", "source"):
+    for column in (noun, "value", "confidence", "source"):
         table.add_column(column, overflow="fold")
     for name, number in numbers.items():
-        table.add_row(name, _value(number.value), number.confidence, number.source)
+        value = number.value
+        if isinstance(value, dict):
+            value = ", ".join(f"{db:g} at {band} GHz" for band, db in value.items())
+        table.add_row(name, str(value), number.confidence, number.source)
     return table
-
-
-def _value(value: Any) -> str:
-    if not isinstance(value, dict):
-        return str(value)
-    return ", ".join(f"{number:g} at {band} GHz" for band, number in value.items())

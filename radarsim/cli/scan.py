@@ -1,133 +1,179 @@
-"""``radarsim scan``, and what it shares with ``explain``."""
+"""``radarsim scan``: scans of a map as JSON, CSV or a picture, without a server."""
+
+from __future__ import annotations
 
 import csv
 import io
 import json
 import math
 import sys
-from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from radarsim.cli.options import write_file
+from radarsim.cli.options import (
+    MapArgument,
+    SeedOption,
+    SensorOption,
+    SensorPoseOption,
+    SensorSettingsOption,
+    SensorStartOption,
+    write_file,
+)
 from radarsim.errors import PresetError
-from radarsim.geometry import Pose3
-from radarsim.presets.robots import load_robot
-from radarsim.presets.sensors import parse_setting
-from radarsim.rng import generator_for
-from radarsim.scene.map_file import load_map
-from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
-from radarsim.sensors.scan import Scan
+
+if TYPE_CHECKING:
+    from radarsim.geometry import Pose3
+    from radarsim.scene.scene import Scene
+    from radarsim.sensors.range_scanner import RangeScanner
+    from radarsim.sensors.scan import Scan
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What the options ask for, unread.
+class ScanFormat(StrEnum):
+    """Output formats of a scan."""
 
-    Attributes:
-        map_: Path or name.
-        sensor: Name of a preset.
-        start: Name of a start pose, or None.
-        pose: Numbers between commas, or None.
-        settings: ``KEY=VALUE`` texts.
-        seed: Of the sensor's generator.
-    """
-
-    map_: str
-    sensor: str
-    start: str | None
-    pose: str | None
-    settings: list[str]
-    seed: int
-
-    def read(self) -> tuple[Scene, RangeScanner, Pose3, np.random.Generator]:
-        """Load the map and the sensor, and find where it stands.
-
-        Raises:
-            MapError: If the map is wrong.
-            typer.BadParameter: If an option is.
-        """
-        try:
-            changes = dict(parse_setting(text) for text in self.settings)
-            scanner = load_sensor(self.sensor, **changes)
-        except PresetError as error:
-            raise typer.BadParameter(str(error)) from None
-        if (self.start is None) == (self.pose is None):
-            raise typer.BadParameter("expected one of --start and --pose")
-        scene = load_map(self.map_)
-        pose = self._at_start(scene) if self.start else self._at_pose(scene)
-        return scene, scanner, pose, generator_for(self.seed, self.sensor)
-
-    def _at_start(self, scene: Scene) -> Pose3:
-        start = scene.start(self.start or "")
-        if start is None:
-            names = [start.name for start in scene.starts]
-            expected = f"one of {names}" if names else "--pose: the map has no starts"
-            raise typer.BadParameter(
-                f"{self.start!r}, expected {expected}", param_hint="--start"
-            )
-        model = load_robot("P3AT")
-        lift = Pose3(0.0, 0.0, model.origin_height)
-        return start.pose.compose(lift).compose(model.items_of("RangeScanner")[0].mount)
-
-    def _at_pose(self, scene: Scene) -> Pose3:
-        try:
-            numbers = [float(text) for text in (self.pose or "").split(",")]
-            if len(numbers) == 6:
-                numbers[3:5] = [math.radians(number) for number in numbers[3:5]]
-            numbers[-1] = math.radians(numbers[-1])
-            return sensor_pose(scene, numbers)
-        except ValueError:
-            raise typer.BadParameter(
-                f"{self.pose!r}, expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH,YAW_DEG",
-                param_hint="--pose",
-            ) from None
+    JSON = "json"
+    CSV = "csv"
+    PNG = "png"
 
 
-def write_scans(
-    request: Request, *, count: int, form: str, output: Path | None
+def scan(
+    map_: MapArgument,
+    *,
+    sensor: SensorOption,
+    start: SensorStartOption = None,
+    pose: SensorPoseOption = None,
+    settings: SensorSettingsOption = None,
+    seed: SeedOption = 0,
+    count: Annotated[
+        int, typer.Option(min=1, help="Number of scans; more than 1 make a list.")
+    ] = 1,
+    format_: Annotated[
+        ScanFormat | None,
+        typer.Option(
+            "--format", help="Output format; by default the suffix of -o, or json."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write to this file instead of stdout."),
+    ] = None,
 ) -> None:
-    """Take scans and write them.
+    """Scan a map without a server."""
+    from radarsim.rng import generator_for
 
-    Raises:
-        MapError: If the map is wrong.
-        typer.BadParameter: If an option is.
-    """
-    scene, scanner, pose, rng = request.read()
-    scans = [scanner.scan(scene, pose, rng) for _ in range(count)]
-    if form == "png":
+    scanner = load_scanner(sensor, settings)
+    scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
+    rng = generator_for(seed, sensor)
+    scans = [scanner.scan(scene, sensor_pose, rng) for _ in range(count)]
+    format_ = format_ or _format_of(output)
+    if format_ is ScanFormat.PNG:
         from radarsim.plotting import draw_scans
 
         data = draw_scans(scene, scans)
     else:
-        text = scans_as_json(scans) if form == "json" else scans_as_csv(scans)
+        text = _as_json(scans) if format_ is ScanFormat.JSON else _as_csv(scans)
         data = text.encode()
     if output is not None:
         write_file(output, data)
-    elif form == "png" and sys.stdout.isatty():
+    elif format_ is ScanFormat.PNG and sys.stdout.isatty():
         raise typer.BadParameter("a picture for a terminal, expected -o FILE")
     else:
         sys.stdout.buffer.write(data)
 
 
-def scans_as_json(scans: list[Scan]) -> str:
-    """Give one scan as an object, several as a list."""
-    shown = [scan.to_dict() for scan in scans]
-    return json.dumps(shown if len(shown) > 1 else shown[0], allow_nan=False) + "\n"
+def load_scanner(sensor: str, settings: list[str] | None) -> RangeScanner:
+    """Create a scanner from a preset and ``KEY=VALUE`` texts.
+
+    Raises:
+        typer.BadParameter: If the preset or a setting is wrong.
+    """
+    from radarsim.presets.sensors import parse_setting
+    from radarsim.sensors.range_scanner import load_sensor
+
+    try:
+        return load_sensor(sensor, **dict(map(parse_setting, settings or [])))
+    except PresetError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
-def scans_as_csv(scans: list[Scan]) -> str:
-    """Give a row for each beam; an empty range where nothing came back."""
+def load_scene_and_pose(
+    map_: str, *, start: str | None, pose: str | None
+) -> tuple[Scene, Pose3]:
+    """Load a map, and return it with the pose of the sensor in it.
+
+    Args:
+        map_: Name of a map, or path of a map file.
+        start: Name of a start pose, or None.
+        pose: Text of 3 or 6 numbers with commas between them, or None.
+
+    Raises:
+        MapError: If the map is wrong.
+        typer.BadParameter: If not exactly one of start and pose is given, or it is
+            wrong.
+    """
+    from radarsim.scene.map_file import load_map
+
+    if (start is None) == (pose is None):
+        raise typer.BadParameter("expected one of --start and --pose")
+    scene = load_map(map_)
+    return scene, (
+        _pose_at_start(scene, start) if pose is None else _read_pose(scene, pose)
+    )
+
+
+def _pose_at_start(scene: Scene, name: str | None) -> Pose3:
+    from radarsim.geometry import Pose3
+    from radarsim.presets.robots import load_robot
+
+    start = scene.start(name or "")
+    if start is None:
+        names = [start.name for start in scene.starts]
+        expected = f"one of {names}" if names else "--pose: the map has no starts"
+        raise typer.BadParameter(f"{name!r}, expected {expected}", param_hint="--start")
+    model = load_robot("P3AT")
+    lift = Pose3(0.0, 0.0, model.origin_height)
+    return start.pose.compose(lift).compose(model.items_of("RangeScanner")[0].mount)
+
+
+def _read_pose(scene: Scene, text: str) -> Pose3:
+    from radarsim.sensors.range_scanner import sensor_pose
+
+    try:
+        numbers = [float(number) for number in text.split(",")]
+        if len(numbers) == 6:
+            numbers[3:5] = [math.radians(number) for number in numbers[3:5]]
+        numbers[-1] = math.radians(numbers[-1])
+        return sensor_pose(scene, numbers)
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r}, expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH,YAW_DEG",
+            param_hint="--pose",
+        ) from None
+
+
+def _format_of(output: Path | None) -> ScanFormat:
+    suffix = "" if output is None else output.suffix.lower().lstrip(".")
+    return ScanFormat(suffix) if suffix in list(ScanFormat) else ScanFormat.JSON
+
+
+def _as_json(scans: list[Scan]) -> str:
+    """Return one scan as an object, several as a list."""
+    plain = [scan.to_dict() for scan in scans]
+    return json.dumps(plain if len(plain) > 1 else plain[0], allow_nan=False) + "\n"
+
+
+def _as_csv(scans: list[Scan]) -> str:
+    """Return a row for each beam; the range is empty where no echo came back."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["scan", "beam", "angle", "range", "ray"])
     for number, scan in enumerate(scans):
-        shown = scan.to_dict()
-        rays = shown["rays"] or [None] * len(shown["ranges"])
-        rows = zip(scan.angles.tolist(), shown["ranges"], rays, strict=True)
+        plain = scan.to_dict()
+        rays = plain["rays"] or [None] * len(plain["ranges"])
+        rows = zip(scan.angles.tolist(), plain["ranges"], rays, strict=True)
         for beam, row in enumerate(rows):
             writer.writerow([number, beam, *row])
     return text.getvalue()

@@ -1,77 +1,118 @@
-"""``radarsim serve``."""
+"""``radarsim serve``: serve a map to USARSim clients."""
+
+from __future__ import annotations
 
 import asyncio
 import logging
-import math
 import sys
-from typing import Any
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from radarsim.cli.signals import ending_at_once
+from radarsim.cli.options import (
+    DriveUnit,
+    MapArgument,
+    SeedOption,
+    check_positive,
+    read_item_settings,
+)
+from radarsim.cli.signals import TERMINATED, exit_immediately_on_signals
 from radarsim.errors import PresetError
-from radarsim.host import Host
-from radarsim.presets.sensors import parse_setting
-from radarsim.protocol.dialect import get_dialect
-from radarsim.scene.map_file import load_map
-from radarsim.server.tcp_server import Server
-from radarsim.server.tcp_server import serve as serve_until_signal
-from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    from radarsim.host import Host
+    from radarsim.simulation.config import SimulationConfig
 
 
-def run_server(
-    map_: str,
+class DialectName(StrEnum):
+    """Dialects of the USARSim protocol."""
+
+    COMPAT = "compat"
+    UDK = "udk"
+
+
+def serve(
+    map_: MapArgument,
     *,
-    address: tuple[str, int],
-    seed: int,
-    speed: float,
-    conditions: tuple[str, Any, list[str]],
-    verbose: bool,
-) -> int:
-    """Serve a map until a signal comes; give the exit code.
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
+    ] = 3000,
+    seed: SeedOption = 0,
+    speed: Annotated[
+        float,
+        typer.Option(
+            callback=check_positive, help="Simulated seconds per second of real time."
+        ),
+    ] = 1.0,
+    dialect: Annotated[
+        DialectName,
+        typer.Option(help="What clients in the field need, or the original's bytes."),
+    ] = DialectName.COMPAT,
+    drive_unit: Annotated[
+        DriveUnit | None,
+        typer.Option(help="Unit of DRIVE commands; the dialect's by default."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="ITEM.KEY=VALUE",
+            help="Change a setting of the robots' items, such as lms200.max_range=20.",
+        ),
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Log connections as well.")
+    ] = False,
+) -> None:
+    """Serve a map to USARSim clients until interrupted."""
+    from radarsim.protocol.dialect import get_dialect
+    from radarsim.server.tcp_server import Server
+    from radarsim.server.tcp_server import serve as serve_until_signal
+    from radarsim.simulation.config import SimulationConfig
 
-    Raises:
-        RadarsimError: If the map is wrong, or the port is taken.
-    """
     logging.basicConfig(
         stream=sys.stderr,
         level=logging.INFO if verbose else logging.WARNING,
         format="%(asctime)s %(levelname)s %(message)s",
     )
-    if not 0 < speed < math.inf:
-        raise typer.BadParameter(
-            f"speed {speed}, expected above 0", param_hint="--speed"
-        )
-    dialect, unit, settings = conditions
-    held = SimulationConfig(get_dialect(dialect), unit, item_settings(settings))
+    config = SimulationConfig(
+        get_dialect(dialect.value),
+        None if drive_unit is None else drive_unit.value,
+        read_item_settings(settings or []),
+    )
+    server = Server(load_host(map_, config, seed=seed, terminated=0), speed=speed)
+    raise typer.Exit(asyncio.run(serve_until_signal(server, host, port, _announce)))
+
+
+def load_host(
+    map_: str, config: SimulationConfig, *, seed: int, terminated: int = TERMINATED
+) -> Host:
+    """Load a map and create the server's host; signals end the process meanwhile.
+
+    Args:
+        map_: Name of a map, or path of a map file.
+        config: Dialect and settings of items.
+        seed: Seed of the simulation.
+        terminated: Exit code after SIGTERM.
+
+    Raises:
+        MapError: If the map is wrong.
+        typer.BadParameter: If a setting of an item does not fit.
+    """
+    from radarsim.host import Host
+    from radarsim.scene.map_file import load_map
+
     try:
-        held.check()
+        config.check()
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
-    with ending_at_once(terminated=0):
-        host = Host(load_map(map_), config=held, seed=seed)
-    server = Server(host, speed=speed)
-    return asyncio.run(serve_until_signal(server, *address, announce))
+    with exit_immediately_on_signals(terminated):
+        return Host(load_map(map_), config=config, seed=seed)
 
 
-def announce(address: tuple[str, int]) -> None:
-    """Say that clients can connect."""
+def _announce(address: tuple[str, int]) -> None:
     typer.echo(f"radarsim: listening on {address[0]}:{address[1]}")
     sys.stdout.flush()
-
-
-def item_settings(texts: list[str]) -> dict[str, dict[str, Any]]:
-    """Read ``ITEM.KEY=VALUE`` texts."""
-    found: dict[str, dict[str, Any]] = {}
-    for text in texts:
-        try:
-            path, value = parse_setting(text)
-        except PresetError as error:
-            raise typer.BadParameter(str(error), param_hint="--set") from None
-        item, dot, key = path.partition(".")
-        if not dot or not item or not key:
-            raise typer.BadParameter(
-                f"setting {text[:80]!r}, expected ITEM.KEY=VALUE", param_hint="--set"
-            )
-        found.setdefault(item, {})[key] = value
-    return found

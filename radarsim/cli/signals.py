@@ -1,4 +1,4 @@
-"""What signals do to commands that do not end by them as a matter of course."""
+"""Signal handling of commands whose exit code must tell finished from interrupted."""
 
 import os
 import signal
@@ -8,35 +8,35 @@ from contextlib import contextmanager
 from typing import Final
 
 INTERRUPTED: Final = 130
-TERMINATED: Final = 143  # as shells call it
+TERMINATED: Final = 143  # 128 + SIGTERM, as shells report it
 
 
-def end_unfinished() -> None:
-    """Have a request to terminate end with 143, where 0 would say that all is done."""
+def exit_143_on_sigterm() -> None:
+    """Make SIGTERM exit with 143, because 0 would claim that the work is finished."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
 
 
 @contextmanager
-def ending_at_once(terminated: int = TERMINATED) -> Iterator[None]:
-    """Have signals end the process on the spot.
+def exit_immediately_on_signals(terminated: int = TERMINATED) -> Iterator[None]:
+    """Make SIGINT and SIGTERM end the process at once, without raising an exception.
 
-    For as long as things are made ready and nothing is begun. What is being compiled
-    would lose the exception that Python raises otherwise, end with many words, or with
-    none, by a fault of its memory.
+    For loading and compiling, before there is anything to save. The exception that
+    Python raises for a signal gets lost in callbacks from the compiler, or ends in a
+    traceback or a segmentation fault there.
 
     Args:
-        terminated: The exit code after a request to terminate.
+        terminated: Exit code after SIGTERM.
     """
     codes: dict[int, int] = {
         signal.SIGINT: INTERRUPTED,
         signal.SIGTERM: terminated,
     }
-    before = {
+    previous = {
         number: signal.signal(number, lambda number, _: os._exit(codes[number]))
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in previous.items():
             signal.signal(number, handler)

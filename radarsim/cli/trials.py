@@ -1,4 +1,6 @@
-"""``radarsim trials``."""
+"""``radarsim trials``: score navigation on maps."""
+
+from __future__ import annotations
 
 import json
 import os
@@ -6,56 +8,64 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from statistics import fmean
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
+from radarsim.cli.options import JsonOption
+from radarsim.cli.signals import exit_143_on_sigterm
 from radarsim.errors import MapError, PresetError
-from radarsim.evaluation.trials import (
-    MAPS,
-    Score,
-    config_with_sensor,
-    entries,
-    load_trial,
-    run_trials,
-)
 from radarsim.navigation.options import Algorithm
 
-ALGORITHMS = tuple(algorithm.value for algorithm in Algorithm)
-COLUMNS = ("success", "path m", "ratio", "touches", "time s", "circuits")
+if TYPE_CHECKING:
+    from radarsim.evaluation.trials import Score
 
 
-def run_and_print(
-    names: tuple[str | None, str, str],
+def trials(
     *,
-    seeds: int,
-    workers: int | None,
-    as_json: bool,
+    maps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Maps that have a trial; by default all that are made for trials.",
+        ),
+    ] = None,
+    algorithms: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Algorithms to compare.")
+    ] = "bug1,bug2",
+    sensors: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,...", help="Sensor presets; they see all the way round."
+        ),
+    ] = "radar",
+    seeds: Annotated[
+        int,
+        typer.Option(
+            min=1, metavar="K", help="Repeat each trial with seeds 0 to K - 1."
+        ),
+    ] = 3,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of processes; one for each core by default."),
+    ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Run trials, with a bar on stderr, and print a table or JSON on stdout.
+    """Run and score navigation on maps, in lockstep and on all cores."""
+    exit_143_on_sigterm()
+    from radarsim.evaluation.trials import MAPS, entries, run_trials
 
-    Args:
-        names: Of maps (None for all that are made for trials), of algorithms and of
-            sensors, with commas between them.
-        seeds: How many of each.
-        workers: Processes; None for one on each core.
-        as_json: A list of all scores instead of the table.
-
-    Raises:
-        MapError: If a map is wrong.
-        typer.BadParameter: If a name is not known.
-    """
-    maps = MAPS if names[0] is None else _split(names[0], "--maps")
-    algorithms = _split(names[1], "--algorithms")
-    sensors = _split(names[2], "--sensors")
-    _check(maps, algorithms, sensors)
-    wanted = entries(maps, algorithms, sensors, seeds)
-    count = min(workers or _cores(), len(wanted))
-    begun = time.perf_counter()
-    scores = list(_with_bar(run_trials(wanted, workers=count), len(wanted)))
-    took = time.perf_counter() - begun
+    names = MAPS if maps is None else _split(maps, "--maps")
+    chosen_algorithms = _split(algorithms, "--algorithms")
+    chosen_sensors = _split(sensors, "--sensors")
+    _check(names, chosen_algorithms, chosen_sensors)
+    todo = entries(names, chosen_algorithms, chosen_sensors, seeds)
+    processes = min(workers or _count_cores(), len(todo))
+    began = time.perf_counter()
+    scores = list(_with_bar(run_trials(todo, workers=processes), len(todo)))
+    duration = time.perf_counter() - began
     if as_json:
         typer.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))
         return
@@ -65,9 +75,9 @@ def run_and_print(
     )
     for score in scores:
         if not score.right:
-            typer.echo(_fault(score))
-    by = "1 process" if count == 1 else f"{count} processes"
-    typer.echo(f"{len(scores)} trials in {took:.1f} s by {by}")
+            typer.echo(_failure_text(score))
+    by = "1 process" if processes == 1 else f"{processes} processes"
+    typer.echo(f"{len(scores)} trials in {duration:.1f} s by {by}")
 
 
 def _split(text: str, hint: str) -> list[str]:
@@ -81,11 +91,14 @@ def _split(text: str, hint: str) -> list[str]:
 def _check(
     maps: Sequence[str], algorithms: Sequence[str], sensors: Sequence[str]
 ) -> None:
+    from radarsim.evaluation.trials import config_with_sensor
+
     for name in maps:
         _check_map(name)
+    known = [algorithm.value for algorithm in Algorithm]
     for name in algorithms:
-        if name not in ALGORITHMS:
-            text = f"{name[:80]!r}, expected one of {list(ALGORITHMS)}"
+        if name not in known:
+            text = f"{name[:80]!r}, expected one of {known}"
             raise typer.BadParameter(text, param_hint="--algorithms")
     for name in sensors:
         try:
@@ -95,7 +108,9 @@ def _check(
 
 
 def _check_map(name: str) -> None:
-    """Find names of maps that are not there, or have nothing to try."""
+    """Refuse a map that does not exist, or has no trial."""
+    from radarsim.evaluation.trials import MAPS, load_trial
+
     try:
         load_trial(name)
     except MapError as error:
@@ -105,13 +120,20 @@ def _check_map(name: str) -> None:
         raise typer.BadParameter(text, param_hint="--maps") from None
 
 
-def _cores() -> int:
+def _count_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _with_bar(scores: Iterator[Score], total: int) -> Iterator[Score]:
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TimeElapsedColumn,
+    )
+
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("trials", total=total)
@@ -124,19 +146,19 @@ def _table(scores: Sequence[Score]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for column in ("map", "algorithm", "sensor"):
         table.add_column(column, no_wrap=True)
-    for column in COLUMNS:
+    for column in ("success", "path m", "ratio", "touches", "time s", "circuits"):
         table.add_column(column, justify="right")
     groups: dict[tuple[str, str, str], list[Score]] = {}
     for score in scores:
         key = (score.map, score.algorithm, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
-        table.add_row(*key, *_numbers(group))
+        table.add_row(*key, *_group_columns(group))
     return table
 
 
-def _numbers(group: Sequence[Score]) -> Iterator[str]:
-    """Give what all seeds of one kind of trial come to, column by column."""
+def _group_columns(group: Sequence[Score]) -> Iterator[str]:
+    """Yield the columns of one kind of trial: sums and means over its seeds."""
     path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
     yield f"{sum(s.right for s in group)}/{len(group)}"
     yield f"{path:.2f}"
@@ -147,8 +169,8 @@ def _numbers(group: Sequence[Score]) -> Iterator[str]:
     yield f"{fmean(s.circuits for s in group):.1f}"
 
 
-def _fault(score: Score) -> str:
-    touched = f"collisions: {score.collisions}" if score.collisions else ""
-    told = "; ".join(text for text in (score.outcome, score.note, touched) if text)
-    who = f"{score.map} {score.algorithm} {score.sensor} seed {score.seed}"
-    return f"{who}: {told}"
+def _failure_text(score: Score) -> str:
+    collisions = f"collisions: {score.collisions}" if score.collisions else ""
+    reasons = "; ".join(filter(None, (score.outcome, score.note, collisions)))
+    trial = f"{score.map} {score.algorithm} {score.sensor} seed {score.seed}"
+    return f"{trial}: {reasons}"

@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 import typer
 
-from radarsim.cli.options import check_place, write_file
+from radarsim.cli.options import check_writable, write_file
 
 
 def test_what_is_written_is_there(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    check_place(path, "--trace")
+    check_writable(path, "--trace")
     assert not path.exists()
     write_file(path, b"time\n", "--trace")
-    check_place(path, "--trace")
+    check_writable(path, "--trace")
     assert path.read_bytes() == b"time\n"
 
 
@@ -30,7 +30,7 @@ def test_what_cannot_be_written_is_told_before_and_after(
 ) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(typer.BadParameter, match=f"{name}: {reason}") as caught:
-        check_place(tmp_path / name, "--trace")
+        check_writable(tmp_path / name, "--trace")
     assert caught.value.param_hint == "--trace"
     with pytest.raises(typer.BadParameter, match=f"cannot write .*{name}: ") as caught:
         write_file(tmp_path / name, b"", "--trace")
@@ -41,5 +41,5 @@ def test_what_cannot_be_written_is_told_before_and_after(
 def test_a_folder_without_rights_is_told_before(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(typer.BadParameter, match="no right to"):
-        check_place(tmp_path / "run.csv", "--trace")
+        check_writable(tmp_path / "run.csv", "--trace")
     tmp_path.chmod(0o700)

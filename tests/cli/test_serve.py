@@ -4,14 +4,14 @@ from typing import Any
 import pytest
 import typer
 
-from radarsim.cli.serve import item_settings
+from radarsim.cli.options import read_item_settings
 
 Command = Callable[..., Any]
 
 
 def test_settings_of_items_are_grouped_by_item() -> None:
     texts = ["lms200.max_range=20", "InsTest.sigma=0", "lms200.side_offset_uu=0"]
-    assert item_settings(texts) == {
+    assert read_item_settings(texts) == {
         "lms200": {"max_range": 20, "side_offset_uu": 0},
         "InsTest": {"sigma": 0},
     }
@@ -20,7 +20,7 @@ def test_settings_of_items_are_grouped_by_item() -> None:
 @pytest.mark.parametrize("text", ["max_range=20", ".max_range=20", "lms200.=2", "a.b"])
 def test_a_setting_without_item_key_or_value_is_usage(text: str) -> None:
     with pytest.raises(typer.BadParameter, match="expected"):
-        item_settings([text])
+        read_item_settings([text])
 
 
 @pytest.mark.parametrize(

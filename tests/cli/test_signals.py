@@ -6,13 +6,13 @@ import sys
 
 import pytest
 
-from radarsim.cli.signals import ending_at_once
+from radarsim.cli.signals import exit_immediately_on_signals
 
 # What a compiler does: it is called back from C, where exceptions are lost.
 SCRIPT = """
 import ctypes, os, signal
-from radarsim.cli.signals import ending_at_once
-with ending_at_once({terminated}):
+from radarsim.cli.signals import exit_immediately_on_signals
+with exit_immediately_on_signals({terminated}):
     ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.{name}))()
     print("goes on")
 """
@@ -36,6 +36,6 @@ def test_what_is_not_begun_ends_at_once(name: str, terminated: str, code: int) -
 def test_what_is_begun_ends_as_before() -> None:
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.getsignal(number) for number in numbers]
-    with pytest.raises(ValueError, match="broken"), ending_at_once():
+    with pytest.raises(ValueError, match="broken"), exit_immediately_on_signals():
         raise ValueError("broken")
     assert [signal.getsignal(number) for number in numbers] == before

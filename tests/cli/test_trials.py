@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from radarsim.cli.trials import _fault
+from radarsim.cli.trials import _failure_text
 from radarsim.evaluation.trials import Score
 
 Command = Callable[..., Any]
@@ -85,6 +85,6 @@ def test_what_went_wrong_is_said_of_each_trial() -> None:
         off=4.0,
         note="no scan",
     )
-    assert _fault(score) == (
+    assert _failure_text(score) == (
         "bug_maze bug1 radar seed 3: failed; no scan; collisions: 2"
     )

@@ -2,18 +2,26 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-import radarsim.cli.app
-from radarsim.cli import main
+from radarsim.cli import app, main
 from radarsim.errors import ServerError
 
+Command = Callable[..., Any]
 PROGRAM = (sys.executable, "-m", "radarsim")
 
 
-def test_a_reader_that_has_enough_is_no_crash() -> None:
+def test_version_and_help_are_printed(radarsim: Command) -> None:
+    assert radarsim("--version").text.startswith("radarsim 0.")
+    assert "serve" in radarsim("--help").text
+    assert radarsim("sarve").code == 2
+
+
+def test_closed_stdout_ends_the_program_without_an_error() -> None:
     command = (*PROGRAM, "scan", "empty_room", "--sensor", "laser")
     process = subprocess.Popen(
         (*command, "--start", "RobotStart1", "--count", "100"),
@@ -31,7 +39,7 @@ def test_a_reader_that_has_enough_is_no_crash() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_one_sentence() -> None:
+def test_full_disk_is_reported_in_one_line() -> None:
     command = (*PROGRAM, "check", "empty_room")
     with Path("/dev/full").open("wb") as full:
         run = subprocess.run(
@@ -48,16 +56,16 @@ def test_a_full_disk_is_one_sentence() -> None:
         pytest.param(ServerError("the port is taken"), 1, id="failed"),
     ],
 )
-def test_how_a_command_ends(
+def test_errors_become_exit_codes(
     error: BaseException,
     code: int,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def run() -> None:
+    def fail() -> None:
         raise error
 
-    monkeypatch.setattr(radarsim.cli.app, "app", run)
+    monkeypatch.setattr(app, "app", fail)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     with pytest.raises(SystemExit) as ended:
         main()
@@ -66,7 +74,7 @@ def test_how_a_command_ends(
     assert text == ("radarsim: the port is taken\n" if code == 1 else "")
 
 
-def test_a_command_that_is_told_to_end_ends_with_0() -> None:
+def test_sigterm_ends_a_scan_with_exit_code_0() -> None:
     command = (*PROGRAM, "scan", "empty_room", "--sensor", "radar", "--count", "200000")
     with subprocess.Popen(
         (*command, "--start", "RobotStart1", "--format", "csv"),

@@ -1,0 +1,220 @@
+"""What one beam meets, as a dictionary and as text for ``radarsim explain``."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import typer
+
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import Event
+from radarsim.raycast.tracer import tracer_of
+from radarsim.scene.scene import Part, Scene
+from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
+from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan import Scan
+
+_SIDES: Final = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
+_OUTCOMES: Final = {
+    EventKind.HIT: "hit",
+    EventKind.SPENT: "spent",
+    EventKind.OUT_OF_RANGE: "out_of_range",
+    EventKind.ABSORBED: "absorbed",
+}
+
+
+def with_single_ray(scanner: RangeScanner, ray: str) -> RangeScanner:
+    """Return the scanner with only one of the three rays of its beams.
+
+    Raises:
+        typer.BadParameter: If its beams do not consist of three rays.
+    """
+    settings = scanner.settings
+    count = settings.rays_per_beam
+    if settings.has_side_rays and settings.side_mode != "cone":
+        weights = tuple(float(side == _SIDES[ray]) for side in (RIGHT, CENTRE, LEFT))
+        update = {"ray_weights": weights, "ray_choice": "drawn"}
+        return RangeScanner(scanner.name, settings.model_copy(update=update))
+    if count == 1 and ray == "centre":
+        return scanner
+    expected = "drawn or centre" if count == 1 else "drawn"
+    raise typer.BadParameter(
+        f"{ray!r}, expected {expected}: {scanner.name}'s beams have {count}"
+        f" {'ray' if count == 1 else 'rays'}",
+        param_hint="--ray",
+    )
+
+
+def explain_beam(
+    scene: Scene, scanner: RangeScanner, scan: Scan, beam: int
+) -> dict[str, Any]:
+    """Return everything that a ray of a scan met, for JSON.
+
+    Args:
+        scene: The scene that was scanned.
+        scanner: The scanner.
+        scan: Its scan.
+        beam: Number of the beam.
+    """
+    settings, tracer = scanner.settings, tracer_of(scene)
+    cast = scan.cast.take(np.array([beam]))
+    events = tracer.explain(cast)[0]
+    return {
+        "sensor": scanner.name,
+        "beam": beam,
+        "angle": float(scanner.angles[beam]),
+        "ray": None if scan.rays is None else int(scan.rays[beam]),
+        "one_of": settings.rays_per_beam if settings.combines_rays else 1,
+        "origin": cast.origins[0].tolist(),
+        "direction": cast.directions[0].tolist(),
+        **_explain_events(events, tracer.parts, settings.penetration_power),
+        # The reading need not be the distance at which this ray ends.
+        "range": _finite(float(scan.ranges[beam])),
+        "rain": _rain_range(scan, beam),
+        "return_mode": settings.return_mode,
+        "air": tracer.densities(scan.cast.ray_classes[0])[1],
+    }
+
+
+def _rain_range(scan: Scan, beam: int) -> float | None:
+    """Return the range of a beam's echo of rain, m; None if there is none."""
+    echoes = scan.echoes
+    rows = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)
+    return float(echoes.ranges[rows][0]) if rows.any() else None
+
+
+def _explain_events(
+    events: Sequence[Event], parts: Sequence[Part], power: float
+) -> dict[str, Any]:
+    """Return the volumes that a ray of this power crossed, and how it ended."""
+    crossings: list[dict[str, Any]] = []
+    entered: dict[int, dict[str, Any]] = {}
+    mirrors: list[dict[str, Any]] = []
+    for event in events[:-1]:
+        if event.kind is EventKind.SHEET:
+            crossings.append(_sheet_row(event, parts))
+        elif event.kind is EventKind.MIRRORED:
+            mirrors.append(_mirror_row(event, parts))
+        elif event.kind is EventKind.LEAVE:
+            entered.pop(event.part).update(exit=event.t, power_after=_power(event))
+        else:
+            entered[event.part] = _row(event, parts)
+            crossings.append(entered[event.part])
+    end = events[-1]
+    for row in entered.values():
+        row["power_after"] = _power(end)
+    return {
+        "power": _finite(power),
+        "crossings": crossings,
+        "mirrors": mirrors,
+        "outcome": _OUTCOMES[end.kind],
+        "distance": end.t,
+        "object": parts[end.part].object_name if end.part >= 0 else None,
+        "material": parts[end.part].material.name if end.part >= 0 else None,
+        "power_left": _power_left(end),
+    }
+
+
+def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    """Return the row of a volume that the ray enters."""
+    part = parts[event.part]
+    return {
+        "object": part.object_name,
+        "material": part.material.name,
+        "starts_inside": event.kind is EventKind.START_INSIDE,
+        "entry": event.t,
+        "exit": None,
+        "power_before": _power(event),
+        "power_after": _power(event),
+    }
+
+
+def _sheet_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    after = _finite(event.power - event.absorbed)
+    return {**_row(event, parts), "exit": event.t, "power_after": after}
+
+
+def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    part = parts[event.part]
+    return {
+        "object": part.object_name,
+        "material": part.material.name,
+        "at": event.t,
+        "position": list(event.position),
+        "power_before": _power(event),
+        "power_after": _finite(event.power - event.absorbed),
+    }
+
+
+def _power_left(end: Event) -> float | None:
+    """Return the power behind the end of a ray, less what is absorbed there."""
+    if end.kind is EventKind.ABSORBED:
+        return 0.0
+    return _finite(end.power - end.absorbed)
+
+
+def _power(event: Event) -> float | None:
+    return _finite(event.power)
+
+
+def _finite(value: float) -> float | None:
+    """Return a number as JSON can hold it: None for an infinite one."""
+    return value if math.isfinite(value) else None
+
+
+def as_text(report: dict[str, Any]) -> list[str]:
+    """Return an explanation as sentences, one a line."""
+    names = {None: "", -1: ", right ray", 0: ", centre ray", 1: ", left ray"}
+    ray = names[report["ray"]]
+    degrees = math.degrees(report["angle"])
+    if report["one_of"] > 1:
+        ray += f", one of {report['one_of']} that answer together"
+    lines = [
+        f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}",
+        f"leaves with power {_power_text(report['power'])}",
+    ]
+    if report["air"]:
+        lines.append(f"everywhere: the air takes {report['air']:.6f} of it per metre")
+    met = [(row["entry"], _crossing_text(row)) for row in report["crossings"]]
+    met += [(row["at"], _mirror_text(row)) for row in report["mirrors"]]
+    if report["rain"] is not None:
+        met.append((report["rain"], f"{report['rain']:.4f} m: rain shows"))
+    lines += [text for _, text in sorted(met, key=lambda event: event[0])]
+    end = f"{report['distance']:.4f} m"
+    part = f"{report['object']} ({report['material']})"
+    endings = {
+        "hit": f"{end}: hits {part}",
+        "spent": f"{end}: spent in {part}",
+        "out_of_range": f"{end}: out of range",
+        "absorbed": f"{end}: absorbed by {part}",
+    }
+    power = _power_text(report["power_left"])
+    lines.append(f"{endings[report['outcome']]}, power left {power}")
+    if report["range"] is None:
+        return [*lines, "reads nothing"]
+    mirrored = any(row["at"] < report["range"] for row in report["mirrors"])
+    ghost = ", a ghost: it was mirrored on its way" if mirrored else ""
+    mode = report["return_mode"]
+    echo = f", its {mode} echo" if mode in ("first", "strongest") else ""
+    return [*lines, f"reads {report['range']:.4f} m{echo}{ghost}"]
+
+
+def _crossing_text(row: dict[str, Any]) -> str:
+    entry = f"{row['entry']:.4f} m: enters"
+    enters = "starts inside" if row["starts_inside"] else entry
+    leaves = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
+    before, after = _power_text(row["power_before"]), _power_text(row["power_after"])
+    volume = f"{row['object']} ({row['material']})"
+    return f"{enters} {volume}, {leaves}, power {before} to {after}"
+
+
+def _mirror_text(row: dict[str, Any]) -> str:
+    x, y, z = row["position"]
+    before, after = _power_text(row["power_before"]), _power_text(row["power_after"])
+    mirror = f"{row['object']} ({row['material']}) at ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{row['at']:.4f} m: mirrored by {mirror}, power {before} to {after}"
+
+
+def _power_text(power: float | None) -> str:
+    return "unlimited" if power is None else f"{power:.4f}"
