@@ -1,1 +1,1 @@
-"""Measurements of the engine and the server."""
+"""Benchmarks of the ray engine and the server."""

@@ -1,4 +1,8 @@
-"""Benchmarks of the ray engine: rows a to d."""
+"""Benchmarks of the ray engine: groups a to d, g and h of the table.
+
+Most results are ratios against a raw first-hit call of Embree on the same rays,
+measured in turns in one process, so that they hold on machines of any speed.
+"""
 
 import importlib
 import math
@@ -9,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim.benchmark.measurement import Row, compare, measure
+from radarsim.benchmark.measurement import BenchmarkRow, compare, measure
 from radarsim.benchmark.scenes import (
     SENSOR,
     bumpy_room,
@@ -32,17 +36,17 @@ from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.simulation import Simulation
 
 BATCH = 100
-# Most times as long as a raw first-hit call; of the foliage wall alone.
+# Upper limits of the ratio to a raw first-hit call, for the foliage wall.
 LIMITS = {"361 beams": 3.2, "1801 beams": 2.9, "100 scans of 361 beams": 2.9}
 
 
 def radar_with(beams: int) -> RangeScanner:
-    """Make a radar with so many beams over half a circle."""
+    """Create a radar with the given number of beams over 180 degrees."""
     return load_sensor("radar", resolution_deg=180 / (beams - 1))
 
 
-def scans_against_first_hits(seconds: float) -> Iterator[Row]:
-    """Measure whole scans, beam making and drawing included, by raw first-hit calls."""
+def scans_against_first_hits(seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure whole scans, with the drawing of rays, against raw first-hit calls."""
     for scene, limits in ((foliage_wall(), LIMITS), (load_map("foliage_room"), {})):
         meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
         for name, scan, rays in _workloads(scene):
@@ -50,11 +54,11 @@ def scans_against_first_hits(seconds: float) -> Iterator[Row]:
             result = compare(scan, first.run, seconds=seconds)
             note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
             title = f"{scene.name}, {name}"
-            yield Row("a", title, result.ratio, "x", limits.get(name), note)
+            yield BenchmarkRow("a", title, result.ratio, "x", limits.get(name), note)
 
 
 def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]:
-    """Give a name, what makes the scans, and rays like theirs."""
+    """Yield the name of a workload, a function that runs it, and rays like its rays."""
     tracer, pose = tracer_of(scene), sensor_pose(scene, SENSOR)
     rng = generator_for(0, "bench")
     for beams in (361, 1801):
@@ -71,18 +75,18 @@ def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]
 
 
 def plan_and_scan(
-    scene: Scene, wanted: list[tuple[RangeScanner, Pose3, np.random.Generator]]
+    scene: Scene, requests: list[tuple[RangeScanner, Pose3, np.random.Generator]]
 ) -> list[Scan]:
     """Take many scans in one cast, as the simulation does."""
     tracer = tracer_of(scene)
     planned = [
-        (scanner, scanner.plan(tracer, pose, rng)) for scanner, pose, rng in wanted
+        (scanner, scanner.plan(tracer, pose, rng)) for scanner, pose, rng in requests
     ]
     return scan_batch(tracer, planned)
 
 
-def against_open3d(seconds: float) -> Iterator[Row]:
-    """Measure scans by Open3D's list of all hits, where Open3D is installed."""
+def against_open3d(seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure scans against Open3D's list of all hits, where Open3D is installed."""
     try:
         open3d: Any = importlib.import_module("open3d")
     except (ImportError, OSError):  # it lacks system libraries on many machines
@@ -100,16 +104,16 @@ def against_open3d(seconds: float) -> Iterator[Row]:
         hits = partial(o3d.list_intersections, tensor)
         result = compare(scan, hits, seconds=seconds)
         note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
-        yield Row("b", f"{scene.name}, {name}", result.ratio, "x", 1.0, note)
+        yield BenchmarkRow("b", f"{scene.name}, {name}", result.ratio, "x", 1.0, note)
 
 
-def throughput(seconds: float) -> Iterator[Row]:
+def throughput(seconds: float) -> Iterator[BenchmarkRow]:
     """Measure scans per second on one core, and two threads against one."""
     scene, beams = foliage_wall(), 361
     tracer, pose = tracer_of(scene), sensor_pose(scene, SENSOR)
     radar, rng = radar_with(beams), generator_for(0, "bench")
     one = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
-    yield Row("c", f"scans of {beams} beams, one core", 1 / one, "1/s")
+    yield BenchmarkRow("c", f"scans of {beams} beams, one core", 1 / one, "1/s")
     rays = Rays.concatenate([radar.plan(tracer, pose, rng).rays for _ in range(BATCH)])
     with ThreadPoolExecutor(2) as pool:
         result = compare(
@@ -117,10 +121,10 @@ def throughput(seconds: float) -> Iterator[Row]:
             lambda: list(pool.map(lambda _: tracer.trace(rays), range(2))),
             seconds=seconds,
         )
-    yield Row("c", "two threads, times as fast as one", result.ratio, "x")
+    yield BenchmarkRow("c", "two threads, times as fast as one", result.ratio, "x")
 
 
-def growth(seconds: float) -> Iterator[Row]:
+def growth(seconds: float) -> Iterator[BenchmarkRow]:
     """Measure one scan in scenes of growing size."""
     radar = radar_with(361)
     for triangles in (10**3, 10**4, 10**5, 10**6):
@@ -135,13 +139,15 @@ def growth(seconds: float) -> Iterator[Row]:
         yield _robots_row(robots, seconds)
 
 
-def _scan_row(scene: Scene, radar: RangeScanner, name: str, seconds: float) -> Row:
+def _scan_row(
+    scene: Scene, radar: RangeScanner, name: str, seconds: float
+) -> BenchmarkRow:
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
     taken = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
-    return Row("d", f"{scene.name}, {name}", taken * 1e6, "us")
+    return BenchmarkRow("d", f"{scene.name}, {name}", taken * 1e6, "us")
 
 
-def _robots_row(robots: int, seconds: float) -> Row:
+def _robots_row(robots: int, seconds: float) -> BenchmarkRow:
     """Measure a tenth of a second of simulated time, one scan of each robot."""
     simulation = Simulation(load_map("empty_room"))
     model = load_robot("P3AT")
@@ -156,16 +162,13 @@ def _robots_row(robots: int, seconds: float) -> Row:
 
     taken = measure(tenth, seconds=seconds)
     count = len(simulation.vehicles)
-    return Row("d", f"{count} robots, 0.1 s simulated", taken * 1e3, "ms")
+    return BenchmarkRow("d", f"{count} robots, 0.1 s simulated", taken * 1e3, "ms")
 
 
-# Section from study.benchbeams.
-# Benchmarks of beams with many rays and many echoes: row g.
-
-STEP = {"resolution_deg": 0.5}  # 361 beams
+BEAMS_361 = {"resolution_deg": 0.5}
 CONE = {"side_mode": "cone", "beamwidth_az_deg": 2, "beamwidth_el_deg": 2}
-# What is measured, its settings, and how many rays a beam has.
-KINDS: dict[str, tuple[dict[str, Any], int]] = {
+# Settings of the measured sensors, and the number of rays of each beam.
+MULTI_RAY_SENSORS: dict[str, tuple[dict[str, Any], int]] = {
     "echoes of the drawn ray": ({"return_mode": "all", "ray_choice": "drawn"}, 1),
     "echoes of all three rays": ({"return_mode": "all"}, 3),
     "incidence weights": ({"incidence_weights": True}, 3),
@@ -180,18 +183,17 @@ KINDS: dict[str, tuple[dict[str, Any], int]] = {
         16,
     ),
 }
-
-
+# Settings that reduce such a sensor to one drawn ray for each beam.
 PLAIN = {"return_mode": "last", "incidence_weights": False, "ray_choice": "drawn"}
 
 
-def beams_against_rays(seconds: float) -> Iterator[Row]:
-    """Measure scans of many rays by as many scans that each draw one of these rays."""
+def beams_against_rays(seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure scans of many rays against as many scans of one drawn ray."""
     scene = foliage_wall()
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
-    for name, (settings, rays) in KINDS.items():
-        sensor = load_sensor("radar", **STEP, **settings)
-        plain = load_sensor("radar", **STEP, **{**settings, **PLAIN})
+    for name, (settings, rays) in MULTI_RAY_SENSORS.items():
+        sensor = load_sensor("radar", **BEAMS_361, **settings)
+        plain = load_sensor("radar", **BEAMS_361, **{**settings, **PLAIN})
         draw = partial(plain.scan, scene, pose, rng)
         result = compare(
             partial(sensor.scan, scene, pose, rng),
@@ -199,7 +201,9 @@ def beams_against_rays(seconds: float) -> Iterator[Row]:
             seconds=seconds,
         )
         note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
-        yield Row("g", name, result.ratio, "x", 1.0 if rays > 1 else None, note)
+        yield BenchmarkRow(
+            "g", name, result.ratio, "x", 1.0 if rays > 1 else None, note
+        )
 
 
 def _repeat(run: Callable[[], object], times: int) -> None:
@@ -207,48 +211,47 @@ def _repeat(run: Callable[[], object], times: int) -> None:
         run()
 
 
-# Section from study.benchsurfaces.
-# Benchmarks of mirrors and of leaves: row h.
-
 BOUNCES = 2
 TRIANGLES = 1_000_000
 
 
-def mirrors_and_leaves(seconds: float) -> Iterator[Row]:
-    """Measure rays of three legs, and rays through single leaves."""
+def mirrors_and_leaves(seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure rays that are reflected twice, and rays through single leaves."""
     yield _mirrors(seconds)
     yield _leaves(seconds)
 
 
-def _mirrors(seconds: float) -> Row:
-    """Measure rays that two mirrors turn round by rays that end at the first.
+def _mirrors(seconds: float) -> BenchmarkRow:
+    """Measure rays with two reflections against rays that end at the first mirror.
 
-    Their power is unlimited, so that none ends in the foliage.
+    Their power is unlimited, so that no ray ends in the foliage.
     """
     scene = hall_of_mirrors()
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
-    turned, plain = (
-        load_sensor("radar", **STEP, max_bounces=bounces, penetration_power=math.inf)
+    reflected, plain = (
+        load_sensor(
+            "radar", **BEAMS_361, max_bounces=bounces, penetration_power=math.inf
+        )
         for bounces in (BOUNCES, 0)
     )
     result = compare(
-        partial(turned.scan, scene, pose, rng),
+        partial(reflected.scan, scene, pose, rng),
         partial(plain.scan, scene, pose, rng),
         seconds=seconds,
     )
     note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
     name = f"{BOUNCES} bounces in a hall of mirrors, by none"
-    return Row("h", name, result.ratio, "x", BOUNCES + 1.0, note)
+    return BenchmarkRow("h", name, result.ratio, "x", BOUNCES + 1.0, note)
 
 
-def _leaves(seconds: float) -> Row:
+def _leaves(seconds: float) -> BenchmarkRow:
     scene = leaf_scene(TRIANGLES)
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
-    radar = load_sensor("radar", **STEP)
+    radar = load_sensor("radar", **BEAMS_361)
     rays = radar.plan(tracer_of(scene), pose, rng).rays
     meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
     first = FirstHits(meshes, rays.origins, rays.directions)
     result = compare(partial(radar.scan, scene, pose, rng), first.run, seconds=seconds)
     note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
     name = f"leaves of {scene.triangles} triangles, by one raw first-hit call"
-    return Row("h", name, result.ratio, "x", None, note)
+    return BenchmarkRow("h", name, result.ratio, "x", None, note)

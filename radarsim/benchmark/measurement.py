@@ -1,7 +1,7 @@
-"""Measuring on a machine that others use too: ratios in one process, not seconds.
+"""Time measurement on shared, noisy machines, and the rows of the benchmark's table.
 
-What is compared runs in turns, so that both meet the same disturbances. Of each, the
-fastest tenth of the runs counts: noise only ever adds time.
+Two functions that are compared run in turns, so that both meet the same disturbances.
+The result is the 10 % quantile of the times of each, because noise only adds time.
 """
 
 import time
@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-LEAST_ROUNDS = 5
+MIN_ROUNDS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Two things measured in turns.
+    """Times of two functions that were measured in turns.
 
     Attributes:
-        subject: s for one run of what is judged.
-        reference: s for one run of what it is measured by.
+        subject: Time of one run of the function to be judged, s.
+        reference: Time of one run of the function that it is compared with, s.
     """
 
     subject: float
@@ -28,37 +28,37 @@ class Comparison:
 
     @property
     def ratio(self) -> float:
-        """How many times as long the subject takes."""
+        """Time of the subject in units of the reference's time."""
         return self.subject / self.reference
 
 
 def compare(
     subject: Callable[[], object], reference: Callable[[], object], *, seconds: float
 ) -> Comparison:
-    """Run two things in turns.
+    """Measure two functions in turns.
 
     Args:
-        subject: What is judged.
-        reference: What it is measured by.
-        seconds: How long to go on; at least a few rounds are made.
+        subject: Function to be judged.
+        reference: Function to compare with.
+        seconds: Duration of the measurement; both run ``MIN_ROUNDS`` times at least.
     """
     subject(), reference()
     times: tuple[list[float], list[float]] = ([], [])
     end = time.perf_counter() + seconds
-    while time.perf_counter() < end or len(times[0]) < LEAST_ROUNDS:
-        for run, found in zip((subject, reference), times, strict=True):
+    while time.perf_counter() < end or len(times[0]) < MIN_ROUNDS:
+        for run, elapsed in zip((subject, reference), times, strict=True):
             start = time.perf_counter()
             run()
-            found.append(time.perf_counter() - start)
+            elapsed.append(time.perf_counter() - start)
     return Comparison(_fast(times[0]), _fast(times[1]))
 
 
 def measure(run: Callable[[], object], *, seconds: float) -> float:
-    """Give the time of one run, s."""
+    """Return the time of one run of a function, s."""
     run()
     times: list[float] = []
     end = time.perf_counter() + seconds
-    while time.perf_counter() < end or len(times) < LEAST_ROUNDS:
+    while time.perf_counter() < end or len(times) < MIN_ROUNDS:
         start = time.perf_counter()
         run()
         times.append(time.perf_counter() - start)
@@ -69,21 +69,17 @@ def _fast(times: list[float]) -> float:
     return float(np.quantile(times, 0.1))
 
 
-# Section from study.benchrows.
-# One figure of a benchmark, and how tables and programs are told about it.
-
-
 @dataclass(frozen=True, slots=True)
-class Row:
-    """One measurement.
+class BenchmarkRow:
+    """One result of the benchmark.
 
     Attributes:
-        group: A letter that tells what kind of figure this is.
-        name: What was measured.
-        value: The figure.
+        group: Letter of the group, a key of ``GROUPS``.
+        name: Name of the measurement within its group.
+        value: Result, in ``unit``.
         unit: ``x`` for a ratio, else ``ms``, ``us``, ``1/s``, ``MiB``, ``%``.
-        limit: The most that it may be; None for a figure without a target.
-        note: What else is to be known, in words.
+        limit: Upper limit of the value; None if there is no target.
+        note: Further facts, such as the two times of a ratio.
     """
 
     group: str
@@ -95,11 +91,11 @@ class Row:
 
     @property
     def within(self) -> bool | None:
-        """Whether the figure keeps its limit; None without one."""
+        """Whether the value keeps its limit; None if there is no limit."""
         return None if self.limit is None else self.value <= self.limit
 
     def to_dict(self) -> dict[str, Any]:
-        """Give what JSON can hold."""
+        """Return the row as values that JSON can hold."""
         return {**asdict(self), "within": self.within}
 
 

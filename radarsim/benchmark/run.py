@@ -1,4 +1,4 @@
-"""All benchmarks, one after the other."""
+"""The whole benchmark: all measurements, one after the other."""
 
 from collections.abc import Callable, Iterator
 from typing import Final
@@ -11,11 +11,11 @@ from radarsim.benchmark.engine import (
     scans_against_first_hits,
     throughput,
 )
-from radarsim.benchmark.measurement import Row
+from radarsim.benchmark.measurement import BenchmarkRow
 from radarsim.benchmark.server import ROBOTS, lateness, start_up
 
-# Each with the seconds that it is given, and its share of the whole.
-STEPS: Final[dict[str, tuple[Callable[[], Iterator[Row]], int]]] = {
+# The function of each step, and its share of the progress bar.
+STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "engine": (lambda: scans_against_first_hits(2.0), 6),
     "Open3D": (lambda: against_open3d(1.0), 1),
     "throughput": (lambda: throughput(2.0), 2),
@@ -27,19 +27,20 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[Row]], int]]] = {
 }
 
 
-def run_all(tell: Callable[[str, int, int], None]) -> list[Row]:
+def run_all(report_progress: Callable[[str, int, int], None]) -> list[BenchmarkRow]:
     """Measure everything; takes up to two minutes.
 
     Args:
-        tell: Told what comes next, how much is done, and how much there is.
+        report_progress: Called with the name of the next step, the work done and the
+            total work.
     """
-    rows: list[Row] = []
-    done, whole = 0, sum(share for _, share in STEPS.values())
+    rows: list[BenchmarkRow] = []
+    done, total = 0, sum(share for _, share in STEPS.values())
     for name, (step, share) in STEPS.items():
-        tell(name, done, whole)
+        report_progress(name, done, total)
         for count, row in enumerate(step(), start=1):
             rows.append(row)
-            tell(name, done + min(count, share), whole)
+            report_progress(name, done + min(count, share), total)
         done += share
-    tell("done", whole, whole)
+    report_progress("done", total, total)
     return rows

@@ -1,4 +1,4 @@
-"""Scenes to measure in, made from numbers alone."""
+"""Scenes for benchmarks, generated from a few numbers."""
 
 import math
 
@@ -15,7 +15,7 @@ SENSOR = (-6.0, 0.0, 0.0)  # x, y, yaw in all of these scenes
 
 
 def foliage_wall(spheres: int = 60) -> Scene:
-    """Make a room with a wall of foliage spheres across it, 1280 triangles each.
+    """Create a room with a wall of foliage spheres across it, 1280 triangles each.
 
     Neighbours overlap by 4 % of their diameters. A ray of power 1 from ``SENSOR``
     crosses 1.7 surfaces before it is spent, or through.
@@ -33,7 +33,7 @@ def foliage_wall(spheres: int = 60) -> Scene:
 
 
 def bumpy_room(triangles: int) -> Scene:
-    """Make an opaque room whose far wall has so many triangles, more or less."""
+    """Create an opaque room whose far wall has about the given number of triangles."""
     n = max(2, round(math.sqrt(triangles / 2)))
     steps = np.linspace(-8.0, 8.0, n + 1)
     y, z = np.meshgrid(steps, steps * 0.25 + 1.0, indexing="ij")
@@ -51,7 +51,7 @@ def bumpy_room(triangles: int) -> Scene:
 
 
 def curtains(count: int) -> Scene:
-    """Make a room with so many thin volumes, one behind the other: 2 crossings each."""
+    """Create a room with thin volumes in a row; a ray crosses two surfaces of each."""
     thin = Material("thin", density=0.001)
     parts = [_placed("room", WALL, box(40.0, 40.0, 6.0), (0.0, 0.0, 2.0))]
     for i in range(count):
@@ -61,7 +61,7 @@ def curtains(count: int) -> Scene:
 
 
 def hall_of_mirrors() -> Scene:
-    """Make a room whose walls are mirrors, with a wall of foliage across it."""
+    """Create a room whose walls are mirrors, with a wall of foliage across it."""
     silver = Material("silver", radar_mirror=True)
     parts = [
         Part(part.object_name, silver, part.vertices, part.faces)

@@ -1,4 +1,4 @@
-"""Benchmarks of the running program: rows e and f."""
+"""Benchmarks of the running server: groups e and f of the table."""
 
 import os
 import re
@@ -14,56 +14,62 @@ from pathlib import Path
 
 import numpy as np
 
-from radarsim.benchmark.measurement import Row
+from radarsim.benchmark.measurement import BenchmarkRow
 
 PROGRAM = (sys.executable, "-m", "radarsim")
 ROBOTS = 100
-HIGHEST_P99 = 20.0  # ms late
-SLOWEST_HELP, SLOWEST_SERVE = 0.5, 1.5  # s
+MAX_P99 = 20.0  # ms late
+MAX_HELP_SECONDS, MAX_SERVE_SECONDS = 0.5, 1.5  # s
 SCAN = re.compile(rb"SEN \{Time ([0-9.]+)\} \{Type RangeScanner\}")
 
 
-def lateness(robots: int, seconds: float) -> Iterator[Row]:
-    """Measure when scans of many robots arrive at a client process.
+def lateness(robots: int, seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure how late the scans of many robots arrive at a client.
 
-    A scan is late by how much longer it takes from its simulated time to its arrival
-    than the quickest one of the run.
+    The lateness of a scan is its delay from simulated time to arrival, less the
+    smallest delay of the run.
     """
     with served("empty_room") as (process, address):
-        before = _resident(process.pid)
+        before = _resident_bytes(process.pid)
         sockets = [_spawn(address, i) for i in range(robots)]
-        _listen(sockets, 1.0)  # all have settled
+        _listen(sockets, 1.0)  # robots have spawned and settled
         started, used = time.monotonic(), _cpu_seconds(process.pid)
         delays = _listen(sockets, seconds)
         used, elapsed = _cpu_seconds(process.pid) - used, time.monotonic() - started
-        grown = _resident(process.pid) - before
+        grown = _resident_bytes(process.pid) - before
         for sock in sockets:
             sock.close()
     late = (np.array(delays) - min(delays)) * 1e3
     name = f"{robots} robots at 10 Hz, 181 beams"
     rate = len(delays) / robots / elapsed
-    yield Row("e", f"{name}: scans per second and robot", rate, "1/s")
-    yield Row("e", f"{name}: late, median", float(np.median(late)), "ms")
+    yield BenchmarkRow("e", f"{name}: scans per second and robot", rate, "1/s")
+    yield BenchmarkRow("e", f"{name}: late, median", float(np.median(late)), "ms")
     p99 = float(np.quantile(late, 0.99))
-    limit = HIGHEST_P99 if robots == ROBOTS else None
-    yield Row("e", f"{name}: late, 99th percentile", p99, "ms", limit)
-    yield Row("e", f"{name}: late, worst", float(late.max()), "ms")
-    yield Row("e", f"{name}: CPU per robot", 100 * used / elapsed / robots, "%")
-    yield Row("e", f"{name}: memory per robot", grown / robots / 2**20, "MiB")
+    limit = MAX_P99 if robots == ROBOTS else None
+    yield BenchmarkRow("e", f"{name}: late, 99th percentile", p99, "ms", limit)
+    yield BenchmarkRow("e", f"{name}: late, worst", float(late.max()), "ms")
+    yield BenchmarkRow(
+        "e", f"{name}: CPU per robot", 100 * used / elapsed / robots, "%"
+    )
+    yield BenchmarkRow("e", f"{name}: memory per robot", grown / robots / 2**20, "MiB")
 
 
-def start_up(times: int = 5) -> Iterator[Row]:
-    """Measure how long it takes until the program answers, best of a few."""
+def start_up(times: int = 5) -> Iterator[BenchmarkRow]:
+    """Measure the start-up time of the program, the best of a few runs."""
     help_ = min(_help_seconds() for _ in range(times))
-    yield Row("f", "radarsim --help", help_ * 1e3, "ms", SLOWEST_HELP * 1e3)
+    yield BenchmarkRow(
+        "f", "radarsim --help", help_ * 1e3, "ms", MAX_HELP_SECONDS * 1e3
+    )
     listening = min(_serve_seconds() for _ in range(times))
-    limit = SLOWEST_SERVE * 1e3
-    yield Row("f", "serve foliage_room, listening", listening * 1e3, "ms", limit)
+    limit = MAX_SERVE_SECONDS * 1e3
+    yield BenchmarkRow(
+        "f", "serve foliage_room, listening", listening * 1e3, "ms", limit
+    )
 
 
 @contextmanager
 def served(map_: str) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]:
-    """Run the server in a process of its own, on a free port."""
+    """Run the server in its own process, on a free port."""
     process = subprocess.Popen(
         [*PROGRAM, "serve", map_, "--port", "0"], stdout=subprocess.PIPE, text=True
     )
@@ -90,7 +96,7 @@ def _spawn(address: tuple[str, int], number: int) -> socket.socket:
 
 
 def _listen(sockets: list[socket.socket], seconds: float) -> list[float]:
-    """Read everything for a while; give arrival less simulated time of all scans, s."""
+    """Read from all sockets for a while; return the delay of each scan, s."""
     delays = []
     with selectors.DefaultSelector() as selector:
         for sock in sockets:
@@ -117,12 +123,12 @@ def _serve_seconds() -> float:
 
 
 def _cpu_seconds(pid: int) -> float:
-    """Give the CPU time that a process has used, s."""
+    """Return the CPU time of a process, s."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _resident(pid: int) -> int:
-    """Give the memory of a process, bytes."""
+def _resident_bytes(pid: int) -> int:
+    """Return the resident memory of a process, bytes."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")

@@ -13,7 +13,7 @@ from radarsim.cli.options import JsonOption
 from radarsim.cli.signals import exit_143_on_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.benchmark.measurement import Row
+    from radarsim.benchmark.measurement import BenchmarkRow
 
 
 def bench(*, as_json: JsonOption = False) -> None:
@@ -42,7 +42,7 @@ def bench(*, as_json: JsonOption = False) -> None:
             console.print(_table(f"({letter}) {title}", group))
 
 
-def _table(title: str, rows: list[Row]) -> Table:
+def _table(title: str, rows: list[BenchmarkRow]) -> Table:
     table = Table(title=title, title_justify="left")
     table.add_column("what", overflow="fold")
     table.add_column("figure", justify="right")

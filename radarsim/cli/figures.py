@@ -15,7 +15,7 @@ from radarsim.cli.options import SeedOption, write_file
 from radarsim.cli.signals import exit_143_on_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.figures.catalogue import Entry, Made
+    from radarsim.figures.catalogue import FigureSpec, RenderedFigure
 
 _HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
 _SMALL_WEIGHT: Final = 2.0  # s of work that is not worth starting processes
@@ -37,7 +37,7 @@ def figures(
     exit_143_on_sigterm()
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from radarsim.figures.catalogue import entries_of, make_all
+    from radarsim.figures.catalogue import select_figures, render_all
     from radarsim.figures.page import FILE
 
     wanted = _read_numbers(only)
@@ -46,27 +46,27 @@ def figures(
     workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), os.cpu_count() or 1)
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
-    made: list[Made] = []
-    with bar, closing(make_all(wanted, seed, workers=workers)) as drawn:
+    made: list[RenderedFigure] = []
+    with bar, closing(render_all(wanted, seed, workers=workers)) as drawn:
         task = bar.add_task("figures", total=weight)
         for figure in drawn:
             write_file(out / figure.file, figure.png, "OUT")
             made.append(figure)
-            (entry,) = entries_of([figure.number])
+            (entry,) = select_figures([figure.number])
             status = f"figure {entry.number} done"
             bar.update(task, advance=entry.weight, description=status)
     write_file(out / FILE, _page(out, made).encode(), "OUT")
     typer.echo(out / FILE)
 
 
-def _read_numbers(only: str | None) -> tuple[Entry, ...]:
-    from radarsim.figures.catalogue import FIGURES, entries_of
+def _read_numbers(only: str | None) -> tuple[FigureSpec, ...]:
+    from radarsim.figures.catalogue import FIGURES, select_figures
 
     if only is None:
         return FIGURES
     numbers = [text.strip().lower().lstrip("0") for text in only.split(",")]
     try:
-        return entries_of(numbers)
+        return select_figures(numbers)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--only") from None
 
@@ -83,30 +83,30 @@ def _prepare(out: Path, names: Sequence[str]) -> None:
 
 
 def _check_overwriting(path: Path) -> None:
-    from radarsim.figures.figure import is_ours
+    from radarsim.figures.figure import is_radarsim_figure
     from radarsim.figures.page import FILE, GENERATOR
 
     if not path.exists():
         return
     with path.open("rb") as file:
         head = file.read(_HEAD_SIZE)
-    ours = GENERATOR.encode() in head if path.name == FILE else is_ours(head)
+    ours = GENERATOR.encode() in head if path.name == FILE else is_radarsim_figure(head)
     if not ours:
         text = f"{path} is not by radarsim, expected a folder without such a file"
         raise typer.BadParameter(text, param_hint="OUT")
 
 
-def _page(out: Path, made: Sequence[Made]) -> str:
+def _page(out: Path, made: Sequence[RenderedFigure]) -> str:
     """Return the page with the new figures and those that it showed before."""
     from radarsim.figures.catalogue import FIGURES
-    from radarsim.figures.page import FILE, block_of, blocks_in, page_of
+    from radarsim.figures.page import FILE, figure_block, split_page, render_page
 
     page = out / FILE
     blocks = {}
     if page.exists():
-        blocks = blocks_in(page.read_text(encoding="utf-8", errors="replace"))
-    blocks |= {figure.number: block_of(figure) for figure in made}
-    return page_of(
+        blocks = split_page(page.read_text(encoding="utf-8", errors="replace"))
+    blocks |= {figure.number: figure_block(figure) for figure in made}
+    return render_page(
         blocks[entry.number]
         for entry in FIGURES
         if entry.number in blocks and (out / entry.file).exists()

@@ -11,11 +11,11 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from radarsim.figures.figure import Plate
+from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Pose2
-from radarsim.plotting.ray_segments import cut, opacity_of
+from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
@@ -38,12 +38,12 @@ _SETTINGS: Final = (
 
 
 class Return(NamedTuple):
-    """What comes back from one thing.
+    """Power that one object sends back.
 
     Attributes:
-        name: Of the thing.
-        range: Of the strongest of its echoes, m.
-        strength: Of all of its echoes, share of the beam.
+        name: Name of the object.
+        range: Range of its strongest echo, m.
+        strength: Strength of all its echoes, as a share of the beam.
     """
 
     name: str
@@ -51,13 +51,13 @@ class Return(NamedTuple):
     strength: float
 
 
-def shot_of(seed: int) -> ScanSpec:
-    """Give the scan that the beam is taken from."""
+def scan_spec_for(seed: int) -> ScanSpec:
+    """Return the specification of the scan that holds the beam."""
     return ScanSpec(MAP, "radar", seed, _SETTINGS)
 
 
 def take_beam(shot: ScanSpec) -> tuple[Scan, Rays]:
-    """Scan, and give the scan and all rays of the beam."""
+    """Take the scan; return it and all rays of the beam."""
     tracer, scanner = tracer_of(shot.scene), shot.scanner
     plan = scanner.plan(tracer, shot.pose, generator_for(shot.seed, shot.sensor))
     traces = tracer.trace(plan.rays, events=plan.events, incidence=plan.incidence)
@@ -66,7 +66,7 @@ def take_beam(shot: ScanSpec) -> tuple[Scan, Rays]:
 
 
 def returns_of(scan: Scan) -> list[Return]:
-    """Tell what comes back of the beam, the nearest thing first."""
+    """Return what each object sends back of the beam, the nearest object first."""
     echoes = scan.echoes
     mine = echoes.beams == BEAM
     found: dict[str, list[tuple[float, float]]] = {}
@@ -82,9 +82,9 @@ def returns_of(scan: Scan) -> list[Return]:
     return sorted(returns, key=lambda one: one.range)
 
 
-def draw_scatter(seed: int) -> Plate:
-    """Figure 5b: the beam from above, and what comes back of it over the range."""
-    shot = shot_of(seed)
+def draw_scatter(seed: int) -> DrawnFigure:
+    """Draw figure 5b: the beam from above, and the power received over the range."""
+    shot = scan_spec_for(seed)
     scan, rays = take_beam(shot)
     returns = returns_of(scan)
     drawing = Figure(figsize=(13, 5.2), dpi=110, layout="constrained")
@@ -96,11 +96,11 @@ def draw_scatter(seed: int) -> Plate:
         _draw_waves(plan, one)
     _draw_strengths(bars, returns)
     bars.set_xlim(-1.2, returns[-1].range + 2.5)
-    return Plate((drawing,), _caption(returns), (shot.command,))
+    return DrawnFigure((drawing,), _caption(returns), (shot.command,))
 
 
 def _caption(returns: Sequence[Return]) -> str:
-    told = "; ".join(
+    echoes = "; ".join(
         f"{one.name}, {one.range:.2f} m away, gives back {100 * one.strength:.0f} % of"
         f" the beam {2e9 * one.range / LIGHT:.0f} ns after it was sent"
         for one in returns
@@ -110,28 +110,29 @@ def _caption(returns: Sequence[Return]) -> str:
         f"One beam of a radar, {width}° wide, here {RAYS} rays, goes out (blue) and is"
         " scattered where it meets something (arcs). Some of the scattered waves come"
         " back (arrows, the thicker the more), and the time that they take tells the"
-        f" range: {told}. A thing that is narrower than the beam lets the rest pass, so"
-        f" that this one direction has {len(returns)} objects at {len(returns)} ranges."
+        f" range: {echoes}. A thing that is narrower than the beam lets the rest pass,"
+        f" so that this one direction has {len(returns)} objects at {len(returns)}"
+        " ranges."
         f" What goes on to the right has got through the {returns[-1].name}'s leaves."
     )
 
 
 def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
-    """Draw what stands there, the robot and the rays, the beam to the right."""
+    """Draw the objects, the robot and the rays, with the beam pointing to the right."""
     place, angle = scan.pose.position()[:2], float(scan.angles[BEAM])
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s], [s, c]])  # of rows, by minus the angle
-    things = [part for part in shot.scene.parts if part.object_name != "ground"]
-    lines = (slice_parts(things, shot.pose.z) - place) @ turn
+    objects = [part for part in shot.scene.parts if part.object_name != "ground"]
+    lines = (slice_parts(objects, shot.pose.z) - place) @ turn
     style: dict[str, Any] = {"colors": "0.25", "linewidths": 1.1, "zorder": 3}
     axes.add_collection(LineCollection(list(lines), **style))
-    pieces = cut(tracer_of(shot.scene), rays)
-    shades = np.tile(to_rgba(OUT), (len(pieces.rays), 1))
-    shades[:, 3] = 0.6 * opacity_of(pieces.shares)
-    ways = LineCollection(
-        list((pieces.lines - place) @ turn), colors=shades, linewidths=0.7, zorder=2
+    segments = split_rays(tracer_of(shot.scene), rays)
+    shades = np.tile(to_rgba(OUT), (len(segments.rays), 1))
+    shades[:, 3] = 0.6 * line_opacity(segments.shares)
+    lines = LineCollection(
+        list((segments.lines - place) @ turn), colors=shades, linewidths=0.7, zorder=2
     )
-    axes.add_collection(ways)
+    axes.add_collection(lines)
     x, y = (np.array([shot.robot.x, shot.robot.y]) - place) @ turn
     draw_robot(axes, ROBOT, Pose2(float(x), float(y), shot.robot.yaw - angle))
     axes.set_aspect("equal")
@@ -140,7 +141,7 @@ def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
 
 
 def _draw_waves(axes: Axes, one: Return) -> None:
-    """Draw waves that leave a thing all around, and the part that comes back."""
+    """Draw the waves scattered by an object, and the part that comes back."""
     for size in np.arange(0.5, 1.6, 0.25):
         wave = Arc(
             (one.range, 0.0),
@@ -176,7 +177,7 @@ def _metres(times: Any) -> Any:
 
 
 def _draw_strengths(axes: Axes, returns: Sequence[Return]) -> None:
-    """Draw what the receiver gets, and when."""
+    """Draw the received power over the range."""
     for one in returns:
         axes.vlines(one.range, 0, 100 * one.strength, color=BACK, linewidth=5)
         axes.annotate(

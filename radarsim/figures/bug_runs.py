@@ -7,7 +7,7 @@ from radarsim.client import Client
 from radarsim.evaluation.free_space import floor_plan
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.trials import load_trial
-from radarsim.figures.figure import Plate
+from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.scan_spec import ROBOT
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
@@ -25,7 +25,7 @@ LIMIT: Final = 600.0  # s of simulated time
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run, by what the robot knows and by what is true.
+    """One run of a bug, as the robot knows it and as it was.
 
     Attributes:
         map: Name of the map.
@@ -34,7 +34,7 @@ class Run:
         outcome: ``reached``, ``no_path`` or ``failed``.
         circuits: How often it went all round an obstacle.
         collisions: How often it began to touch something, in truth.
-        length: True way, m.
+        length: True path length, m.
         off: True distance to the goal at the end, m.
     """
 
@@ -49,7 +49,7 @@ class Run:
 
 
 def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
-    """Let a robot try to reach the goal of a map's trial."""
+    """Drive a robot towards the goal of a map's trial."""
     scene, trial = load_trial(map_)
     host = Host(scene, seed=seed)
     monitor, run_log = GroundTruthMonitor(host), RunLog()
@@ -78,17 +78,17 @@ def run(map_: str, algorithm: Algorithm, seed: int) -> Run:
     )
 
 
-def draw_bug(seed: int, *, algorithm: Algorithm) -> Plate:
-    """Draw a run that gets to the goal above one that finds that it cannot."""
+def draw_bug(seed: int, *, algorithm: Algorithm) -> DrawnFigure:
+    """Draw a run that reaches the goal above one that finds no path."""
     runs = [run(map_, algorithm, seed) for map_ in (OPEN, CLOSED)]
     plans = [floor_plan(load_trial(each.map)[0]) for each in runs]
     drawings = tuple(
         figure_of(each.run_log, _title(each), plan)
         for each, plan in zip(runs, plans, strict=True)
     )
-    ways = [f"--serve {each.map} --algorithm {algorithm.value}" for each in runs]
-    commands = tuple(f"radarsim navigate {way} --seed {seed}" for way in ways)
-    return Plate(drawings, _caption(*runs), commands)
+    options = [f"--serve {each.map} --algorithm {algorithm.value}" for each in runs]
+    commands = tuple(f"radarsim navigate {each} --seed {seed}" for each in options)
+    return DrawnFigure(drawings, _caption(*runs), commands)
 
 
 def _caption(above: Run, below: Run) -> str:

@@ -1,4 +1,4 @@
-"""The table of figures: what there is, by number."""
+"""The catalogue of figures, and how they are rendered, several at once."""
 
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import as_completed
@@ -10,7 +10,7 @@ from radarsim.evaluation.workers import worker_pool
 from radarsim.figures.beam_scatter import draw_scatter
 from radarsim.figures.bug_runs import draw_bug
 from radarsim.figures.clear_and_dust import LASER, RADAR, draw_readings
-from radarsim.figures.figure import Plate
+from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.foliage_wall import draw_hokuyo, draw_noise, draw_radar
 from radarsim.figures.maps import draw_maps
 from radarsim.figures.offset_rays import draw_offset_rays
@@ -19,58 +19,58 @@ from radarsim.navigation.options import Algorithm
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """A figure that can be drawn.
+class FigureSpec:
+    """A figure of the thesis and the function that draws it.
 
     Attributes:
-        number: That the thesis gives it; of its two figures 5 the second one is 5b.
-        title: What it shows, in a few words.
-        draw: Draws it from a seed.
-        weight: About how long that takes, s.
+        number: Number in the thesis, which has two figures 5; the second is 5b.
+        title: Title, a few words.
+        draw: Draws the figure from a seed.
+        weight: Approximate drawing time, s.
     """
 
     number: str
     title: str
-    draw: Callable[[int], Plate]
+    draw: Callable[[int], DrawnFigure]
     weight: float = 0.5
 
     @property
     def file(self) -> str:
-        """The name of its picture."""
+        """Name of the picture file."""
         digits = self.number.rstrip("b")
         return f"figure_{digits:0>2}{self.number[len(digits) :]}.png"
 
 
 FIGURES: Final = (
-    Entry("1", "The trial scene", draw_trial_scene, 3),
-    Entry(
+    FigureSpec("1", "The trial scene", draw_trial_scene, 3),
+    FigureSpec(
         "2", "Radar, clear air", partial(draw_readings, sensor=RADAR, air="clear"), 1
     ),
-    Entry("3", "Radar, dust", partial(draw_readings, sensor=RADAR, air="dust"), 1),
-    Entry(
+    FigureSpec("3", "Radar, dust", partial(draw_readings, sensor=RADAR, air="dust"), 1),
+    FigureSpec(
         "4", "Laser, clear air", partial(draw_readings, sensor=LASER, air="clear"), 1
     ),
-    Entry("5", "Laser, dust", partial(draw_readings, sensor=LASER, air="dust"), 1),
-    Entry("5b", "How a radar beam is scattered", draw_scatter, 1),
-    Entry("6", "The test map, seen from above", draw_test_map),
-    Entry("7", "The Hokuyo in the test map", draw_hokuyo),
-    Entry("8", "The radar in the test map", draw_radar),
-    Entry("9", "The radar with N = 50", partial(draw_noise, offset=50)),
-    Entry("10", "The radar with N = 100", partial(draw_noise, offset=100)),
-    Entry("11", "Offset rays, N = 50", partial(draw_offset_rays, offset=50)),
-    Entry("12", "Offset rays, N = 100", partial(draw_offset_rays, offset=100)),
-    Entry("13", "Bug1", partial(draw_bug, algorithm=Algorithm.BUG1), 4),
-    Entry("14", "Bug2", partial(draw_bug, algorithm=Algorithm.BUG2), 2),
-    Entry("15", "The explored test map, by radar and by Hokuyo", draw_maps, 8),
+    FigureSpec("5", "Laser, dust", partial(draw_readings, sensor=LASER, air="dust"), 1),
+    FigureSpec("5b", "How a radar beam is scattered", draw_scatter, 1),
+    FigureSpec("6", "The test map, seen from above", draw_test_map),
+    FigureSpec("7", "The Hokuyo in the test map", draw_hokuyo),
+    FigureSpec("8", "The radar in the test map", draw_radar),
+    FigureSpec("9", "The radar with N = 50", partial(draw_noise, offset=50)),
+    FigureSpec("10", "The radar with N = 100", partial(draw_noise, offset=100)),
+    FigureSpec("11", "Offset rays, N = 50", partial(draw_offset_rays, offset=50)),
+    FigureSpec("12", "Offset rays, N = 100", partial(draw_offset_rays, offset=100)),
+    FigureSpec("13", "Bug1", partial(draw_bug, algorithm=Algorithm.BUG1), 4),
+    FigureSpec("14", "Bug2", partial(draw_bug, algorithm=Algorithm.BUG2), 2),
+    FigureSpec("15", "The explored test map, by radar and by Hokuyo", draw_maps, 8),
 )
 NUMBERS: Final = tuple(entry.number for entry in FIGURES)
 
 
-def entries_of(numbers: Sequence[str]) -> tuple[Entry, ...]:
-    """Find figures by their numbers; they come in the order of the table.
+def select_figures(numbers: Sequence[str]) -> tuple[FigureSpec, ...]:
+    """Return figures by their numbers, in the order of the catalogue.
 
     Raises:
-        ValueError: If there is no such figure.
+        ValueError: If there is no figure of a number.
     """
     for number in numbers:
         if number not in NUMBERS:
@@ -78,21 +78,18 @@ def entries_of(numbers: Sequence[str]) -> tuple[Entry, ...]:
     return tuple(entry for entry in FIGURES if entry.number in numbers)
 
 
-# Section from study.figures.making.
-# Figures made, several at once.
-
-
 @dataclass(frozen=True, slots=True)
-class Made:
-    """A figure that is ready to be written.
+class RenderedFigure:
+    """A figure that is ready to be written to a file.
 
     Attributes:
-        number: In the table.
-        title: What it shows, in a few words.
-        file: The name of its picture.
-        caption: What to see.
-        commands: What takes the same scans or drives the same way, and what draws it.
-        png: The picture.
+        number: Number in the catalogue.
+        title: Title, a few words.
+        file: Name of the picture file.
+        caption: Caption, in sentences.
+        commands: Commands that take the same scans or drive the same path, and the one
+            that draws the figure.
+        png: Content of the picture file.
     """
 
     number: str
@@ -103,35 +100,35 @@ class Made:
     png: bytes
 
 
-def make(number: str, seed: int) -> Made:
+def render(number: str, seed: int) -> RenderedFigure:
     """Draw a figure; the same seed gives the same bytes."""
-    (entry,) = entries_of([number])
-    plate = entry.draw(seed)
-    return Made(
+    (entry,) = select_figures([number])
+    drawn = entry.draw(seed)
+    return RenderedFigure(
         entry.number,
         entry.title,
         entry.file,
-        plate.caption,
-        (*plate.commands, f"radarsim figures OUT --only {number} --seed {seed}"),
-        plate.as_png(),
+        drawn.caption,
+        (*drawn.commands, f"radarsim figures OUT --only {number} --seed {seed}"),
+        drawn.as_png(),
     )
 
 
-def make_all(
-    wanted: Sequence[Entry], seed: int, *, workers: int
-) -> Generator[Made, None, None]:
-    """Draw figures on several cores; they come as they are ready.
+def render_all(
+    wanted: Sequence[FigureSpec], seed: int, *, workers: int
+) -> Generator[RenderedFigure, None, None]:
+    """Draw figures on several cores, and yield each when it is ready.
 
     Args:
-        wanted: What to draw.
-        seed: Of all of them.
-        workers: Processes; with one, all are drawn in this one.
+        wanted: Figures to draw.
+        seed: Seed of all figures.
+        workers: Number of processes; 1 draws in this process.
     """
     if workers == 1 or len(wanted) == 1:
-        yield from (make(entry.number, seed) for entry in wanted)
+        yield from (render(entry.number, seed) for entry in wanted)
         return
     longest_first = sorted(wanted, key=lambda entry: -entry.weight)
     with worker_pool(workers) as pool:
-        drawn = [pool.submit(make, entry.number, seed) for entry in longest_first]
+        drawn = [pool.submit(render, entry.number, seed) for entry in longest_first]
         for each in as_completed(drawn):
             yield each.result()

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import ROBOT, ScanSpec, answers_of, scene_of
+from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene, object_names
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
 from radarsim.plotting.style import Legend, scan_points
@@ -42,16 +42,16 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What became in dust of what was read in clear air.
+    """Readings in dust compared with those in clear air.
 
     Attributes:
-        clear: Readings in clear air.
-        crossing: How many of these are from beams that the dust lies across.
-        kept: How many of ``crossing`` are the same in dust.
-        beside: How many of the others are.
-        cloud: Readings of the dust itself.
-        things: How many things are read in dust.
-        all_things: How many there are.
+        clear: Number of readings in clear air.
+        crossing: Number of these whose beam crosses the dust.
+        kept: Number of ``crossing`` that are the same in dust.
+        beside: Number of the others that are the same in dust.
+        cloud: Number of readings of the dust itself.
+        things: Number of objects that are read in dust.
+        all_things: Number of objects in the map.
     """
 
     clear: int
@@ -59,12 +59,12 @@ class Counts:
     kept: int
     beside: int
     cloud: int
-    things: int
-    all_things: int
+    objects: int
+    all_objects: int
 
 
-def shot_of(sensor: str, air: str, seed: int) -> ScanSpec:
-    """Give the scans of one of the figures; the air is ``clear`` or ``dust``."""
+def scan_spec_for(sensor: str, air: str, seed: int) -> ScanSpec:
+    """Return the scans of a figure; ``air`` is ``clear`` or ``dust``."""
     return ScanSpec(
         MAP if air == "clear" else f"{MAP}@{air}", sensor, seed, count=COUNT
     )
@@ -72,15 +72,15 @@ def shot_of(sensor: str, air: str, seed: int) -> ScanSpec:
 
 def count_readings(sensor: str, air: str, seed: int) -> Counts:
     """Compare scans in some air with those in clear air."""
-    clear = shot_of(sensor, "clear", seed).take()
-    scans = shot_of(sensor, air, seed).take()
+    clear = scan_spec_for(sensor, "clear", seed).take()
+    scans = scan_spec_for(sensor, air, seed).take()
     found = np.array([np.isfinite(scan.ranges) for scan in clear])
     across = np.array([_crosses(scan) for scan in clear]) & found
     with np.errstate(invalid="ignore"):  # inf - inf, of beams that are left out
         pairs = zip(clear, scans, strict=True)
         moved = np.array([np.abs(one.ranges - two.ranges) for one, two in pairs])
     same = found & (moved <= CELL)
-    answers = [answers_of(scan) for scan in scans]
+    answers = [object_names(scan) for scan in scans]
     names = {name for each in answers for name in each.tolist()} - {"", SMOKE_CELL}
     return Counts(
         clear=int(found.sum()),
@@ -88,27 +88,27 @@ def count_readings(sensor: str, air: str, seed: int) -> Counts:
         kept=int((same & across).sum()),
         beside=int((same & ~across).sum()),
         cloud=sum(int((each == SMOKE_CELL).sum()) for each in answers),
-        things=len(names),
-        all_things=len({part.object_name for part in _things()}),
+        objects=len(names),
+        all_objects=len({part.object_name for part in _parts_of_trial()}),
     )
 
 
-def draw_readings(seed: int, *, sensor: str, air: str) -> Plate:
-    """Draw the readings of a sensor."""
-    shot = shot_of(sensor, air, seed)
+def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
+    """Draw one of figures 2 to 5."""
+    shot = scan_spec_for(sensor, air, seed)
     scans = shot.take()
     drawing = Figure(figsize=_SIZE, dpi=110)
     axes = drawing.add_axes(_PLACE)
     legend = Legend()
-    legend.head(f"{COUNT} scans by {sensor}")
+    legend.add_heading(f"{COUNT} scans by {sensor}")
     _draw_map(axes, shot, legend, dusty=air != "clear")
     if air != "clear":
-        _draw_rings(axes, shot_of(sensor, "clear", seed).take(), legend)
+        _draw_rings(axes, scan_spec_for(sensor, "clear", seed).take(), legend)
     _draw_dots(axes, scans, legend)
     legend.draw(drawing)
     counts = count_readings(sensor, air, seed)
     caption = _caption(shot, counts, dusty=air != "clear")
-    return Plate((drawing,), caption, (shot.command,))
+    return DrawnFigure((drawing,), caption, (shot.command,))
 
 
 def _caption(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
@@ -117,7 +117,7 @@ def _caption(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
     if not dusty:
         noise = shot.scanner.settings.range_noise
         return (
-            f"Clear air. {taken} {counts.things} of {counts.all_things} things are"
+            f"Clear air. {taken} {counts.objects} of {counts.all_objects} things are"
             f" read, in {counts.clear} readings; where nothing stands, nothing comes"
             " back."
         ) + (f" Range noise of {noise:g} m draws the spots out." if noise else "")
@@ -136,20 +136,20 @@ def _caption(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
     )
 
 
-def _things() -> list[Part]:
-    return [part for part in scene_of(MAP).parts if part.object_name != "ground"]
+def _parts_of_trial() -> list[Part]:
+    return [part for part in load_scene(MAP).parts if part.object_name != "ground"]
 
 
 def _cloud() -> Floats:
-    """Give the lower and upper x, y of the dust, (2, 2) m."""
-    parts = scene_of(f"{MAP}@dust").parts
+    """Return the lower and upper x, y of the dust, (2, 2) m."""
+    parts = load_scene(f"{MAP}@dust").parts
     (cloud,) = (part for part in parts if part.object_name == SMOKE_CELL)
     corners = cloud.vertices[:, :2]
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def _crosses(scan: Scan) -> Mask:
-    """Tell which readings the dust lies before, or around: (N,)."""
+    """Return a mask (N,) of the readings whose beams cross the dust."""
     ends = scan_points(scan)
     starts = np.broadcast_to(scan.pose.position()[:2], ends.shape)
     lines = shapely.linestrings(np.stack([starts, ends], axis=1))
@@ -157,16 +157,16 @@ def _crosses(scan: Scan) -> Mask:
 
 
 def _draw_map(axes: Axes, shot: ScanSpec, legend: Legend, *, dusty: bool) -> None:
-    """Draw everything that stands there, the robot, and the dust."""
+    """Draw the objects, the robot and the dust."""
     if dusty:
         low, high = _cloud()
         wide, tall = high - low
         axes.add_patch(Rectangle(low, wide, tall, color=_DUST, zorder=0))
-        legend.mark("dust", "s", color=_DUST, markersize=9)
-    lines = slice_parts(_things(), shot.pose.z)
+        legend.add_marker("dust", "s", color=_DUST, markersize=9)
+    lines = slice_parts(_parts_of_trial(), shot.pose.z)
     plan = LineCollection(list(lines), colors="0.6", linewidths=0.8, zorder=1)
     axes.add_collection(plan)
-    legend.line("what stands there", color="0.6", linewidth=0.8)
+    legend.add_line("what stands there", color="0.6", linewidth=0.8)
     draw_robot(axes, ROBOT, shot.robot)
     ends = np.concatenate([lines.reshape(-1, 2), _cloud(), [shot.pose.position()[:2]]])
     low, high = ends.min(axis=0) - _EDGE, ends.max(axis=0) + _EDGE
@@ -178,7 +178,7 @@ def _draw_map(axes: Axes, shot: ScanSpec, legend: Legend, *, dusty: bool) -> Non
 
 
 def _draw_rings(axes: Axes, scans: list[Scan], legend: Legend) -> None:
-    """Draw where the first scan found something in clear air."""
+    """Draw the readings of the first scan in clear air."""
     ends = scan_points(scans[0])[np.isfinite(scans[0].ranges)]
     style: dict[str, Any] = {
         "color": "0.35",
@@ -186,12 +186,12 @@ def _draw_rings(axes: Axes, scans: list[Scan], legend: Legend) -> None:
         "markeredgewidth": 0.6,
     }
     axes.plot(*ends.T, "o", markersize=8, linestyle="none", zorder=2, **style)
-    legend.mark("read in clear air", "o", markersize=8, **style)
+    legend.add_marker("read in clear air", "o", markersize=8, **style)
 
 
 def _draw_dots(axes: Axes, scans: list[Scan], legend: Legend) -> None:
     points = np.concatenate([scan_points(scan) for scan in scans])
-    names = np.concatenate([answers_of(scan) for scan in scans])
+    names = np.concatenate([object_names(scan) for scan in scans])
     of_cloud = names == SMOKE_CELL
     for chosen, colour, text in (
         ((names != "") & ~of_cloud, THING_COLOUR, "reading of a thing"),
@@ -199,4 +199,4 @@ def _draw_dots(axes: Axes, scans: list[Scan], legend: Legend) -> None:
     ):
         if chosen.any():
             axes.plot(*points[chosen].T, ".", color=colour, markersize=4, zorder=4)
-            legend.mark(text, ".", color=colour, markersize=7)
+            legend.add_marker(text, ".", color=colour, markersize=7)

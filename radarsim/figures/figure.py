@@ -1,4 +1,4 @@
-"""A figure that is drawn, and what is said about it."""
+"""Figures with their captions, as PNG files."""
 
 import io
 from collections.abc import Sequence
@@ -11,19 +11,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-MARK: Final = "radarsim"  # what a picture says that it is from
+SOFTWARE: Final = "radarsim"  # metadata that marks a picture as ours
 _WHITE: Final = 255
 _GAP: Final = 24  # pixels between drawings
 
 
 @dataclass(frozen=True, slots=True)
-class Plate:
-    """What a figure shows.
+class DrawnFigure:
+    """A figure that has been drawn, with its caption.
 
     Attributes:
-        drawings: One below the other.
-        caption: What to see, in sentences, with what was measured.
-        commands: What takes the same scans, drives the same way or shows more of it.
+        drawings: Drawings, one below the other.
+        caption: What the figure shows, with the measured numbers, in sentences.
+        commands: Commands that take the same scans, drive the same path or show more.
     """
 
     drawings: tuple[Figure, ...]
@@ -31,24 +31,24 @@ class Plate:
     commands: tuple[str, ...] = ()
 
     def as_png(self) -> bytes:
-        """Give a PNG file; the same for the same drawings."""
-        pixels = _stacked([_painted(drawing) for drawing in self.drawings])
+        """Return the content of a PNG file; equal drawings give equal bytes."""
+        pixels = _stack([_rasterise(drawing) for drawing in self.drawings])
         data = io.BytesIO()
-        image.imsave(data, pixels, format="png", metadata={"Software": MARK})
+        image.imsave(data, pixels, format="png", metadata={"Software": SOFTWARE})
         return data.getvalue()
 
 
-def size_of(png: bytes) -> tuple[int, int]:
-    """Give the width and height of a PNG file, pixels."""
+def png_size(png: bytes) -> tuple[int, int]:
+    """Return the width and height of a PNG file, pixels."""
     return int.from_bytes(png[16:20], "big"), int.from_bytes(png[20:24], "big")
 
 
-def is_ours(png: bytes) -> bool:
-    """Tell whether a file, or its first kilobyte, is a figure of this program."""
-    return f"Software\0{MARK}".encode() in png[:1024]
+def is_radarsim_figure(png: bytes) -> bool:
+    """Return whether a PNG file, or its first kilobyte, was written by this program."""
+    return f"Software\0{SOFTWARE}".encode() in png[:1024]
 
 
-def _painted(drawing: Figure) -> NDArray[np.uint8]:
+def _rasterise(drawing: Figure) -> NDArray[np.uint8]:
     data = io.BytesIO()
     FigureCanvasAgg(drawing).print_figure(data, format="rgba")
     width, height = drawing.canvas.get_width_height()
@@ -56,8 +56,8 @@ def _painted(drawing: Figure) -> NDArray[np.uint8]:
     return flat.reshape(height, width, 4)[:, :, :3]
 
 
-def _stacked(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Put pictures below each other, the narrower ones on the left of white."""
+def _stack(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Stack pictures vertically, padded with white on the right."""
     width = max(picture.shape[1] for picture in pictures)
     rows = [
         np.pad(

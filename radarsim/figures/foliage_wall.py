@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import ScanSpec, answers_of, ends_of
-from radarsim.plotting import figure_of
+from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.scan_spec import ScanSpec, hit_points, object_names
+from radarsim.plotting import plot_scans
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Part, Scene
@@ -27,28 +27,28 @@ _PLACES: Final = (np.arange(-9.5, -1.4, 1.0), np.arange(-5.5, 5.6, 1.0))  # x, y
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """Where the beams of a scan end.
+    """Number of beams of a scan by where they end.
 
     Attributes:
-        beams: How many there are.
-        behind: Those that end behind the bushes.
-        inside: Those that end in a bush, or at one.
-        things: What stands behind the bushes and is read, by name.
+        beams: Number of beams.
+        behind: Number of beams that end behind the bushes.
+        inside: Number of beams that end in or at a bush.
+        things: Names of the objects behind the bushes that are read.
     """
 
     beams: int
     behind: int
     inside: int
-    things: tuple[str, ...]
+    objects: tuple[str, ...]
 
 
 class Changes(NamedTuple):
-    """How many beams read something else from scan to scan, by why.
+    """Number of beams whose range changes from scan to scan, by the cause.
 
     Attributes:
-        jumping: Those that read now one thing, now another.
-        slanting: Those that read always the same solid thing.
-        deep: Those that end always in bushes.
+        jumping: Number of beams that read different objects.
+        slanting: Number of beams that read the same solid object at a slant.
+        deep: Number of beams that always end in bushes.
     """
 
     jumping: int
@@ -56,18 +56,18 @@ class Changes(NamedTuple):
     deep: int
 
 
-def bushes_of(scene: Scene) -> list[Part]:
-    """Give the bushes."""
+def bush_parts(scene: Scene) -> list[Part]:
+    """Return the parts that are bushes."""
     return [part for part in scene.parts if part.material.name == BUSHES]
 
 
 def far_side(scene: Scene) -> float:
-    """Give the x, m, at which the bushes end; what is hidden begins there."""
-    return max(float(bush.vertices[:, 0].max()) for bush in bushes_of(scene))
+    """Return the largest x of the bushes, m; the hidden part of the room is beyond."""
+    return max(float(bush.vertices[:, 0].max()) for bush in bush_parts(scene))
 
 
-def things_behind(scene: Scene) -> list[Part]:
-    """Give one part of each thing that is hidden behind the bushes."""
+def hidden_parts(scene: Scene) -> list[Part]:
+    """Return one part of each object behind the bushes, without walls."""
     side = far_side(scene)
     hidden = (part for part in scene.parts if part.vertices[:, 0].min() > side)
     parts = {part.object_name: part for part in hidden}
@@ -75,23 +75,23 @@ def things_behind(scene: Scene) -> list[Part]:
 
 
 def count_ends(scene: Scene, scan: Scan) -> Counts:
-    """Tell where the beams of a scan ended in truth."""
-    behind = ends_of(scan)[:, 0] > far_side(scene)
-    echoes, told = scan.echoes, scan.echoes.targets
-    inside, things = 0, set()
-    for part, target in told.items():
+    """Count where the beams of a scan truly ended."""
+    behind = hit_points(scan)[:, 0] > far_side(scene)
+    echoes = scan.echoes
+    inside, objects = 0, set()
+    for part, target in echoes.targets.items():
         beams = echoes.beams[echoes.parts == part]
         inside += len(beams) if target.material == BUSHES else 0
         if behind[beams].any():
-            things.add(target.object)
-    return Counts(len(behind), int(behind.sum()), inside, tuple(sorted(things)))
+            objects.add(target.object)
+    return Counts(len(behind), int(behind.sum()), inside, tuple(sorted(objects)))
 
 
 def count_everywhere(shot: ScanSpec) -> tuple[int, int, int]:
-    """Scan from places all over the near side of the bushes.
+    """Scan from a grid of places on the near side of the bushes.
 
     Returns:
-        How many places, how many beams, and how many of these end behind the bushes.
+        Number of places, of beams, and of beams that end behind the bushes.
     """
     scene, scanner = shot.scene, shot.scanner
     rng = generator_for(shot.seed, shot.sensor)
@@ -106,12 +106,12 @@ def count_everywhere(shot: ScanSpec) -> tuple[int, int, int]:
 
 
 def hokuyo(seed: int) -> ScanSpec:
-    """Give the scan of figure 7."""
+    """Return the specification of the scan of figure 7."""
     return ScanSpec(MAP, "hokuyo", seed, (("max_range", FAR),))
 
 
 def radar(seed: int, offset: int) -> ScanSpec:
-    """Give the scan of figures 8 to 10, with side rays so many UU away."""
+    """Return the scan of figures 8 to 10 for an offset of side rays, Unreal units."""
     if offset:
         return ScanSpec(MAP, "radar", seed, (("side_offset_uu", offset),))
     # all three rays coincide, and the pictures show the centre one
@@ -119,8 +119,8 @@ def radar(seed: int, offset: int) -> ScanSpec:
     return ScanSpec(MAP, "radar", seed, settings)
 
 
-def draw_hokuyo(seed: int) -> Plate:
-    """Figure 7: the Hokuyo sees nothing behind the bushes."""
+def draw_hokuyo(seed: int) -> DrawnFigure:
+    """Draw figure 7: the Hokuyo sees nothing behind the bushes."""
     shot = hokuyo(seed)
     (scan,) = shot.take()
     counts = count_ends(shot.scene, scan)
@@ -132,27 +132,27 @@ def draw_hokuyo(seed: int) -> Plate:
         f" range of {own:g} m would not even reach the bushes from here, so that it is"
         f" given {FAR:g} m."
     )
-    return Plate((_draw(shot, [scan]),), caption, (shot.command,))
+    return DrawnFigure((_draw(shot, [scan]),), caption, (shot.command,))
 
 
-def draw_radar(seed: int) -> Plate:
-    """Figure 8: the radar sees holes in the wall of bushes."""
+def draw_radar(seed: int) -> DrawnFigure:
+    """Draw figure 8: the radar sees holes in the wall of bushes."""
     shot = radar(seed, 0)
     (scan,) = shot.take()
     counts = count_ends(shot.scene, scan)
-    things = ", ".join(counts.things)
+    objects = ", ".join(counts.objects)
     caption = (
         f"To the radar there are holes. {counts.behind} of its {counts.beams} beams go"
         " through the thin edges of the bushes and end behind them, where it is yellow:"
-        f" at {things}. {counts.inside} are spent inside a bush (crosses), between its"
+        f" at {objects}. {counts.inside} are spent inside a bush (crosses), between its"
         " near and its far side: its middle is too thick. A ray is the paler the less"
         f" power it has left. {_everywhere(shot)} N is 0 here: there is no noise."
     )
-    return Plate((_draw(shot, [scan]),), caption, (shot.command,))
+    return DrawnFigure((_draw(shot, [scan]),), caption, (shot.command,))
 
 
-def draw_noise(seed: int, *, offset: int) -> Plate:
-    """Figures 9 and 10: one scan with side rays, and the readings of many."""
+def draw_noise(seed: int, *, offset: int) -> DrawnFigure:
+    """Draw figure 9 or 10: one scan with side rays, and the ranges of many scans."""
     shot = radar(seed, offset)
     many = replace(shot, count=COUNT)
     scans = many.take()
@@ -171,21 +171,21 @@ def draw_noise(seed: int, *, offset: int) -> Plate:
         f" {changes.deep} end more or less deep in the bushes."
     )
     drawings = (_draw(shot, scans[:1]), _draw(many, scans))
-    return Plate(drawings, caption, (shot.command, many.command))
+    return DrawnFigure(drawings, caption, (shot.command, many.command))
 
 
 def count_moved(scan: Scan, seed: int) -> int:
-    """Tell how many beams read something else than without side rays."""
-    (still,) = radar(seed, 0).take()
-    return int((np.abs(scan.ranges - still.ranges) > STEP).sum())
+    """Return the number of beams whose range differs from the one without side rays."""
+    (reference,) = radar(seed, 0).take()
+    return int((np.abs(scan.ranges - reference.ranges) > STEP).sum())
 
 
 def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
-    """Tell which beams changed from scan to scan, by what they read."""
+    """Count the beams whose range changes from scan to scan, by the cause."""
     ranges = np.array([scan.ranges for scan in scans])
     changed = np.ptp(ranges, axis=0) > STEP
-    answers = np.array([answers_of(scan) for scan in scans])
-    answers[np.isin(answers, [bush.object_name for bush in bushes_of(scene)])] = BUSHES
+    answers = np.array([object_names(scan) for scan in scans])
+    answers[np.isin(answers, [bush.object_name for bush in bush_parts(scene)])] = BUSHES
     same = (answers == answers[0]).all(axis=0)
     bushes = answers[0] == BUSHES
     return Changes(
@@ -204,12 +204,12 @@ def _everywhere(shot: ScanSpec) -> str:
 
 
 def _draw(shot: ScanSpec, scans: Sequence[Scan]) -> Figure:
-    """Draw scans, and what of the map is behind the bushes in yellow."""
-    drawing = figure_of(shot.scene, scans)
+    """Draw scans, with the region behind the bushes in yellow."""
+    drawing = plot_scans(shot.scene, scans)
     axes = drawing.axes[0]
     side, end = far_side(shot.scene), float(shot.scene.bounds[1, 0])
     axes.axvspan(side, end, color=HIDDEN, zorder=0)
     top = float(shot.scene.bounds[1, 1])
-    place = side + 0.3 * (end - side), top - 1.3  # where hardly a ray gets to
+    place = side + 0.3 * (end - side), top - 1.3  # hardly any ray gets there
     axes.text(*place, "behind the bushes", ha="center", color="#8a6d00")
     return drawing

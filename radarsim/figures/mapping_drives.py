@@ -1,4 +1,4 @@
-"""What robots know of the test map that have driven along its bushes, as counts."""
+"""Robots that map the test map along its bushes, and what their maps show."""
 
 import math
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.map_score import BESIDE, TOLERANCE, MapScore, score_mapper
 from radarsim.exploration.exploration import Exploration, ExplorationPlan
 from radarsim.exploration.traversability import Point
-from radarsim.figures.foliage_wall import FAR, MAP, bushes_of, things_behind
-from radarsim.figures.scan_spec import START, scene_of, start_of
+from radarsim.figures.foliage_wall import FAR, MAP, bush_parts, hidden_parts
+from radarsim.figures.scan_spec import START, find_start_pose, load_scene
 from radarsim.geometry import Floats
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
@@ -27,51 +27,54 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.simulation.config import SimulationConfig
 
-WAY: Final = ((-2.0, -5.0), (-2.0, 5.0))  # along all bushes, 2.5 m before their middles
+WAYPOINTS: Final = (
+    (-2.0, -5.0),
+    (-2.0, 5.0),
+)  # along all bushes, 2.5 m before their middles
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """A way on which a robot makes a map, as anybody can on the command line.
+class MappingDrive:
+    """A drive that makes a map; ``command`` repeats it on the command line.
 
     Attributes:
-        robot: Its class.
-        seed: Of the simulation.
-        settings: Of its scanner, keys and numbers that differ from the class's.
-        way: Places to go to in turn, m.
+        robot: Robot class.
+        seed: Seed of the simulation.
+        settings: Scanner settings that differ from those of the class.
+        waypoints: Places to drive to in turn, m, map frame.
     """
 
     robot: str
     seed: int
     settings: tuple[tuple[str, float], ...] = ()
-    way: tuple[Point, ...] = WAY
+    waypoints: tuple[Point, ...] = WAYPOINTS
 
     @property
     def command(self) -> str:
-        """What makes the same map on the command line."""
+        """Command that makes the same map."""
         words = [f"radarsim map OUT --serve {MAP} --start {START} --robot {self.robot}"]
-        words += [f"--way={x:g},{y:g}" for x, y in self.way]
+        words += [f"--way={x:g},{y:g}" for x, y in self.waypoints]
         name = self._item.name
         words += [f"--set {name}.{key}={value:g}" for key, value in self.settings]
         return " ".join([*words, f"--seed {self.seed}"])
 
     @property
     def scanner(self) -> RangeScanner:
-        """The sensor that maps."""
+        """The sensor that maps the room."""
         return self._config.scanner(self._item)
 
     @property
     def height(self) -> float:
-        """Of the sensor, m, map frame."""
-        floor = start_of(scene_of(MAP), START).z
+        """Height of the sensor, m, map frame."""
+        floor = find_start_pose(load_scene(MAP), START).z
         return floor + load_robot(self.robot).origin_height + self._item.mount.z
 
-    def explore(self) -> "Explored":
-        """Drive, and judge what the robot has mapped."""
-        scene = scene_of(MAP)
+    def explore(self) -> "MappingResult":
+        """Drive, and score the map against the scene."""
+        scene = load_scene(MAP)
         host = Host(scene, config=self._config, seed=self.seed)
         monitor = GroundTruthMonitor(host)
-        plan = ExplorationPlan(waypoints=self.way, robot_class=self.robot, start=START)
+        plan = ExplorationPlan(waypoints=self.waypoints, robot_class=self.robot, start=START)
         survey = Exploration(plan, generator_for(self.seed, "exploring"))
         with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
             survey.run(client)
@@ -81,7 +84,7 @@ class Drive:
         score = score_mapper(
             mapper, scene, robot_class=self.robot, start=survey.trip.start
         )
-        return Explored(
+        return MappingResult(
             self, mapper.grid, mapper.trajectory, monitor.path_length, score
         )
 
@@ -95,18 +98,18 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
-class Explored:
-    """What came of a drive.
+class MappingResult:
+    """Result of a drive.
 
     Attributes:
-        drive: It.
-        grid: The map.
-        trajectory: Where the robot was, by its own reckoning.
-        length: True way, m.
-        score: How right the map is.
+        drive: The drive.
+        grid: The occupancy grid.
+        trajectory: Estimated trajectory.
+        length: True path length, m.
+        score: Score of the map.
     """
 
-    drive: Drive
+    drive: MappingDrive
     grid: OccupancyGrid
     trajectory: Trajectory
     length: float
@@ -114,14 +117,14 @@ class Explored:
 
 
 @dataclass(frozen=True, slots=True)
-class Bush:
-    """What a map has of a bush at the sensor's height.
+class BushCoverage:
+    """Cells of a map that a bush covers at the sensor's height.
 
     Attributes:
-        name: Of the bush.
-        cells: How many it covers.
-        blue: How many of these no beam has been in.
-        grey: How many of them are free within the short range.
+        name: Name of the bush.
+        cells: Number of cells that it covers.
+        blue: Number of these that no beam has been in.
+        grey: Number of these that are free within the short range.
         middle: Whether a beam has been in its middle.
         beyond: How far east of its middle the blue ones are on average, m; nan if
             there are none.
@@ -135,48 +138,48 @@ class Bush:
     beyond: float
 
 
-def radar(seed: int, way: tuple[Point, ...] = WAY) -> Drive:
-    """Give the drive on the left of figure 15."""
-    return Drive("P3AT_Radar360", seed, (), way)
+def radar(seed: int, waypoints: tuple[Point, ...] = WAYPOINTS) -> MappingDrive:
+    """Return the drive with the radar, on the left of figure 15."""
+    return MappingDrive("P3AT_Radar360", seed, (), waypoints)
 
 
-def hokuyo(seed: int, way: tuple[Point, ...] = WAY) -> Drive:
-    """Give the drive on the right of figure 15."""
-    return Drive("P3AT_Hokuyo", seed, (("max_range", FAR),), way)
+def hokuyo(seed: int, waypoints: tuple[Point, ...] = WAYPOINTS) -> MappingDrive:
+    """Return the drive with the Hokuyo, on the right of figure 15."""
+    return MappingDrive("P3AT_Hokuyo", seed, (("max_range", FAR),), waypoints)
 
 
-def bushes_in(run: Explored) -> list[Bush]:
-    """Tell how much a map has of each bush."""
-    scene = scene_of(MAP)
-    return [_bush_in(run, scene, part) for part in bushes_of(scene)]
+def bush_coverage(run: MappingResult) -> list[BushCoverage]:
+    """Return what a map shows of each bush."""
+    scene = load_scene(MAP)
+    return [_cover_bush(run, scene, part) for part in bush_parts(scene)]
 
 
-def things_in(run: Explored) -> dict[str, int]:
-    """Tell of all that is hidden behind the bushes by how many black cells it shows.
+def count_object_cells(run: MappingResult) -> dict[str, int]:
+    """Count the black cells of each object behind the bushes.
 
-    A cell counts if it is no farther from a thing than a right one may be.
+    A cell counts if it is within the tolerance of the object's outline.
     """
-    scene = scene_of(MAP)
-    ended, x, y = _laid(run, scene, run.grid.beam_end_cells())
+    scene = load_scene(MAP)
+    ended, x, y = _aligned_cells(run, scene, run.grid.beam_end_cells())
     black = shapely.points(x[ended], y[ended])
     far = (TOLERANCE + BESIDE) * run.grid.frame.resolution
     counts = {}
-    for part in things_behind(scene):
+    for part in hidden_parts(scene):
         lines = shapely.MultiLineString(list(slice_parts([part], run.drive.height)))
         near = shapely.distance(lines, black) <= far
         counts[part.object_name] = int(np.count_nonzero(near))
     return counts
 
 
-def _bush_in(run: Explored, scene: Scene, part: Part) -> Bush:
+def _cover_bush(run: MappingResult, scene: Scene, part: Part) -> BushCoverage:
     corners = slice_parts([part], run.drive.height).reshape(-1, 2)
     area = shapely.MultiPoint(corners).convex_hull
     middle = area.centroid
-    sensed, x, y = _laid(run, scene, run.grid.sensed_cells())
-    near, _, _ = _laid(run, scene, run.grid.short_range_cells())
+    sensed, x, y = _aligned_cells(run, scene, run.grid.sensed_cells())
+    near, _, _ = _aligned_cells(run, scene, run.grid.short_range_cells())
     covered = np.asarray(shapely.contains_xy(area, x, y))
     blue = covered & ~sensed
-    return Bush(
+    return BushCoverage(
         name=part.object_name,
         cells=int(np.count_nonzero(covered)),
         blue=int(np.count_nonzero(blue)),
@@ -186,10 +189,10 @@ def _bush_in(run: Explored, scene: Scene, part: Part) -> Bush:
     )
 
 
-def _laid(
-    run: Explored, scene: Scene, cells: NDArray[np.bool_]
+def _aligned_cells(
+    run: MappingResult, scene: Scene, cells: NDArray[np.bool_]
 ) -> tuple[Mask, Floats, Floats]:
-    """Lay cells of a map over the whole scene: they, and the x and y of each, m."""
+    """Return cells of a map on a grid over the whole scene, and the x, y of each."""
     (west, south), (east, north) = scene.bounds[:, :2].tolist()
     frame = run.grid.frame.extended_to((west, south), (east, north))
     x, y = np.meshgrid(*frame.cell_centers())

@@ -9,11 +9,11 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.figures.figure import Plate
+from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import RAY_COLOURS, cut, opacity_of
+from radarsim.plotting.ray_segments import RAY_COLOURS, line_opacity, split_rays
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
@@ -28,8 +28,8 @@ _AROUND: Final = 1.3  # m of the robot that are seen closer
 _EDGE: Final = 0.4  # m around the room
 
 
-def shot_of(seed: int, offset: int, side: int) -> ScanSpec:
-    """Give a scan whose rays are all on one side, so many UU off."""
+def scan_spec_for(seed: int, offset: int, side: int) -> ScanSpec:
+    """Return a scan with all rays on one side, at an offset in Unreal units."""
     settings = (
         ("side_mode", "lateral"),
         ("side_offset_uu", offset),
@@ -39,14 +39,14 @@ def shot_of(seed: int, offset: int, side: int) -> ScanSpec:
 
 
 def starts_apart(scans: dict[int, Scan]) -> float:
-    """Give how far left and right rays start from each other, m."""
+    """Return the distance between the origins of left and right rays, m."""
     between = scans[LEFT].cast.origins - scans[RIGHT].cast.origins
     return float(np.linalg.norm(between, axis=1).max())
 
 
-def draw_offset_rays(seed: int, *, offset: int) -> Plate:
-    """Draw all left rays red and all right rays blue, over the robot too."""
-    shots = {side: shot_of(seed, offset, side) for side in (LEFT, RIGHT)}
+def draw_offset_rays(seed: int, *, offset: int) -> DrawnFigure:
+    """Draw figure 11 or 12: left rays red and right rays blue, over the robot too."""
+    shots = {side: scan_spec_for(seed, offset, side) for side in (LEFT, RIGHT)}
     scans = {side: shot.take()[0] for side, shot in shots.items()}
     drawing = Figure(figsize=(13, 5.6), dpi=120, layout="constrained")
     room, close = drawing.subplots(1, 2, width_ratios=[1.62, 1])
@@ -67,7 +67,7 @@ def draw_offset_rays(seed: int, *, offset: int) -> Plate:
     close.set_title(f"the same around the {ROBOT}", fontsize="medium")
     _legend(drawing)
     commands = tuple(shot.command for shot in shots.values())
-    return Plate((drawing,), _caption(offset, scans), commands)
+    return DrawnFigure((drawing,), _caption(offset, scans), commands)
 
 
 def _caption(offset: int, scans: dict[int, Scan]) -> str:
@@ -85,17 +85,20 @@ def _caption(offset: int, scans: dict[int, Scan]) -> str:
 
 
 def _draw_rays(axes: Axes, shot: ScanSpec, scans: dict[int, Scan]) -> None:
-    """Draw the plan, and the rays of all scans, none of them above all others."""
+    """Draw the plan and the rays of all scans in a mixed order."""
     lines = slice_parts(shot.scene.parts, shot.pose.z)
     axes.add_collection(
         LineCollection(list(lines), colors="0.3", linewidths=1.0, zorder=1)
     )
-    each = {side: cut(tracer_of(shot.scene), scan.cast) for side, scan in scans.items()}
-    shades = [_shades(side, pieces.shares) for side, pieces in each.items()]
-    count = sum(len(pieces.rays) for pieces in each.values())
+    each = {
+        side: split_rays(tracer_of(shot.scene), scan.cast)
+        for side, scan in scans.items()
+    }
+    shades = [_shades(side, segments.shares) for side, segments in each.items()]
+    count = sum(len(segments.rays) for segments in each.values())
     order = generator_for(shot.seed, "order of strokes").permutation(count)
     rays = LineCollection(
-        list(np.concatenate([pieces.lines for pieces in each.values()])[order]),
+        list(np.concatenate([segments.lines for segments in each.values()])[order]),
         colors=np.concatenate(shades)[order],
         linewidths=0.6,
         capstyle="butt",
@@ -116,7 +119,7 @@ def _legend(drawing: Figure) -> None:
 
 
 def _shades(side: int, shares: Floats) -> Floats:
-    """Give the colours of pieces of rays on one side, (P, 4)."""
+    """Return the colours of ray segments of one side, (P, 4)."""
     shades = np.tile(to_rgba(RAY_COLOURS[side][0]), (len(shares), 1))
-    shades[:, 3] = opacity_of(shares)
+    shades[:, 3] = line_opacity(shares)
     return shades

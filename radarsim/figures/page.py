@@ -1,4 +1,4 @@
-"""The page with all figures: one HTML file beside the pictures, and nothing else."""
+"""The page with all figures: one HTML file that needs only the pictures beside it."""
 
 import re
 from collections.abc import Iterable
@@ -6,8 +6,8 @@ from html import escape
 from typing import Final
 
 from radarsim import __version__
-from radarsim.figures.catalogue import Made
-from radarsim.figures.figure import size_of
+from radarsim.figures.catalogue import RenderedFigure
+from radarsim.figures.figure import png_size
 
 FILE: Final = "index.html"
 GENERATOR: Final = '<meta name="generator" content="radarsim">'
@@ -34,9 +34,9 @@ _STYLE: Final = """
 """
 
 
-def block_of(figure: Made) -> str:
-    """Give the part of the page that shows one figure."""
-    width, height = size_of(figure.png)
+def figure_block(figure: RenderedFigure) -> str:
+    """Return the HTML of one figure."""
+    width, height = png_size(figure.png)
     name = f"Figure {figure.number}"
     commands = "\n".join(f"  <code>{escape(text)}</code>" for text in figure.commands)
     return (
@@ -52,15 +52,15 @@ def block_of(figure: Made) -> str:
     )
 
 
-def blocks_in(page: str) -> dict[str, str]:
-    """Give the figures of a page by their numbers."""
+def split_page(page: str) -> dict[str, str]:
+    """Return the HTML of each figure of a page, by its number."""
     return {found["number"]: found[0] for found in _BLOCK.finditer(page)}
 
 
-def page_of(blocks: Iterable[str]) -> str:
-    """Put figures together to a page; it needs nothing but their pictures."""
+def render_page(blocks: Iterable[str]) -> str:
+    """Return a page with the given figures."""
     body = "".join(blocks)
-    numbers = blocks_in(body)
+    numbers = split_page(body)
     links = "\n".join(f'  <a href="#figure-{n}">{n}</a>' for n in numbers)
     return f"""<!DOCTYPE html>
 <html lang="en">

@@ -1,4 +1,4 @@
-"""Scans for figures, as anybody can take them again on the command line."""
+"""Scans for figures, each with the command that repeats it."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -20,15 +20,15 @@ START = "RobotStart1"
 
 @dataclass(frozen=True, slots=True)
 class ScanSpec:
-    """Scans that a robot's sensor takes at a start of a map.
+    """Scans of a robot's sensor at a start of a map.
 
     Attributes:
-        map: Its name.
-        sensor: Name of the preset.
-        seed: Of its generator.
-        settings: Keys and values that differ from the preset's.
-        count: How many scans.
-        start: Name of the start.
+        map: Name of the map.
+        sensor: Name of the sensor preset.
+        seed: Seed of the sensor's generator.
+        settings: Settings that differ from those of the preset.
+        count: Number of scans.
+        start: Name of the start pose.
     """
 
     map: str
@@ -40,7 +40,7 @@ class ScanSpec:
 
     @property
     def command(self) -> str:
-        """What takes the same scans on the command line."""
+        """Command that takes the same scans."""
         words = ["radarsim scan", self.map, "--sensor", self.sensor]
         for key, value in self.settings:
             words += ["--set", f"{key}={_as_text(value)}"]
@@ -52,7 +52,7 @@ class ScanSpec:
     @property
     def scene(self) -> Scene:
         """The map."""
-        return scene_of(self.map)
+        return load_scene(self.map)
 
     @property
     def scanner(self) -> RangeScanner:
@@ -61,33 +61,33 @@ class ScanSpec:
 
     @property
     def pose(self) -> Pose3:
-        """Of the sensor, map frame."""
+        """Pose of the sensor, map frame."""
         model = load_robot(ROBOT)
         lift = Pose3(0.0, 0.0, model.origin_height)
         mount = model.items_of("RangeScanner")[0].mount
-        return start_of(self.scene, self.start).compose(lift).compose(mount)
+        return find_start_pose(self.scene, self.start).compose(lift).compose(mount)
 
     @property
     def robot(self) -> Pose2:
-        """Where the robot stands, map frame."""
-        pose = start_of(self.scene, self.start)
+        """Pose of the robot, map frame."""
+        pose = find_start_pose(self.scene, self.start)
         return Pose2(pose.x, pose.y, pose.yaw)
 
     def take(self) -> list[Scan]:
-        """Scan."""
+        """Take the scans."""
         scene, scanner, pose = self.scene, self.scanner, self.pose
         rng = generator_for(self.seed, self.sensor)
         return [scanner.scan(scene, pose, rng) for _ in range(self.count)]
 
 
 @cache
-def scene_of(map_: str) -> Scene:
-    """Load a map, once in a process."""
+def load_scene(map_: str) -> Scene:
+    """Load a map; the result is cached."""
     return load_map(map_)
 
 
-def start_of(scene: Scene, name: str) -> Pose3:
-    """Give where a start is, map frame."""
+def find_start_pose(scene: Scene, name: str) -> Pose3:
+    """Return the pose of a start, map frame."""
     start = scene.start(name)
     if start is None:
         names = [each.name for each in scene.starts]
@@ -95,14 +95,14 @@ def start_of(scene: Scene, name: str) -> Pose3:
     return start.pose
 
 
-def ends_of(scan: Scan) -> Floats:
-    """Give where rays ended in truth, (N, 3) m, map frame; inf for no return."""
+def hit_points(scan: Scan) -> Floats:
+    """Return the true ends of rays, (N, 3) m, map frame; inf for no return."""
     rays = scan.cast
     return rays.origins + scan.ranges[:, None] * rays.directions
 
 
-def answers_of(scan: Scan) -> NDArray[np.str_]:
-    """Give the name of what each beam reads, (N,); empty where nothing came back."""
+def object_names(scan: Scan) -> NDArray[np.str_]:
+    """Return the name of the object that each beam reads, (N,); empty for no return."""
     echoes, names = scan.echoes, np.full(len(scan.ranges), "", dtype="U40")
     for part, target in echoes.targets.items():
         names[echoes.beams[echoes.parts == part]] = target.object

@@ -1,7 +1,7 @@
-"""Views of whole scenes: every triangle in the colour of what it is made of.
+"""Views of whole scenes, and the drawing of a robot from above.
 
-What is nearer is painted over what is farther away (painter's algorithm), by the
-middles of the triangles; large ones are cut first, so that their middles say enough.
+Triangles are painted from the farthest to the nearest (painter's algorithm), ordered by
+their middles; large triangles are subdivided first, so that this order is right.
 """
 
 import math
@@ -22,7 +22,7 @@ from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.robots.footprint import Footprint
 from radarsim.scene.scene import Part, Scene
 
-# As things look; what is not here has its colour of other pictures.
+# Natural colours of materials; others keep the colour of the scan plots.
 NATURAL: Final = {
     "concrete": "#b9b6ae",
     "wood": "#a5713c",
@@ -42,18 +42,18 @@ _FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """From where a scene is seen, from far away.
+    """Direction of an orthographic view.
 
     Attributes:
-        azimuth: Of the viewer, rad counter-clockwise from the map's x.
-        elevation: Of the viewer, rad above the horizon.
+        azimuth: Azimuth of the viewer, rad, counter-clockwise from the map's x axis.
+        elevation: Elevation of the viewer above the horizon, rad.
     """
 
     azimuth: float
     elevation: float
 
     def project(self, points: Floats) -> Floats:
-        """Give right, up and towards the viewer, (..., 3) m, of points (..., 3) m."""
+        """Return right, up and depth towards the viewer of points, (..., 3) m each."""
         c, s = math.cos(self.azimuth), math.sin(self.azimuth)
         low, high = math.cos(self.elevation), math.sin(self.elevation)
         axes = np.array(
@@ -66,12 +66,12 @@ ABOVE: Final = View(-math.pi / 2, math.pi / 2)  # x to the right, y up
 
 
 def natural_colours(scene: Scene) -> dict[str, str]:
-    """Give each material of a scene a colour that it might have."""
+    """Return a natural colour for each material of a scene."""
     return {**material_colours(scene), **NATURAL}
 
 
 def ground_colour(scene: Scene) -> Floats:
-    """Give the colour of the floor, (3,) red, green, blue, as it is painted."""
+    """Return the colour of the painted floor, RGB (3,)."""
     colour = natural_colours(scene)[_ground_and_rest(scene)[0][0].material.name]
     level = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
     lit = brightness(level)[0] * np.array(to_rgb(colour))
@@ -79,7 +79,7 @@ def ground_colour(scene: Scene) -> Floats:
 
 
 def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
-    """Paint a scene: first its floor, then what stands on it."""
+    """Draw a scene: first its floor, then the objects on it."""
     colours = natural_colours(scene)
     ground, rest = _ground_and_rest(scene)
     if ground:
@@ -106,7 +106,7 @@ def _painting(
     *,
     zorder: int,
 ) -> PolyCollection:
-    """Make the picture of parts; ``paler`` is the share of white in its colours."""
+    """Create the polygons of parts; ``paler`` is the share of white in colours."""
     corners = [_cut(part.vertices[part.faces]) for part in parts]
     shades = [
         brightness(triangles)[:, None] * np.array(to_rgb(colours[part.material.name]))
@@ -125,7 +125,7 @@ def _painting(
 
 
 def _cut(corners: Floats) -> Floats:
-    """Cut triangles, (T, 3, 3) m, in four until all of their sides are short."""
+    """Subdivide triangles, (T, 3, 3) m, until all sides are short."""
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     large = sides.max(axis=1) > _LARGEST
     if not large.any():
@@ -133,8 +133,8 @@ def _cut(corners: Floats) -> Floats:
     a, b, c = np.swapaxes(corners[large], 0, 1)
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    pieces = np.concatenate([np.stack(one, axis=1) for one in quarters])
-    return np.concatenate([corners[~large], _cut(pieces)])
+    segments = np.concatenate([np.stack(one, axis=1) for one in quarters])
+    return np.concatenate([corners[~large], _cut(segments)])
 
 
 # Section from study.figures.robotmark.
@@ -146,7 +146,7 @@ _TYRE: Final = 0.09  # m, as wide as it is
 
 
 def draw_robot(axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5) -> None:
-    """Draw hull, wheels and a wedge that points ahead.
+    """Draw a robot from above: hull, wheels and a wedge that points ahead.
 
     Args:
         axes: In m, map frame.

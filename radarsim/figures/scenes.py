@@ -1,4 +1,4 @@
-"""Figures 1 and 6: the maps, as they look."""
+"""Figures 1 and 6: views of the maps."""
 
 import math
 import re
@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from radarsim.figures.figure import Plate
-from radarsim.figures.foliage_wall import bushes_of, things_behind
-from radarsim.figures.scan_spec import ROBOT, START, ScanSpec, scene_of
+from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.foliage_wall import bush_parts, hidden_parts
+from radarsim.figures.scan_spec import ROBOT, START, ScanSpec, load_scene
 from radarsim.figures.scene_view import (
     ABOVE,
     View,
@@ -41,9 +41,9 @@ _HALO: Final = withStroke(linewidth=2.5, foreground="white")
 _SMALL: Final = 8.0  # points
 
 
-def draw_trial_scene(seed: int) -> Plate:
-    """Figure 1: the trial scene, obliquely and from above."""
-    scene = scene_of(TRIAL)
+def draw_trial_scene(seed: int) -> DrawnFigure:
+    """Draw figure 1: the trial scene, obliquely and from above."""
+    scene = load_scene(TRIAL)
     drawing = Figure(figsize=(13, 4.9), dpi=110, layout="constrained")
     oblique, plan = drawing.subplots(1, 2, width_ratios=[1.5, 1])
     draw_solids(oblique, _with_robot(scene), OBLIQUE)
@@ -53,40 +53,40 @@ def draw_trial_scene(seed: int) -> Plate:
     oblique.set_yticks([])
     oblique.spines[:].set_visible(False)
     _draw_plan(plan, scene)
-    _label(plan, things_of(scene), letter=0.38)
+    _label(plan, named_parts(scene), letter=0.38)
     plan.set_xlim(right=plan.get_xlim()[1] + 4.5)  # for the names
     caption = _trial_caption(scene, ScanSpec(TRIAL, "radar", seed).pose)
-    return Plate((drawing,), caption, (f"radarsim check {TRIAL}",))
+    return DrawnFigure((drawing,), caption, (f"radarsim check {TRIAL}",))
 
 
-def draw_test_map(seed: int) -> Plate:
-    """Figure 6: the test map from above."""
-    scene = scene_of(ROOM)
+def draw_test_map(seed: int) -> DrawnFigure:
+    """Draw figure 6: the test map from above."""
+    scene = load_scene(ROOM)
     drawing = Figure(figsize=(12, 8.1), dpi=110, layout="compressed")
     plan = drawing.subplots()
     _draw_plan(plan, scene)
-    things = [part for part in things_of(scene) if "wall" not in part.object_name]
-    _label(plan, things, letter=0.15)
+    objects = [part for part in named_parts(scene) if "wall" not in part.object_name]
+    _label(plan, objects, letter=0.15)
     _legend(plan, scene)
     caption = _map_caption(scene, ScanSpec(ROOM, "radar", seed).pose)
-    return Plate((drawing,), caption, (f"radarsim check {ROOM}",))
+    return DrawnFigure((drawing,), caption, (f"radarsim check {ROOM}",))
 
 
-def things_of(scene: Scene) -> list[Part]:
-    """Give one part of each object that stands on the ground."""
+def named_parts(scene: Scene) -> list[Part]:
+    """Return one part of each object that stands on the ground."""
     parts = {part.object_name: part for part in scene.parts}
     return [part for name, part in parts.items() if name not in GROUND]
 
 
 def _trial_caption(scene: Scene, sensor: Pose3) -> str:
-    parts = things_of(scene)
+    parts = named_parts(scene)
     counts = Counter(_kind(part.object_name) for part in parts)
-    told = ", ".join(f"{counts[kind]} {kind}" for kind in ("poles", "boxes"))
+    solids = ", ".join(f"{counts[kind]} {kind}" for kind in ("poles", "boxes"))
     places = [part.vertices[:, :2] - sensor.position()[:2] for part in parts]
     away = [float(np.hypot(*place.T).min()) for place in places]
     return (
-        f"What figures 2 to 5 are readings of: {told} and {counts['plants']} plants on"
-        f" open ground, {min(away):.0f} to {max(away):.0f} m from the sensor of a"
+        f"What figures 2 to 5 are readings of: {solids} and {counts['plants']} plants"
+        f" on open ground, {min(away):.0f} to {max(away):.0f} m from the sensor of a"
         f" {ROBOT}, which is the red box on the left. Nothing else is there, so a beam"
         " that passes all of them does not come back. The scene is made after the"
         " static trial of the Marulan data sets."
@@ -94,7 +94,7 @@ def _trial_caption(scene: Scene, sensor: Pose3) -> str:
 
 
 def _kind(name: str) -> str:
-    """Tell what sort of thing has a name."""
+    """Return the category of an object by its name."""
     stem = re.sub(r"_\d+$", "", name)
     kinds = {"pole": "poles", "post": "poles"}
     boxes = {"block": "boxes", "crate": "boxes", "cabinet": "boxes"}
@@ -102,10 +102,10 @@ def _kind(name: str) -> str:
 
 
 def _map_caption(scene: Scene, sensor: Pose3) -> str:
-    (wide, tall), bushes = _inside(scene), bushes_of(scene)
+    (wide, tall), bushes = _inside(scene), bush_parts(scene)
     cuts = [slice_parts([bush], sensor.z).reshape(-1, 2) for bush in bushes]
-    thick = max(float(np.ptp(cut[:, 0])) for cut in cuts)
-    hidden = len(things_behind(scene))
+    thick = max(float(np.ptp(split_rays[:, 0])) for split_rays in cuts)
+    hidden = len(hidden_parts(scene))
     depth = load_sensor("radar").settings.penetration_power / bushes[0].material.density
     return (
         f"A room of {wide:.1f} by {tall:.1f} m. A wall of {len(bushes)} spherical"
@@ -118,7 +118,7 @@ def _map_caption(scene: Scene, sensor: Pose3) -> str:
 
 
 def _inside(scene: Scene) -> tuple[float, float]:
-    """Give how wide and deep a room is between its walls, m."""
+    """Return the inner width and depth of a room, m."""
     parts = {part.object_name: part.vertices for part in scene.parts}
     wide = parts["east_wall"][:, 0].min() - parts["west_wall"][:, 0].max()
     deep = parts["north_wall"][:, 1].min() - parts["south_wall"][:, 1].max()
@@ -126,13 +126,13 @@ def _inside(scene: Scene) -> tuple[float, float]:
 
 
 def _with_robot(scene: Scene) -> Scene:
-    """Leave the ground out, and put a box for a robot at the first start."""
+    """Return the scene without its ground, with a box as robot at the first start."""
     model, pose = load_robot(ROBOT), ScanSpec(scene.name, "radar", 0).robot
     vertices, faces = box(*model.dimensions)
     place = np.array([pose.x, pose.y, model.height / 2])
     hull = Part("robot", Material("robot"), vertices + place, faces)
-    things = [part for part in scene.parts if part.object_name not in GROUND]
-    return replace(scene, parts=(*things, hull))
+    objects = [part for part in scene.parts if part.object_name not in GROUND]
+    return replace(scene, parts=(*objects, hull))
 
 
 def _draw_plan(axes: Axes, scene: Scene) -> None:
@@ -148,9 +148,9 @@ def _draw_plan(axes: Axes, scene: Scene) -> None:
 
 
 def _corners(scene: Scene) -> Floats:
-    """Give the corners of the boxes around all things and the first start, (C, 3) m."""
+    """Return the corners of all bounding boxes and of the first start, (C, 3) m."""
     points = [np.array([[start.pose.x, start.pose.y, 0] for start in scene.starts[:1]])]
-    for part in things_of(scene):
+    for part in named_parts(scene):
         low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
         grid = np.meshgrid(*np.stack([low, high], axis=1))
         points.append(np.stack([axis.ravel() for axis in grid], axis=1))
@@ -158,14 +158,14 @@ def _corners(scene: Scene) -> Floats:
 
 
 def _show(axes: Axes, points: Floats) -> None:
-    """Show points, (P, 2) m, and a little around them."""
+    """Set the limits of axes to points, (P, 2) m, with a margin."""
     low, high = points.min(axis=0) - _EDGE, points.max(axis=0) + _EDGE
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
 
 
 def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
-    """Write names beside things, on the left where another one is on the right.
+    """Label objects, on the left where another object is on the right.
 
     Args:
         axes: Of a plan.
@@ -183,13 +183,13 @@ def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
 
 
 def _box(part: Part) -> tuple[float, float, float, float]:
-    """Give the x and y, m, at which a part begins, and those at which it ends."""
+    """Return the lower and upper x, y of a part, m."""
     low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def _name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -> None:
-    """Write on the right or left of a place."""
+    """Write a text on the right or left of a place."""
     axes.annotate(
         text,
         (x, y),

@@ -1,5 +1,5 @@
-"""Pictures of scans over a plan of the map."""
+"""Plots of scans and of runs over a plan of the map."""
 
-from radarsim.plotting.scans import draw_scans, figure_of
+from radarsim.plotting.scans import draw_scans, plot_scans
 
-__all__ = ["draw_scans", "figure_of"]
+__all__ = ["draw_scans", "plot_scans"]

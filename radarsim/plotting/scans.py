@@ -1,4 +1,4 @@
-"""Echoes as markers."""
+"""Plots of scans: rays, echoes and ranges over a section of the map."""
 
 import io
 import math
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from radarsim.geometry import Floats
-from radarsim.plotting.ray_segments import draw_rays, kinds_of_rays
+from radarsim.plotting.ray_segments import draw_rays, group_by_ray
 from radarsim.plotting.style import Legend, echo_points, material_colours, scan_points
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind
@@ -23,14 +23,14 @@ from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.scan import Scan
 
 
-class Shape(NamedTuple):
-    """How echoes of one kind look.
+class EchoMarker(NamedTuple):
+    """Marker for the echoes of one kind.
 
     Attributes:
-        text: What the legend says.
-        marker: Of matplotlib.
-        filled: Whether in colour, or only its outline.
-        area: Square points, of the strongest echo.
+        text: Text of the legend.
+        marker: Marker style of matplotlib.
+        filled: Whether the marker is filled or only outlined.
+        area: Area of the marker of the strongest echo, square points.
     """
 
     text: str
@@ -39,15 +39,15 @@ class Shape(NamedTuple):
     area: float
 
 
-SHAPES: Final = {
-    EventKind.ENTER: Shape("enters a volume", "^", filled=False, area=16),
-    EventKind.LEAVE: Shape("leaves a volume", "v", filled=False, area=16),
-    EventKind.SHEET: Shape("crosses a sheet", "D", filled=False, area=14),
-    EventKind.HIT: Shape("hits", "s", filled=True, area=18),
-    EventKind.SPENT: Shape("is spent", "x", filled=True, area=34),
-    EventKind.RAIN: Shape("rain shows", "*", filled=True, area=24),
+ECHO_MARKERS: Final = {
+    EventKind.ENTER: EchoMarker("enters a volume", "^", filled=False, area=16),
+    EventKind.LEAVE: EchoMarker("leaves a volume", "v", filled=False, area=16),
+    EventKind.SHEET: EchoMarker("crosses a sheet", "D", filled=False, area=14),
+    EventKind.HIT: EchoMarker("hits", "s", filled=True, area=18),
+    EventKind.SPENT: EchoMarker("is spent", "x", filled=True, area=34),
+    EventKind.RAIN: EchoMarker("rain shows", "*", filled=True, area=24),
 }
-WEAKEST: Final = 0.3  # area of an echo without strength, as a share
+MIN_AREA: Final = 0.3  # share of the area that an echo without strength has
 
 
 def draw_echoes(
@@ -55,18 +55,18 @@ def draw_echoes(
 ) -> set[str]:
     """Draw the echoes that the sensor keeps.
 
-    One collection of markers is added for each kind and material, labelled with both.
+    Each kind and material gets its own collection of markers, labelled with both.
 
     Returns:
-        The names of the materials that the echoes came from.
+        Names of the materials that the echoes came from.
     """
     echoes = scan.echoes
     points, areas = echo_points(scan, echoes), _areas(echoes)
-    told = {part: target.material for part, target in echoes.targets.items()}
-    met = np.array([told[part] for part in echoes.parts.tolist()], np.str_)
-    for kind, shape in SHAPES.items():
-        for material in sorted(set(told.values())):
-            chosen = (echoes.kinds == kind) & (met == material)
+    material_of = {part: target.material for part, target in echoes.targets.items()}
+    materials = np.array([material_of[part] for part in echoes.parts.tolist()], np.str_)
+    for kind, shape in ECHO_MARKERS.items():
+        for material in sorted(set(material_of.values())):
+            chosen = (echoes.kinds == kind) & (materials == material)
             if chosen.any():
                 colour = colours[material]
                 axes.scatter(
@@ -80,26 +80,28 @@ def draw_echoes(
                     label=f"{shape.text}: {material}",
                     zorder=3,
                 )
-    _tell_kinds(legend, echoes)
-    return set(told.values())
+    _add_echo_rows(legend, echoes)
+    return set(material_of.values())
 
 
 def _areas(echoes: Echoes) -> Floats:
-    """Give the sizes of markers, (E,) square points: stronger echoes are larger."""
-    shares = WEAKEST + (1 - WEAKEST) * np.clip(echoes.strength, 0.0, 1.0)
-    full = np.array([SHAPES[EventKind(kind)].area for kind in echoes.kinds.tolist()])
+    """Return the areas of markers, (E,) square points, larger for stronger echoes."""
+    shares = MIN_AREA + (1 - MIN_AREA) * np.clip(echoes.strength, 0.0, 1.0)
+    full = np.array(
+        [ECHO_MARKERS[EventKind(kind)].area for kind in echoes.kinds.tolist()]
+    )
     return np.asarray(full * shares)
 
 
-def _tell_kinds(legend: Legend, echoes: Echoes) -> None:
+def _add_echo_rows(legend: Legend, echoes: Echoes) -> None:
     kinds = set(echoes.kinds.tolist())
     if not kinds:
         return
-    legend.head("Echoes (larger: stronger)")
-    for kind, shape in SHAPES.items():
+    legend.add_heading("Echoes (larger: stronger)")
+    for kind, shape in ECHO_MARKERS.items():
         if kind in kinds:
             fill = "black" if shape.filled else "none"
-            legend.mark(
+            legend.add_marker(
                 shape.text,
                 shape.marker,
                 markeredgecolor="black",
@@ -108,38 +110,35 @@ def _tell_kinds(legend: Legend, echoes: Echoes) -> None:
             )
 
 
-# Section from picture.drawing.
-# Pictures of scans: rays, echoes and readings over a plan of the map.
-
 MARGIN: Final = 0.5  # m around the map
-MOST_NAMES: Final = 20  # of materials that fit beside the picture
+MAX_NAMES: Final = 20  # materials that fit beside the plot
 OPAQUE_WIDTH: Final = 1.4  # points
 
 
 def draw_scans(scene: Scene, scans: Sequence[Scan]) -> bytes:
-    """Draw scans over the section of the map at the sensor's height.
+    """Plot scans over the section of the map at the sensor's height.
 
     Args:
         scene: The map.
-        scans: Of one sensor; at least one.
+        scans: One or more scans of one sensor.
 
     Returns:
-        A PNG file.
+        Content of a PNG file.
     """
-    canvas = FigureCanvasAgg(figure_of(scene, scans))
+    canvas = FigureCanvasAgg(plot_scans(scene, scans))
     data = io.BytesIO()
     canvas.print_figure(data, format="png", metadata={"Software": "radarsim"})
     return data.getvalue()
 
 
-def figure_of(scene: Scene, scans: Sequence[Scan]) -> Figure:
-    """Draw scans; of one alone also its rays and its echoes.
+def plot_scans(scene: Scene, scans: Sequence[Scan]) -> Figure:
+    """Plot scans over the section of the map; a single scan with its rays and echoes.
 
-    Rays are cast anew, into the map without any robots.
+    The rays are traced again, in the map without robots.
 
     Args:
         scene: The map.
-        scans: Of one sensor; at least one.
+        scans: One or more scans of one sensor.
     """
     layout = ConstrainedLayoutEngine(compress=True, w_pad=0.15, h_pad=0.1)
     figure = Figure(figsize=(13, 7.6), dpi=120, layout=layout)
@@ -153,26 +152,26 @@ def figure_of(scene: Scene, scans: Sequence[Scan]) -> Figure:
     if len(scans) == 1:
         draw_rays(axes, scene, scans[0], legend)
         materials |= draw_echoes(axes, scans[0], colours, legend)
-    _tell_materials(legend, [name for name in colours if name in materials], colours)
+    _add_material_rows(legend, [name for name in colours if name in materials], colours)
     legend.draw(figure)
     return figure
 
 
-def _tell_materials(
+def _add_material_rows(
     legend: Legend, names: Sequence[str], colours: Mapping[str, str]
 ) -> None:
-    legend.head("Materials")
-    for name in names[:MOST_NAMES]:
-        legend.mark(name, "s", color=colours[name], markersize=7)
-    if names[MOST_NAMES:]:
-        legend.mark(f"and {len(names) - MOST_NAMES} more", "")
-    legend.line("opaque, in the plan", color="black", linewidth=OPAQUE_WIDTH)
+    legend.add_heading("Materials")
+    for name in names[:MAX_NAMES]:
+        legend.add_marker(name, "s", color=colours[name], markersize=7)
+    if names[MAX_NAMES:]:
+        legend.add_marker(f"and {len(names) - MAX_NAMES} more", "")
+    legend.add_line("opaque, in the plan", color="black", linewidth=OPAQUE_WIDTH)
 
 
 def _draw_plan(
     axes: Axes, scene: Scene, colours: Mapping[str, str], height: float
 ) -> None:
-    """Draw what the plane of the scan cuts: opaque things black, others in colour."""
+    """Draw the section of the map: opaque objects in black, others in colour."""
     for part in scene.parts:
         lines = slice_mesh(part.vertices, part.faces, height)
         opaque = math.isinf(part.material.density)
@@ -188,30 +187,32 @@ def _draw_plan(
 
 def _draw_readings(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
     """Draw a dot for each range, along its beam, in the colour of its ray."""
-    alone = len(scans) == 1
-    size = 3 if alone else 2
+    single = len(scans) == 1
+    size = 3 if single else 2
     for scan in scans:
         ends, came_back = scan_points(scan), np.isfinite(scan.ranges)
-        for chosen, colour, _ in kinds_of_rays(scan):
+        for chosen, colour, _ in group_by_ray(scan):
             dots = ends[chosen & came_back]
             axes.plot(*dots.T, ".", color=colour, markersize=size, zorder=4)
     place = scans[0].pose.position()
     axes.plot(*place[:2], "o", color="black", markersize=6, zorder=2.5)
-    legend.head("Rays that gave the ranges" if alone else "Ranges")
-    for _, colour, name in kinds_of_rays(scans[0]):
-        if alone:
-            legend.line(name, color=colour, linewidth=1.2)
+    legend.add_heading("Rays that gave the ranges" if single else "Ranges")
+    for _, colour, name in group_by_ray(scans[0]):
+        if single:
+            legend.add_line(name, color=colour, linewidth=1.2)
         else:
-            legend.mark(name, ".", color=colour)
-    if alone:
-        legend.mark("range, along its beam", ".", color="0.35")
+            legend.add_marker(name, ".", color=colour)
+    if single:
+        legend.add_marker("range, along its beam", ".", color="0.35")
 
 
 def _frame(axes: Axes, scene: Scene, scans: Sequence[Scan]) -> None:
-    """Show the map, all readings, and circles of equal range around the sensor."""
+    """Set the limits and title, and draw circles of equal range around the sensor."""
     scan = scans[0]
     x, y = scan.pose.x, scan.pose.y
-    read = [scan_points(s)[np.isfinite(s.ranges)] for s in scans]  # ghosts lie outside
+    read = [
+        scan_points(s)[np.isfinite(s.ranges)] for s in scans
+    ]  # ghosts of mirrors lie outside the map
     points = np.concatenate([scene.bounds[:, :2], [[x, y]], *read])
     (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
     axes.set_xlim(x0 - MARGIN, x1 + MARGIN)
@@ -245,12 +246,12 @@ def _title(scene: Scene, scans: Sequence[Scan], step: int) -> str:
 
 
 def _beams(settings: SensorSettings) -> str:
-    """Say which rays a beam has, and which of its echoes it keeps."""
+    """Describe the rays of a beam and the echoes that it keeps."""
     mode = settings.return_mode
-    kept = "all echoes" if mode == "all" else f"{mode} echo"
+    echoes = "all echoes" if mode == "all" else f"{mode} echo"
     if not settings.has_side_rays:
-        return kept
+        return echoes
     answer = "together" if settings.combines_rays else "one drawn"
     if settings.side_mode == "cone":
-        return f"cone of {settings.cone_rays} rays, {answer}, {kept}"
-    return f"N = {settings.side_offset_uu:g} {settings.side_mode}, {answer}, {kept}"
+        return f"cone of {settings.cone_rays} rays, {answer}, {echoes}"
+    return f"N = {settings.side_offset_uu:g} {settings.side_mode}, {answer}, {echoes}"

@@ -3,7 +3,7 @@ from functools import partial
 
 import pytest
 
-from radarsim.benchmark.measurement import GROUPS, Row, compare, measure
+from radarsim.benchmark.measurement import GROUPS, BenchmarkRow, compare, measure
 from radarsim.benchmark.run import STEPS, run_all
 
 
@@ -11,9 +11,12 @@ def spin(rounds: int) -> int:
     return sum(range(rounds))
 
 
-def test_what_does_twice_the_work_takes_about_twice_as_long() -> None:
-    result = compare(lambda: spin(20_000), lambda: spin(10_000), seconds=0.2)
-    assert 1.5 < result.ratio < 2.7
+def test_twice_the_work_takes_about_twice_as_long() -> None:
+    for _ in range(10):  # other processes disturb single measurements
+        result = compare(lambda: spin(20_000), lambda: spin(10_000), seconds=0.2)
+        if 1.5 < result.ratio < 2.7:
+            return
+    pytest.fail(f"{result}, expected a ratio of about 2")
 
 
 def test_a_measurement_is_a_time() -> None:
@@ -24,24 +27,24 @@ def test_a_measurement_is_a_time() -> None:
     ("value", "limit", "within"),
     [(1.0, None, None), (1.0, 1.0, True), (1.1, 1.0, False)],
 )
-def test_a_row_says_whether_it_keeps_its_limit(
+def test_row_states_whether_it_keeps_its_limit(
     value: float, limit: float | None, within: bool | None
 ) -> None:
-    row = Row("a", "name", value, "x", limit)
+    row = BenchmarkRow("a", "name", value, "x", limit)
     assert row.within is within
     assert json.loads(json.dumps(row.to_dict()))["within"] is within
 
 
-def test_all_steps_run_in_turn_and_say_how_far_they_are(
+def test_all_steps_run_in_turn_and_report_progress(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for name in STEPS:
-        rows = [Row("a", f"{name} {i}", 1.0, "x") for i in range(3)]
+        rows = [BenchmarkRow("a", f"{name} {i}", 1.0, "x") for i in range(3)]
         monkeypatch.setitem(STEPS, name, (partial(iter, rows), 2))
-    told: list[tuple[str, int, int]] = []
-    rows = run_all(lambda *what: told.append(what))
+    described: list[tuple[str, int, int]] = []
+    rows = run_all(lambda *what: described.append(what))
     assert len(rows) == 3 * len(STEPS)
-    done = [what[1] for what in told]
+    done = [what[1] for what in described]
     assert done == sorted(done)
-    assert told[-1] == ("done", 2 * len(STEPS), 2 * len(STEPS))
+    assert described[-1] == ("done", 2 * len(STEPS), 2 * len(STEPS))
     assert set("abcdefgh") == set(GROUPS)

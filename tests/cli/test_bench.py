@@ -5,12 +5,12 @@ from typing import Any
 import pytest
 
 from radarsim.benchmark import run as bench
-from radarsim.benchmark.measurement import Row
+from radarsim.benchmark.measurement import BenchmarkRow
 
 Command = Callable[..., Any]
 ROWS = [
-    Row("a", "kept row", 2.5, "x", 3.0, "5 us against 2"),
-    Row("f", "missed row", 600.0, "ms", 500.0),
+    BenchmarkRow("a", "kept row", 2.5, "x", 3.0, "5 us against 2"),
+    BenchmarkRow("f", "missed row", 600.0, "ms", 500.0),
 ]
 
 

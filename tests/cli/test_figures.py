@@ -19,8 +19,8 @@ from radarsim.figures import foliage_wall as foliage
 from radarsim.figures import mapping_drives as explored
 from radarsim.figures import offset_rays as offsets
 from radarsim.figures.catalogue import FIGURES, NUMBERS
-from radarsim.figures.figure import is_ours
-from radarsim.figures.page import blocks_in
+from radarsim.figures.figure import is_radarsim_figure
+from radarsim.figures.page import split_page
 from radarsim.figures.scan_spec import ScanSpec
 from radarsim.mapping.export import commander_png
 from radarsim.navigation.options import Algorithm
@@ -53,7 +53,7 @@ def test_figures_that_are_wanted_are_written_with_a_page(
     assert run.text == f"{out / 'index.html'}\n"
     assert sorted(contents(out)) == ["figure_05b.png", "figure_06.png", "index.html"]
     assert figures_on(out / "index.html") == ["5b", "6"]
-    assert all(is_ours((out / f"figure_{n}.png").read_bytes()) for n in ("05b", "06"))
+    assert all(is_radarsim_figure((out / f"figure_{n}.png").read_bytes()) for n in ("05b", "06"))
 
 
 def test_a_folder_is_used_again_and_what_is_not_ours_stays(
@@ -141,7 +141,7 @@ def test_all_figures_are_on_one_page(radarsim: Command, tmp_path: Path) -> None:
     page = tmp_path / "index.html"
     assert figures_on(page) == list(NUMBERS)
     assert sorted(contents(tmp_path)) == [*(e.file for e in FIGURES), "index.html"]
-    for number, block in blocks_in(page.read_text(encoding="utf-8")).items():
+    for number, block in split_page(page.read_text(encoding="utf-8")).items():
         _, caption = re.findall(r"<p>(.*?)</p>", block, re.DOTALL)
         assert len(caption) > 150
         assert caption.endswith(".")

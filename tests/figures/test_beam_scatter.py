@@ -4,14 +4,14 @@ from radarsim.figures.beam_scatter import (
     RAYS,
     draw_scatter,
     returns_of,
-    shot_of,
+    scan_spec_for,
     take_beam,
 )
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_one_direction_has_a_pole_and_the_hedge_behind_it(seed: int) -> None:
-    scan, rays = take_beam(shot_of(seed))
+    scan, rays = take_beam(scan_spec_for(seed))
     pole, hedge = returns_of(scan)
     assert (pole.name, hedge.name) == ("pole_4", "hedge")
     assert pole.range == pytest.approx(15.4, abs=0.1)
@@ -21,8 +21,8 @@ def test_one_direction_has_a_pole_and_the_hedge_behind_it(seed: int) -> None:
     assert len(rays.max_range) == RAYS
 
 
-def test_the_pole_gives_back_the_share_of_rays_that_hit_it() -> None:
-    scan, rays = take_beam(shot_of(0))
+def test_strength_of_the_pole_is_the_share_of_rays_that_hit_it() -> None:
+    scan, rays = take_beam(scan_spec_for(0))
     pole = returns_of(scan)[0]
     across = rays.directions[:, :2]
     x, y = -0.48 - rays.origins[0, 0], 2.42 - rays.origins[0, 1]
@@ -30,11 +30,11 @@ def test_the_pole_gives_back_the_share_of_rays_that_hit_it() -> None:
     assert pole.strength == pytest.approx((beside < 0.12).mean(), abs=1 / RAYS)
 
 
-def test_the_caption_tells_range_strength_and_time() -> None:
-    plate = draw_scatter(0)
-    scan, _ = take_beam(shot_of(0))
+def test_caption_states_range_strength_and_time() -> None:
+    drawn = draw_scatter(0)
+    scan, _ = take_beam(scan_spec_for(0))
     for one in returns_of(scan):
-        told = f"{one.name}, {one.range:.2f} m away, gives back"
-        assert f"{told} {100 * one.strength:.0f} %" in plate.caption
-    assert "103 ns" in plate.caption  # 2 * 15.38 m at the speed of light
-    assert "2 objects at 2 ranges" in plate.caption
+        described = f"{one.name}, {one.range:.2f} m away, gives back"
+        assert f"{described} {100 * one.strength:.0f} %" in drawn.caption
+    assert "103 ns" in drawn.caption  # 2 * 15.38 m at the speed of light
+    assert "2 objects at 2 ranges" in drawn.caption

@@ -14,13 +14,15 @@ def test_bug2_fails_at_a_closed_box() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", list(Algorithm))
 @pytest.mark.parametrize("seed", [0, 1])
-def test_above_is_success_and_below_failure(algorithm: Algorithm, seed: int) -> None:
-    plate = draw_bug(seed, algorithm=algorithm)
-    above, below = plate.caption.split("Below, where")
+def test_upper_run_succeeds_and_lower_run_fails(
+    algorithm: Algorithm, seed: int
+) -> None:
+    drawn = draw_bug(seed, algorithm=algorithm)
+    above, below = drawn.caption.split("Below, where")
     assert "Above: goal reached after" in above
     assert "no path after" in below
     assert "touched something 0 times" in below
-    titles = [drawing.axes[0].get_title() for drawing in plate.drawings]
+    titles = [drawing.axes[0].get_title() for drawing in drawn.drawings]
     name = algorithm.value.capitalize()
     assert titles == [
         f"{name} in {OPEN}: goal reached",
@@ -29,7 +31,7 @@ def test_above_is_success_and_below_failure(algorithm: Algorithm, seed: int) -> 
 
 
 @pytest.mark.slow
-def test_bug1_goes_all_round_and_so_farther_than_bug2() -> None:
+def test_bug1_circumnavigates_and_drives_farther_than_bug2() -> None:
     one, two = (run(OPEN, algorithm, 0) for algorithm in Algorithm)
     assert (one.circuits, two.circuits) == (1, 0)
     assert one.length > two.length

@@ -2,30 +2,59 @@ import re
 
 import pytest
 
-from radarsim.figures.catalogue import FIGURES, NUMBERS, entries_of
+from radarsim.figures.catalogue import (
+    FIGURES,
+    NUMBERS,
+    render,
+    render_all,
+    select_figures,
+)
+from radarsim.figures.figure import is_radarsim_figure, png_size
 
 OF_THE_THESIS = ("1", "2", "3", "4", "5", "5b", *(str(n) for n in range(6, 16)))
 
 
-def test_all_figures_of_the_thesis_are_there_in_their_order() -> None:
+def test_catalogue_holds_all_figures_of_the_thesis_in_order() -> None:
     assert NUMBERS == OF_THE_THESIS
 
 
-def test_files_have_two_digits_and_sort_as_the_figures_do() -> None:
+def test_file_names_sort_in_the_order_of_the_figures() -> None:
     files = [entry.file for entry in FIGURES]
     assert all(re.fullmatch(r"figure_\d\db?\.png", file) for file in files)
     assert sorted(set(files)) == files
-    assert entries_of(["5b"])[0].file == "figure_05b.png"
+    assert select_figures(["5b"])[0].file == "figure_05b.png"
 
 
-def test_figures_come_once_and_in_the_order_of_the_table() -> None:
-    found = entries_of(["8", "5b", "8"])
+def test_selected_figures_are_unique_and_in_catalogue_order() -> None:
+    found = select_figures(["8", "5b", "8"])
     assert [entry.number for entry in found] == ["5b", "8"]
 
 
 @pytest.mark.parametrize("number", ["0", "16", "07", "", "x" * 200])
-def test_what_is_not_in_the_table_is_refused(number: str) -> None:
+def test_unknown_figure_numbers_are_refused(number: str) -> None:
     with pytest.raises(ValueError, match="expected some of") as caught:
-        entries_of(["7", number])
+        select_figures(["7", number])
     assert repr(number[:80]) in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+def test_the_same_seed_gives_the_same_figure() -> None:
+    one, two = render("5b", 4), render("5b", 4)
+    assert one == two
+    assert render("5b", 5).png != one.png
+
+
+def test_figure_has_the_command_that_draws_it() -> None:
+    made = render("6", 2)
+    assert (made.number, made.file) == ("6", "figure_06.png")
+    assert made.commands[-1] == "radarsim figures OUT --only 6 --seed 2"
+    assert is_radarsim_figure(made.png)
+    assert min(png_size(made.png)) > 500
+
+
+@pytest.mark.slow
+def test_several_processes_render_the_same_bytes_as_one() -> None:
+    wanted = select_figures(["4", "6"])
+    alone = {made.number: made for made in render_all(wanted, 0, workers=1)}
+    shared = {made.number: made for made in render_all(wanted, 0, workers=2)}
+    assert alone == shared

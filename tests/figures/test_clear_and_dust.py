@@ -10,7 +10,7 @@ from radarsim.figures.clear_and_dust import (
     Counts,
     count_readings,
     draw_readings,
-    shot_of,
+    scan_spec_for,
 )
 
 
@@ -20,48 +20,48 @@ def dusty() -> dict[str, Counts]:
 
 
 @pytest.mark.parametrize("sensor", [RADAR, LASER])
-def test_in_clear_air_everything_is_read_and_all_is_the_same(sensor: str) -> None:
+def test_in_clear_air_all_objects_are_read_and_nothing_changes(sensor: str) -> None:
     counts = count_readings(sensor, "clear", 0)
-    assert counts.things == counts.all_things == 18
+    assert counts.objects == counts.all_objects == 18
     assert counts.cloud == 0
     assert (counts.kept, counts.kept + counts.beside) == (counts.crossing, counts.clear)
 
 
-def test_the_radar_does_not_notice_dust(dusty: dict[str, Counts]) -> None:
+def test_radar_readings_do_not_change_in_dust(dusty: dict[str, Counts]) -> None:
     radar = dusty[RADAR]
     assert radar.kept == radar.crossing > 0
     assert radar.cloud == 0
-    assert radar.things == radar.all_things
+    assert radar.objects == radar.all_objects
 
 
-def test_the_laser_reads_dust_instead_of_what_is_behind(
+def test_laser_reads_the_dust_instead_of_objects_behind_it(
     dusty: dict[str, Counts],
 ) -> None:
     laser = dusty[LASER]
     assert laser.kept == 0 < laser.crossing
     assert laser.cloud > laser.crossing
     assert laser.beside == laser.clear - laser.crossing > 0
-    assert laser.things == 2  # what stands beside the dust
+    assert laser.objects == 2  # what stands beside the dust
 
 
 @pytest.mark.parametrize(
     ("sensor", "verdict"),
     [(RADAR, "does not trouble it"), (LASER, "sees the dust instead")],
 )
-def test_the_caption_draws_the_conclusion(
+def test_caption_states_the_conclusion(
     dusty: dict[str, Counts], sensor: str, verdict: str
 ) -> None:
-    plate = draw_readings(0, sensor=sensor, air="dust")
+    drawn = draw_readings(0, sensor=sensor, air="dust")
     counts = dusty[sensor]
-    assert verdict in plate.caption
-    assert f"Of the {counts.crossing} readings" in plate.caption
-    assert f" {counts.kept} are the same" in plate.caption
-    assert plate.commands == (shot_of(sensor, "dust", 0).command,)
+    assert verdict in drawn.caption
+    assert f"Of the {counts.crossing} readings" in drawn.caption
+    assert f" {counts.kept} are the same" in drawn.caption
+    assert drawn.commands == (scan_spec_for(sensor, "dust", 0).command,)
 
 
-def test_points_are_those_of_all_scans() -> None:
-    plate = draw_readings(0, sensor=LASER, air="dust")
-    lines = plate.drawings[0].axes[0].lines
+def test_plotted_points_are_the_readings_of_all_scans() -> None:
+    drawn = draw_readings(0, sensor=LASER, air="dust")
+    lines = drawn.drawings[0].axes[0].lines
     dots = [np.size(line.get_xdata()) for line in lines if line.get_marker() == "."]
     counts = count_readings(LASER, "dust", 0)
     assert sorted(dots) == [counts.beside, counts.cloud]

@@ -11,7 +11,7 @@ from radarsim.figures.foliage_wall import (
     HIDDEN,
     STEP,
     Counts,
-    bushes_of,
+    bush_parts,
     count_changes,
     count_ends,
     count_everywhere,
@@ -20,13 +20,13 @@ from radarsim.figures.foliage_wall import (
     draw_noise,
     draw_radar,
     far_side,
+    hidden_parts,
     hokuyo,
     radar,
-    things_behind,
 )
-from radarsim.figures.scan_spec import ScanSpec, ends_of, scene_of
+from radarsim.figures.scan_spec import ScanSpec, hit_points, load_scene
 
-ROOM = scene_of("foliage_room")
+ROOM = load_scene("foliage_room")
 
 
 def counts_of(shot: ScanSpec) -> Counts:
@@ -35,7 +35,7 @@ def counts_of(shot: ScanSpec) -> Counts:
 
 
 def test_bushes_lie_between_the_start_and_the_far_side() -> None:
-    assert len(bushes_of(ROOM)) == 7
+    assert len(bush_parts(ROOM)) == 7
     assert far_side(ROOM) == pytest.approx(1.7, abs=0.01)
 
 
@@ -43,24 +43,26 @@ def test_bushes_lie_between_the_start_and_the_far_side() -> None:
 def test_the_hokuyo_sees_nothing_behind_the_bushes(seed: int) -> None:
     counts = counts_of(hokuyo(seed))
     assert counts.behind == 0
-    assert counts.things == ()
+    assert counts.objects == ()
     assert counts.inside > 50
     assert count_everywhere(hokuyo(seed))[1:] == (108 * 228, 0)
 
 
 @pytest.mark.parametrize("offset", [0, 50, 100])
-def test_the_radar_sees_through_edges_but_not_through_middles(offset: int) -> None:
+def test_radar_sees_through_edges_of_bushes_but_not_through_centres(
+    offset: int,
+) -> None:
     counts = counts_of(radar(0, offset))
     assert counts.behind > 0
-    assert "east_wall" in counts.things
+    assert "east_wall" in counts.objects
     assert counts.inside > counts.behind
 
 
-def test_what_ends_behind_is_what_an_independent_look_finds() -> None:
+def test_count_behind_the_bushes_matches_an_independent_count() -> None:
     (scan,) = radar(0, 0).take()
-    behind = ends_of(scan)[:, 0] > 1.7
+    behind = hit_points(scan)[:, 0] > 1.7
     assert counts_of(radar(0, 0)).behind == behind.sum()
-    foliage = [bush.object_name for bush in bushes_of(ROOM)]
+    foliage = [bush.object_name for bush in bush_parts(ROOM)]
     targets = scan.echoes.targets
     names = [targets[part].object for part in scan.echoes.parts.tolist()]
     assert counts_of(radar(0, 0)).inside == sum(name in foliage for name in names)
@@ -82,7 +84,7 @@ def test_noise_grows_with_the_offset() -> None:
     assert 0 < spread[50] < spread[100]
 
 
-def test_beams_ahead_jump_or_end_in_bushes_and_those_aside_meet_walls() -> None:
+def test_changing_beams_ahead_meet_bushes_and_those_aside_meet_walls() -> None:
     shot = radar(0, 100)
     scans = ScanSpec(shot.map, shot.sensor, 0, shot.settings, count=10).take()
     changes = count_changes(ROOM, scans)
@@ -93,12 +95,12 @@ def test_beams_ahead_jump_or_end_in_bushes_and_those_aside_meet_walls() -> None:
     assert count_changes(ROOM, scans[:1] * 2) == (0, 0, 0)
 
 
-def test_four_things_are_behind_the_bushes() -> None:
-    names = {part.object_name for part in things_behind(ROOM)}
+def test_four_objects_are_behind_the_bushes() -> None:
+    names = {part.object_name for part in hidden_parts(ROOM)}
     assert names == {"crate_low", "crate_high", "cabinet", "pole"}
 
 
-def test_captions_say_what_was_counted() -> None:
+def test_captions_state_the_counts() -> None:
     laser, holes, noise = draw_hokuyo(0), draw_radar(0), draw_noise(0, offset=50)
     assert "0 behind them" in laser.caption
     assert "0 of 24624 beams end behind" in laser.caption
@@ -110,7 +112,7 @@ def test_captions_say_what_was_counted() -> None:
     assert all(not re.search(r"nan|inf|None", p.caption) for p in (laser, holes, noise))
 
 
-def test_what_is_behind_the_bushes_is_yellow() -> None:
+def test_region_behind_the_bushes_is_yellow() -> None:
     (drawing,) = draw_hokuyo(0).drawings
     (span,) = drawing.axes[0].patches
     assert span.get_facecolor() == to_rgba(HIDDEN)

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from matplotlib.image import AxesImage
 
-from radarsim.figures.foliage_wall import bushes_of, far_side
+from radarsim.figures.foliage_wall import bush_parts, far_side
 from radarsim.figures.mapping_drives import (
-    Explored,
-    bushes_in,
+    MappingResult,
+    bush_coverage,
+    count_object_cells,
     hokuyo,
     radar,
-    things_in,
 )
-from radarsim.figures.maps import placed, plate_of
-from radarsim.figures.scan_spec import scene_of
+from radarsim.figures.maps import commander_image, draw_map_pair
+from radarsim.figures.scan_spec import load_scene
 from radarsim.mapping.export import BLUE
 
-ROOM = scene_of("foliage_room")
+ROOM = load_scene("foliage_room")
 AHEAD = ((-2.0, 0.0),)  # a shorter way, up to the bushes
-Pair = tuple[Explored, Explored]
+Pair = tuple[MappingResult, MappingResult]
 
 
 @pytest.fixture(scope="module")
@@ -29,37 +29,37 @@ def pair() -> Pair:
     return radar(0, AHEAD).explore(), hokuyo(0, AHEAD).explore()
 
 
-def test_both_go_the_same_way_and_stay_before_the_bushes(pair: Pair) -> None:
+def test_both_robots_drive_the_same_path_before_the_bushes(pair: Pair) -> None:
     assert [run.length for run in pair] == pytest.approx([5.8, 5.8], abs=0.1)
     rows = [run.trajectory.rows() for run in pair]
     assert rows[0][-1, :2] == pytest.approx(rows[1][-1, :2], abs=0.05)
     assert max(row[:, 0].max() for row in rows) < -1.9
 
 
-def test_the_radar_maps_what_is_hidden_and_the_hokuyo_nothing(pair: Pair) -> None:
+def test_radar_maps_the_hidden_region_and_the_hokuyo_does_not(pair: Pair) -> None:
     left, right = pair
     assert left.score.hidden_coverage is not None
     assert left.score.hidden_coverage > 0.5
     assert right.score.hidden_coverage == 0
-    assert not any(things_in(right).values())
+    assert not any(count_object_cells(right).values())
     x, _ = right.grid.frame.cell_centers()
     beyond = right.grid.sensed_cells()[:, x > far_side(ROOM)]
     assert not beyond.any()
 
 
-def test_things_are_on_the_map_where_beams_end_at_them(pair: Pair) -> None:
+def test_objects_show_on_the_map_where_beams_end(pair: Pair) -> None:
     left, _ = pair
     x, y = left.grid.frame.cell_centers()
-    ended, counts = left.grid.beam_end_cells(), things_in(left)
+    ended, counts = left.grid.beam_end_cells(), count_object_cells(left)
     assert counts["cabinet"] > 10  # 1.6 m, which are 32 cells, face the robot
     columns, rows = np.abs(x - 8) < 0.3 + 0.125, np.abs(y - 0.8) < 0.8 + 0.125
     assert counts["cabinet"] == ended[np.ix_(rows, columns)].sum()
 
 
 def test_bushes_are_round_and_the_hokuyo_has_only_their_edges(pair: Pair) -> None:
-    left, right = (bushes_in(run) for run in pair)
+    left, right = (bush_coverage(run) for run in pair)
     size = pair[0].grid.frame.resolution
-    for one, two, bush in zip(left, right, bushes_of(ROOM), strict=True):
+    for one, two, bush in zip(left, right, bush_parts(ROOM), strict=True):
         radius = np.ptp(bush.vertices[:, 0]) / 2
         across = math.sqrt(radius**2 - (0.6 - pair[0].drive.height) ** 2)
         assert one.name == bush.object_name
@@ -71,9 +71,9 @@ def test_bushes_are_round_and_the_hokuyo_has_only_their_edges(pair: Pair) -> Non
     assert sum(bush.middle for bush in left) > 3
 
 
-def test_a_picture_lies_where_its_map_does(pair: Pair) -> None:
+def test_image_of_a_map_has_the_extent_of_the_map(pair: Pair) -> None:
     for run in pair:
-        picture, (west, east, south, north) = placed(run.grid)
+        picture, (west, east, south, north) = commander_image(run.grid)
         rows, columns = picture.shape[:2]
         size = run.grid.frame.resolution
         assert (east - west, north - south) == pytest.approx(
@@ -86,9 +86,9 @@ def test_a_picture_lies_where_its_map_does(pair: Pair) -> None:
                 assert blue[row, column] != run.grid.sensed(x, y)
 
 
-def test_both_maps_are_shown_alike_and_said_to_be_what_they_are(pair: Pair) -> None:
-    plate = plate_of(*pair)
-    (drawing,) = plate.drawings
+def test_both_maps_have_the_same_scale_and_their_own_titles(pair: Pair) -> None:
+    drawn = draw_map_pair(*pair)
+    (drawing,) = drawn.drawings
     left, right = drawing.axes
     assert left.viewLim.bounds == right.viewLim.bounds
     for axes in (left, right):
@@ -101,23 +101,25 @@ def test_both_maps_are_shown_alike_and_said_to_be_what_they_are(pair: Pair) -> N
     ]
     assert not right.texts
     named = {text.get_text() for text in left.texts}
-    assert named == {name for name, cells in things_in(pair[0]).items() if cells}
-    assert plate.commands == tuple(run.drive.command for run in pair)
+    assert named == {
+        name for name, cells in count_object_cells(pair[0]).items() if cells
+    }
+    assert drawn.commands == tuple(run.drive.command for run in pair)
     hidden = pair[0].score.hidden_coverage or 0
-    told = f"{100 * hidden:.1f} % are sensed by the radar and 0.0 % by the Hokuyo"
-    assert told in plate.caption
-    assert "the Hokuyo's none" in plate.caption
-    assert not re.search(r"nan|inf|None|\?", plate.caption)
+    described = f"{100 * hidden:.1f} % are sensed by the radar and 0.0 % by the Hokuyo"
+    assert described in drawn.caption
+    assert "the Hokuyo's none" in drawn.caption
+    assert not re.search(r"nan|inf|None|\?", drawn.caption)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
-def test_all_the_bushes_along_hardly_anything_stays_hidden(seed: int) -> None:
+def test_hardly_anything_stays_hidden_along_the_whole_wall(seed: int) -> None:
     run = radar(seed).explore()
     assert run.score.hidden_coverage is not None
     assert run.score.hidden_coverage > 0.95
-    assert all(cells > 3 for cells in things_in(run).values())
-    bushes = bushes_in(run)
+    assert all(cells > 3 for cells in count_object_cells(run).values())
+    bushes = bush_coverage(run)
     assert all(bush.middle for bush in bushes)
     cores = [bush for bush in bushes if bush.blue > 0.05 * bush.cells]
     assert len(cores) >= 3

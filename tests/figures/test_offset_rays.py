@@ -3,25 +3,27 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
-from radarsim.figures.offset_rays import draw_offset_rays, shot_of, starts_apart
+from radarsim.figures.offset_rays import draw_offset_rays, scan_spec_for, starts_apart
 from radarsim.plotting.ray_segments import RAY_COLOURS
 from radarsim.sensors.beams import LEFT, RIGHT
 
 
 @pytest.mark.parametrize(("offset", "apart"), [(50, 0.4), (100, 0.8)])
 def test_rays_start_twice_the_offset_apart(offset: int, apart: float) -> None:
-    scans = {side: shot_of(0, offset, side).take()[0] for side in (LEFT, RIGHT)}
+    scans = {side: scan_spec_for(0, offset, side).take()[0] for side in (LEFT, RIGHT)}
     assert starts_apart(scans) == pytest.approx(apart)
     for side, scan in scans.items():
         assert scan.rays is not None
         assert (scan.rays == side).all()
         assert scan.cast.origins[:, 1] == pytest.approx(side * apart / 2)
-    plate = draw_offset_rays(0, offset=offset)
-    assert f"{apart:.2f} m apart" in plate.caption
-    assert plate.commands == tuple(shot_of(0, offset, s).command for s in (LEFT, RIGHT))
+    drawn = draw_offset_rays(0, offset=offset)
+    assert f"{apart:.2f} m apart" in drawn.caption
+    assert drawn.commands == tuple(
+        scan_spec_for(0, offset, s).command for s in (LEFT, RIGHT)
+    )
 
 
-def test_left_rays_are_red_and_on_the_left_right_ones_blue_and_on_the_right() -> None:
+def test_left_rays_are_red_and_right_rays_blue() -> None:
     (drawing,) = draw_offset_rays(0, offset=50).drawings
     for axes in drawing.axes:
         (rays,) = (

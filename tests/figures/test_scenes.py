@@ -4,8 +4,8 @@ import re
 import numpy as np
 import pytest
 
-from radarsim.figures.figure import Plate
-from radarsim.figures.scan_spec import scene_of
+from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.scan_spec import load_scene
 from radarsim.figures.scene_view import (
     ABOVE,
     View,
@@ -13,12 +13,12 @@ from radarsim.figures.scene_view import (
     ground_colour,
     natural_colours,
 )
-from radarsim.figures.scenes import draw_test_map, draw_trial_scene, things_of
+from radarsim.figures.scenes import draw_test_map, draw_trial_scene, named_parts
 from radarsim.geometry import Floats
 
 
 @pytest.fixture(scope="module")
-def trial() -> Plate:
+def trial() -> DrawnFigure:
     return draw_trial_scene(0)
 
 
@@ -34,7 +34,9 @@ def test_seen_from_above_x_is_right_and_y_is_up() -> None:
 
 @pytest.mark.parametrize("azimuth", [-140.0, 0.0, 65.0])
 @pytest.mark.parametrize("elevation", [5.0, 24.0, 90.0])
-def test_a_view_keeps_lengths_and_hands(azimuth: float, elevation: float) -> None:
+def test_projection_keeps_lengths_and_handedness(
+    azimuth: float, elevation: float
+) -> None:
     view = View(math.radians(azimuth), math.radians(elevation))
     seen = view.project(np.eye(3))
     assert seen @ seen.T == pytest.approx(np.eye(3), abs=1e-12)
@@ -42,38 +44,44 @@ def test_a_view_keeps_lengths_and_hands(azimuth: float, elevation: float) -> Non
     assert seen[2, 1] >= -1e-12  # what is up stays up
 
 
-def test_cut_triangles_are_small_and_cover_the_same() -> None:
+def test_subdivided_triangles_are_small_and_cover_the_same_area() -> None:
     corners = np.array(
         [[[0, 0, 0], [40.0, 0, 0], [0, 40, 0]], [[0, 0, 1], [1, 0, 1], [0, 1, 1]]]
     )
-    pieces = _cut(corners)
-    sides = np.linalg.norm(pieces - np.roll(pieces, 1, axis=1), axis=2)
+    segments = _cut(corners)
+    sides = np.linalg.norm(segments - np.roll(segments, 1, axis=1), axis=2)
     assert sides.max() <= 2
-    assert areas(pieces).sum() == pytest.approx(areas(corners).sum())
-    assert len(_cut(pieces)) == len(pieces)
+    assert areas(segments).sum() == pytest.approx(areas(corners).sum())
+    assert len(_cut(segments)) == len(segments)
 
 
 @pytest.mark.parametrize("name", ["marulan_trial", "foliage_room"])
 def test_all_materials_have_a_colour_and_the_ground_is_pale(name: str) -> None:
-    scene = scene_of(name)
+    scene = load_scene(name)
     assert {part.material.name for part in scene.parts} <= set(natural_colours(scene))
     assert (ground_colour(scene) > 0.7).all()
     assert (ground_colour(scene) <= 1).all()
 
 
-def test_the_trial_scene_is_of_poles_boxes_and_plants(trial: Plate) -> None:
+def test_trial_scene_consists_of_poles_boxes_and_plants(trial: DrawnFigure) -> None:
     counts = re.search(r"(\d+) poles, (\d+) boxes and (\d+) plants", trial.caption)
     assert counts is not None
-    assert sum(map(int, counts.groups())) == len(things_of(scene_of("marulan_trial")))
+    assert sum(map(int, counts.groups())) == len(
+        named_parts(load_scene("marulan_trial"))
+    )
     names = {text.get_text() for text in trial.drawings[0].axes[1].texts}
-    assert {part.object_name for part in things_of(scene_of("marulan_trial"))} < names
+    assert {
+        part.object_name for part in named_parts(load_scene("marulan_trial"))
+    } < names
 
 
-def test_names_do_not_cover_other_things(trial: Plate) -> None:
+def test_labels_do_not_cover_other_objects(trial: DrawnFigure) -> None:
     (drawing,) = trial.drawings
     plan = drawing.axes[1]
     drawing.draw_without_rendering()
-    parts = {part.object_name: part for part in things_of(scene_of("marulan_trial"))}
+    parts = {
+        part.object_name: part for part in named_parts(load_scene("marulan_trial"))
+    }
     for text in plan.texts:
         box = text.get_window_extent().transformed(plan.transData.inverted())
         assert plan.viewLim.x0 < box.x0 < box.x1 < plan.viewLim.x1
@@ -84,7 +92,7 @@ def test_names_do_not_cover_other_things(trial: Plate) -> None:
             assert apart, (text.get_text(), name)
 
 
-def test_the_caption_of_the_test_map_tells_what_is_behind_the_bushes() -> None:
+def test_caption_of_the_test_map_names_the_hidden_objects() -> None:
     caption = draw_test_map(0).caption
     assert caption.startswith("A room of 20.8 by 12.8 m. A wall of 7 spherical bushes")
     assert "behind it stand 4 things" in caption

@@ -15,8 +15,13 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.plotting import draw_scans, figure_of
-from radarsim.plotting.ray_segments import LOST, RAY_COLOURS, opacity_of, width_of
+from radarsim.plotting import draw_scans, plot_scans
+from radarsim.plotting.ray_segments import (
+    NO_RETURN_OPACITY,
+    RAY_COLOURS,
+    line_opacity,
+    line_width,
+)
 from radarsim.plotting.style import material_colours, scan_points
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
@@ -41,7 +46,7 @@ def colours_of(artist: LineCollection | PathCollection) -> Floats:
     return np.asarray(artist.get_edgecolor(), np.float64)
 
 
-def ends_of(lines: LineCollection) -> Floats:
+def hit_points(lines: LineCollection) -> Floats:
     """Give both ends of each line, (P, 2, 2) m."""
     return np.array(lines.get_segments())
 
@@ -69,8 +74,8 @@ def test_side_rays_have_their_colours_and_start_beside_the_sensor(
     scan = scan_of(
         foliage_room, side_mode="lateral", side_offset_uu=100, ray_weights=weights
     )
-    lines = strokes(figure_of(foliage_room, [scan]))
-    starts = ends_of(lines)[:, 0]
+    lines = strokes(plot_scans(foliage_room, [scan]))
+    starts = hit_points(lines)[:, 0]
     assert np.isclose(starts, [START[0], side * 0.4]).all(axis=1).sum() == 181
     colour = np.broadcast_to(to_rgb(RAY_COLOURS[side][0]), (len(starts), 3))
     assert colours_of(lines)[:, :3] == pytest.approx(colour)
@@ -78,29 +83,31 @@ def test_side_rays_have_their_colours_and_start_beside_the_sensor(
 
 def test_rays_fade_with_their_power(foliage_room: Scene) -> None:
     scan = scan_of(foliage_room, side_offset_uu=0, ray_weights=(0, 1, 0))
-    lines = strokes(figure_of(foliage_room, [scan]))
+    lines = strokes(plot_scans(foliage_room, [scan]))
     opacity, width = colours_of(lines)[:, 3], np.asarray(lines.get_linewidth())
-    none, full = opacity_of(np.array([0.0, 1.0]))
+    none, full = line_opacity(np.array([0.0, 1.0]))
     assert none < full
-    x = ends_of(lines)[:, 1, 0]
+    x = hit_points(lines)[:, 1, 0]
     assert opacity[x < -0.8] == pytest.approx(full)  # in front of all bushes
     assert np.count_nonzero(x > 1.8) > 5
     assert np.all(opacity[x > 1.8] < full)  # behind them
     assert np.all(opacity > none)
-    assert width == pytest.approx(width_of((opacity - none) / (full - none)))
+    assert width == pytest.approx(line_width((opacity - none) / (full - none)))
     assert np.ptp(width) > 0.3
 
 
-def test_a_ray_without_return_is_faint_and_as_long_as_its_reach(
+def test_ray_without_return_is_faint_and_ends_at_the_maximum_range(
     empty_room: Scene,
 ) -> None:
     scan = scan_of(empty_room, "laser", max_range=3)
-    figure = figure_of(empty_room, [scan])
+    figure = plot_scans(empty_room, [scan])
     lines = strokes(figure)
-    length = np.hypot(*np.diff(ends_of(lines), axis=1)[:, 0].T)
+    length = np.hypot(*np.diff(hit_points(lines), axis=1)[:, 0].T)
     assert length == pytest.approx(np.full(181, 3.0))
-    opacity = float(opacity_of(np.ones(1))[0])
-    assert colours_of(lines)[:, 3] == pytest.approx(np.full(181, opacity * LOST))
+    opacity = float(line_opacity(np.ones(1))[0])
+    assert colours_of(lines)[:, 3] == pytest.approx(
+        np.full(181, opacity * NO_RETURN_OPACITY)
+    )
     assert "no return" in labels(figure)
     assert markers(figure) == {}
     assert len(dots_of(figure)) == 0
@@ -121,9 +128,9 @@ MODES = {
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_the_echoes_that_are_kept_are_drawn(foliage_room: Scene, mode: str) -> None:
+def test_kept_echoes_are_drawn(foliage_room: Scene, mode: str) -> None:
     scan = scan_of(foliage_room, return_mode=mode)
-    figure = figure_of(foliage_room, [scan])
+    figure = plot_scans(foliage_room, [scan])
     drawn = markers(figure)
     assert set(drawn) == MODES[mode]
     counts = [len(np.asarray(marks.get_offsets())) for marks in drawn.values()]
@@ -157,14 +164,14 @@ def test_beams_of_any_number_of_rays_can_be_drawn(
     foliage_room: Scene, mode: str, settings: dict[str, Any]
 ) -> None:
     scan = scan_of(foliage_room, return_mode=mode, **settings)
-    assert markers(figure_of(foliage_room, [scan]))
+    assert markers(plot_scans(foliage_room, [scan]))
 
 
 def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
     foliage_room: Scene,
 ) -> None:
     scan = scan_of(foliage_room, return_mode="all")
-    figure = figure_of(foliage_room, [scan])
+    figure = plot_scans(foliage_room, [scan])
     colours = material_colours(foliage_room)
     for label, marks in markers(figure).items():
         kind, material = label.split(": ")
@@ -178,17 +185,17 @@ def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
 
 def test_stronger_echoes_are_larger(foliage_room: Scene) -> None:
     scan = scan_of(foliage_room, ray_choice="drawn", return_mode="all")
-    marks = markers(figure_of(foliage_room, [scan]))["enters a volume: foliage"]
+    marks = markers(plot_scans(foliage_room, [scan]))["enters a volume: foliage"]
     sizes = np.sort(marks.get_sizes())
     assert sizes[-1] > 1.5 * sizes[0]
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_readings_are_dots_along_their_beams(foliage_room: Scene, count: int) -> None:
+def test_ranges_are_dots_along_their_beams(foliage_room: Scene, count: int) -> None:
     scanner = radarsim.load_sensor("radar", side_offset_uu=100)
     rng = generator_for(0, "dots")
     scans = [scanner.scan(foliage_room, START, rng) for _ in range(count)]
-    figure = figure_of(foliage_room, scans)
+    figure = plot_scans(foliage_room, scans)
     dots = dots_of(figure)
     expected = np.concatenate([scan_points(scan) for scan in scans])
     assert len(dots) == 181 * count
@@ -196,19 +203,19 @@ def test_readings_are_dots_along_their_beams(foliage_room: Scene, count: int) ->
     assert ordered == pytest.approx(wanted)
 
 
-def test_of_several_scans_only_the_readings_are_drawn(foliage_room: Scene) -> None:
+def test_several_scans_are_drawn_as_ranges_only(foliage_room: Scene) -> None:
     scanner = radarsim.load_sensor("radar")
     rng = generator_for(0, "several")
     scans = [scanner.scan(foliage_room, START, rng) for _ in range(2)]
-    figure = figure_of(foliage_room, scans)
+    figure = plot_scans(foliage_room, scans)
     assert markers(figure) == {}
     assert "Power left on a ray" not in labels(figure)
     assert {"left ray", "centre ray", "right ray", "foliage"} <= set(labels(figure))
     assert "2 scans of 181 beams" in figure.axes[0].get_title()
 
 
-def test_a_blinded_laser_is_said_to_be(smoke_room: Scene) -> None:
-    figure = figure_of(smoke_room, [scan_of(smoke_room, "hokuyo")])
+def test_title_counts_blinded_beams(smoke_room: Scene) -> None:
+    figure = plot_scans(smoke_room, [scan_of(smoke_room, "hokuyo")])
     assert "228 blinded" in figure.axes[0].get_title()
     assert set(markers(figure)) == {"is spent: smoke"}
     assert "left ray" not in labels(figure)
@@ -228,16 +235,16 @@ def test_a_blinded_laser_is_said_to_be(smoke_room: Scene) -> None:
         ),
     ],
 )
-def test_the_title_says_how_the_beams_are(
+def test_title_describes_the_beams(
     empty_room: Scene, settings: dict[str, Any], text: str
 ) -> None:
-    figure = figure_of(empty_room, [scan_of(empty_room, **settings)])
+    figure = plot_scans(empty_room, [scan_of(empty_room, **settings)])
     assert text in figure.axes[0].get_title()
 
 
-def test_nothing_overlaps(foliage_room: Scene) -> None:
+def test_legend_and_axes_do_not_overlap(foliage_room: Scene) -> None:
     scan = scan_of(foliage_room, return_mode="all")
-    figure = figure_of(foliage_room, [scan])
+    figure = plot_scans(foliage_room, [scan])
     FigureCanvasAgg(figure).print_figure(io.BytesIO())
     page, axes = figure.bbox, figure.axes[0].get_tightbbox()
     legend = figure.legends[0].get_window_extent()
@@ -253,7 +260,7 @@ def test_nothing_overlaps(foliage_room: Scene) -> None:
         assert below.y1 <= above.y0 + 2  # px, of letters that reach below the line
 
 
-def test_names_are_shown_as_they_are_and_not_too_many() -> None:
+def test_material_names_are_literal_and_limited_in_number() -> None:
     names = ["_bark", r"$\nope$", *(f"m{i}" for i in range(30))]
     vertices, faces = box(0.5, 0.5, 4)
     parts = tuple(
@@ -261,15 +268,15 @@ def test_names_are_shown_as_they_are_and_not_too_many() -> None:
         for i, name in enumerate(names)
     )
     scene = Scene(r"$\yard$", "Yard", parts)
-    told = labels(figure_of(scene, [scan_of(scene)]))
-    assert {"_bark", r"$\nope$", "m17", "and 12 more"} <= set(told)
-    assert "m18" not in told
+    described = labels(plot_scans(scene, [scan_of(scene)]))
+    assert {"_bark", r"$\nope$", "m17", "and 12 more"} <= set(described)
+    assert "m18" not in described
     assert draw_scans(scene, [scan_of(scene)])  # mathematics would not be understood
 
 
-def test_there_may_be_nothing_to_draw() -> None:
+def test_scan_without_any_return_is_drawn() -> None:
     scene = Scene("void", "Void")
-    figure = figure_of(scene, [scan_of(scene)])
+    figure = plot_scans(scene, [scan_of(scene)])
     assert markers(figure) == {}
     assert math.isfinite(figure.axes[0].get_xlim()[0])
 

@@ -17,7 +17,7 @@ from radarsim.sensors.echoes import ROBOT
 SENSOR = Pose3(0.5, -0.25, 1.0, 0.0, 0.0, math.radians(20))
 
 
-def plate(material: Material, x: float) -> Part:
+def drawn(material: Material, x: float) -> Part:
     """Make something thick, wide and high, with its near side at x."""
     vertices, faces = box(0.1, 60, 60)
     return Part(material.name, material, vertices + np.array([x + 0.05, 0, 0]), faces)
@@ -26,7 +26,7 @@ def plate(material: Material, x: float) -> Part:
 YARD = Scene(
     "yard",
     "Yard",
-    (plate(Material("hedge", density=0.5), 4.0), plate(Material("wall"), 6.0)),
+    (drawn(Material("hedge", density=0.5), 4.0), drawn(Material("wall"), 6.0)),
 )
 
 
@@ -97,34 +97,34 @@ def test_echoes_of_a_whole_cone_are_along_its_axis() -> None:
     assert angles == pytest.approx(scan.angles[echoes.beams])
 
 
-def test_a_client_places_the_readings_of_side_rays_beside_what_they_met() -> None:
+def test_points_of_side_rays_lie_beside_the_surfaces_that_they_met() -> None:
     scan = scan_of(ray_weights=(0, 0, 1), side_mode="lateral", side_offset_uu=100)
-    met, placed = echo_points(scan, scan.echoes), scan_points(scan)
+    met, commander_image = echo_points(scan, scan.echoes), scan_points(scan)
     to_left = np.array([-math.sin(SENSOR.yaw), math.cos(SENSOR.yaw)])
-    assert met - placed == pytest.approx(np.tile(0.4 * to_left, (9, 1)))
+    assert met - commander_image == pytest.approx(np.tile(0.4 * to_left, (9, 1)))
 
 
-def test_no_return_is_placed_at_the_greatest_range() -> None:
+def test_no_return_is_placed_at_the_maximum_range() -> None:
     scan = scan_of("laser", max_range=2)
     way = scan_points(scan) - SENSOR.position()[:2]
     assert np.hypot(*way.T) == pytest.approx(np.full(9, 2.0))
 
 
-def test_the_order_in_the_map_gives_the_colour() -> None:
+def test_colours_follow_the_order_of_the_map() -> None:
     names = [f"m{i}" for i in range(8)]
     materials = {name: Material(name) for name in names}
     all_of_them = material_colours(Scene("a", "A", (), (), materials))
     assert list(all_of_them) == [*names, ROBOT.name]
     assert len(set(all_of_them.values())) == 9
     fewer = material_colours(
-        Scene("b", "B", (plate(materials["m1"], 1.0),), (), materials)
+        Scene("b", "B", (drawn(materials["m1"], 1.0),), (), materials)
     )
     assert fewer == all_of_them
     # without the list of a map, the parts tell
     assert list(material_colours(YARD)) == ["hedge", "wall", ROBOT.name]
 
 
-def test_a_material_of_the_map_may_be_called_robot() -> None:
+def test_material_named_robot_keeps_its_colour() -> None:
     scene = Scene("a", "A", (), (), {ROBOT.name: ROBOT, "wall": Material("wall")})
     colours = material_colours(scene)
     assert list(colours) == [ROBOT.name, "wall"]
