@@ -37,7 +37,7 @@ def figures(
     exit_143_on_sigterm()
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from radarsim.figures.catalogue import select_figures, render_all
+    from radarsim.figures.catalogue import render_all, select_figures
     from radarsim.figures.page import FILE
 
     wanted = _read_numbers(only)
@@ -99,7 +99,7 @@ def _check_overwriting(path: Path) -> None:
 def _page(out: Path, made: Sequence[RenderedFigure]) -> str:
     """Return the page with the new figures and those that it showed before."""
     from radarsim.figures.catalogue import FIGURES
-    from radarsim.figures.page import FILE, figure_block, split_page, render_page
+    from radarsim.figures.page import FILE, figure_block, render_page, split_page
 
     page = out / FILE
     blocks = {}

@@ -74,7 +74,9 @@ class MappingDrive:
         scene = load_scene(MAP)
         host = Host(scene, config=self._config, seed=self.seed)
         monitor = GroundTruthMonitor(host)
-        plan = ExplorationPlan(waypoints=self.waypoints, robot_class=self.robot, start=START)
+        plan = ExplorationPlan(
+            waypoints=self.waypoints, robot_class=self.robot, start=START
+        )
         survey = Exploration(plan, generator_for(self.seed, "exploring"))
         with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
             survey.run(client)

@@ -137,9 +137,6 @@ def _cut(corners: Floats) -> Floats:
     return np.concatenate([corners[~large], _cut(segments)])
 
 
-# Section from study.figures.robotmark.
-# A robot seen from above.
-
 HULL: Final = "#d9dde2"
 EDGE: Final = "#333333"
 _TYRE: Final = 0.09  # m, as wide as it is

@@ -85,7 +85,7 @@ def test_number_of_rays_follows_from_the_settings(name: str) -> None:
     sensor = load_sensor("radar", fov_deg=2, **settings)
     tracer = tracer_of(Scene("empty", "Empty", ()))
     plan = sensor.plan(tracer, Pose3(0, 0, 0), generator_for(0))
-    assert len(plan.rays.reach) == 3 * rays
+    assert len(plan.rays.max_range) == 3 * rays
 
 
 @pytest.mark.slow

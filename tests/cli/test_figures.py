@@ -30,9 +30,9 @@ SHOTS = {
     "7": foliage.hokuyo(5),
     "8": foliage.radar(5, 0),
     "10": foliage.radar(5, 100),
-    "3": readings.shot_of(readings.RADAR, "dust", 5),
-    "5b": scatter.shot_of(5),
-    "11": offsets.shot_of(5, 50, 1),
+    "3": readings.scan_spec_for(readings.RADAR, "dust", 5),
+    "5b": scatter.scan_spec_for(5),
+    "11": offsets.scan_spec_for(5, 50, 1),
 }
 
 
@@ -53,7 +53,10 @@ def test_figures_that_are_wanted_are_written_with_a_page(
     assert run.text == f"{out / 'index.html'}\n"
     assert sorted(contents(out)) == ["figure_05b.png", "figure_06.png", "index.html"]
     assert figures_on(out / "index.html") == ["5b", "6"]
-    assert all(is_radarsim_figure((out / f"figure_{n}.png").read_bytes()) for n in ("05b", "06"))
+    assert all(
+        is_radarsim_figure((out / f"figure_{n}.png").read_bytes())
+        for n in ("05b", "06")
+    )
 
 
 def test_a_folder_is_used_again_and_what_is_not_ours_stays(
