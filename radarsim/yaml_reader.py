@@ -1,14 +1,20 @@
-"""From YAML text to nodes: values with their line and column.
+"""Read YAML files as plain data, with the position of every value for error messages.
 
-YAML 1.2 with the core schema, so ``1e-3`` is a number, ``on`` and ``12:30`` are text.
-The parser's events are read here one by one and not handed to a constructor, because
-tags are refused, and so are keys that stand twice, numbers that are not finite, and
-aliases that multiply into more than any file that is written out would hold.
+Every problem is reported as ``file:line:column: key.path: message``, whether the text
+is not valid YAML or a pydantic model rejects the data.
+
+YAML 1.2 with the core schema: ``1e-3`` is a number, ``on`` and ``12:30`` are text. Keys
+are text. Tags, duplicate keys, numbers that are not finite, and aliases that multiply
+into more values than any hand-written file contains are refused.
 """
+
+# Nodes are composed here from the parser's events. ruamel's round-trip loader knows
+# positions as well, but it took 8 to 10 s of CPU time for a map of 4000 objects where
+# this takes 5.5 s (the parser alone 4.5 s), and it stops at the first duplicate key.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -30,246 +36,102 @@ from ruamel.yaml.events import (
 from ruamel.yaml.reader import ReaderError
 
 KeyPath: TypeAlias = tuple[str | int, ...]
-Place: TypeAlias = tuple[int, int]
+Position: TypeAlias = tuple[int, int]  # line and column, from 1
 
-MAX_VALUES = 500_000  # with aliases written out
-MAX_DEPTH = 32  # of lists and dicts, also of those that stand as keys
+MAX_BYTES = 4 * 1024 * 1024
+MAX_VALUES = 500_000  # with aliases expanded
+MAX_DEPTH = 32  # of nested lists and dicts, including those used as keys
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
-_WORDS: dict[str, bool | None] = {
+_CONSTANTS: dict[str, bool | None] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_EXPECTED = {
+    "bool_type": "true or false",
+    "dict_type": "keys with values",
+    "float_type": "a number",
+    "greater_than": "more than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "int_type": "a whole number",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "model_type": "keys with values",
+    "string_too_long": "at most {max_length} characters",
+    "string_type": "text",
+    "too_long": "{max_length} entries",
+    "too_short": "{min_length} entries",
 }
 
 
 @dataclass(frozen=True)
 class Node:
-    """A value and its place.
+    """A value and its position.
 
     Attributes:
-        place: Line and column, counted from 1.
+        position: Line and column of the value.
         value: A scalar, a list of nodes, or a dict of nodes.
-        key_places: Where the keys of a dict stand.
-        weight: The number of values in it, itself included.
-        height: The number of levels in it, 0 for a scalar.
+        key_positions: Positions of the keys of a dict.
+        size: Number of values in it, itself included.
+        depth: Number of levels below it, 0 for a scalar.
     """
 
-    place: Place
+    position: Position
     value: Any
-    key_places: dict[str, Place] = field(default_factory=dict)
-    weight: int = 1
-    height: int = 0
+    key_positions: dict[str, Position] = field(default_factory=dict)
+    size: int = 1
+    depth: int = 0
 
-    def plain(self) -> Any:
-        """Give the value without places."""
+    def to_plain(self) -> Any:
+        """Return the value without positions."""
         if isinstance(self.value, dict):
-            return {key: node.plain() for key, node in self.value.items()}
+            return {key: node.to_plain() for key, node in self.value.items()}
         if isinstance(self.value, list):
-            return [node.plain() for node in self.value]
+            return [node.to_plain() for node in self.value]
         return self.value
+
+    def child(self, key: str | int) -> "Node | None":
+        """Return the node at a key or index, or None."""
+        child = None
+        if isinstance(self.value, dict):
+            child = self.value.get(str(key))
+        elif isinstance(self.value, list) and isinstance(key, int):
+            child = self.value[key] if key < len(self.value) else None
+        return child if isinstance(child, Node) else None
 
 
 @dataclass(frozen=True)
-class Found:
-    """A problem with the text as YAML."""
+class YamlProblem:
+    """A problem with the text that does not keep the rest from being read."""
 
-    place: Place
-    path: KeyPath
+    position: Position
+    keys: KeyPath
     message: str
 
 
-class Unreadable(Exception):
-    """Nothing after a place can be read."""
+class UnreadableYaml(Exception):
+    """Nothing after a position can be read."""
 
-    def __init__(self, place: Place, message: str) -> None:
+    def __init__(self, position: Position, message: str) -> None:
         super().__init__(message)
-        self.place = place
+        self.position = position
         self.message = message
-
-
-def read_nodes(text: str) -> tuple[Node, list[Found]]:
-    """Read the one document in a text.
-
-    Returns:
-        Its root, and all the problems that reading can go past.
-
-    Raises:
-        Unreadable: At the first problem that it can't.
-    """
-    reader = _Reader(YAML(typ="safe", pure=True).parse(text))
-    try:
-        return reader.document(), reader.found
-    except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        reason = error.problem or error.context
-    except ReaderError as error:
-        before = text[: error.position]
-        place = (before.count("\n") + 1, len(before) - before.rfind("\n"))
-        reason = f"character {text[error.position]!r}"
-    raise Unreadable(place, f"not YAML: {reason}")
-
-
-class _Reader:
-    """Builds nodes from the events of a YAML stream and collects problems."""
-
-    def __init__(self, events: Iterator[Event]) -> None:
-        self.found: list[Found] = []
-        self._events = events
-        self._anchors: dict[str, Node] = {}
-        self._values = 0
-
-    def document(self) -> Node:
-        """Read to the end of the stream."""
-        root: Node | None = None
-        for event in self._events:
-            if isinstance(event, DocumentStartEvent) and root is not None:
-                raise Unreadable(_place(event), "a second document, expected one")
-            if isinstance(event, NodeEvent):
-                root = self._node(event, ())
-        return root or Node((1, 1), None)
-
-    def _node(self, event: Any, path: KeyPath) -> Node:
-        if isinstance(event, AliasEvent):
-            return self._alias(event, path)
-        self._weigh(event, 1, len(path))
-        if event.tag is not None:
-            self._report(event, path, f"tag {_cut(event.tag)}, expected none")
-        if isinstance(event, ScalarEvent):
-            node = Node(_place(event), self._scalar(event, path))
-        elif isinstance(event, SequenceStartEvent):
-            node = self._sequence(event, path)
-        else:
-            node = self._mapping(event, path)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = node
-        return node
-
-    def _alias(self, event: Any, path: KeyPath) -> Node:
-        node = self._anchors.get(event.anchor)
-        if node is None:  # or the alias stands inside of what it names
-            message = f"alias {_cut(event.anchor)}, expected an anchor before it"
-            self._report(event, path, message)
-            return Node(_place(event), None)
-        self._weigh(event, node.weight, len(path) + node.height)
-        return node
-
-    def _sequence(self, event: Event, path: KeyPath) -> Node:
-        items: list[Node] = []
-        while not isinstance(item := next(self._events), SequenceEndEvent):
-            items.append(self._node(item, (*path, len(items))))
-        return Node(_place(event), items, {}, *_size(items))
-
-    def _mapping(self, event: Event, path: KeyPath) -> Node:
-        values: dict[str, Node] = {}
-        places: dict[str, Place] = {}
-        while not isinstance(item := next(self._events), MappingEndEvent):
-            key = self._key(item, path)
-            value = self._node(next(self._events), (*path, key))
-            if key in values:
-                first = f"first in line {places[key][0]}"
-                self._report(item, (*path, key), f"key stands twice, {first}")
-            else:
-                values[key], places[key] = value, _place(item)
-        return Node(_place(event), values, places, *_size(list(values.values())))
-
-    def _key(self, event: Any, path: KeyPath) -> str:
-        if isinstance(event, ScalarEvent) and event.tag is None:
-            return str(event.value)
-        self._node(event, (*path, "?"))
-        self._report(event, path, "a key that is no plain text, expected a name")
-        return ""
-
-    def _scalar(self, event: ScalarEvent, path: KeyPath) -> Any:
-        text = str(event.value)
-        if event.style is not None:  # quoted, or a block of text
-            return text
-        if text in _WORDS:
-            return _WORDS[text]
-        value = _number_or_text(text)
-        if isinstance(value, float) and not math.isfinite(value):
-            self._report(event, path, f"{_cut(text)}, expected a finite number")
-            return 1.0  # anything that causes no further problems
-        return value
-
-    def _weigh(self, event: Event, weight: int, depth: int) -> None:
-        self._values += weight
-        if self._values > MAX_VALUES:
-            raise Unreadable(_place(event), f"more than {MAX_VALUES} values")
-        if depth > MAX_DEPTH:
-            raise Unreadable(_place(event), f"more than {MAX_DEPTH} levels")
-
-    def _report(self, event: Event, path: KeyPath, message: str) -> None:
-        self.found.append(Found(_place(event), path, message))
-
-
-def _number_or_text(text: str) -> str | int | float:
-    """Read a plain scalar as the core schema does; 300 digits count as infinite."""
-    if _INTEGER.fullmatch(text):
-        if len(text) > 300:
-            return math.inf
-        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
-    if _FLOAT.fullmatch(text):
-        return float(text)
-    return math.inf if _NOT_FINITE.fullmatch(text) else text
-
-
-def _size(nodes: list[Node]) -> tuple[int, int]:
-    """Give weight and height of a list or dict of these."""
-    weight = 1 + sum(node.weight for node in nodes)
-    return weight, 1 + max((node.height for node in nodes), default=0)
-
-
-def _place(event: Event) -> Place:
-    return event.start_mark.line + 1, event.start_mark.column + 1
-
-
-def _cut(value: object) -> str:
-    return repr(value)[:80]
-
-
-# Section from yamlfile.
-# YAML files: plain data, and the place of everything in it, for error messages.
-#
-# Whatever is wrong is said as ``file:line:column: key.path: message``, whether the
-# text is no YAML or a model refuses the data; see yamlnodes.py for what is no YAML
-# here.
-
-MAX_BYTES = 4 * 1024 * 1024
-
-_MESSAGES: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "bool_type": lambda _: "expected true or false",
-    "dict_type": lambda _: "expected keys with values",
-    "float_type": lambda _: "expected a number",
-    "greater_than": lambda limits: f"expected more than {limits['gt']:g}",
-    "greater_than_equal": lambda limits: f"expected at least {limits['ge']:g}",
-    "int_type": lambda _: "expected a whole number",
-    "less_than": lambda limits: f"expected less than {limits['lt']:g}",
-    "less_than_equal": lambda limits: f"expected at most {limits['le']:g}",
-    "list_type": lambda _: "expected a list",
-    "literal_error": lambda context: f"expected {context['expected']}",
-    "model_type": lambda _: "expected keys with values",
-    "string_too_long": lambda limits: (
-        f"expected at most {limits['max_length']} characters"
-    ),
-    "string_type": lambda _: "expected text",
-    "too_long": lambda limits: f"expected {limits['max_length']} entries",
-    "too_short": lambda limits: f"expected {limits['min_length']} entries",
-}
 
 
 @dataclass(frozen=True)
 class YamlFile:
-    """What one YAML file says.
+    """The content of one YAML file.
 
     Attributes:
-        path: As it was given; problems begin with it.
+        path: The path as it was given; problems begin with it.
         data: Dicts with text as keys, lists, text, numbers, booleans and None; None
-            if the file is no YAML.
-        problems: What is wrong with the file as YAML, sorted by place.
+            if the file is not YAML.
+        problems: Problems with the file as YAML, sorted by position.
     """
 
     path: Path
@@ -278,29 +140,27 @@ class YamlFile:
     _root: Node
 
     def place(self, keys: Sequence[str | int], *, of_key: bool = False) -> str:
-        """Give ``file:line:column`` of a value, or of the nearest thing around it.
+        """Return ``file:line:column`` of a value, or of the innermost one around it.
 
         Args:
             keys: Keys and list indices from the outside in.
             of_key: Point at the last key instead of at its value.
         """
-        node, place = self._root, self._root.place
+        node, position = self._root, self._root.position
         for key in keys:
-            inner = _step(node, key)
-            if inner is None:
-                break
+            child = node.child(key)
+            if child is None:
+                return _place(self.path, node.position)
             on_key = of_key and isinstance(key, str)
-            place = node.key_places[str(key)] if on_key else inner.place
-            node = inner
-        else:
-            return _at(self.path, place)
-        return _at(self.path, node.place)
+            position = node.key_positions[str(key)] if on_key else child.position
+            node = child
+        return _place(self.path, position)
 
     def problem(
         self, keys: Sequence[str | int], message: str, *, of_key: bool = False
     ) -> str:
-        """Say what is wrong at a place: ``file:line:column: key.path: message``."""
-        return _join(self.place(keys, of_key=of_key), keys, message)
+        """Format a problem: ``file:line:column: key.path: message``."""
+        return _format_problem(self.place(keys, of_key=of_key), keys, message)
 
     def validation_problems(
         self,
@@ -309,26 +169,27 @@ class YamlFile:
         *,
         known: Iterable[str] = (),
     ) -> list[str]:
-        """Say what a pydantic model refused, one problem for each refusal.
+        """Format all errors of a pydantic model.
 
         Args:
-            error: What the model raised.
-            at: Where the data stands that the model was given.
-            known: The model's own keys, for the message about one that is unknown.
+            error: The exception that the model raised.
+            at: Key path of the data that the model validated.
+            known: The model's own keys, for the message about an unknown one.
         """
-        return [self._refusal(details, at, sorted(known)) for details in error.errors()]
+        keys = sorted(known)
+        return [self._validation_problem(each, at, keys) for each in error.errors()]
 
-    def _refusal(
+    def _validation_problem(
         self, details: ErrorDetails, at: Sequence[str | int], known: list[str]
     ) -> str:
-        inner = [key for key in details["loc"] if key != "[key]"]
+        keys = [key for key in details["loc"] if key != "[key]"]
         unknown = details["type"] == "extra_forbidden"
         if unknown:
-            expected = f", expected one of {known}" if known and len(inner) == 1 else ""
+            expected = f", expected one of {known}" if known and len(keys) == 1 else ""
             message = f"unknown key{expected}"
         else:
-            message = _message(details)
-        return self.problem((*at, *inner), message, of_key=unknown)
+            message = _validation_message(details)
+        return self.problem((*at, *keys), message, of_key=unknown)
 
 
 def read_yaml(path: Path) -> YamlFile:
@@ -345,60 +206,194 @@ def read_yaml(path: Path) -> YamlFile:
         return parse_yaml(path, content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         before = content[: error.start]
-        place = (before.count(b"\n") + 1, error.start - before.rfind(b"\n"))
-        return _unreadable(path, place, "bytes that are no text, expected UTF-8")
+        position = (before.count(b"\n") + 1, error.start - before.rfind(b"\n"))
+        return _unreadable(path, position, "bytes that are no text, expected UTF-8")
 
 
 def parse_yaml(path: Path, text: str) -> YamlFile:
-    """Read YAML from a text; ``path`` names it in problems."""
+    """Parse YAML text; ``path`` names it in problems."""
     try:
-        root, found = read_nodes(text)
-    except Unreadable as error:
-        return _unreadable(path, error.place, error.message)
+        root, found = compose(text)
+    except UnreadableYaml as error:
+        return _unreadable(path, error.position, error.message)
     problems = (
-        _join(_at(path, problem.place), problem.path, problem.message)
-        for problem in sorted(found, key=lambda problem: problem.place)
+        _format_problem(_place(path, problem.position), problem.keys, problem.message)
+        for problem in sorted(found, key=lambda problem: problem.position)
     )
-    return YamlFile(path, root.plain(), tuple(problems), root)
+    return YamlFile(path, root.to_plain(), tuple(problems), root)
 
 
-def _message(details: ErrorDetails) -> str:
-    kind, context = details["type"], details.get("ctx", {})
-    if kind == "missing":
-        return "missing"
-    if kind == "value_error":
-        return str(context["error"])
-    say = _MESSAGES.get(kind)
-    expected = say(context) if say else details["msg"]
-    return f"{shown(details['input'])}, {expected}"
+def short_repr(value: object) -> str:
+    """Return the repr of a value, cut to 80 characters, for messages.
 
-
-def shown(value: object) -> str:
-    """Show what came in a message: its repr, cut to 80 characters."""
+    >>> short_repr("x" * 100) == "'" + "x" * 79
+    True
+    """
     return repr(value)[:80]
 
 
-def _step(node: Node, key: str | int) -> Node | None:
-    """Go to what a key or an index names; None if it is not there."""
-    if isinstance(node.value, dict):
-        found = node.value.get(str(key))
-        return found if isinstance(found, Node) else None
-    if isinstance(node.value, list) and isinstance(key, int) and key < len(node.value):
-        item = node.value[key]
-        return item if isinstance(item, Node) else None
-    return None
+def compose(text: str) -> tuple[Node, list[YamlProblem]]:
+    """Compose the nodes of the one document in a text.
+
+    Returns:
+        The root, and all problems after which reading can continue.
+
+    Raises:
+        UnreadableYaml: At the first problem after which it cannot.
+    """
+    composer = _Composer(YAML(typ="safe", pure=True).parse(text))
+    try:
+        return composer.compose(), composer.problems
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        position = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        reason = error.problem or error.context
+    except ReaderError as error:
+        before = text[: error.position]
+        position = (before.count("\n") + 1, len(before) - before.rfind("\n"))
+        reason = f"character {text[error.position]!r}"
+    raise UnreadableYaml(position, f"not YAML: {reason}")
 
 
-def _unreadable(path: Path, place: tuple[int, int], message: str) -> YamlFile:
-    return YamlFile(
-        path, None, (_join(_at(path, place), (), message),), Node(place, None)
-    )
+class _Composer:
+    """Composes nodes from the events of a YAML stream and collects problems."""
+
+    def __init__(self, events: Iterator[Event]) -> None:
+        self.problems: list[YamlProblem] = []
+        self._events = events
+        self._anchors: dict[str, Node] = {}
+        self._values = 0
+
+    def compose(self) -> Node:
+        """Read to the end of the stream."""
+        root: Node | None = None
+        for event in self._events:
+            if isinstance(event, DocumentStartEvent) and root is not None:
+                raise UnreadableYaml(
+                    _position(event), "a second document, expected one"
+                )
+            if isinstance(event, NodeEvent):
+                root = self._node(event, ())
+        return root or Node((1, 1), None)
+
+    def _node(self, event: Any, keys: KeyPath) -> Node:
+        if isinstance(event, AliasEvent):
+            return self._alias(event, keys)
+        self._count(event, 1, len(keys))
+        if event.tag is not None:
+            self._report(event, keys, f"tag {short_repr(event.tag)}, expected none")
+        if isinstance(event, ScalarEvent):
+            node = Node(_position(event), self._scalar(event, keys))
+        elif isinstance(event, SequenceStartEvent):
+            node = self._sequence(event, keys)
+        else:
+            node = self._mapping(event, keys)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = node
+        return node
+
+    def _alias(self, event: Any, keys: KeyPath) -> Node:
+        node = self._anchors.get(event.anchor)
+        if node is None:  # missing, or the alias is inside of the node that it names
+            message = f"alias {short_repr(event.anchor)}, expected an anchor before it"
+            self._report(event, keys, message)
+            return Node(_position(event), None)
+        self._count(event, node.size, len(keys) + node.depth)
+        return node
+
+    def _sequence(self, event: Event, keys: KeyPath) -> Node:
+        items: list[Node] = []
+        while not isinstance(item := next(self._events), SequenceEndEvent):
+            items.append(self._node(item, (*keys, len(items))))
+        return Node(_position(event), items, {}, *_size_and_depth(items))
+
+    def _mapping(self, event: Event, keys: KeyPath) -> Node:
+        values: dict[str, Node] = {}
+        positions: dict[str, Position] = {}
+        while not isinstance(item := next(self._events), MappingEndEvent):
+            key = self._key(item, keys)
+            value = self._node(next(self._events), (*keys, key))
+            if key in values:
+                first = f"first in line {positions[key][0]}"
+                self._report(item, (*keys, key), f"duplicate key, {first}")
+            else:
+                values[key], positions[key] = value, _position(item)
+        totals = _size_and_depth(list(values.values()))
+        return Node(_position(event), values, positions, *totals)
+
+    def _key(self, event: Any, keys: KeyPath) -> str:
+        if isinstance(event, ScalarEvent) and event.tag is None:
+            return str(event.value)
+        self._node(event, (*keys, "?"))  # reads to its end, and reports its problems
+        self._report(event, keys, "a key that is no plain text, expected a name")
+        return ""
+
+    def _scalar(self, event: ScalarEvent, keys: KeyPath) -> Any:
+        text = str(event.value)
+        if event.style is not None:  # quoted, or a block of text
+            return text
+        if text in _CONSTANTS:
+            return _CONSTANTS[text]
+        value = _number_or_text(text)
+        if isinstance(value, float) and not math.isfinite(value):
+            self._report(event, keys, f"{short_repr(text)}, expected a finite number")
+            return 1.0  # a value that causes no further problems
+        return value
+
+    def _count(self, event: Event, values: int, depth: int) -> None:
+        self._values += values
+        if self._values > MAX_VALUES:
+            raise UnreadableYaml(_position(event), f"more than {MAX_VALUES} values")
+        if depth > MAX_DEPTH:
+            raise UnreadableYaml(_position(event), f"more than {MAX_DEPTH} levels")
+
+    def _report(self, event: Event, keys: KeyPath, message: str) -> None:
+        self.problems.append(YamlProblem(_position(event), keys, message))
 
 
-def _at(path: Path, place: tuple[int, int]) -> str:
-    return f"{path}:{place[0]}:{place[1]}"
+def _number_or_text(text: str) -> str | int | float:
+    """Parse a plain scalar as the core schema does; over 300 digits are infinite."""
+    if _INTEGER.fullmatch(text):
+        if len(text) > 300:
+            return math.inf
+        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return math.inf if _NOT_FINITE.fullmatch(text) else text
 
 
-def _join(place: str, keys: Sequence[str | int], message: str) -> str:
+def _size_and_depth(nodes: list[Node]) -> tuple[int, int]:
+    """Return the size and the depth of a list or dict of these nodes."""
+    size = 1 + sum(node.size for node in nodes)
+    return size, 1 + max((node.depth for node in nodes), default=0)
+
+
+def _position(event: Event) -> Position:
+    return event.start_mark.line + 1, event.start_mark.column + 1
+
+
+def _validation_message(details: ErrorDetails) -> str:
+    error_type, context = details["type"], details.get("ctx", {})
+    if error_type == "missing":
+        return "missing"
+    if error_type == "value_error":
+        return str(context["error"])
+    expected = details["msg"]
+    if error_type in _EXPECTED:
+        expected = "expected " + _EXPECTED[error_type].format(**context)
+    return f"{short_repr(details['input'])}, {expected}"
+
+
+def _unreadable(path: Path, position: Position, message: str) -> YamlFile:
+    problem = _format_problem(_place(path, position), (), message)
+    return YamlFile(path, None, (problem,), Node(position, None))
+
+
+def _place(path: Path, position: Position) -> str:
+    line, column = position
+    return f"{path}:{line}:{column}"
+
+
+def _format_problem(place: str, keys: Sequence[str | int], message: str) -> str:
     dotted = ".".join(str(key) for key in keys)
     return f"{place}: {dotted}: {message}" if dotted else f"{place}: {message}"

@@ -1,4 +1,4 @@
-"""From what a map says of a material to the material."""
+"""Build materials and parts from the entries of a map file."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -28,122 +28,144 @@ from radarsim.scene.meshes import (
     read_surfaces,
 )
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import Faces, box, cylinder, sphere
-from radarsim.yaml_reader import shown
+from radarsim.scene.shapes import Mesh, box, cylinder, sphere
+
+MAX_ATTEMPTS = 200  # random positions for each copy, before the area counts as full
+
+_Piece: TypeAlias = tuple[Material, Mesh]
 
 
-def from_library(name: str) -> Material:
-    """Take a material from the library, with the amounts that it has there."""
-    return Material(name, **asdict(library_material(name)))
+class BuildError(Exception):
+    """An object cannot be built.
 
-
-def make_material(name: str, entry: MaterialEntry) -> Material:
-    """Make a material of what an entry says and of what that is based on.
-
-    All that is said of what a radar loses replaces all that the base has of that, and
-    so it is with light. What beams enter is no mirror, and its surface keeps nothing.
+    Attributes:
+        problems: The keys inside of the object, each with what is wrong there.
     """
-    base = Material(name)
-    if entry.based_on is not None:
-        amounts = {"g_per_m3": entry.g_per_m3, "mm_per_h": entry.mm_per_h}
-        base = Material(name, **asdict(library_material(entry.based_on, **amounts)))
-    changes = {**_of_radar(entry), **_of_light(entry), **_of_surface(entry)}
-    return replace(base, **changes)
 
-
-def _of_radar(entry: MaterialEntry) -> dict[str, Any]:
-    said = (entry.density, entry.db_per_m, entry.sheet_loss)
-    if all(value is None for value in said):
-        return {}
-    density = entry.density or 0.0
-    changes: dict[str, Any] = {
-        "density": density,
-        "radar_db": entry.db_per_m or (0.0, 0.0, 0.0),
-        "sheet_loss": entry.sheet_loss,
-    }
-    if math.isfinite(density):
-        changes |= {"radar_mirror": False, "absorption_db": 0.0}
-    return changes
-
-
-def _of_light(entry: MaterialEntry) -> dict[str, Any]:
-    if entry.laser_density is None and entry.laser_db_per_m is None:
-        return {}
-    density = entry.laser_density or 0.0
-    changes: dict[str, Any] = {
-        "laser_density": density,
-        "laser_db": entry.laser_db_per_m or 0.0,
-    }
-    if math.isfinite(density):
-        changes |= {"laser_mirror": False, "laser_absorption_db": 0.0}
-    return changes
-
-
-def _of_surface(entry: MaterialEntry) -> dict[str, Any]:
-    said = {
-        "solid": entry.solid,
-        "absorption_db": entry.absorption_db,
-        "laser_absorption_db": entry.laser_absorption_db,
-    }
-    if entry.mirror is not None:
-        said["radar_mirror"] = entry.mirror in ("radar", "both")
-        said["laser_mirror"] = entry.mirror in ("laser", "both")
-    return {key: value for key, value in said.items() if value is not None}
-
-
-def surface_problems(entry: MaterialEntry, material: Material) -> Iterator[Problem]:
-    """Check that what an entry says of a surface is said of what ends beams there."""
-    for wave, key, density in (
-        ("radar", "absorption_db", material.density),
-        ("laser", "laser_absorption_db", material.laser_density),
-    ):
-        expected = f"expected only of what is opaque to a {wave}"
-        if math.isinf(density):
-            continue
-        if getattr(entry, key):
-            yield (key,), f"{getattr(entry, key):g}, {expected}"
-        if entry.mirror in (wave, "both"):
-            yield ("mirror",), f"{shown(entry.mirror)}, {expected}"
-
-
-def air_problems(material: Material) -> Iterator[Problem]:
-    """Check that beams and robots can be in a material everywhere."""
-    wrong = [
-        text
-        for text, so in (
-            ("opaque to a radar", math.isinf(material.density)),
-            ("opaque to a laser", math.isinf(material.laser_density)),
-            ("a sheet", material.sheet_loss is not None),
-            ("solid", material.solid),
-        )
-        if so
-    ]
-    if wrong:
-        expected = "expected what beams and robots can be in"
-        yield (), f"{shown(material.name)} is {' and '.join(wrong)}, {expected}"
-
-
-# Section from scene.placing.
-# Where the copies of a repeated or scattered object stand.
-
-_TRIES = 200  # darts thrown for each copy, before the area counts as full
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__(problems)
+        self.problems = problems
 
 
 @dataclass(frozen=True, eq=False)
 class Copy:
-    """One of an object's copies: its name, its origin, (3,) m, and its size factor."""
+    """One copy of an object.
+
+    Attributes:
+        name: The object's name, with a number if there are several copies.
+        position: (3,) m, of its origin.
+        scale: Factor of its size.
+    """
 
     name: str
     position: Floats
     scale: float = 1.0
 
 
-class NoRoom(Exception):
-    """The area is too small for so many copies so far apart."""
+def from_library(name: str) -> Material:
+    """Return a material of the library, with its default amount."""
+    return Material(name, **asdict(library_material(name)))
+
+
+def make_material(name: str, entry: MaterialEntry) -> Material:
+    """Create a material from an entry and the library material that it is based on.
+
+    If an entry has any key of radar attenuation, these keys replace all radar
+    attenuation of the base; the same holds for light. A material that beams enter has
+    no mirror, and its surface absorbs nothing.
+    """
+    base = Material(name)
+    if entry.based_on is not None:
+        amounts = {"g_per_m3": entry.g_per_m3, "mm_per_h": entry.mm_per_h}
+        base = Material(name, **asdict(library_material(entry.based_on, **amounts)))
+    changes = {
+        **_radar_properties(entry),
+        **_light_properties(entry),
+        **_surface_properties(entry),
+    }
+    return replace(base, **changes)
+
+
+def _radar_properties(entry: MaterialEntry) -> dict[str, Any]:
+    if all(x is None for x in (entry.density, entry.db_per_m, entry.sheet_loss)):
+        return {}
+    density = entry.density or 0.0
+    properties: dict[str, Any] = {
+        "density": density,
+        "radar_db": entry.db_per_m or (0.0, 0.0, 0.0),
+        "sheet_loss": entry.sheet_loss,
+    }
+    if math.isfinite(density):
+        properties |= {"radar_mirror": False, "absorption_db": 0.0}
+    return properties
+
+
+def _light_properties(entry: MaterialEntry) -> dict[str, Any]:
+    if entry.laser_density is None and entry.laser_db_per_m is None:
+        return {}
+    density = entry.laser_density or 0.0
+    properties: dict[str, Any] = {
+        "laser_density": density,
+        "laser_db": entry.laser_db_per_m or 0.0,
+    }
+    if math.isfinite(density):
+        properties |= {"laser_mirror": False, "laser_absorption_db": 0.0}
+    return properties
+
+
+def _surface_properties(entry: MaterialEntry) -> dict[str, Any]:
+    given = {
+        "solid": entry.solid,
+        "absorption_db": entry.absorption_db,
+        "laser_absorption_db": entry.laser_absorption_db,
+    }
+    if entry.mirror is not None:
+        given["radar_mirror"] = entry.mirror in ("radar", "both")
+        given["laser_mirror"] = entry.mirror in ("laser", "both")
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def build_parts(
+    entry: ObjectEntry,
+    materials: Mapping[str, Material],
+    folder: Path,
+    max_triangles: int,
+) -> list[Part]:
+    """Build an object's parts, one for each copy and each of its materials.
+
+    Args:
+        entry: The object, with one shape.
+        materials: The materials that it refers to, by name.
+        folder: The map's own folder, links resolved.
+        max_triangles: Largest number of triangles of all its parts.
+
+    Raises:
+        BuildError: If the mesh cannot be used, the copies do not fit into their area,
+            or the object is too large.
+    """
+    pieces = _build_pieces(entry, materials, folder)
+    copies = place_copies(entry)
+    triangles = len(copies) * sum(len(faces) for _, (_, faces) in pieces)
+    if triangles > max_triangles:
+        text = f"{triangles} triangles, expected at most {max_triangles} more"
+        raise BuildError([((), text)])
+    rotation = rotation_matrix(*entry.angles()).T
+    parts = [
+        Part(
+            copy.name, material, copy.scale * vertices @ rotation + copy.position, faces
+        )
+        for copy in copies
+        for material, (vertices, faces) in pieces
+    ]
+    extent = max(np.abs(part.vertices).max(initial=0.0) for part in parts)
+    if extent > MAX_EXTENT:
+        text = f"{extent:.1f} m from the map's origin, expected at most {MAX_EXTENT:g}"
+        raise BuildError([((), text)])
+    return parts
 
 
 def copy_names(name: str, count: int | None) -> Iterator[str]:
-    """Give the names of an object's copies: ``name_1``, ``name_2``; one is just itself.
+    """Yield the names of an object's copies, ``name_1``, ``name_2``; or just its own.
 
     Args:
         name: The object's own name.
@@ -158,106 +180,49 @@ def copy_names(name: str, count: int | None) -> Iterator[str]:
 def place_copies(entry: ObjectEntry) -> list[Copy]:
     """Place an object's copies.
 
-    Scattered places come from the entry's own seed and name, one after the other, so
-    that a larger count leaves the first ones where they are.
+    Scattered positions are drawn one after the other from a stream of the entry's own
+    seed and name, so that a larger count does not move the first copies.
 
     Raises:
-        NoRoom: If scattered copies do not find room.
+        BuildError: If the area is too small for so many copies so far apart.
     """
     origin = np.array(entry.position, dtype=np.float64)
     if entry.scatter is not None:
-        return list(_scattered(entry.name, origin, entry.scatter))
+        return list(_scatter_copies(entry.name, origin, entry.scatter))
     step = np.array(entry.repeat.step) if entry.repeat else np.zeros(3)
     names = copy_names(entry.name, entry.copies)
     return [Copy(name, origin + i * step) for i, name in enumerate(names)]
 
 
-def _scattered(name: str, origin: Floats, scatter: ScatterEntry) -> Iterator[Copy]:
+def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> Iterator[Copy]:
     rng = generator_for(scatter.seed, "scatter", name)
     low, high = np.array(scatter.area)
     smallest, largest = scatter.scale
-    places = np.full((scatter.count, 2), np.inf)
+    positions = np.full((scatter.count, 2), np.inf)
     for number, copy_name in enumerate(copy_names(name, scatter.count)):
-        for _ in range(_TRIES):
-            place = rng.uniform(low, high)
-            gaps = np.linalg.norm(places[:number] - place, axis=1)
-            if gaps.min(initial=np.inf) >= scatter.min_distance:
+        for _ in range(MAX_ATTEMPTS):
+            position = rng.uniform(low, high)
+            distances = np.linalg.norm(positions[:number] - position, axis=1)
+            if distances.min(initial=np.inf) >= scatter.min_distance:
                 break
         else:
-            raise NoRoom(f"room for {number} copies, expected {scatter.count}")
-        places[number] = place
+            text = f"the area is full after {number} copies, expected {scatter.count}"
+            raise BuildError([(("scatter",), text)])
+        positions[number] = position
         scale = rng.uniform(smallest, largest)
-        yield Copy(copy_name, origin + np.append(place, 0.0), scale)
+        yield Copy(copy_name, origin + np.append(position, 0.0), scale)
 
 
-# Section from scene.build.
-# From a map's object to its parts, in the map frame.
-
-_Piece: TypeAlias = tuple[Material, Floats, Faces]
-
-
-class BuildError(Exception):
-    """An object cannot be built.
-
-    Attributes:
-        problems: The keys inside of the object, and what is wrong there.
-    """
-
-    def __init__(self, problems: list[Problem]) -> None:
-        super().__init__(problems)
-        self.problems = problems
-
-
-def build_parts(
-    entry: ObjectEntry,
-    materials: Mapping[str, Material],
-    folder: Path,
-    most_triangles: int,
-) -> list[Part]:
-    """Build an object's parts: one for each copy and each of its materials.
-
-    Args:
-        entry: The object, with one shape.
-        materials: Those that it names.
-        folder: The map's own folder, links resolved.
-        most_triangles: How many there may be.
-
-    Raises:
-        BuildError: If the mesh cannot be used, or it does not fit.
-    """
-    pieces = _pieces(entry, materials, folder)
-    try:
-        copies = place_copies(entry)
-    except NoRoom as error:
-        raise BuildError([(("scatter",), str(error))]) from error
-    triangles = len(copies) * sum(len(faces) for _, _, faces in pieces)
-    if triangles > most_triangles:
-        text = f"{triangles} triangles, expected at most {most_triangles} more"
-        raise BuildError([((), text)])
-    turn = rotation_matrix(*entry.angles()).T
-    parts = [
-        Part(copy.name, material, copy.scale * vertices @ turn + copy.position, faces)
-        for copy in copies
-        for material, vertices, faces in pieces
-    ]
-    reach = max(np.abs(part.vertices).max(initial=0.0) for part in parts)
-    if reach > MAX_EXTENT:
-        text = f"{reach:.1f} m from the map's origin, expected at most {MAX_EXTENT:g}"
-        raise BuildError([((), text)])
-    return parts
-
-
-def _pieces(
+def _build_pieces(
     entry: ObjectEntry, materials: Mapping[str, Material], folder: Path
 ) -> list[_Piece]:
-    """Make the object's meshes in its own frame, m, not turned."""
+    """Return the object's meshes in its own frame, m, not rotated."""
     if entry.mesh is not None:
-        return _mesh_pieces(entry, entry.mesh, materials, folder)
-    vertices, faces = _primitive(entry)
-    return [(materials[entry.material or ""], vertices, faces)]
+        return _read_pieces(entry, entry.mesh, materials, folder)
+    return [(materials[entry.material or ""], _build_primitive(entry))]
 
 
-def _primitive(entry: ObjectEntry) -> tuple[Floats, Faces]:
+def _build_primitive(entry: ObjectEntry) -> Mesh:
     if entry.box is not None:
         length, width, height = entry.box
         return box(length, width, height)
@@ -267,7 +232,7 @@ def _primitive(entry: ObjectEntry) -> tuple[Floats, Faces]:
     return sphere(entry.sphere or 0.0)
 
 
-def _mesh_pieces(
+def _read_pieces(
     entry: ObjectEntry, mesh: str, materials: Mapping[str, Material], folder: Path
 ) -> list[_Piece]:
     try:
@@ -276,34 +241,33 @@ def _mesh_pieces(
         raise BuildError([(("mesh",), str(error))]) from error
     pieces: list[_Piece] = []
     problems: list[Problem] = []
-    for name, members in _by_material(entry, surfaces).items():
-        material = materials[name]
+    for name, members in _group_by_material(entry, surfaces).items():
         try:
-            vertices, faces = _join(material, members)
+            vertices, faces = _join(materials[name], members)
         except MeshError as error:
             problems.append((("mesh",), f"{mesh!r}: {error}"))
         else:
-            pieces.append((material, _upright(entry, vertices), faces))
+            pieces.append((materials[name], (_to_metres(entry, vertices), faces)))
     if problems:
         raise BuildError(problems)
     return pieces
 
 
-def _join(material: Material, surfaces: list[Surface]) -> tuple[Floats, Faces]:
-    """Make one mesh of what is of one material."""
+def _join(material: Material, surfaces: list[Surface]) -> Mesh:
+    """Join the surfaces of one material into one mesh."""
     may_be_open = not material.penetrable or material.sheet_loss is not None
     try:
         vertices, faces = (join_surfaces if may_be_open else join_volume)(surfaces)
     except MeshError as error:
         expected = "expected a closed volume with one outside"
-        known = f"since beams enter {material.name!r}, which has no sheet_loss"
-        raise MeshError(f"{error}, {expected}, {known}") from error
+        reason = f"since beams enter {material.name!r}, which has no sheet_loss"
+        raise MeshError(f"{error}, {expected}, {reason}") from error
     if not len(faces):
         raise MeshError(f"no triangle of {material.name!r} has an area")
     return vertices, faces
 
 
-def _by_material(
+def _group_by_material(
     entry: ObjectEntry, surfaces: list[Surface]
 ) -> dict[str, list[Surface]]:
     """Group surfaces by the map's material that each is made of."""
@@ -312,7 +276,7 @@ def _by_material(
     given = entry.materials or {}
     in_file = sorted({surface.material or "" for surface in surfaces})
     problems: list[Problem] = [
-        (("materials",), f"nothing for {name!r} of the file")
+        (("materials",), f"missing {name!r} of the file")
         if name
         else (("materials",), "no names in parts of the file, expected 'material'")
         for name in in_file
@@ -325,14 +289,14 @@ def _by_material(
     ]
     if problems:
         raise BuildError(problems)
-    grouped: dict[str, list[Surface]] = {}
+    groups: dict[str, list[Surface]] = {}
     for surface in surfaces:
-        grouped.setdefault(given[surface.material or ""], []).append(surface)
-    return grouped
+        groups.setdefault(given[surface.material or ""], []).append(surface)
+    return groups
 
 
-def _upright(entry: ObjectEntry, vertices: Floats) -> Floats:
-    """Bring a mesh file's vertices to metres with z up."""
+def _to_metres(entry: ObjectEntry, vertices: Floats) -> Floats:
+    """Convert a mesh file's vertices to metres with z up."""
     scaled = vertices * entry.scale
     if entry.up_axis == "z":
         return scaled

@@ -1,8 +1,7 @@
-"""What a map file may say, one model for each kind of entry.
+"""The schema of map files: one pydantic model for each type of entry.
 
-The models look at one key at a time; that of a material is in materialmodel.py. What
-concerns several keys of an entry is in mapchecks.py, and names that must not stand
-twice where the whole file is read.
+The models validate one key at a time. Checks of several keys are in `map_checks`;
+`map_file` checks that names are unique.
 """
 
 import math
@@ -25,40 +24,47 @@ from radarsim.presets.materials import library_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import OPAQUE
 from radarsim.scene.meshes import MeshError, find_inside
-from radarsim.yaml_reader import shown
+from radarsim.yaml_reader import short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
 MAX_COPIES = 10_000
 MAX_NAME = 200  # of an object or a level
 MAX_START_NAME = 40  # so that many fit into the one line that lists them
+MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
+MAX_AMOUNT = 1000.0  # mm/h, g/m^3
 
 START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
+_BAND_KEYS = [str(band) for band in BANDS_GHZ]
+
+Bands: TypeAlias = tuple[float, float, float]
 
 
 def _name(value: str) -> str:
     if not value.strip() or not value.isprintable() or re.search(r"[{}]", value):
-        raise ValueError(f"{shown(value)}, expected printable text without braces")
+        raise ValueError(f"{short_repr(value)}, expected printable text without braces")
     return value
 
 
 def _level(value: str) -> str:
-    if not re.fullmatch(r"[!-z|~]+", value):  # all of ASCII that is seen, no braces
+    if not re.fullmatch(
+        r"[!-z|~]+", value
+    ):  # printable ASCII without blanks and braces
         expected = "expected ASCII without blanks and braces"
-        raise ValueError(f"{shown(value)}, {expected}")
+        raise ValueError(f"{short_repr(value)}, {expected}")
     return value
 
 
 def _start_name(value: str) -> str:
     if not START_NAME.fullmatch(value):
         expected = "expected Robot, Player or ComSt, then letters, then digits"
-        raise ValueError(f"{shown(value)}, {expected}")
+        raise ValueError(f"{short_repr(value)}, {expected}")
     return value
 
 
 def _ordered(value: list[Any]) -> list[Any]:
     for low, high in zip(*value, strict=True):
         if low > high:
-            raise ValueError(f"{shown(value)}, expected the lower corner first")
+            raise ValueError(f"{short_repr(value)}, expected the lower corner first")
     return value
 
 
@@ -71,15 +77,15 @@ def _known_material(value: str, info: ValidationInfo) -> str:
 
 
 def unknown_material(value: str, own: Iterable[str]) -> str:
-    """Say that a material is neither one of the map's own nor in the library."""
+    """Return the message for a material that neither the map nor the library has."""
     library = f"or of the library, {list(library_names())}"
-    return f"{shown(value)}, expected one of {sorted(own)}, {library}"
+    return f"{short_repr(value)}, expected one of {sorted(own)}, {library}"
 
 
 def _variant(value: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9_-]+", value):
         expected = "expected letters, digits, '_' and '-'"
-        raise ValueError(f"{shown(value)}, {expected}")
+        raise ValueError(f"{short_repr(value)}, {expected}")
     return value
 
 
@@ -93,6 +99,47 @@ def _mesh_file(value: str, info: ValidationInfo) -> str:
     return value
 
 
+def _density(value: object) -> float:
+    number = OPAQUE if value == "opaque" else _number(value)
+    if number is None:
+        raise ValueError(
+            f"{short_repr(value)}, expected 'opaque' or a number, at least 0"
+        )
+    return number
+
+
+def _absorption(value: object) -> float:
+    number = math.inf if value == "all" else _number(value, MAX_DB)
+    if number is None:
+        expected = f"expected 'all' or a number from 0 to {MAX_DB:g}"
+        raise ValueError(f"{short_repr(value)}, {expected}")
+    return number
+
+
+def _bands(value: object) -> Bands:
+    """Parse one number for all bands, or one for each."""
+    given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
+    first, second, third = (_number(given.get(key), MAX_DB) for key in _BAND_KEYS)
+    if first is None or second is None or third is None or len(given) > 3:
+        expected = f"expected a number from 0 to {MAX_DB:g}, or one for each of"
+        raise ValueError(f"{short_repr(value)}, {expected} {', '.join(_BAND_KEYS)}")
+    return first, second, third
+
+
+def _number(value: object, most: float = math.inf) -> float | None:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    return float(value) if 0 <= value <= most else None
+
+
+def _in_library(value: str) -> str:
+    if value not in library_names():
+        raise ValueError(
+            f"{short_repr(value)}, expected one of {list(library_names())}"
+        )
+    return value
+
+
 Real: TypeAlias = Annotated[float, Strict()]
 Coordinate: TypeAlias = Annotated[Real, Ge(-MAX_EXTENT), Le(MAX_EXTENT)]
 Size: TypeAlias = Annotated[Real, Gt(0), Le(MAX_EXTENT)]
@@ -103,16 +150,22 @@ Whole: TypeAlias = Annotated[int, Strict()]
 MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
 MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
 VariantName: TypeAlias = Annotated[Text, AfterValidator(_variant)]
+Density: TypeAlias = Annotated[float, PlainValidator(_density)]
+Decibels: TypeAlias = Annotated[Real, Ge(0), Le(MAX_DB)]
+BandDecibels: TypeAlias = Annotated[Bands, PlainValidator(_bands)]
+Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
+Amount: TypeAlias = Annotated[Real, Ge(0), Le(MAX_AMOUNT)]
+LibraryName: TypeAlias = Annotated[Text, AfterValidator(_in_library)]
 
 
 class Entry(BaseModel):
-    """An entry of a map file; unknown keys are refused."""
+    """Base of all entries of a map file; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Header(Entry):
-    """What the top of a map file may say; the entries are looked at one by one."""
+    """The top level of a map file; its entries are validated one by one."""
 
     version: Literal[1]
     level: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_level)]
@@ -125,12 +178,12 @@ class Header(Entry):
 
 
 class VariantEntry(Entry):
-    """What is different in a variant of the map.
+    """The differences of a variant from its map.
 
     Attributes:
-        materials: More of them, or others of the same names.
-        objects: More of them.
-        air: Another one; None for none.
+        materials: Materials that are added, or that replace those of the same names.
+        objects: Objects that are added.
+        air: Material of the air instead of the map's; None for clear air.
     """
 
     materials: dict[Text, Any] | None = None
@@ -138,20 +191,55 @@ class VariantEntry(Entry):
     air: Text | None = None
 
 
+class MaterialEntry(Entry):
+    """A material; missing keys are taken from the material that it is based on.
+
+    Attributes:
+        based_on: Name of a material of the library.
+        density: Power that a radar beam loses per metre inside; ignored beside a
+            ``sheet_loss``.
+        laser_density: Power that a laser beam loses per metre inside.
+        db_per_m: One-way attenuation of radar waves inside, dB/m, in each band.
+        laser_db_per_m: One-way attenuation of light inside, dB/m.
+        solid: Whether it stops robots.
+        sheet_loss: Power that a radar beam loses at each surface, and nowhere else.
+        absorption_db: Part of a radar wave that an opaque surface absorbs, dB.
+        laser_absorption_db: Part of a light beam that an opaque surface absorbs, dB.
+        mirror: The beams to which an opaque surface is a mirror.
+        g_per_m3: Mass concentration of the library material's particles, g/m³.
+        mm_per_h: Rain rate of the library material, mm/h.
+    """
+
+    based_on: LibraryName | None = None
+    density: Density | None = None
+    laser_density: Density | None = None
+    db_per_m: BandDecibels | None = None
+    laser_db_per_m: Decibels | None = None
+    solid: Annotated[bool, Strict()] | None = None
+    sheet_loss: Annotated[Real, Ge(0)] | None = None
+    absorption_db: Absorption | None = None
+    laser_absorption_db: Absorption | None = None
+    mirror: Literal["radar", "laser", "both", "none"] | None = None
+    g_per_m3: Amount | None = None
+    mm_per_h: Amount | None = None
+
+
 class RepeatEntry(Entry):
-    """Copies along a line: ``count`` of them, each ``step`` after the one before."""
+    """Copies along a line: ``count`` of them, each offset by ``step`` from the last."""
 
     count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
     step: Vector
 
 
 class ScatterEntry(Entry):
-    """Copies at random places of a rectangle on the floor.
+    """Copies at random positions in a rectangle on the floor.
 
     Attributes:
-        area: Its lower and its upper corner, m.
-        min_distance: Between any two of the places, m.
-        scale: The smallest and the largest factor that a copy's size is drawn from.
+        count: Number of copies.
+        area: Lower and upper corner of the rectangle, m.
+        seed: Seed of positions and sizes.
+        min_distance: Smallest distance between any two positions, m.
+        scale: Smallest and largest factor of a copy's size.
     """
 
     count: Annotated[Whole, Ge(1), Le(MAX_COPIES)]
@@ -162,27 +250,27 @@ class ScatterEntry(Entry):
 
     @field_validator("scale")
     @classmethod
-    def _low_first(cls, value: list[float]) -> list[float]:
+    def _ascending(cls, value: list[float]) -> list[float]:
         if value[0] > value[1]:
-            raise ValueError(f"{shown(value)}, expected the smaller one first")
+            raise ValueError(f"{short_repr(value)}, expected the smaller one first")
         return value
 
 
 class ObjectEntry(Entry):
     """An object.
 
-    Validated with the context ``{"materials": names, "folder": the map's own}``.
+    Validated with the context ``{"materials": names, "folder": the map's folder}``.
 
     Attributes:
         box: Lengths along x, y, z, m.
         sphere: Radius, m.
         cylinder: Radius and height, m.
-        mesh: The path of a file in the map's folder.
-        up_axis: Which axis of the mesh file points up.
-        scale: Metres for each unit of the mesh file.
-        material: The one material of it all.
-        materials: For a mesh, the material for each name in its file.
-        position: The centre of a primitive, a mesh's own origin, m.
+        mesh: Path of a mesh file in the map's folder.
+        up_axis: Axis of the mesh file that points up.
+        scale: Length of the mesh file's unit, m.
+        material: Material of the whole object.
+        materials: Material for each material name in the mesh file.
+        position: Position of a primitive's centre, or of a mesh's origin, m.
     """
 
     name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
@@ -201,26 +289,26 @@ class ObjectEntry(Entry):
     scatter: ScatterEntry | None = None
 
     def angles(self) -> tuple[float, float, float]:
-        """Give roll, pitch and yaw, rad."""
+        """Return roll, pitch and yaw, rad."""
         degrees = self.rotation_deg or [0.0, 0.0, self.yaw_deg]
         roll, pitch, yaw = (math.radians(angle) for angle in degrees)
         return roll, pitch, yaw
 
     @property
     def material_names(self) -> list[str]:
-        """What it is made of, by the map's names."""
+        """The names of its materials in the map."""
         one = [] if self.material is None else [self.material]
         return [*one, *(self.materials or {}).values()]
 
     @property
     def copies(self) -> int | None:
         """The number of copies; None if it is neither repeated nor scattered."""
-        several = self.repeat or self.scatter
-        return several.count if several else None
+        copies = self.repeat or self.scatter
+        return copies.count if copies else None
 
 
 class StartEntry(Entry):
-    """A place where robots start, on the floor."""
+    """A pose on the floor where robots start."""
 
     name: Annotated[Text, MaxLen(MAX_START_NAME), AfterValidator(_start_name)]
     position: Vector
@@ -228,100 +316,14 @@ class StartEntry(Entry):
 
 
 class TrialEntry(Entry):
-    """What a robot that finds its way is to do on the map.
+    """A navigation task on the map.
 
     Attributes:
-        start: The name of a start, in any case.
-        goal: x and y of a place on the floor, m.
-        safety_distance: The one that the map is made for, m.
+        start: Name of a start, case-insensitive.
+        goal: x and y of the goal on the floor, m.
+        safety_distance: Safety distance that the map is designed for, m.
     """
 
     start: Text
     goal: Corner
     safety_distance: Size
-
-
-# Section from scene.materialmodel.
-# What a map file may say of a material.
-
-MAX_DB = 1e6  # in a metre; what takes more is opaque
-MAX_AMOUNT = 1000.0  # mm/h, g/m^3
-
-Bands: TypeAlias = tuple[float, float, float]
-_BAND_KEYS = [str(band) for band in BANDS_GHZ]
-
-
-def _density(value: object) -> float:
-    number = OPAQUE if value == "opaque" else _number(value)
-    if number is None:
-        raise ValueError(f"{shown(value)}, expected 'opaque' or a number, at least 0")
-    return number
-
-
-def _absorption(value: object) -> float:
-    number = math.inf if value == "all" else _number(value, MAX_DB)
-    if number is None:
-        expected = f"expected 'all' or a number from 0 to {MAX_DB:g}"
-        raise ValueError(f"{shown(value)}, {expected}")
-    return number
-
-
-def _bands(value: object) -> Bands:
-    """Take a number for all bands, or one for each."""
-    given = value if isinstance(value, dict) else dict.fromkeys(_BAND_KEYS, value)
-    first, second, third = (_number(given.get(key), MAX_DB) for key in _BAND_KEYS)
-    if first is None or second is None or third is None or len(given) > 3:
-        expected = f"expected a number from 0 to {MAX_DB:g}, or one for each of"
-        raise ValueError(f"{shown(value)}, {expected} {', '.join(_BAND_KEYS)}")
-    return first, second, third
-
-
-def _number(value: object, most: float = math.inf) -> float | None:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    return float(value) if 0 <= value <= most else None
-
-
-def _in_library(value: str) -> str:
-    if value not in library_names():
-        raise ValueError(f"{shown(value)}, expected one of {list(library_names())}")
-    return value
-
-
-Density: TypeAlias = Annotated[float, PlainValidator(_density)]
-Decibels: TypeAlias = Annotated[Real, Ge(0), Le(MAX_DB)]
-BandDecibels: TypeAlias = Annotated[Bands, PlainValidator(_bands)]
-Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
-Amount: TypeAlias = Annotated[Real, Ge(0), Le(MAX_AMOUNT)]
-LibraryName: TypeAlias = Annotated[Text, AfterValidator(_in_library)]
-
-
-class MaterialEntry(Entry):
-    """A material; what it does not say is as in the one that it is based on.
-
-    Attributes:
-        based_on: A material of the library.
-        density: Power lost per metre inside; does not count beside a ``sheet_loss``.
-        laser_density: The same for a laser beam.
-        db_per_m: What radar waves lose inside, one way, in each band.
-        laser_db_per_m: The same for light.
-        sheet_loss: Power that a radar beam loses at each surface, and nowhere else.
-        absorption_db: What an opaque surface keeps of a radar wave.
-        laser_absorption_db: The same of light.
-        mirror: What an opaque surface reflects like a mirror.
-        g_per_m3: Of what the library's material has so much of.
-        mm_per_h: The same of rain.
-    """
-
-    based_on: LibraryName | None = None
-    density: Density | None = None
-    laser_density: Density | None = None
-    db_per_m: BandDecibels | None = None
-    laser_db_per_m: Decibels | None = None
-    solid: Annotated[bool, Strict()] | None = None
-    sheet_loss: Annotated[Real, Ge(0)] | None = None
-    absorption_db: Absorption | None = None
-    laser_absorption_db: Absorption | None = None
-    mirror: Literal["radar", "laser", "both", "none"] | None = None
-    g_per_m3: Amount | None = None
-    mm_per_h: Amount | None = None

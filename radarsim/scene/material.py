@@ -1,4 +1,4 @@
-"""What things are made of, as a beam and a bumper meet them."""
+"""Materials: how they attenuate and reflect beams, and whether they stop robots."""
 
 import math
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ class Material:
         name: As the map file spells it.
         density: Penetration power that a radar beam loses per metre inside;
             ``math.inf`` is opaque: the beam ends at the surface.
-        laser_density: The same for a laser beam.
-        solid: Whether a robot is stopped by it.
-        sheet_loss: Power that a radar beam loses at each surface crossed, for things
-            that have no inside, such as single leaves; None for volumes and opaque
-            surfaces. With it surfaces alone cost something, even where they are
-            closed: a finite density does not count, and a laser beam that a finite
-            ``laser_density`` lets in passes for nothing.
-        radar_db: (3,) dB that radar waves lose per metre inside, one way, in each of
-            ``BANDS_GHZ``; on top of the density, at so much power per dB as a sensor's
-            margin makes it.
-        laser_db: The same for light.
-        absorption_db: dB that an opaque surface keeps of a radar wave; what a beam has
-            not to spare does not come back. ``math.inf`` keeps everything.
-        laser_absorption_db: The same of light.
-        radar_mirror: Whether an opaque surface reflects radar waves like a mirror.
-        laser_mirror: Whether it reflects light so.
-        rain: mm/h of rain in it, whose drops a radar sees.
+        laser_density: Penetration power that a laser beam loses per metre inside.
+        solid: Whether it stops a robot.
+        sheet_loss: Power that a radar beam loses at each surface crossed, for objects
+            without an inside, such as single leaves; None for volumes and opaque
+            surfaces. With a sheet loss only surfaces attenuate, even closed ones: a
+            finite density is ignored, and a laser beam that a finite
+            ``laser_density`` lets in loses nothing.
+        radar_db: (3,) one-way attenuation of radar waves inside, dB/m, in each of
+            ``BANDS_GHZ``; in addition to the density, converted to power by the
+            sensor's margin.
+        laser_db: One-way attenuation of light inside, dB/m.
+        absorption_db: Part of a radar wave that an opaque surface absorbs, dB; a beam
+            without so much margin does not return. ``math.inf`` absorbs everything.
+        laser_absorption_db: Part of a light beam that an opaque surface absorbs, dB.
+        radar_mirror: Whether an opaque surface is a mirror to radar waves.
+        laser_mirror: Whether an opaque surface is a mirror to light.
+        rain: Rain rate inside, mm/h; a radar sees the drops.
     """
 
     name: str
@@ -48,5 +48,5 @@ class Material:
 
     @property
     def penetrable(self) -> bool:
-        """Whether radar or laser beams get into it, so that its inside counts."""
+        """Whether radar or laser beams enter it, so that its inside matters."""
         return math.isfinite(self.density) or math.isfinite(self.laser_density)

@@ -1,10 +1,11 @@
-"""Triangles and material names out of mesh files.
+"""Read triangles and material names from mesh files.
 
-trimesh reads the formats; it is imported at the first file, because that takes longer
-than everything else that loading a map of primitives does. It gets bytes and never a
-path: what a mesh file refers to is read for it, from inside the map's folder alone.
-Only a glTF file's buffers are: pictures do not matter here, and of an OBJ file's
-material library only the names do, which stand in the OBJ file itself.
+trimesh parses the formats; it is imported at the first file, because the import takes
+longer than everything else that loading a map of primitives does. It gets bytes and
+never a path: files that a mesh file refers to are read on its behalf, and only from
+inside of the map's folder. These are the buffers of a glTF file: textures do not matter
+here, and of an OBJ file's material library only the names do, which the OBJ file itself
+contains.
 """
 
 import io
@@ -18,13 +19,14 @@ from urllib.parse import unquote
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.scene.shapes import Faces
+from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.scene.topology import (
-    count_empty,
+    count_degenerate,
     count_open_edges,
     orient_outward,
     weld_vertices,
 )
+from radarsim.yaml_reader import short_repr
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -32,13 +34,13 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     ".obj": {"split_objects": True},
     ".ply": {"skip_materials": True},
 }
-_LIBRARY = "names.mtl"
-_OTHER_HEADER = "model.gltf"  # asked for in place of a glTF file that is broken
-_PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".webp")
+_MATERIAL_LIBRARY = "names.mtl"
+_FALLBACK_HEADER = "model.gltf"  # trimesh asks for it if a glTF file is broken
+_TEXTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".webp")
 
 
 class MeshError(Exception):
-    """A mesh file cannot be used; the text says why."""
+    """A mesh file cannot be used; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,37 +48,42 @@ class Surface:
     """One piece of a mesh file, in the frame of the file.
 
     Attributes:
-        material: The name of its material in the file, None where it has none.
+        material: The name of its material in the file, if it has one.
         vertices: (V, 3) in the file's unit.
-        faces: (F, 3) rows of vertex numbers.
+        faces: (F, 3) vertex indices.
     """
 
     material: str | None
     vertices: Floats
     faces: Faces
 
+    @property
+    def mesh(self) -> Mesh:
+        """The vertices and the faces."""
+        return self.vertices, self.faces
+
 
 def find_inside(folder: Path, start: Path, reference: str) -> Path:
-    """Find the file that a reference names, following symbolic links.
+    """Resolve a reference to a file, following symbolic links.
 
     Args:
-        folder: Where the file must lie, links resolved.
-        start: The folder that the reference starts from.
+        folder: The folder that must contain the file, links resolved.
+        start: The folder that the reference is relative to.
         reference: A relative path.
 
     Raises:
         MeshError: If it leads out of the folder, or there is no such file.
     """
-    cut = repr(reference)[:80]
+    text = short_repr(reference)
     try:
         path = (start / reference).resolve()
-        there = path.is_file()
+        exists = path.is_file()
     except (OSError, RuntimeError, ValueError) as error:  # loops, NUL, endless names
-        raise MeshError(f"{cut}, expected the path of a file") from error
+        raise MeshError(f"{text}, expected the path of a file") from error
     if not path.is_relative_to(folder):
-        raise MeshError(f"{cut}, expected a file in the map's own folder")
-    if not there:
-        raise MeshError(f"{cut}, expected an existing file")
+        raise MeshError(f"{text}, expected a file in the map's own folder")
+    if not exists:
+        raise MeshError(f"{text}, expected an existing file")
     return path
 
 
@@ -84,11 +91,12 @@ def read_surfaces(path: Path, folder: Path) -> list[Surface]:
     """Read the surfaces of a mesh file, the transforms of its scene graph applied.
 
     Args:
-        path: A file that find_inside has found.
-        folder: Where the files must lie that this one refers to, links resolved.
+        path: A file that `find_inside` has returned.
+        folder: The folder that must contain all files that this one refers to, links
+            resolved.
 
     Raises:
-        MeshError: If the file is broken, or holds no triangles.
+        MeshError: If the file is broken, or contains no triangles.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -101,82 +109,82 @@ def read_surfaces(path: Path, folder: Path) -> list[Surface]:
         raise MeshError(f"{path.name!r}: refers to {error}") from error
     except MemoryError as error:
         raise MeshError(f"{path.name!r}: too large") from error
-    except Exception as error:  # broken files make loaders stumble in every way
-        kind = suffix[1:].upper()
-        text = f"{path.name!r}: cannot be read as {kind}: {_reason(error)}"
+    except Exception as error:  # broken files make parsers raise anything
+        file_type = suffix[1:].upper()
+        text = f"{path.name!r}: cannot be read as {file_type}: {_reason(error)}"
         raise MeshError(text) from error
-    whole = [surface for surface in surfaces if surface is not None]
-    if not whole:
+    with_faces = [surface for surface in surfaces if surface is not None]
+    if not with_faces:
         raise MeshError(f"{path.name!r}: no triangles")
-    return whole
+    return with_faces
 
 
-def join_volume(surfaces: list[Surface]) -> tuple[Floats, Faces]:
-    """Join surfaces into one mesh that encloses volumes, wound outward.
+def join_volume(surfaces: list[Surface]) -> Mesh:
+    """Join surfaces into one mesh that encloses volumes, oriented outward.
 
-    Surfaces that are closed by themselves stay apart from each other, even where they
-    touch; the others are sewn together where their vertices coincide.
+    Surfaces that are closed by themselves stay separate, even where they touch; the
+    others are welded together where their vertices coincide.
 
     Raises:
-        MeshError: If they stay open, or have nothing inside, see emptiness.py.
+        MeshError: If the mesh is open, or parts of it enclose nothing, see `topology`.
     """
-    vertices, faces = _sewn(surfaces)
-    twice, flat = count_empty(vertices, faces)
-    if twice:
-        text = "faces stand there twice, once each way round, with nothing inside"
-        raise MeshError(f"{twice} {text}")
+    vertices, faces = _weld(surfaces)
+    doubled, flat = count_degenerate(vertices, faces)
+    if doubled:
+        text = "faces are present in both orientations, with nothing inside"
+        raise MeshError(f"{doubled} {text}")
     if flat:
         raise MeshError(f"{flat} faces enclose no volume, as sheets with two sides")
     return vertices, faces
 
 
-def _sewn(surfaces: list[Surface]) -> tuple[Floats, Faces]:
-    closed: list[tuple[Floats, Faces]] = []
-    rest: list[tuple[Floats, Faces]] = []
+def join_surfaces(surfaces: list[Surface]) -> Mesh:
+    """Join surfaces into one mesh as they are; closed ones are oriented outward."""
+    try:
+        return _weld(surfaces)
+    except MeshError:
+        return concatenate([weld_vertices(*surface.mesh) for surface in surfaces])
+
+
+def _weld(surfaces: list[Surface]) -> Mesh:
+    closed: list[Mesh] = []
+    remaining: list[Mesh] = []
     for surface in surfaces:
-        vertices, faces = weld_vertices(surface.vertices, surface.faces)
-        turned = orient_outward(vertices, faces)
-        if turned is None:
-            rest.append((vertices, faces))
+        vertices, faces = weld_vertices(*surface.mesh)
+        oriented = orient_outward(vertices, faces)
+        if oriented is None:
+            remaining.append((vertices, faces))
         else:
-            closed.append((vertices, turned))
-    if rest:
-        vertices, faces = weld_vertices(*_stack(rest))
-        turned = orient_outward(vertices, faces)
-        if turned is None:
+            closed.append((vertices, oriented))
+    if remaining:
+        vertices, faces = weld_vertices(*concatenate(remaining))
+        oriented = orient_outward(vertices, faces)
+        if oriented is None:
             count = count_open_edges(faces)
             raise MeshError(f"not closed: {count} edges have no partner")
-        closed.append((vertices, turned))
-    return _stack(closed)
-
-
-def join_surfaces(surfaces: list[Surface]) -> tuple[Floats, Faces]:
-    """Join surfaces into one mesh as they are; closed ones are wound outward."""
-    try:
-        return _sewn(surfaces)
-    except MeshError:
-        return _stack([weld_vertices(each.vertices, each.faces) for each in surfaces])
+        closed.append((vertices, oriented))
+    return concatenate(closed)
 
 
 class _References:
-    """What trimesh asks for the files that a mesh file refers to."""
+    """Resolver that trimesh asks for the files that a mesh file refers to."""
 
     file_name = None
 
     def __init__(self, start: Path, folder: Path) -> None:
         self._start = start
         self._folder = folder
-        self._made: dict[str, bytes] = {}
+        self._virtual: dict[str, bytes] = {}
 
-    def make(self, name: str, content: bytes) -> None:
-        """Let a name stand for this content, whatever is on the disk."""
-        self._made[name] = content
+    def add(self, name: str, content: bytes) -> None:
+        """Add a virtual file, which hides one of that name on the disk."""
+        self._virtual[name] = content
 
     def get(self, name: str) -> bytes:
-        """Give the bytes of a file."""
-        if name in self._made:
-            return self._made[name]
-        if name == _OTHER_HEADER or name.lower().endswith(_PICTURES):
+        """Return the bytes of a file."""
+        if name in self._virtual:
+            return self._virtual[name]
+        if name == _FALLBACK_HEADER or name.lower().endswith(_TEXTURES):
             raise FileNotFoundError(name)
         return find_inside(self._folder, self._start, unquote(name)).read_bytes()
 
@@ -184,19 +192,19 @@ class _References:
 
 
 def _content(path: Path, suffix: str, references: _References) -> bytes:
-    """Read a file; an OBJ file gets a library that has just the names of materials."""
+    """Read a file; give an OBJ file a virtual library of its materials' names."""
     content = path.read_bytes()
     if suffix != ".obj":
         return content
     text = re.sub(r"(?m)^\s*mtllib.*$", "", content.decode("utf-8", "replace"))
     names = dict.fromkeys(re.findall(r"(?m)^\s*usemtl[ \t]+(.*\S)", text))
     library = "".join(f"newmtl {name}\nKd 1 1 1\n" for name in names)
-    references.make(_LIBRARY, library.encode())
-    return f"mtllib {_LIBRARY}\n{text}".encode()
+    references.add(_MATERIAL_LIBRARY, library.encode())
+    return f"mtllib {_MATERIAL_LIBRARY}\n{text}".encode()
 
 
 def _load(content: bytes, suffix: str, references: Any) -> Any:
-    import trimesh  # noqa: PLC0415 - see above
+    import trimesh  # noqa: PLC0415 - slow, see above
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -210,20 +218,20 @@ def _load(content: bytes, suffix: str, references: Any) -> Any:
 
 
 def _reason(error: BaseException) -> str:
-    """Say in one line why a file cannot be read.
+    """Return one line that says why a file cannot be read.
 
-    Where that fails, trimesh tries another format, another file, or a module that
-    guesses the encoding, and it is that which fails last: the first error counts.
+    If parsing fails, trimesh tries another format, another file, or a module that
+    guesses the encoding, and these fail last: the first error is the reason.
     """
-    second = (ImportError, OSError, UnicodeError)
-    while isinstance(error, second) and error.__context__ is not None:
+    consequences = (ImportError, OSError, UnicodeError)
+    while isinstance(error, consequences) and error.__context__ is not None:
         error = error.__context__
     text = f"no {error}" if isinstance(error, KeyError) else str(error)
     return (text.splitlines() or [type(error).__name__])[0][:120]
 
 
 def _surface(scene: Any, node: str) -> Surface | None:
-    """Give a node's triangles; None for points and lines."""
+    """Return a node's triangles; None for points and lines."""
     matrix, name = scene.graph[node]
     geometry = scene.geometry[name]
     faces = np.array(getattr(geometry, "faces", ()), dtype=np.int64).reshape(-1, 3)
@@ -236,15 +244,7 @@ def _surface(scene: Any, node: str) -> Surface | None:
         raise ValueError("a face names a vertex that is not there")
     if not np.isfinite(vertices).all():
         raise ValueError("a vertex is not finite")
-    if np.linalg.det(matrix[:3, :3]) < 0:  # a mirror turns faces round
+    if np.linalg.det(matrix[:3, :3]) < 0:  # mirroring inverts the orientation
         faces = faces[:, ::-1]
     material = getattr(getattr(geometry.visual, "material", None), "name", None)
     return Surface(material or None, vertices, faces.astype(np.int32))
-
-
-def _stack(meshes: list[tuple[Floats, Faces]]) -> tuple[Floats, Faces]:
-    """Put meshes into one, each with vertices of its own."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    moved = [faces + start for (_, faces), start in zip(meshes, starts, strict=False)]
-    vertices = np.vstack([vertices for vertices, _ in meshes])
-    return vertices, np.vstack(moved).astype(np.int32)

@@ -1,4 +1,4 @@
-"""What there is: parts with their materials, and the places where robots start."""
+"""The scene: parts with their materials, and the poses where robots start."""
 
 import math
 from collections.abc import Mapping
@@ -10,25 +10,25 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.shapes import Faces
-from radarsim.scene.topology import Labels, is_closed, label_components
+from radarsim.scene.topology import is_closed
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The surfaces of one object that are of one material.
+    """The surfaces of one object that have one material.
 
-    Arrays are brought to their dtypes and made read-only.
+    Arrays are copied, converted to their dtypes and made read-only.
 
     Attributes:
         object_name: The object's name in the map file.
-        material: What it is made of.
+        material: The material of its surfaces and of the volumes that they enclose.
         vertices: (V, 3) float64 m, map frame.
-        faces: (F, 3) int32 rows of vertex numbers; wound outward where the inside
-            counts, with cavities wound the other way round.
+        faces: (F, 3) int32 vertex indices; oriented outward if the material is
+            penetrable, and inward at cavities.
 
     Raises:
         ValueError: If an array has another shape, a vertex is not finite, or a face
-            names a vertex that is not there.
+            refers to a missing vertex.
     """
 
     object_name: str
@@ -59,15 +59,10 @@ class Part:
         """Whether the surfaces enclose a volume, so that inside and outside exist."""
         return is_closed(self.faces)
 
-    @cached_property
-    def shells(self) -> Labels:
-        """The shell that each face belongs to, (F,) int32, counted from 0."""
-        return label_components(self.faces)
-
 
 @dataclass(frozen=True, slots=True)
 class StartPose:
-    """A named place where a robot can start; its z is the floor's height there."""
+    """A named pose where a robot can start; z is the floor's height there."""
 
     name: str
     pose: Pose3
@@ -75,13 +70,13 @@ class StartPose:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What a robot that finds its way is to do.
+    """A navigation task: from a start to a goal.
 
     Attributes:
-        start: The name, in any case, of the start that it sets out from.
-        goal: x and y of where it is to go, m, map frame.
-        safety_distance: What the map is made for, m, from the robot's centre to what
-            its sensor sees.
+        start: The name of the start pose, case-insensitive.
+        goal: x and y of the goal, m, map frame.
+        safety_distance: The distance from the robot's centre to what its sensor sees
+            that the map is designed for, m.
     """
 
     start: str
@@ -95,13 +90,13 @@ class Scene:
 
     Attributes:
         name: The stem of the map file.
-        level: The name that clients are greeted with.
+        level: The level name that the server sends to clients.
         parts: In the order of the map file.
         starts: In the order of the map file.
-        materials: By name.
-        air: What fills the whole scene, besides its parts: fog, rain; None for nothing
-            that costs anything.
-        trial: What to try navigation with; None if the map says nothing of it.
+        materials: All materials by name.
+        air: The material that fills the whole scene outside of its parts, such as fog
+            or rain; None for clear air, which attenuates nothing.
+        trial: The navigation task of the map, if it has one.
     """
 
     name: str
@@ -127,7 +122,7 @@ class Scene:
         return sum(len(part.faces) for part in self.parts)
 
     def floor_at(self, x: float, y: float) -> float:
-        """Give the floor's height at a place, m: that of the nearest start, else 0."""
+        """Return the floor's height at the nearest start, m; 0 without starts."""
         if not self.starts:
             return 0.0
         return min(
@@ -136,13 +131,13 @@ class Scene:
         ).z
 
     def start(self, name: str) -> StartPose | None:
-        """Find a start by its name, in any case; None if there is none of that name."""
+        """Return the start of a name, case-insensitive; None if there is none."""
         wanted = name.casefold()
         matches = (start for start in self.starts if start.name.casefold() == wanted)
         return next(matches, None)
 
 
 def _box(part: Part) -> Floats:
-    """Give the smallest and largest x, y, z of the vertices that have faces."""
+    """Return the smallest and largest x, y, z of the vertices that have faces."""
     used = part.vertices[part.faces.ravel()]
     return np.stack([used.min(axis=0), used.max(axis=0)])

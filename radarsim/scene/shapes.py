@@ -1,10 +1,11 @@
 """Primitive shapes as closed triangle meshes.
 
-Every shape is centred on the origin, closed, and wound outward: seen from outside
+Every shape is centred on the origin, closed, and oriented outward: seen from outside
 the corners of a face run counter-clockwise. Round shapes are inscribed: all vertices
 lie on the true surface, those on the axes exactly, and every face lies inside it.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 
 Faces: TypeAlias = NDArray[np.int32]
+Mesh: TypeAlias = tuple[Floats, Faces]  # (V, 3) m and (F, 3) vertex indices
 
 SPHERE_SUBDIVISIONS = 3  # 1280 faces; no face is deeper than 0.46 % of the radius
 CYLINDER_SIDES = 64  # the middle of a side is 0.12 % of the radius too deep
@@ -28,21 +30,21 @@ _BOX_FACES = [
 ]
 
 
-def box(length: float, width: float, height: float) -> tuple[Floats, Faces]:
-    """Make a box with edges of these lengths along x, y and z, m."""
+def box(length: float, width: float, height: float) -> Mesh:
+    """Create a box with edges of these lengths along x, y and z, m."""
     corners = [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
     vertices = np.array(corners) * [length, width, height]
     return vertices, np.array(_BOX_FACES, dtype=np.int32)
 
 
-def sphere(radius: float) -> tuple[Floats, Faces]:
-    """Make a sphere of 1280 faces; radius in m."""
+def sphere(radius: float) -> Mesh:
+    """Create a sphere of 1280 faces; radius in m."""
     vertices, faces = _unit_sphere()
     return vertices * radius, faces.copy()
 
 
-def cylinder(radius: float, height: float) -> tuple[Floats, Faces]:
-    """Make an upright cylinder of 64 sides; radius and height in m."""
+def cylinder(radius: float, height: float) -> Mesh:
+    """Create an upright cylinder of 64 sides; radius and height in m."""
     n = CYLINDER_SIDES
     angles = np.arange(n) * (2 * np.pi / n)
     rim = radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -50,29 +52,39 @@ def cylinder(radius: float, height: float) -> tuple[Floats, Faces]:
     centres = [[0.0, 0.0, -height / 2], [0.0, 0.0, height / 2]]
     vertices = np.vstack([np.hstack([rim, low]), np.hstack([rim, high]), centres])
     here = np.arange(n)
-    there = (here + 1) % n
+    following = (here + 1) % n
     bottom, top = np.full(n, 2 * n), np.full(n, 2 * n + 1)
     triangles = [
-        (here, there, there + n),
-        (here, there + n, here + n),
-        (bottom, there, here),
-        (top, here + n, there + n),
+        (here, following, following + n),
+        (here, following + n, here + n),
+        (bottom, following, here),
+        (top, here + n, following + n),
     ]
     faces = np.vstack([np.column_stack(corners) for corners in triangles])
     return vertices, faces.astype(np.int32)
 
 
+def concatenate(meshes: Sequence[Mesh]) -> Mesh:
+    """Join one or more meshes into one; no vertices are shared."""
+    offsets = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
+    shifted = [
+        faces + offset for (_, faces), offset in zip(meshes, offsets, strict=True)
+    ]
+    vertices = np.vstack([vertices for vertices, _ in meshes])
+    return vertices, np.vstack(shifted).astype(np.int32)
+
+
 @lru_cache(maxsize=1)
-def _unit_sphere() -> tuple[Floats, Faces]:
-    """Subdivide an icosahedron; the middles of some of its edges are on the axes."""
+def _unit_sphere() -> Mesh:
+    """Subdivide an icosahedron; the midpoints of some of its edges are on the axes."""
     vertices, faces = _icosahedron()
     for _ in range(SPHERE_SUBDIVISIONS):
         vertices, faces = _subdivide(vertices, faces)
     return vertices, faces
 
 
-def _icosahedron() -> tuple[Floats, Faces]:
-    """Give the 12 corners, on the unit sphere, and the 20 faces, wound outward."""
+def _icosahedron() -> Mesh:
+    """Return the 12 corners, on the unit sphere, and the 20 faces, oriented outward."""
     golden = (1 + 5**0.5) / 2
     pairs = [(a, b) for a in (-1.0, 1.0) for b in (-golden, golden)]
     corners = [
@@ -95,16 +107,16 @@ def _icosahedron() -> tuple[Floats, Faces]:
     return _on_unit_sphere(vertices), np.array(faces, dtype=np.int32)
 
 
-def _subdivide(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Split every face into four, pushing the middles of the edges outward."""
+def _subdivide(vertices: Floats, faces: Faces) -> Mesh:
+    """Split every face into four, projecting the edges' midpoints onto the sphere."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    unique, places = np.unique(edges, axis=0, return_inverse=True)
-    middles = _on_unit_sphere(vertices[unique].sum(axis=1))
-    ab, bc, ca = (places.reshape(-1, 3) + len(vertices)).T
+    unique, indices = np.unique(edges, axis=0, return_inverse=True)
+    midpoints = _on_unit_sphere(vertices[unique].sum(axis=1))
+    ab, bc, ca = (indices.reshape(-1, 3) + len(vertices)).T
     a, b, c = faces.T
     corners = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
     split = np.vstack([np.column_stack(corner) for corner in corners])
-    return np.vstack([vertices, middles]), split.astype(np.int32)
+    return np.vstack([vertices, midpoints]), split.astype(np.int32)
 
 
 def _on_unit_sphere(points: Floats) -> Floats:

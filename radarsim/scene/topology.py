@@ -1,11 +1,21 @@
-"""Shells: the connected surfaces of a mesh, and which side of them is inside.
+"""Topology of triangle meshes: connected components, orientation, degenerate faces.
 
-A surface encloses a volume if every edge is run through as often in one direction
-as in the other. That holds as well where several volumes touch along an edge, or lie
-exactly upon one another, and it makes "how many times does the surface contain this
-point" a whole number, from which densities add up.
+Theory of operation
+===================
+A mesh is closed if every edge is used as often in one direction as in the other. That
+also holds where several volumes touch along an edge or lie exactly upon one another,
+and it makes the winding number of a point a whole number, from which densities add up.
 
-Faces that share an edge belong to one shell; a common vertex alone does not join.
+Faces that share an edge belong to one connected component; a common vertex alone does
+not connect them.
+
+A sheet whose faces are all present in both orientations passes for a closed mesh, but
+its faces cancel each other, and beams would pass it as if it were not there. The same
+holds for a volume that is folded flat. Faces that cancel are legitimate in one place:
+inside of a volume, as the common wall of two volumes that touch. All others, and all
+components without a volume, are degenerate. Faces cancel if they have the same three
+corners in opposite orientations; where the two sides of a sheet are triangulated
+differently, the volume of the whole component shows it.
 """
 
 from typing import TypeAlias
@@ -16,180 +26,88 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.scene.shapes import Faces
 
+FLATNESS = 1e-9  # volume over (area times size); rounding errors are far below
+
 Labels: TypeAlias = NDArray[np.int32]
-_Ints: TypeAlias = NDArray[np.int64]
+_Booleans: TypeAlias = NDArray[np.bool_]
+_Integers: TypeAlias = NDArray[np.int64]
 
 
 def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Give vertices at exactly equal places one number.
+    """Merge vertices at exactly equal positions.
 
-    Vertices without faces are left out, and faces that vanish by the merging.
+    Drops vertices without faces, and faces that lose a corner by the merging.
 
     Args:
         vertices: (V, 3) m.
-        faces: (F, 3) rows of vertex numbers.
+        faces: (F, 3) vertex indices.
     """
-    used, numbers = np.unique(faces, return_inverse=True)
-    tidy = vertices[used] + 0.0  # -0.0 and 0.0 are one place
-    merged, places = np.unique(tidy, axis=0, return_inverse=True)
-    renamed = places.reshape(-1)[numbers.reshape(-1, 3)].astype(np.int32)
+    used, indices = np.unique(faces, return_inverse=True)
+    positions = vertices[used] + 0.0  # -0.0 and 0.0 are one position
+    merged, targets = np.unique(positions, axis=0, return_inverse=True)
+    renamed = targets.reshape(-1)[indices.reshape(-1, 3)].astype(np.int32)
     a, b, c = renamed.T
     return merged, renamed[(a != b) & (b != c) & (c != a)]
 
 
 def count_open_edges(faces: Faces) -> int:
     """Count the edges of (F, 3) faces that are not used equally in both directions."""
-    edges, directions, _ = _edges(faces)
+    edges, directions, _ = _half_edges(faces)
     return int(np.count_nonzero(np.bincount(edges, weights=directions)))
 
 
 def is_closed(faces: Faces) -> bool:
-    """Tell whether (F, 3) faces, if there are any, enclose a volume."""
+    """Return whether (F, 3) faces, if there are any, enclose a volume."""
     return count_open_edges(faces) == 0
 
 
 def label_components(faces: Faces) -> Labels:
-    """Number the shells of (F, 3) faces: (F,) int32, from 0 in the order of faces.
+    """Label the connected components of (F, 3) faces.
 
-    Vertices at equal places must have equal numbers, see `weld_vertices`.
+    Vertices at equal positions must be merged, see `weld_vertices`.
+
+    Returns:
+        (F,) the component of each face, from 0.
     """
-    edges, _, owners = _edges(faces)
+    edges, _, owners = _half_edges(faces)
     order = np.argsort(edges, kind="stable")
     same = edges[order][1:] == edges[order][:-1]
-    pairs = np.column_stack([owners[order][:-1], owners[order][1:]])[same]
-    return _components(len(faces), pairs)
+    return _connect(len(faces), owners[order][:-1][same], owners[order][1:][same])
 
 
 def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
-    """Wind the faces of a closed surface so that outward is outward.
+    """Orient the faces of a closed surface so that their normals point outward.
 
-    Where neighbours disagree, or a shell is inside out, faces are turned round. A
-    shell that is inside out and lies in another one is a cavity and stays as it is;
-    in a mesh whose neighbours disagree no cavity can be told from a nested volume,
-    and every shell is wound outward.
+    Flips faces where neighbours disagree, and components that are inside out. A
+    component that is inside out and lies in another one is a cavity and stays as it
+    is; in a mesh whose neighbours disagree a cavity cannot be told from a nested
+    volume, and every component is oriented outward.
 
     Args:
         vertices: (V, 3) m, merged.
-        faces: (F, 3) rows of vertex numbers.
+        faces: (F, 3) vertex indices.
 
     Returns:
         The faces, or None if the surface is not closed, or has only one side.
     """
     if is_closed(faces):
-        return _turn_stray_shells(vertices, faces)
-    consistent = _make_consistent(faces)
+        return _flip_inverted_components(vertices, faces)
+    consistent = _orient_consistently(faces)
     if consistent is None:
         return None
-    shells = label_components(consistent)
-    return _turned(
-        consistent, (_shell_volumes(vertices, consistent, shells) < 0)[shells]
-    )
+    labels = label_components(consistent)
+    return _flip(consistent, (_volumes(vertices, consistent, labels) < 0)[labels])
 
 
-def _edges(faces: Faces) -> tuple[_Ints, _Ints, _Ints]:
-    """Give each face's three edges: edge number, direction (1 or -1), owning face."""
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    low, high = ends.min(axis=1), ends.max(axis=1)
-    size = int(high.max(initial=0)) + 1
-    _, numbers = np.unique(low * size + high, return_inverse=True)
-    directions = np.where(ends[:, 0] < ends[:, 1], 1, -1)
-    return numbers.reshape(-1), directions, np.repeat(np.arange(len(faces)), 3)
+def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
+    """Return whether closed faces, oriented outward, enclose a point.
 
-
-def _components(count: int, pairs: _Ints) -> Labels:
-    """Number the connected components of ``count`` nodes that (P, 2) pairs join."""
-    roots = np.arange(count)
-    while pairs.size:
-        ends = roots[pairs]
-        pairs = pairs[ends[:, 0] != ends[:, 1]]
-        ends = roots[pairs]
-        np.minimum.at(roots, ends.max(axis=1), ends.min(axis=1))
-        while np.any(roots != roots[roots]):
-            roots = roots[roots]
-    _, labels = np.unique(roots, return_inverse=True)
-    return labels.reshape(-1).astype(np.int32)
-
-
-def _make_consistent(faces: Faces) -> Faces | None:
-    """Turn faces until neighbours agree; None if edges are open or it can't be done.
-
-    Each face stands twice in a graph, as it is and turned round. Two neighbours that
-    agree join like with like, two that disagree join unlike. A face that is joined to
-    its own turned copy lies on a surface with one side.
-    """
-    edges, directions, owners = _edges(faces)
-    if np.any(np.bincount(edges) != 2):
-        return None
-    order = np.argsort(edges, kind="stable").reshape(-1, 2)
-    first, second = owners[order].T
-    agree = directions[order].sum(axis=1) == 0
-    count = len(faces)
-    partner = np.where(agree, second, second + count)
-    opposite = np.where(agree, second + count, second)
-    pairs = np.vstack(
-        [np.column_stack([first, partner]), np.column_stack([first + count, opposite])]
-    )
-    labels = _components(2 * count, pairs)
-    as_is, turned = labels[:count], labels[count:]
-    return None if np.any(as_is == turned) else _turned(faces, as_is > turned)
-
-
-def _turn_stray_shells(vertices: Floats, faces: Faces) -> Faces:
-    """Turn everything if the whole is inside out, then shells that are in no other."""
-    shells = label_components(faces)
-    volumes = _shell_volumes(vertices, faces, shells)
-    if volumes.sum() < 0:
-        faces, volumes = _turned(faces, np.ones(len(faces), dtype=bool)), -volumes
-    lows, highs = shell_boxes(vertices, faces, shells, len(volumes))
-    stray = np.zeros(len(volumes), dtype=bool)
-    for shell in np.flatnonzero(volumes < 0):
-        around = (lows <= lows[shell]).all(axis=1) & (highs >= highs[shell]).all(axis=1)
-        hull = faces[(around & (volumes > 0))[shells]]
-        inner = vertices[faces[shells == shell][0]].mean(axis=0)
-        stray[shell] = not contains(vertices, hull, inner)
-    return _turned(faces, stray[shells])
-
-
-def _turned(faces: Faces, which: NDArray[np.bool_]) -> Faces:
-    turned = faces.copy()
-    turned[which] = faces[which][:, ::-1]
-    return turned
-
-
-def _shell_volumes(vertices: Floats, faces: Faces, shells: Labels) -> Floats:
-    """Give the signed volume of each shell, m³; negative where it is inside out."""
-    centre = vertices.mean(axis=0) if len(vertices) else np.zeros(3)
-    a, b, c = (vertices[faces[:, i]] - centre for i in range(3))
-    sixths: Floats = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
-    return np.bincount(shells, weights=sixths).astype(np.float64)
-
-
-def shell_boxes(
-    vertices: Floats, faces: Faces, shells: Labels, count: int
-) -> tuple[Floats, Floats]:
-    """Give the smallest and the largest x, y, z of each shell, (S, 3) m each.
+    Uses the solid angle of the faces as seen from the point (Van Oosterom and
+    Strackee): 4 pi from inside, 0 from outside.
 
     Args:
         vertices: (V, 3) m.
-        faces: (F, 3) rows of vertex numbers.
-        shells: (F,) the shell of each face, from 0.
-        count: S, the number of shells.
-    """
-    lows, highs = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(lows, shells, vertices[faces].min(axis=1))
-    np.maximum.at(highs, shells, vertices[faces].max(axis=1))
-    return lows, highs
-
-
-def contains(vertices: Floats, faces: Faces, point: Floats) -> bool:
-    """Tell whether closed faces, wound outward, enclose a point.
-
-    Uses the solid angle of the faces as seen from there, by Van Oosterom and
-    Strackee: 4 pi from inside, 0 from outside.
-
-    Args:
-        vertices: (V, 3) m.
-        faces: (F, 3) rows of vertex numbers.
+        faces: (F, 3) vertex indices.
         point: (3,) m, on none of the faces.
     """
     corners = vertices[faces] - point
@@ -201,75 +119,151 @@ def contains(vertices: Floats, faces: Faces, point: Floats) -> bool:
     return bool(angles.sum() > 2 * np.pi)
 
 
-# Section from scene.emptiness.
-# Faces that look like a volume's but have nothing inside.
-#
-# Every edge of a sheet whose faces stand there in both windings is run through as
-# often
-# one way as the other, so that it passes for a closed surface; but its windings
-# cancel,
-# and beams would go through it as if it were not there. The same holds for what is
-# folded flat.
-#
-# Faces that cancel are right in one place: inside of a volume, as the common wall of
-# two
-# that touch. Everything else that cancels, and every shell without a volume, is
-# empty.
-# Faces cancel if they have the same three corners; where two sides are cut into
-# triangles
-# differently, it is the volume of the whole shell that tells.
-
-FLATNESS = 1e-9  # a shell's volume over its area and size; rounding is far below
-
-
-def count_empty(vertices: Floats, faces: Faces) -> tuple[int, int]:
-    """Count the faces of a closed mesh, wound outward, that enclose nothing.
+def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
+    """Count the faces of a closed mesh, oriented outward, that enclose nothing.
 
     Args:
-        vertices: (V, 3) m; equal places that are to meet have one number.
-        faces: (F, 3) rows of vertex numbers.
+        vertices: (V, 3) m, merged.
+        faces: (F, 3) vertex indices.
 
     Returns:
-        How many stand there in both windings, each counted once, without being a wall
-        inside of a volume; and how many of the others belong to flat shells.
+        How many faces are present in both orientations, each counted once, without
+        being a wall inside of a volume; and how many of the others belong to flat
+        components.
     """
     cancelled = _cancelled(faces)
     hull = faces[~cancelled]
-    shells = label_components(hull)
-    lows, highs = shell_boxes(vertices, hull, shells, int(shells.max(initial=-1)) + 1)
-    flat = _is_flat(vertices, hull, shells, lows, highs)
+    labels = label_components(hull)
+    lows, highs = _bounding_boxes(vertices, hull, labels)
+    flat = _is_flat(vertices[hull] - lows[labels][:, None], labels, highs - lows)
     walls = faces[cancelled]
     groups, firsts, sizes = np.unique(
         label_components(walls), return_index=True, return_counts=True
     )
-    empty = 0
+    degenerate = 0
     for group in groups:
         point = vertices[walls[firsts[group]]].mean(axis=0)
-        around = ((lows <= point) & (point <= highs)).all(axis=1)
-        if not contains(vertices, hull[around[shells]], point):
-            empty += int(sizes[group])
-    return empty // 2, int(np.count_nonzero(flat[shells]))
+        candidates = ((lows <= point) & (point <= highs)).all(axis=1)
+        if not encloses(vertices, hull[candidates[labels]], point):
+            degenerate += int(sizes[group])
+    return degenerate // 2, int(np.count_nonzero(flat[labels]))
 
 
-def _cancelled(faces: Faces) -> NDArray[np.bool_]:
-    """Mark the faces that stand there as often in one winding as in the other."""
-    _, numbers = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+def _half_edges(faces: Faces) -> tuple[_Integers, _Integers, _Integers]:
+    """Return each face's three edges: edge index, direction (1 or -1), owning face."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    size = int(high.max(initial=0)) + 1
+    _, indices = np.unique(low * size + high, return_inverse=True)
+    directions = np.where(ends[:, 0] < ends[:, 1], 1, -1)
+    return indices.reshape(-1), directions, np.repeat(np.arange(len(faces)), 3)
+
+
+def _connect(count: int, first: _Integers, second: _Integers) -> Labels:
+    """Label the connected components of ``count`` nodes, joined in pairs."""
+    from scipy.sparse import coo_array  # noqa: PLC0415 - slow; only meshes need it
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+
+
+def _orient_consistently(faces: Faces) -> Faces | None:
+    """Flip faces until neighbours agree; None if edges are open or it can't be done.
+
+    Each face is two nodes of a graph, as it is and flipped. Two neighbours that agree
+    join like with like, two that disagree join unlike. A face that is connected to its
+    own flipped copy lies on a surface with one side, such as a Möbius strip.
+    """
+    edges, directions, owners = _half_edges(faces)
+    if np.any(np.bincount(edges) != 2):
+        return None
+    order = np.argsort(edges, kind="stable").reshape(-1, 2)
+    first, second = owners[order].T
+    agree = directions[order].sum(axis=1) == 0
+    count = len(faces)
+    labels = _connect(
+        2 * count,
+        np.concatenate([first, first + count]),
+        np.concatenate(
+            [
+                np.where(agree, second, second + count),
+                np.where(agree, second + count, second),
+            ]
+        ),
+    )
+    as_is, flipped = labels[:count], labels[count:]
+    return None if np.any(as_is == flipped) else _flip(faces, as_is > flipped)
+
+
+def _flip_inverted_components(vertices: Floats, faces: Faces) -> Faces:
+    """Flip all if the whole is inside out, then components that are no cavities."""
+    labels = label_components(faces)
+    volumes = _volumes(vertices, faces, labels)
+    if volumes.sum() < 0:
+        faces, volumes = faces[:, ::-1], -volumes
+    lows, highs = _bounding_boxes(vertices, faces, labels)
+    inverted = np.zeros(len(volumes), dtype=bool)
+    for index in np.flatnonzero(volumes < 0):
+        around = (lows <= lows[index]).all(axis=1) & (highs >= highs[index]).all(axis=1)
+        hull = faces[(around & (volumes > 0))[labels]]
+        inner = vertices[faces[labels == index][0]].mean(axis=0)
+        inverted[index] = not encloses(vertices, hull, inner)
+    return _flip(faces, inverted[labels])
+
+
+def _flip(faces: Faces, which: _Booleans) -> Faces:
+    flipped = faces.copy()
+    flipped[which] = faces[which][:, ::-1]
+    return flipped
+
+
+def _volumes(vertices: Floats, faces: Faces, labels: Labels) -> Floats:
+    """Return the signed volume of each component, m³; negative if it is inside out."""
+    centre = vertices.mean(axis=0) if len(vertices) else np.zeros(3)
+    return _volumes_below(vertices[faces] - centre, labels)
+
+
+def _volumes_below(corners: Floats, labels: Labels) -> Floats:
+    """Sum the volumes between the origin and faces, (F, 3, 3) m, per component."""
+    a, b, c = (corners[:, i] for i in range(3))
+    sixths: Floats = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    return np.bincount(labels, weights=sixths).astype(np.float64)
+
+
+def _bounding_boxes(
+    vertices: Floats, faces: Faces, labels: Labels
+) -> tuple[Floats, Floats]:
+    """Return the smallest and the largest x, y, z of each component, (C, 3) m each."""
+    count = int(labels.max(initial=-1)) + 1
+    lows, highs = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(lows, labels, vertices[faces].min(axis=1))
+    np.maximum.at(highs, labels, vertices[faces].max(axis=1))
+    return lows, highs
+
+
+def _cancelled(faces: Faces) -> _Booleans:
+    """Mark the faces that are present equally often in both orientations."""
+    _, indices = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
     a, b, c = faces.T
     forward = ((a < b) & (b < c)) | ((b < c) & (c < a)) | ((c < a) & (a < b))
-    numbers = numbers.reshape(-1)
-    sums = np.bincount(numbers, weights=np.where(forward, 1, -1))
-    cancelled: NDArray[np.bool_] = sums[numbers] == 0
+    indices = indices.reshape(-1)
+    sums = np.bincount(indices, weights=np.where(forward, 1, -1))
+    cancelled: _Booleans = sums[indices] == 0
     return cancelled
 
 
-def _is_flat(
-    vertices: Floats, faces: Faces, shells: NDArray[np.int32], low: Floats, high: Floats
-) -> NDArray[np.bool_]:
-    """Tell which shells enclose no volume, (S,)."""
-    corners = vertices[faces] - low[shells][:, None]
+def _is_flat(corners: Floats, labels: Labels, extents: Floats) -> _Booleans:
+    """Return which components enclose no volume, (C,).
+
+    Args:
+        corners: (F, 3, 3) m, relative to the low corner of the component's box, since
+            volumes far from the origin are inexact.
+        labels: (F,) the component of each face.
+        extents: (C, 3) m, of the components' boxes.
+    """
     a, b, c = (corners[:, i] for i in range(3))
-    volumes = np.bincount(shells, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
-    areas = np.bincount(shells, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-    sizes = np.linalg.norm(high - low, axis=1)
-    flat: NDArray[np.bool_] = np.abs(volumes) <= FLATNESS * areas * sizes
+    areas = np.bincount(labels, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    thinnest = FLATNESS * areas * np.linalg.norm(extents, axis=1)
+    flat: _Booleans = np.abs(_volumes_below(corners, labels)) <= thinnest
     return flat

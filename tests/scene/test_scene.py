@@ -23,7 +23,7 @@ def starts(*places: tuple[float, float, float]) -> Scene:
     return Scene("room", "DM-Room", starts=tuple(poses))
 
 
-def test_a_part_has_its_own_arrays_that_cannot_be_changed() -> None:
+def test_part_has_its_own_read_only_arrays() -> None:
     vertices, faces = box(1, 1, 1)
     part = Part("crate", WOOD, vertices.astype(np.float32), faces.astype(np.int64))
     assert [part.vertices.dtype.name, part.faces.dtype.name] == ["float64", "int32"]
@@ -47,21 +47,18 @@ def test_a_part_has_its_own_arrays_that_cannot_be_changed() -> None:
         pytest.param(np.zeros((3, 3)), [[-1, 1, 2]], "faces from -1 to 2"),
     ],
 )
-def test_a_part_refuses_what_is_no_mesh(
-    vertices: Any, faces: Any, message: str
-) -> None:
+def test_part_refuses_malformed_arrays(vertices: Any, faces: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Part("crate", WOOD, vertices, np.array(faces))
 
 
-def test_a_part_knows_its_shells_and_whether_it_is_closed() -> None:
+def test_part_knows_whether_it_is_closed() -> None:
     assert crate().closed
-    assert not crate().shells.any()
     vertices, faces = box(1, 1, 1)
     assert not Part("crate", WOOD, vertices, faces[1:]).closed
 
 
-def test_bounds_are_those_of_all_faces() -> None:
+def test_bounds_enclose_all_faces_but_not_unused_vertices() -> None:
     vertices, faces = box(1, 1, 1)
     loose = Part("crate", WOOD, np.vstack([vertices, [[99, 99, 99]]]), faces)
     empty = Part("nothing", WOOD, np.zeros((0, 3)), np.zeros((0, 3), np.int32))
@@ -70,18 +67,18 @@ def test_bounds_are_those_of_all_faces() -> None:
     assert scene.triangles == 24
 
 
-def test_an_empty_scene_has_no_extent() -> None:
+def test_empty_scene_has_no_extent() -> None:
     assert Scene("room", "DM-Room").bounds.tolist() == [[0, 0, 0], [0, 0, 0]]
 
 
-def test_the_floor_is_that_of_the_nearest_start() -> None:
+def test_floor_height_is_that_of_the_nearest_start() -> None:
     scene = starts((0, 0, 0.5), (10, 0, 1.5))
     assert scene.floor_at(4, 3) == 0.5
     assert scene.floor_at(6, 3) == 1.5
     assert starts().floor_at(4, 3) == 0.0
 
 
-def test_starts_are_found_in_any_case() -> None:
+def test_start_names_are_case_insensitive() -> None:
     scene = starts((0, 0, 0), (1, 0, 0))
     assert scene.start("robotSTART1") is scene.starts[1]
     assert scene.start("RobotStart7") is None

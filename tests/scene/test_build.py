@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.scene.build import NoRoom, copy_names, place_copies
+from radarsim.scene.build import BuildError, copy_names, place_copies
 from radarsim.scene.map_schema import ObjectEntry
 
 
@@ -66,5 +66,5 @@ def test_scattered_objects_keep_their_distance() -> None:
 
 
 def test_a_full_area_is_an_error() -> None:
-    with pytest.raises(NoRoom, match=r"^room for \d copies, expected 20$"):
+    with pytest.raises(BuildError, match=r"after \d copies, expected 20"):
         place_copies(scatter(min_distance=3))

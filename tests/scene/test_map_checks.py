@@ -250,7 +250,7 @@ def test_the_longest_names_are_taken() -> None:
         ),
         pytest.param(
             "version: 1\nversion: 1",
-            "m.yaml:2:1: version: key stands twice, first in line 1",
+            "m.yaml:2:1: version: duplicate key, first in line 1",
             id="duplicate key",
         ),
         pytest.param(
@@ -443,8 +443,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
             "name: a, sphere: 1, position: [1, 0, 0], material: stone,"
             " scatter: {count: 1, area: [[0, 0], [1, 1]], seed: 1}",
             36,
-            ".position: [1, 0, 0], expected 0 for x and y,"
-            " since the area of 'scatter' says where",
+            ".position: [1, 0, 0], expected 0 for x and y, since 'scatter' has an area",
             id="scattered around a place",
         ),
         pytest.param(
@@ -465,7 +464,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
             "name: a, sphere: 1, material: stone,"
             " scatter: {count: 9, area: [[0, 0], [1, 1]], seed: 1, min_distance: 9}",
             52,
-            ".scatter: room for 1 copies, expected 9",
+            ".scatter: the area is full after 1 copies, expected 9",
             id="no room",
         ),
         pytest.param(
@@ -509,7 +508,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
             "name: a, mesh: meshes/double.obj, material: leaf",
             21,
             ".mesh: 'meshes/double.obj':"
-            " 12 faces stand there twice, once each way round, with nothing inside,"
+            " 12 faces are present in both orientations, with nothing inside,"
             f" {CLOSED}",
             id="each face both ways round",
         ),
@@ -537,7 +536,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
         pytest.param(
             "name: a, mesh: meshes/tree.obj, materials: {Leaves: leaf}",
             49,
-            ".materials: nothing for 'Bark' of the file",
+            ".materials: missing 'Bark' of the file",
             id="a name without material",
         ),
         pytest.param(
@@ -614,10 +613,10 @@ def test_names_are_unique_copies_included() -> None:
     text += "  - {name: RobotA, position: [0, 0, 0]}\n"
     text += "  - {name: Robota, position: [0, 0, 0]}\n"
     assert problems(text) == [
-        "m.yaml:8:12: objects.1.name: 'a_2', expected a name that objects.0 has not",
+        "m.yaml:8:12: objects.1.name: 'a_2', expected a name not used by objects.0",
         "m.yaml:9:25: objects.2.sphere: -1, expected more than 0",
-        "m.yaml:9:12: objects.2.name: 'a_2', expected a name that objects.0 has not",
-        "m.yaml:12:12: starts.1.name: 'Robota', expected a name that starts.0 has not",
+        "m.yaml:9:12: objects.2.name: 'a_2', expected a name not used by objects.0",
+        "m.yaml:12:12: starts.1.name: 'Robota', expected a name not used by starts.0",
     ]
 
 
@@ -626,7 +625,7 @@ def test_the_extents_of_all_objects_together_are_limited() -> None:
         "name: a, box: [1, 1, 1], position: [-600, 0, 0], material: leaf",
         "name: b, box: [1, 1, 1], position: [600, 0, 0], material: leaf",
     )
-    message = "1201.0 x 1.0 x 1.0 m, expected at most 1000 m each way"
+    message = "1201.0 x 1.0 x 1.0 m, expected at most 1000 m in each direction"
     assert problems(text) == [f"m.yaml:7:3: objects: {message}"]
 
 

@@ -350,18 +350,19 @@ def test_air_fills_the_scene(text: str, air: Material | None) -> None:
         pytest.param(
             "air: foliage",
             "m.yaml:2:6: air: 'foliage' is opaque to a laser and solid,"
-            " expected what beams and robots can be in",
+            " expected a material that beams and robots can enter",
             id="foliage",
         ),
         pytest.param(
             "air: metal",
             "m.yaml:2:6: air: 'metal' is opaque to a radar and opaque to a laser and"
-            " solid, expected what beams and robots can be in",
+            " solid, expected a material that beams and robots can enter",
             id="metal",
         ),
         pytest.param(
             "air: m\nmaterials: {m: {sheet_loss: 1, laser_density: 0, solid: false}}",
-            "m.yaml:2:6: air: 'm' is a sheet, expected what beams and robots can be in",
+            "m.yaml:2:6: air: 'm' is a sheet,"
+            " expected a material that beams and robots can enter",
             id="a sheet",
         ),
         pytest.param(

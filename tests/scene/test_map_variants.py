@@ -134,7 +134,7 @@ def test_meshes_of_a_variant_lie_beside_the_map() -> None:
             "variants: {a: {air: metal}}",
             "m.yaml@a",
             "m.yaml:2:21: variants.a.air: 'metal' is opaque to a radar and opaque to a"
-            " laser and solid, expected what beams and robots can be in",
+            " laser and solid, expected a material that beams and robots can enter",
             id="air",
         ),
         pytest.param(
@@ -155,7 +155,7 @@ def test_meshes_of_a_variant_lie_beside_the_map() -> None:
             "variants: {a: {objects: [{name: b, sphere: 1, material: fog}]}}",
             "m.yaml@a",
             "m.yaml:3:33: variants.a.objects.0.name: 'b',"
-            " expected a name that objects.0 has not",
+            " expected a name not used by objects.0",
             id="a name that the map has",
         ),
     ],

@@ -1,0 +1,363 @@
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pytest
+from annotated_types import Ge, Gt, Le, Len, Lt
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    StrictBool,
+    StrictFloat,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+    field_validator,
+)
+
+from radarsim.yaml_reader import (
+    MAX_BYTES,
+    MAX_DEPTH,
+    MAX_VALUES,
+    UnreadableYaml,
+    compose,
+    parse_yaml,
+    read_yaml,
+)
+
+TEXT = """\
+robot:
+  name: P3AT
+  items:
+    - {type: Radar, fov: 180}
+    - type: Laser
+"""
+FILE = parse_yaml(Path("r.yaml"), TEXT)
+
+
+@pytest.mark.parametrize(
+    ("keys", "of_key", "place"),
+    [
+        pytest.param((), False, "r.yaml:1:1", id="the whole"),
+        pytest.param(("robot",), False, "r.yaml:2:3", id="a map's first key"),
+        pytest.param(("robot",), True, "r.yaml:1:1", id="the key of a map"),
+        pytest.param(("robot", "name"), False, "r.yaml:2:9", id="a value"),
+        pytest.param(("robot", "name"), True, "r.yaml:2:3", id="its key"),
+        pytest.param(
+            ("robot", "items", 0, "fov"), False, "r.yaml:4:26", id="in a list"
+        ),
+        pytest.param(
+            ("robot", "items", 1), True, "r.yaml:5:7", id="an index is no key"
+        ),
+        pytest.param(("robot", "mass"), False, "r.yaml:2:3", id="missing key"),
+        pytest.param(("robot", "mass"), True, "r.yaml:2:3", id="missing key as key"),
+        pytest.param(("robot", "items", 7), False, "r.yaml:4:5", id="missing index"),
+        pytest.param(("robot", "items", "x"), False, "r.yaml:4:5", id="key in a list"),
+        pytest.param(("robot", "name", "x"), False, "r.yaml:2:9", id="key in a text"),
+    ],
+)
+def test_every_key_path_has_a_place(
+    keys: tuple[str | int, ...], of_key: bool, place: str
+) -> None:
+    assert FILE.place(keys, of_key=of_key) == place
+
+
+def test_problem_has_place_and_keys() -> None:
+    problem = FILE.problem(("robot", "items", 0, "fov"), "too wide")
+    assert problem == "r.yaml:4:26: robot.items.0.fov: too wide"
+    assert FILE.problem((), "too short") == "r.yaml:1:1: too short"
+
+
+def test_problems_of_the_text_are_sorted_by_place() -> None:
+    file = parse_yaml(Path("r.yaml"), "a: {b: .nan}\na: !x 1\n")
+    assert file.problems == (
+        "r.yaml:1:8: a.b: '.nan', expected a finite number",
+        "r.yaml:2:1: a: duplicate key, first in line 1",
+        "r.yaml:2:4: a: tag '!x', expected none",
+    )
+
+
+class Inner(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    x: StrictInt = 0
+
+
+class Outer(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    switch: StrictBool = False
+    low: Annotated[StrictFloat, Ge(0), Lt(9)] = 0
+    high: Annotated[StrictFloat, Gt(0), Le(9)] = 1
+    pair: Annotated[list[StrictFloat], Len(2, 2)] = [0, 0]
+    word: StrictStr = ""
+    choice: Literal["a", "b"] = "a"
+    table: dict[StrictStr, StrictInt] = {}
+    inner: Inner = Inner()
+    odd: int = 1
+    needed: StrictInt
+
+    @field_validator("odd")
+    @classmethod
+    def is_odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise ValueError(f"{value}, expected an odd number")
+        return value
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        pytest.param("switch: 1", "1:9: o.switch: 1, expected true or false"),
+        pytest.param("low: -1", "1:6: o.low: -1, expected at least 0"),
+        pytest.param("low: 9", "1:6: o.low: 9, expected less than 9"),
+        pytest.param("high: 0", "1:7: o.high: 0, expected more than 0"),
+        pytest.param("high: 9.5", "1:7: o.high: 9.5, expected at most 9"),
+        pytest.param("high: abc", "1:7: o.high: 'abc', expected a number"),
+        pytest.param("pair: [1]", "1:7: o.pair: [1], expected 2 entries"),
+        pytest.param("pair: [1, 2, 3]", "1:7: o.pair: [1, 2, 3], expected 2 entries"),
+        pytest.param("pair: [1, x]", "1:11: o.pair.1: 'x', expected a number"),
+        pytest.param("pair: 1", "1:7: o.pair: 1, expected a list"),
+        pytest.param("word: 1", "1:7: o.word: 1, expected text"),
+        pytest.param("choice: c", "1:9: o.choice: 'c', expected 'a' or 'b'"),
+        pytest.param("table: 1", "1:8: o.table: 1, expected keys with values"),
+        pytest.param("table: {k: v}", "1:12: o.table.k: 'v', expected a whole number"),
+        pytest.param("inner: 1", "1:8: o.inner: 1, expected keys with values"),
+        pytest.param("inner: {y: 1}", "1:9: o.inner.y: unknown key"),
+        pytest.param("odd: 2", "1:6: o.odd: 2, expected an odd number"),
+        pytest.param(
+            "odd: x",
+            "1:6: o.odd: 'x', Input should be a valid integer,"
+            " unable to parse string as an integer",
+        ),
+        pytest.param("colour: 1", "1:1: o.colour: unknown key, expected one of ['a']"),
+    ],
+)
+def test_validation_problems_have_value_and_expectation(
+    line: str, message: str
+) -> None:
+    data = parse_yaml(Path("r.yaml"), f"{line}\nneeded: 1\n")
+    file = parse_yaml(Path("r.yaml"), "o:\n  " + f"{line}\n  needed: 1\n")
+    with pytest.raises(ValidationError) as caught:
+        Outer.model_validate(data.data)
+    row, column, rest = message.split(":", 2)
+    expected = f"r.yaml:{int(row) + 1}:{int(column) + 2}:{rest}"
+    assert file.validation_problems(caught.value, ("o",), known=["a"]) == [expected]
+
+
+def test_missing_key_points_at_the_dict_that_lacks_it() -> None:
+    file = parse_yaml(Path("r.yaml"), "low: 1\n")
+    with pytest.raises(ValidationError) as caught:
+        Outer.model_validate(file.data)
+    assert file.validation_problems(caught.value) == ["r.yaml:1:1: needed: missing"]
+
+
+def test_value_in_a_message_is_cut_to_80_characters() -> None:
+    file = parse_yaml(Path("r.yaml"), f"needed: {'x' * 200}\n")
+    with pytest.raises(ValidationError) as caught:
+        Outer.model_validate(file.data)
+    cut = "'" + "x" * 79
+    assert file.validation_problems(caught.value) == [
+        f"r.yaml:1:9: needed: {cut}, expected a whole number"
+    ]
+
+
+def test_file_is_utf_8_with_or_without_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    for encoding in ("utf-8", "utf-8-sig"):
+        path.write_text("name: Büsche\n", encoding=encoding)
+        assert read_yaml(path).data == {"name": "Büsche"}
+
+
+def test_invalid_utf_8_has_a_place(tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_bytes(b"a: 1\nb: \xff\n")
+    file = read_yaml(path)
+    message = "bytes that are no text, expected UTF-8"
+    assert (file.data, file.problems) == (None, (f"{path}:2:4: {message}",))
+
+
+def test_too_large_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_bytes(b"#" * (MAX_BYTES + 1))
+    assert read_yaml(path).problems == (f"{path}:1:1: more than {MAX_BYTES} bytes",)
+
+
+def test_invalid_yaml_is_one_problem() -> None:
+    file = parse_yaml(Path("r.yaml"), "a: [1\n")
+    expected = "not YAML: expected ',' or ']', but got '<stream end>'"
+    assert (file.data, file.problems) == (None, (f"r.yaml:2:1: {expected}",))
+    assert file.place(("a", 0)) == "r.yaml:2:1"
+
+
+def read(text: str) -> Any:
+    root, found = compose(text)
+    assert found == []
+    return root.to_plain()
+
+
+def problems(text: str) -> list[tuple[tuple[int, int], tuple[str | int, ...], str]]:
+    return [(each.position, each.keys, each.message) for each in compose(text)[1]]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        pytest.param("1", 1, id="whole number"),
+        pytest.param("-12", -12, id="negative"),
+        pytest.param("010", 10, id="leading zero is decimal"),
+        pytest.param("0o17", 15, id="octal"),
+        pytest.param("0x1F", 31, id="hexadecimal"),
+        pytest.param("1e-3", 0.001, id="exponent without a dot"),
+        pytest.param(".5", 0.5, id="no digit before the dot"),
+        pytest.param("5.", 5.0, id="no digit after the dot"),
+        pytest.param("12:30", "12:30", id="no base 60"),
+        pytest.param("1_000", "1_000", id="no underscores"),
+        pytest.param("on", "on", id="on is text"),
+        pytest.param("NO", "NO", id="NO is text"),
+        pytest.param("true", True, id="true"),
+        pytest.param("False", False, id="false"),
+        pytest.param("~", None, id="null"),
+        pytest.param("", None, id="nothing"),
+        pytest.param("'1'", "1", id="quoted is text"),
+        pytest.param('"true"', "true", id="quoted truth is text"),
+        pytest.param("|\n  1\n", "1\n", id="a block is text"),
+        pytest.param("2026-01-02", "2026-01-02", id="no dates"),
+        pytest.param("<<: {a: 1}", {"<<": {"a": 1}}, id="no merging"),
+        pytest.param("1: x", {"1": "x"}, id="keys are text"),
+        pytest.param("{radius: 0,1}", {"radius": 0, "1": None}, id="decimal comma"),
+        pytest.param("a: &x [1]\nb: *x", {"a": [1], "b": [1]}, id="alias"),
+        pytest.param("# nothing", None, id="a comment"),
+    ],
+)
+def test_scalars_follow_the_core_schema(text: str, value: Any) -> None:
+    result = read(text)
+    assert (result, type(result)) == (value, type(value))
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "keys", "message"),
+    [
+        pytest.param(
+            "a: 1\nb: 2\na: 3", (3, 1), ("a",), "duplicate key, first in line 1"
+        ),
+        pytest.param(
+            "a: {b: !!python/object:os.system 3}",
+            (1, 8),
+            ("a", "b"),
+            "tag 'tag:yaml.org,2002:python/object:os.system', expected none",
+            id="tag on a scalar",
+        ),
+        pytest.param("- !x {}", (1, 3), (0,), "tag '!x', expected none", id="on a map"),
+        pytest.param("[.nan]", (1, 2), (0,), "'.nan', expected a finite number"),
+        pytest.param("-.Inf", (1, 1), (), "'-.Inf', expected a finite number"),
+        pytest.param("a: 1e400", (1, 4), ("a",), "'1e400', expected a finite number"),
+        pytest.param(
+            "9" * 500,
+            (1, 1),
+            (),
+            "'" + "9" * 79 + ", expected a finite number",
+            id="500 digits",
+        ),
+        pytest.param(
+            "a: *b", (1, 4), ("a",), "alias 'b', expected an anchor before it"
+        ),
+        pytest.param(
+            "a: &b [*b]",
+            (1, 8),
+            ("a", 0),
+            "alias 'b', expected an anchor before it",
+            id="alias inside of itself",
+        ),
+        pytest.param(
+            "? [x]\n: 3",
+            (1, 3),
+            (),
+            "a key that is no plain text, expected a name",
+            id="list as key",
+        ),
+        pytest.param(
+            "a: {[x]: 3}",
+            (1, 5),
+            ("a",),
+            "a key that is no plain text, expected a name",
+            id="list as an inner key",
+        ),
+    ],
+)
+def test_refused_node_has_position_and_keys(
+    text: str, position: tuple[int, int], keys: tuple[str | int, ...], message: str
+) -> None:
+    assert problems(text) == [(position, keys, message)]
+
+
+def test_problem_inside_of_a_key_has_position_and_keys() -> None:
+    assert problems("a: {? [!x y] : 3}") == [
+        ((1, 8), ("a", "?", 0), "tag '!x', expected none"),
+        ((1, 7), ("a",), "a key that is no plain text, expected a name"),
+    ]
+
+
+def test_all_problems_are_found_and_reading_continues() -> None:
+    root, found = compose("a: .nan\na: !x 1\nb: !y 2\n")
+    assert [each.position[0] for each in found] == [1, 2, 2, 3]
+    assert root.to_plain() == {"a": 1.0, "b": 2}
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "message"),
+    [
+        pytest.param(
+            "a: b: c", (1, 5), "not YAML: mapping values are not allowed here"
+        ),
+        pytest.param(
+            "a: [1",
+            (1, 6),
+            "not YAML: expected ',' or ']', but got '<stream end>'",
+            id="open bracket",
+        ),
+        pytest.param("a: 1\nb: \0", (2, 4), "not YAML: character '\\x00'", id="NUL"),
+        pytest.param("a: 1\n---\n", (2, 1), "a second document, expected one"),
+        pytest.param(
+            "[" * 50, (1, MAX_DEPTH + 2), "more than 32 levels", id="deep nesting"
+        ),
+        pytest.param(
+            "? " * 3000 + "a",
+            (1, 2 * MAX_DEPTH + 3),
+            "more than 32 levels",
+            id="keys of keys",
+        ),
+        pytest.param(
+            "{" * 3000 + "a: 1" + "}: 1" * 2999 + "}",
+            (1, MAX_DEPTH + 2),
+            "more than 32 levels",
+            id="maps as keys of maps",
+        ),
+    ],
+)
+def test_unreadable_text_has_a_position(
+    text: str, position: tuple[int, int], message: str
+) -> None:
+    with pytest.raises(UnreadableYaml) as caught:
+        compose(text)
+    assert (caught.value.position, caught.value.message) == (position, message)
+
+
+def test_number_of_expanded_values_is_limited() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 10)]
+    with pytest.raises(UnreadableYaml, match=f"more than {MAX_VALUES} values"):
+        compose("\n".join(lines))
+
+
+def test_depth_of_expanded_aliases_is_limited() -> None:
+    lines = ["a0: &a0 [x]"]
+    lines += [f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 2000)]
+    with pytest.raises(UnreadableYaml, match="more than 32 levels"):
+        compose("\n".join(lines))
+
+
+@given(st.text(alphabet="ab:-[]{}&*!|>'\"#%@?,\n \t01.", max_size=60))
+def test_any_text_is_read_or_refused(text: str) -> None:
+    with suppress(UnreadableYaml):
+        compose(text)[0].to_plain()
