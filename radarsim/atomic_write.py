@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Write files atomically: each one completely or not at all."""
 
 import contextlib
 import os
@@ -9,45 +9,47 @@ from pathlib import Path
 
 
 def write_atomically(files: Mapping[Path, bytes]) -> None:
-    """Write files that belong together, each whole or not at all.
+    """Write files that belong together, each one completely or not at all.
 
-    All are written under other names beside their places first, and take their places
-    one right after the other, in order, only when all are complete. So a disk that
-    fills up leaves what was there, and a process that is killed never a part of a file,
-    at worst a hidden one that ends in ``.part``.
+    Writes all of them to temporary files in the same folders, and renames these one
+    right after the other, in order, when all are complete. A full disk therefore leaves
+    the old files, and a killed process never leaves a partial one, at worst a hidden
+    temporary file that ends in ``.part``.
 
-    A link stays, and the file that it leads to is replaced. What is no file, such as a
-    device or a pipe, is written to and stays as well.
+    Symbolic links stay, and the files that they lead to are replaced. Devices and pipes
+    are written to directly.
 
     Args:
-        files: What is to be in them. One that names another should come after it.
+        files: The content of each file. A file that names another should come after it.
 
     Raises:
-        OSError: If one cannot be written; then no file is changed, unless the last
+        OSError: If a file cannot be written; then no file is changed, unless the last
             step, the renaming, fails.
     """
-    others = [path for path in files if _is_no_file(path)]
-    places = {path: _followed(path) for path in files if path not in others}
-    parts = {path: _beside(place) for path, place in places.items()}
+    special = [path for path in files if _is_special(path)]
+    targets = {
+        path: Path(os.path.realpath(path)) for path in files if path not in special
+    }
+    temporary = {path: _temporary_path(target) for path, target in targets.items()}
     try:
-        for path, part in parts.items():
-            with _naming(path):
-                _write(part, files[path])
-        for path in others:
-            with _naming(path):
+        for path, part in temporary.items():
+            with _report_as(path):
+                _write_new(part, files[path])
+        for path in special:
+            with _report_as(path):
                 path.write_bytes(files[path])
-        for path, part in parts.items():
-            part.replace(places[path])
+        for path, part in temporary.items():
+            part.replace(targets[path])
     except BaseException:
-        for part in parts.values():
+        for part in temporary.values():
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
         raise
 
 
 @contextlib.contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Have errors name the file that is wanted, not the one beside it."""
+def _report_as(path: Path) -> Iterator[None]:
+    """Make errors name the requested file, not the temporary one."""
     try:
         yield
     except OSError as error:
@@ -55,25 +57,21 @@ def _naming(path: Path) -> Iterator[None]:
         raise
 
 
-def _is_no_file(path: Path) -> bool:
+def _is_special(path: Path) -> bool:
+    """Return whether a path exists and is not a regular file."""
     try:
         return not stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
         return False
 
 
-def _followed(path: Path) -> Path:
-    """Give what a path leads to by links, be it there or not."""
-    return Path(os.path.realpath(path))
+def _temporary_path(target: Path) -> Path:
+    """Return an unused hidden name in the same folder."""
+    return target.with_name(f".{secrets.token_hex(8)}.part")
 
 
-def _beside(place: Path) -> Path:
-    """Give a name in the same folder that no other process takes."""
-    return place.with_name(f".{secrets.token_hex(8)}.part")
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a new file, with the rights that new files have."""
+def _write_new(path: Path, data: bytes) -> None:
+    """Write a new file with default permissions; raise if it exists."""
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)

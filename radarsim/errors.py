@@ -1,4 +1,4 @@
-"""Every exception radarsim raises on purpose.
+"""All exceptions that radarsim raises on purpose.
 
 * RadarsimError
     * ProtocolError -- the peer broke the USARSim text protocol
@@ -6,13 +6,14 @@
         * LineTooLong -- the only one that closes the connection
     * MapError -- a file under maps/ is wrong; names the file, the place and the key
     * PresetError -- an unknown sensor, robot class or setting, or a value out of range
-    * EngineError -- Embree cannot be opened, or was handed something it would misread
-    * ServerError -- the server cannot start: the port is taken, the address is not ours
-    * ClientError -- a server cannot be reached, is gone, or lacks what is needed
-        * ClientTimeout -- it did not say in time what was needed; it may still do so
-    * NavigationError -- a robot cannot do what is asked of it: it is blind, or too wide
+    * EngineError -- Embree cannot be loaded, or got input that it would misread
+    * ServerError -- the server cannot start: port in use, or address not available
+    * ClientError -- a server is not reachable, disconnected, or lacks a feature
+        * ClientTimeout -- no answer in time; the connection stays open
+    * MappingError -- no map can be made from what a server sends
+    * NavigationError -- a robot cannot do a task: it has no scanner, or is too wide
 
-Bugs of our own stay ValueError, TypeError and AssertionError.
+Programming errors stay ValueError, TypeError and AssertionError.
 """
 
 
@@ -44,7 +45,7 @@ class MapError(RadarsimError):
         self.problems = problems
 
     def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
-        """Pickle the problems, not the text that they are joined to."""
+        """Pickle the problems, not the message that joins them."""
         return type(self), (self.problems,)
 
 
@@ -53,7 +54,7 @@ class PresetError(RadarsimError):
 
 
 class EngineError(RadarsimError):
-    """Embree cannot be opened, or was handed something it would misread."""
+    """Embree cannot be loaded, or got input that it would misread."""
 
 
 class ServerError(RadarsimError):
@@ -61,16 +62,16 @@ class ServerError(RadarsimError):
 
 
 class ClientError(RadarsimError):
-    """A server cannot be reached, closed the connection, or lacks what is needed."""
+    """A server is not reachable, closed the connection, or lacks a feature."""
 
 
 class ClientTimeout(ClientError):
-    """A server did not say in time what was needed; the connection still stands."""
+    """A server did not answer in time; the connection stays open."""
 
 
 class MappingError(RadarsimError):
-    """A map cannot be made of what a server tells."""
+    """No map can be made from what a server sends."""
 
 
 class NavigationError(RadarsimError):
-    """A robot cannot do what is asked of it."""
+    """A robot cannot do a task."""

@@ -1,4 +1,4 @@
-"""Files that are never half there."""
+"""Files are written completely or not at all."""
 
 import os
 import resource
@@ -18,25 +18,25 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_what_is_written_is_there_and_nothing_else(tmp_path: Path) -> None:
+def test_written_files_are_the_only_ones(tmp_path: Path) -> None:
     files = {tmp_path / "yard.pgm": b"P5", tmp_path / "yard.yaml": b"image: yard.pgm"}
     write_atomically(files)
     assert {path: path.read_bytes() for path in files} == files
     assert names(tmp_path) == ["yard.pgm", "yard.yaml"]
 
 
-def test_what_was_there_is_replaced(tmp_path: Path) -> None:
+def test_old_file_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "yard.pgm"
     path.write_bytes(b"a longer text")
     write_atomically({path: b"new"})
     assert path.read_bytes() == b"new"
 
 
-def test_files_have_the_rights_of_new_files(tmp_path: Path) -> None:
-    plain, whole = tmp_path / "plain", tmp_path / "whole"
+def test_files_have_default_permissions(tmp_path: Path) -> None:
+    plain, atomic = tmp_path / "plain", tmp_path / "atomic"
     plain.write_bytes(b"")
-    write_atomically({whole: b""})
-    assert whole.stat().st_mode == plain.stat().st_mode
+    write_atomically({atomic: b""})
+    assert atomic.stat().st_mode == plain.stat().st_mode
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_files_have_the_rights_of_new_files(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("last", [True, False])
-def test_a_file_that_cannot_be_written_leaves_all_as_it_was(
+def test_failure_to_write_one_file_leaves_all_unchanged(
     tmp_path: Path, bad: str, *, last: bool
 ) -> None:
     (tmp_path / "folder").mkdir()
@@ -61,7 +61,7 @@ def test_a_file_that_cannot_be_written_leaves_all_as_it_was(
     assert names(tmp_path) == ["folder", "yard.pgm"]
 
 
-def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
+def test_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     link, file = tmp_path / "link", folder / "file"
@@ -73,13 +73,13 @@ def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
         assert list(folder.iterdir()) == [file]
 
 
-def test_a_device_stays(tmp_path: Path) -> None:
-    ours, terminal = os.openpty()  # nobody can put a file in the place of this device
+def test_device_is_written_to_and_stays(tmp_path: Path) -> None:
+    ours, terminal = os.openpty()  # no file can replace this device
     device = Path(os.ttyname(terminal))
     link, file = tmp_path / "terminal", tmp_path / "file"
     link.symlink_to(device)
-    write_atomically({link: b"lost", file: b"kept"})
-    assert os.read(ours, 4) == b"lost"
+    write_atomically({link: b"text", file: b"kept"})
+    assert os.read(ours, 4) == b"text"
     assert link.is_symlink()
     assert device.is_char_device()
     assert file.read_bytes() == b"kept"
@@ -87,7 +87,7 @@ def test_a_device_stays(tmp_path: Path) -> None:
     os.close(ours)
 
 
-def test_a_pipe_is_written_to(tmp_path: Path) -> None:
+def test_pipe_is_written_to_and_stays(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     writer = threading.Thread(target=write_atomically, args=({pipe: b"through"},))
@@ -97,7 +97,7 @@ def test_a_pipe_is_written_to(tmp_path: Path) -> None:
     assert pipe.is_fifo()
 
 
-def test_a_disk_that_fills_up_leaves_what_was_there(tmp_path: Path) -> None:
+def test_full_disk_leaves_the_old_files(tmp_path: Path) -> None:
     old = tmp_path / "yard.pgm"
     old.write_bytes(b"old")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -116,16 +116,16 @@ def test_a_disk_that_fills_up_leaves_what_was_there(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from radarsim.atomic_write import write_whole
+from radarsim.atomic_write import write_atomically
 path, number = Path(sys.argv[1]), 0
 while True:
     number += 1
-    write_whole({path: bytes([number % 251]) * 3_000_000})
+    write_atomically({path: bytes([number % 251]) * 3_000_000})
     print(number, flush=True)
 """
 
 
-def test_a_process_that_is_killed_leaves_no_torn_file(tmp_path: Path) -> None:
+def test_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
     path = tmp_path / "yard.pgm"
     for delay in (0.0, 0.003, 0.011):
         command = [sys.executable, "-c", WRITER, str(path)]

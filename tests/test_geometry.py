@@ -14,14 +14,14 @@ places = st.builds(Pose2, lengths, lengths, angles)
 
 
 @given(angle=st.floats(-1e3, 1e3))
-def test_a_wrapped_angle_is_in_range_and_points_the_same_way(angle: float) -> None:
+def test_wrapped_angle_is_in_range_and_has_the_same_direction(angle: float) -> None:
     wrapped = wrap_angle(angle)
     assert -math.pi < wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
 
 
-def test_yaw_turns_forward_to_the_left_and_pitch_turns_it_down() -> None:
+def test_yaw_rotates_forward_to_the_left_and_pitch_rotates_it_down() -> None:
     ahead = np.array([1.0, 0.0, 0.0])
     assert rotation_matrix(0, 0, math.pi / 2) @ ahead == pytest.approx([0, 1, 0])
     assert rotation_matrix(0, math.pi / 2, 0) @ ahead == pytest.approx([0, 0, -1])
@@ -30,7 +30,7 @@ def test_yaw_turns_forward_to_the_left_and_pitch_turns_it_down() -> None:
 
 
 @given(outer=poses, inner=poses, point=st.tuples(lengths, lengths, lengths))
-def test_composing_poses_is_moving_points_twice(
+def test_composed_pose_transforms_points_like_both_in_turn(
     outer: Pose3, inner: Pose3, point: tuple[float, float, float]
 ) -> None:
     both = outer.compose(inner)
@@ -41,7 +41,9 @@ def test_composing_poses_is_moving_points_twice(
 
 
 @given(outer=places, inner=places)
-def test_on_the_floor_poses_compose_as_in_space(outer: Pose2, inner: Pose2) -> None:
+def test_poses_on_the_floor_compose_like_those_in_space(
+    outer: Pose2, inner: Pose2
+) -> None:
     both = outer.compose(inner)
     space = [Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw) for pose in (outer, inner)]
     same = space[0].compose(space[1])
@@ -50,19 +52,19 @@ def test_on_the_floor_poses_compose_as_in_space(outer: Pose2, inner: Pose2) -> N
 
 
 @given(one=places, other=places)
-def test_what_is_seen_from_a_pose_leads_from_it(one: Pose2, other: Pose2) -> None:
+def test_relative_pose_composes_to_the_original(one: Pose2, other: Pose2) -> None:
     again = other.compose(one.relative_to(other))
     assert (again.x, again.y) == pytest.approx((one.x, one.y), abs=1e-9)
     assert wrap_angle(again.yaw - one.yaw) == pytest.approx(0, abs=1e-9)
 
 
-def test_looking_straight_up_keeps_its_matrix() -> None:
+def test_composing_at_the_pole_preserves_the_matrix() -> None:
     pose = Pose3(0, 0, 0, 0.3, -math.pi / 2, 0.7)
     again = Pose3(0, 0, 0).compose(pose)
     assert again.rotation() == pytest.approx(pose.rotation(), abs=1e-9)
 
 
-def test_a_level_pose_has_no_negative_zeros() -> None:
+def test_level_pose_has_no_negative_zeros() -> None:
     numbers = Pose3(1, 2, 3).compose(Pose3(0.5, 0, 0)).numbers()
     assert [math.copysign(1, number) for number in numbers] == [1.0] * 6
 
@@ -75,6 +77,6 @@ def test_a_level_pose_has_no_negative_zeros() -> None:
         pytest.param([1, 2, 3, 4, 5, math.inf], id="infinite"),
     ],
 )
-def test_a_pose_is_six_finite_numbers(numbers: list[float]) -> None:
+def test_pose_is_six_finite_numbers(numbers: list[float]) -> None:
     with pytest.raises(ValueError, match="expected six finite numbers"):
         Pose3.from_numbers(numbers)

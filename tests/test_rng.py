@@ -7,15 +7,15 @@ def numbers(*key: int | str) -> list[float]:
     return [float(number) for number in rng.random(8)]
 
 
-def test_the_same_key_draws_the_same() -> None:
+def test_same_seed_and_names_give_the_same_numbers() -> None:
     assert numbers(3, "R1", "lms200") == numbers(3, "R1", "lms200")
 
 
-def test_another_seed_or_name_draws_other_numbers() -> None:
+def test_other_seed_or_name_gives_other_numbers() -> None:
     keys = [(3, "R1", "lms200"), (4, "R1", "lms200"), (3, "R2", "lms200")]
     keys += [(3, "R1", "Hokuyo"), (3, "R1lms", "200")]
     assert len({tuple(numbers(*key)) for key in keys}) == len(keys)
 
 
-def test_where_names_are_cut_matters() -> None:
+def test_boundaries_of_names_matter() -> None:
     assert numbers(0, "ab", "c") != numbers(0, "a", "bc")
