@@ -1,16 +1,16 @@
-"""What one scan says of the cells that its beams cross, in machine code.
+"""Inverse sensor model: the evidence that one scan gives for the cells of a map.
 
 Theory of operation
 ===================
-Each layer is evidence in tenths of a log-odds, whole numbers: more for it when a beam
-meets what the layer is of, less when a beam goes through without meeting it. A cell
-gets one piece of evidence from a scan, however many of its beams cross the cell, and
-what speaks for something wins: beams that slide along a wall, beside others that end
-on it, do not wear it away, and what is near the robot, where beams are dense, is not
+Each layer holds evidence in tenths of log-odds, as whole numbers: more when a beam hits
+what the layer is of, less when a beam passes through without hitting it. A cell gets
+one piece of evidence per scan and layer, however many beams cross it, and a hit
+outweighs beams that pass: beams that slide along a wall, beside others that end on it,
+do not wear it away, and what is near the robot, where beams are dense, does not become
 surer than what is far.
 
-Three passes: what was met; what was gone through; and forgetting which cell has had
-its evidence of this scan.
+A scan is added in three passes: ``add_hits``, ``add_free_cells``, and
+``clear_scan_flags``, which forgets the cells that had their evidence of this scan.
 """
 
 import math
@@ -26,22 +26,22 @@ from radarsim.mapping.scan import BeamEnd, Layer
 LOG_ODDS_HIT: Final = 9  # tenths; odds of 2.5 to 1
 LOG_ODDS_FREE: Final = 2  # 1 to 1.2: side rays often miss what is thin
 LOG_ODDS_LIMIT: Final = 60
-SENSED, NEAR = 1, 2  # marks of a cell that stay
-LAYERS: Final = len(Layer)
-ENDED: Final = int(Layer.BEAM_END)
-BLIND: Final = int(BeamEnd.BLIND)
-UNSURE, HIT, SPENT = int(BeamEnd.UNSURE), int(BeamEnd.HIT), int(BeamEnd.SPENT)
-_HAD: Final = 4  # of a layer: 4, 8, 16, 32, had evidence for it in this scan
-_CROSSED: Final = 64  # had evidence against
-_STAYS: Final = SENSED | NEAR
+SENSED, NEAR = 1, 2  # flags of a cell that stay
+# Plain numbers for compiled code.
+_SOLID, _BEAM_END, _LAYERS = int(Layer.SOLID), int(Layer.BEAM_END), len(Layer)
+_BLIND = int(BeamEnd.BLIND)
+_OBSTRUCTED = (int(BeamEnd.UNSURE), int(BeamEnd.HIT), int(BeamEnd.SPENT))
+_HAS_HIT: Final = 4  # 4, 8, 16, 32: the layer has had its hit of this scan
+_IS_CROSSED: Final = 64  # has had its evidence for being free
+_LASTING: Final = SENSED | NEAR
 
 
 class Cells(NamedTuple):
     """What is known of cells.
 
     Attributes:
-        evidence: (LAYERS, R, C) int8, tenths of log-odds.
-        marks: (R, C) uint8.
+        evidence: (4, R, C) int8, tenths of log-odds, by ``Layer``.
+        flags: (R, C) uint8.
     """
 
     evidence: NDArray[np.int8]
@@ -53,21 +53,21 @@ class Beams(NamedTuple):
 
     Attributes:
         start: (2,) where they begin, x and y in cells from the map's origin.
-        corner: (2,) number of the lattice's first column and row. Where cells are does
-            not depend on it, to the last bit.
-        ways: (N, 2) unit vectors.
-        reach: (N,) how far they are known, cells.
+        corner: (2,) number of the first column and row of the arrays. Which cells a
+            beam crosses does not depend on it, to the last bit.
+        directions: (N, 2) unit vectors.
+        known_range: (N,) how far they are known, cells.
         ends: (N,) as in ``PlanarScan``.
-        short: How far near is, cells.
-        sees_through: Whether what was met tells of foliage and smoke.
+        short_range: How far a cell may be to be ``NEAR``, cells.
+        sees_through: Whether the hits include foliage and smoke.
     """
 
     start: Floats
     corner: NDArray[np.int64]
-    ways: Floats
-    reach: Floats
+    directions: Floats
+    known_range: Floats
     ends: NDArray[np.int8]
-    short: float
+    short_range: float
     sees_through: bool
 
 
@@ -76,108 +76,108 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
     """List the cells along a beam, in order, those at both ends included.
 
     Args:
-        beams: Of the scan.
-        k: Which one.
+        beams: Beams of the scan.
+        k: Number of the beam.
         near: Where to begin, cells along the beam.
         far: Where to stop.
-        path: (P, 2) row and column in the lattice, to be filled.
+        path: (P, 2) row and column in the arrays, to be filled.
 
     Returns:
         How many there are.
     """
-    start, way = beams.start, beams.ways[k]
-    x, y = start[0] + near * way[0], start[1] + near * way[1]
+    start, direction = beams.start, beams.directions[k]
+    x, y = start[0] + near * direction[0], start[1] + near * direction[1]
     column, row = np.int64(math.floor(x)), np.int64(math.floor(y))
-    last_column = np.int64(math.floor(start[0] + far * way[0]))
-    last_row = np.int64(math.floor(start[1] + far * way[1]))
-    right, up = (1 if way[0] > 0.0 else -1), (1 if way[1] > 0.0 else -1)
-    wide, high = abs(1.0 / way[0]), abs(1.0 / way[1])  # inf along an axis
-    next_x = (column + (right > 0) - x) / way[0] if way[0] != 0.0 else np.inf
-    next_y = (row + (up > 0) - y) / way[1] if way[1] != 0.0 else np.inf
+    last_column = np.int64(math.floor(start[0] + far * direction[0]))
+    last_row = np.int64(math.floor(start[1] + far * direction[1]))
+    right, up = (1 if direction[0] > 0.0 else -1), (1 if direction[1] > 0.0 else -1)
+    step_x, step_y = abs(1.0 / direction[0]), abs(1.0 / direction[1])  # inf on an axis
+    next_x = (
+        (column + (right > 0) - x) / direction[0] if direction[0] != 0.0 else np.inf
+    )
+    next_y = (row + (up > 0) - y) / direction[1] if direction[1] != 0.0 else np.inf
     steps: Any = abs(last_column - column) + abs(last_row - row)
     count = min(steps + 1, len(path))
     for i in range(count):
         path[i, 0], path[i, 1] = row - beams.corner[1], column - beams.corner[0]
+        # rounding must not carry the beam past the last row or column
         if column != last_column and (next_x < next_y or row == last_row):
             column += right
-            next_x += wide
+            next_x += step_x
         else:
             row += up
-            next_y += high
+            next_y += step_y
     return count
 
 
 @njit_inline
-def _speak_for(cells: Any, layer: Any, row: Any, column: Any) -> None:
-    """Give a cell evidence for a layer, once a scan."""
-    bit = _HAD << layer
-    if not cells.flags[row, column] & bit:
-        cells.flags[row, column] |= bit
-        sure = min(cells.evidence[layer, row, column] + LOG_ODDS_HIT, LOG_ODDS_LIMIT)
-        cells.evidence[layer, row, column] = sure
+def _add_hit(cells: Any, layer: Any, row: Any, column: Any) -> None:
+    """Raise the evidence of a cell for a layer, once per scan."""
+    flag = _HAS_HIT << layer
+    if not cells.flags[row, column] & flag:
+        cells.flags[row, column] |= flag
+        sum_ = cells.evidence[layer, row, column] + LOG_ODDS_HIT
+        cells.evidence[layer, row, column] = min(sum_, LOG_ODDS_LIMIT)
 
 
 @njit_cached
-def meet(cells: Any, beams: Any, met: Any, path: Any) -> None:
-    """Take in what beams met.
+def add_hits(cells: Any, beams: Any, hits: Any, path: Any) -> None:
+    """Add the evidence of what beams hit.
 
     Args:
-        cells: To be changed.
-        beams: Of the scan.
-        met: Its ``BeamHits``, in cells.
-        path: (P, 2) scratch.
+        cells: Cells to change.
+        beams: Beams of the scan.
+        hits: ``BeamHits`` of the scan, with ranges in cells.
+        path: (P, 2) scratch memory.
     """
-    for k in range(len(met.beams)):
-        count = _trace(beams, met.beams[k], met.near[k], met.far[k], path)
+    for k in range(len(hits.beams)):
+        count = _trace(beams, hits.beams[k], hits.near[k], hits.far[k], path)
         for i in range(count):
-            _speak_for(cells, met.what[k], path[i, 0], path[i, 1])
-    for k in range(len(beams.reach)):
-        if beams.ends[k] in (UNSURE, HIT, SPENT):
-            _trace(beams, k, beams.reach[k], beams.reach[k], path)
-            _speak_for(cells, ENDED, path[0, 0], path[0, 1])
+            _add_hit(cells, hits.layer[k], path[i, 0], path[i, 1])
+    for k in range(len(beams.known_range)):
+        if beams.ends[k] in _OBSTRUCTED:
+            _trace(beams, k, beams.known_range[k], beams.known_range[k], path)
+            _add_hit(cells, _BEAM_END, path[0, 0], path[0, 1])
             cells.flags[path[0, 0], path[0, 1]] |= SENSED
 
 
 @njit_inline
-def _speak_against(cells: Any, row: Any, column: Any, sees_through: Any) -> None:
-    """Give a cell that a beam went through evidence against what it did not meet."""
+def _add_free(cells: Any, row: Any, column: Any, sees_through: Any) -> None:
+    """Lower the evidence of a crossed cell for the layers that had no hit in it."""
     flags = cells.flags[row, column]
-    if flags & _CROSSED:
+    if flags & _IS_CROSSED:
         return
-    cells.flags[row, column] = flags | _CROSSED | SENSED
-    for layer in range(LAYERS):
-        told = sees_through or layer in (0, ENDED)
-        if told and not flags & (_HAD << layer):
-            sure = max(
-                cells.evidence[layer, row, column] - LOG_ODDS_FREE, -LOG_ODDS_LIMIT
-            )
-            cells.evidence[layer, row, column] = sure
+    cells.flags[row, column] = flags | _IS_CROSSED | SENSED
+    for layer in range(_LAYERS):
+        is_measured = sees_through or layer in (_SOLID, _BEAM_END)
+        if is_measured and not flags & (_HAS_HIT << layer):
+            sum_ = cells.evidence[layer, row, column] - LOG_ODDS_FREE
+            cells.evidence[layer, row, column] = max(sum_, -LOG_ODDS_LIMIT)
 
 
 @njit_cached
-def cross(cells: Any, beams: Any, path: Any) -> None:
-    """Take in where beams went through; of those that ended, all but the last cell."""
-    for k in range(len(beams.reach)):
-        if beams.ends[k] == BLIND:
+def add_free_cells(cells: Any, beams: Any, path: Any) -> None:
+    """Add the evidence of where beams passed, in all cells before their ends."""
+    for k in range(len(beams.known_range)):
+        if beams.ends[k] == _BLIND:
             continue
-        reach = beams.reach[k]
-        count = _trace(beams, k, 0.0, reach, path)
-        if beams.ends[k] in (UNSURE, HIT, SPENT):
+        count = _trace(beams, k, 0.0, beams.known_range[k], path)
+        if beams.ends[k] in _OBSTRUCTED:
             count -= 1
         for i in range(count):
             row, column = path[i, 0], path[i, 1]
-            _speak_against(cells, row, column, beams.sees_through)
+            _add_free(cells, row, column, beams.sees_through)
             dx = beams.corner[0] + column + 0.5 - beams.start[0]
             dy = beams.corner[1] + row + 0.5 - beams.start[1]
-            if dx * dx + dy * dy < beams.short * beams.short:
+            if dx * dx + dy * dy < beams.short_range * beams.short_range:
                 cells.flags[row, column] |= NEAR
 
 
 @njit_cached
-def forget(cells: Any, beams: Any, path: Any) -> None:
-    """Make the cells ready for the next scan."""
-    for k in range(len(beams.reach)):
-        if beams.ends[k] != BLIND:
-            count = _trace(beams, k, 0.0, beams.reach[k], path)
+def clear_scan_flags(cells: Any, beams: Any, path: Any) -> None:
+    """Prepare the cells for the next scan."""
+    for k in range(len(beams.known_range)):
+        if beams.ends[k] != _BLIND:
+            count = _trace(beams, k, 0.0, beams.known_range[k], path)
             for i in range(count):
-                cells.flags[path[i, 0], path[i, 1]] &= _STAYS
+                cells.flags[path[i, 0], path[i, 1]] &= _LASTING

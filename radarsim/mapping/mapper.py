@@ -1,4 +1,10 @@
-"""The echoes of one scan, which come in several lines before it."""
+"""Mapper: combines the reports of one robot, from any connection, into a map.
+
+A mapper is passed every report of a robot: echoes, ranges, and poses. It finds the pose
+of each scan (``slam``) and adds the scan to the grid. Where a server sends echoes, a
+scan without all of its own serves for finding the pose but not for the map: the range
+of a radar alone does not tell foliage from a wall.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,15 +16,8 @@ import numpy as np
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
-from radarsim.mapping.occupancy_grid import (
-    RESOLUTION,
-    OccupancyGrid,
-)
-from radarsim.mapping.scan import (
-    Layer,
-    PlanarScan,
-    read_scan,
-)
+from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
+from radarsim.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
 from radarsim.navigation.observation import Observation, ScanClock, from_centre
@@ -32,49 +31,39 @@ from radarsim.protocol.reports import (
     TargetEchoes,
 )
 
+MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
+MAX_RANGE: Final = 200.0  # m; limit of beams, whatever a server says
+TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
+
 
 class EchoCollector:
-    """Collects the lines that belong together; holds those of one scan at a time."""
+    """Collects the echo lines of one scan, which arrive before it."""
 
     def __init__(self) -> None:
         self._time = math.nan
         self._lines: dict[int, TargetEchoes] = {}
-        self._count = -1
+        self._line_count = -1
 
     def take(self, line: EchoLine) -> None:
-        """Take in a line; one of another time begins anew."""
-        if not _is_same(line.time, self._time):
+        """Add a line; a line of another time starts anew."""
+        if not _is_same_time(line.time, self._time):
             self._time, self._lines = line.time, {}
-        self._count = line.lines
+        self._line_count = line.lines
         if line.echoes is not None and 0 < line.line <= line.lines:
             self._lines[line.line] = line.echoes
 
     def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Give all echoes of a scan; None where none, or not all, were told."""
-        if not _is_same(scan.time, self._time) or len(self._lines) != self._count:
+        """Return all echoes of a scan; None if any line is missing."""
+        is_complete = len(self._lines) == self._line_count
+        if not is_complete or not _is_same_time(scan.time, self._time):
             return None
-        seen, self._lines, self._count = list(self._lines.values()), {}, -1
-        return seen
+        echoes, self._lines, self._line_count = list(self._lines.values()), {}, -1
+        return echoes
 
 
-def _is_same(one: float, other: float) -> bool:
-    """Compare time stamps; some servers send none."""
+def _is_same_time(one: float, other: float) -> bool:
+    """Compare time stamps; some servers send none, which are nan."""
     return one == other or (math.isnan(one) and math.isnan(other))
-
-
-# Section from mapping.mapper.
-# Reports of a robot put together to a map, as they come in from any connection.
-#
-# A mapper is shown every report of a robot: echoes, ranges, and what tells where it
-# is.
-# Of each scan it finds the pose (``slam``), and lays it into the grid. Where a server
-# tells echoes, a scan whose own are missing, in whole or in part, is good for finding
-# the
-# pose but not for the map: a radar's range alone does not tell foliage from a wall.
-
-STALE: Final = 50  # scans without a word on the motion; it is not known any more
-FARTHEST: Final = 200.0  # m; a beam is not followed farther, whatever a server says
-TRUTH_EVERY: Final = 0.05  # s; true poses in between are not kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,11 +71,12 @@ class MapperSettings:
     """How a map is made.
 
     Attributes:
-        slam: How scans are matched, and what seeds that.
+        slam: How scans are matched, and by which motion source.
         resolution: Side of a cell, m.
-        echo_wait: For so many s without echoes scans are held back from the map, since
-            some may still come; 0 if nobody has asked for any.
-        body: Radius around the robot that is free where it stands, m; 0 for none.
+        echo_wait: How long scans without echoes are kept off the map, since their
+            echoes may still come, s; 0 if no client asked for echoes.
+        body: Radius of the disc around the robot that is free where it stands, m; 0
+            for none.
     """
 
     slam: SlamSettings = field(default_factory=SlamSettings)
@@ -96,16 +86,16 @@ class MapperSettings:
 
 
 class Mapper:
-    """Makes a map of what one scanner sees.
+    """Makes a map of what one scanner measures.
 
     Attributes:
-        settings: How it is made.
-        scanner: The one that it is made by.
+        settings: How the map is made.
+        scanner: The scanner that it is made with.
         grid: The map.
-        slam: Knows where the robot is, and was.
-        truth: Where it really was, as far as the server tells.
-        scans: How many are on the map.
-        missing: What it waits for before the next scan counts.
+        slam: Estimates the robot's pose.
+        truth: True poses, as far as the server sends them.
+        scans: Number of scans on the map.
+        missing: Report that it needs before the next scan counts, for messages.
     """
 
     def __init__(
@@ -115,43 +105,45 @@ class Mapper:
         *,
         clock: Callable[[], float] = lambda: 0.0,
     ) -> None:
-        """Begin with an empty map.
+        """Create an empty map.
 
         Args:
-            scanner: The one to map by.
-            settings: How.
-            clock: Gives s, for servers whose time stamps stand still or are missing.
+            scanner: Scanner to map with.
+            settings: How to map.
+            clock: Returns s, for servers whose time stamps stand still or are missing.
         """
         self.settings = settings or MapperSettings()
         self.grid = OccupancyGrid(self.settings.resolution)
         self.slam = Slam(self.settings.slam)
         self.truth = Trajectory()
         self.scans = 0
-        mount = scanner.mount
         self.scanner = scanner
+        mount = scanner.mount
         self._mount = Pose2(mount.x, mount.y, mount.yaw)
         self._stamps = ScanClock(clock)
         self._echoes = EchoCollector()
-        self._echoes_due = math.nan
-        self._spawned: Pose2 | None = None
-        self._seed: Pose2 | None = None
-        self._since_seed = 0  # scans
-        seed = self.settings.slam.motion_source
-        self.missing = f"scan of {scanner.name!r}"
-        if seed != "none":
-            self.missing = f"pose from {seed}"
+        self._echoes_due = math.nan  # until when scans wait for their echoes, s
+        self._spawn_pose: Pose2 | None = None
+        self._prior: Pose2 | None = None  # newest pose of the motion source
+        self._scans_since_prior = 0
+        source = self.settings.slam.motion_source
+        self.missing = self._missing_scan if source == "none" else f"pose from {source}"
 
     @property
     def trajectory(self) -> Trajectory:
-        """Where the robot was at each scan, by its own reckoning."""
+        """Estimated pose of the robot at each scan."""
         return self.slam.trajectory
 
+    @property
+    def _missing_scan(self) -> str:
+        return f"scan of {self.scanner.name!r}"
+
     def take(self, report: Report) -> Observation | None:
-        """Take in a report.
+        """Add a report.
 
         Returns:
-            What is around the robot, after a scan that is on the map: the nearest on
-            each beam that robots cannot enter.
+            What is around the robot, after a scan that is on the map: the nearest thing
+            on each beam that robots cannot enter. None otherwise.
         """
         if isinstance(report, EchoLine):
             if same_name(report.name, self.scanner.name):
@@ -165,64 +157,63 @@ class Mapper:
 
     def _take_pose(self, report: Ins | GroundTruth | Odometry) -> None:
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
-        told_by: dict[type, str] = {Ins: "ins", Odometry: "odometry"}
-        if not isinstance(report, Odometry):
-            self._spawned = self._spawned or pose
-        if told_by.get(type(report)) == self.settings.slam.motion_source:
-            self._seed, self._since_seed = pose, 0
-            self.missing = f"scan of {self.scanner.name!r}"
+        if not isinstance(report, Odometry):  # which counts from anywhere
+            self._spawn_pose = self._spawn_pose or pose
+        sources: dict[type, str] = {Ins: "ins", Odometry: "odometry"}
+        if sources.get(type(report)) == self.settings.slam.motion_source:
+            self._prior, self._scans_since_prior = pose, 0
+            self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
-            if report.time > last + TRUTH_EVERY - 1e-9:
+            if report.time > last + TRUTH_INTERVAL - 1e-9:
                 self.truth.add(report.time, pose)
 
     def _take_scan(self, report: RangeScan) -> Observation | None:
         settings = self.settings
-        if settings.slam.motion_source != "none" and not self._is_seeded():
-            self.missing = f"pose from {settings.slam.motion_source}"
+        source = settings.slam.motion_source
+        if source != "none" and not self._is_motion_known():
+            self.missing = f"pose from {source}"
             return None
         time = self._stamps.time_of(report.time)
         if not len(self.trajectory):
-            self.slam = Slam(settings.slam, self._start())
+            start = None if source == "ins" else self._spawn_pose
+            self.slam = Slam(settings.slam, start)
             self._echoes_due = time + settings.echo_wait
-        seen = self._echoes.of(report)
-        if seen is not None:
+        echoes = self._echoes.of(report)
+        if echoes is not None:
             self._echoes_due = time + settings.echo_wait
         scan = read_scan(
             replace(report, time=time),
-            seen,
-            max_range=min(self.scanner.max_range, FARTHEST),
+            echoes,
+            max_range=min(self.scanner.max_range, MAX_RANGE),
             min_range=self.scanner.min_range,
             mount=self._mount,
         )
-        pose = self.slam.step(scan, self._seed)
-        if seen is None and time < self._echoes_due:
+        pose = self.slam.step(scan, self._prior)
+        if echoes is None and time < self._echoes_due:
             self.missing = f"echoes of {self.scanner.name!r}"
             return None
-        self._draw(pose, scan)
-        return self._sensed(pose, scan)
+        self._add_to_grid(pose, scan)
+        return self._observation(pose, scan)
 
-    def _is_seeded(self) -> bool:
-        """Tell whether the motion until this scan is known."""
-        self._since_seed += 1
-        return self._seed is not None and self._since_seed <= STALE
+    def _is_motion_known(self) -> bool:
+        """Count a scan, and return whether the motion until it is known."""
+        self._scans_since_prior += 1
+        is_recent = self._scans_since_prior <= MAX_SCANS_WITHOUT_MOTION
+        return self._prior is not None and is_recent
 
-    def _start(self) -> Pose2 | None:
-        """Give where the map begins, for a seed that counts from anywhere."""
-        return None if self.settings.slam.motion_source == "ins" else self._spawned
-
-    def _draw(self, pose: Pose2, scan: PlanarScan) -> None:
+    def _add_to_grid(self, pose: Pose2, scan: PlanarScan) -> None:
         self.grid.add(pose, scan)
         if self.settings.body:
-            self.grid.stand(pose, self.settings.body)
+            self.grid.clear_disc(pose, self.settings.body)
         self.scans += 1
-        self.missing = f"scan of {self.scanner.name!r}"
+        self.missing = self._missing_scan
 
-    def _sensed(self, pose: Pose2, scan: PlanarScan) -> Observation:
+    def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
-        solid = hits.what != Layer.SMOKE
-        np.minimum.at(nearest, hits.beams[solid], hits.near[solid])
+        blocks = hits.layer != Layer.SMOKE
+        np.minimum.at(nearest, hits.beams[blocks], hits.near[blocks])
         bearings, ranges = from_centre(
             nearest, scan.angles, self.scanner.mount, math.inf
         )

@@ -1,15 +1,15 @@
-"""A map of points that answers what shape they have around a place.
+"""Map of points that returns their mean and covariance around any point.
 
 Theory of operation
 ===================
-Points are not kept, only their moments: number, sum and sum of squares, in square cells
-of five sizes from 0.1 to 1.6 m. Around a place the moments of three by three cells are
-added up, weighted by how near they are (the quadratic B-spline, which is smooth in the
-place), and say where the points are and along which line they lie. The finest size that
-has enough of them answers: where points are dense, as on a bush near by, a small
-window follows the shape; on a far fence, where each scan leaves one point in half a
-metre, a long one averages the noise out. Cells are kept in a hash table, as few of them
-hold anything.
+Points are not stored, only their moments: number, sum and sum of squares, in square
+cells of five sizes from 0.1 to 1.6 m. Around a point the moments of three by three
+cells are summed, weighted by a quadratic B-spline, which is smooth in the position, and
+give the mean of the map's points and the line along which they lie. The finest size
+with enough points is used: where points are dense, as on a bush near by, a small window
+follows the shape; on a far fence, where each scan leaves one point in half a metre, a
+wide one averages the noise out. The cells are in a hash table with open addressing, as
+few of them hold points.
 """
 
 from typing import Any, Final, NamedTuple
@@ -22,20 +22,20 @@ from radarsim.jit import njit_cached, njit_inline
 
 FINEST: Final = 0.1  # m
 LEVELS: Final = 5
-ENOUGH: Final = 2.0  # weighted points; eight or so
-_SMALLEST: Final = 1 << 12  # rows of the table
-_MIDDLE: Final = 1 << 27  # makes numbers of cells positive
-_STIR: Final = np.uint64(0x9E3779B97F4A7C15)
-_SHIFT: Final = np.uint64(29)
+MIN_WEIGHT: Final = 2.0  # of the points in a window; about eight points
+_MIN_ROWS: Final = 1 << 12  # rows of the table
+_OFFSET: Final = 1 << 27  # makes the numbers of cells positive
+_HASH_FACTOR: Final = np.uint64(0x9E3779B97F4A7C15)
+_HASH_SHIFT: Final = np.uint64(29)
 
 
 class Table(NamedTuple):
-    """Cells by number.
+    """Hash table of cells.
 
     Attributes:
-        keys: (C,) size and number of a cell; 0 where nothing is.
-        moments: (C, 6) sums over the cell's points: 1, x, y, x x, x y, y y, as seen
-            from its middle, m.
+        keys: (C,) size and number of a cell; 0 in free rows.
+        moments: (C, 6) sums over the cell's points of 1, x, y, x x, x y and y y,
+            relative to its center, m.
     """
 
     keys: NDArray[np.int64]
@@ -43,26 +43,26 @@ class Table(NamedTuple):
 
 
 class PointMap:
-    """Points of all scans so far, as moments.
+    """Moments of the points of all scans.
 
     Attributes:
-        table: What compiled functions read.
+        table: Table for compiled functions.
     """
 
     def __init__(self) -> None:
-        self.table = _new_table(_SMALLEST)
+        self.table = _new_table(_MIN_ROWS)
         self._used = 0
 
     def __len__(self) -> int:
-        """Give how many cells hold points."""
+        """Return the number of cells that hold points."""
         return self._used
 
     def add(self, points: Floats) -> None:
-        """Take in points, (K, 2) m, map frame."""
-        room = 2 * (self._used + LEVELS * len(points))
-        if room > len(self.table.keys):
-            table = _new_table(1 << (2 * room - 1).bit_length())
-            _move(self.table, table)
+        """Add points, (K, 2) m, map frame."""
+        rows = 2 * (self._used + LEVELS * len(points))
+        if rows > len(self.table.keys):
+            table = _new_table(1 << (2 * rows - 1).bit_length())
+            _copy_table(self.table, table)
             self.table = table
         self._used += _add(self.table, points)
 
@@ -73,21 +73,21 @@ def _new_table(rows: int) -> Table:
 
 @njit_inline
 def _key(level: Any, column: Any, row: Any) -> Any:
-    return ((level + 1) << 56) | ((column + _MIDDLE) << 28) | (row + _MIDDLE)
+    return ((level + 1) << 56) | ((column + _OFFSET) << 28) | (row + _OFFSET)
 
 
 @njit_inline
 def _find(keys: Any, key: Any) -> Any:
-    """Give the row of a cell, or the empty one where it would be."""
+    """Return the row of a cell, or the free row where it would be."""
     mask = len(keys) - 1
-    row = np.int64((np.uint64(key) * _STIR) >> _SHIFT) & mask
+    row = np.int64((np.uint64(key) * _HASH_FACTOR) >> _HASH_SHIFT) & mask
     while keys[row] != 0 and keys[row] != key:
         row = (row + 1) & mask
     return row
 
 
 @njit_cached
-def _move(table: Any, other: Any) -> None:
+def _copy_table(table: Any, other: Any) -> None:
     for i in range(len(table.keys)):
         if table.keys[i] != 0:
             row = _find(other.keys, table.keys[i])
@@ -97,7 +97,7 @@ def _move(table: Any, other: Any) -> None:
 
 @njit_cached
 def _add(table: Any, points: Any) -> Any:
-    """Add points; give how many cells are new."""
+    """Add points, and return how many cells are new."""
     new = 0
     for i in range(len(points)):
         size = FINEST
@@ -125,14 +125,14 @@ def _add(table: Any, points: Any) -> Any:
 
 
 @njit_inline
-def _nearness(step: Any, t: Any) -> Any:
-    """Weigh a cell ``step`` cells away from that of a place ``t`` off its middle."""
+def _spline(step: Any, t: Any) -> Any:
+    """Weight a cell ``step`` cells from that of a point ``t`` off its center."""
     return 0.75 - t * t if step == 0 else 0.5 * (0.5 + step * t) ** 2
 
 
 @njit_inline
 def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
-    """Add up the moments of the cells around a place, as seen from it."""
+    """Sum the moments of the cells around a point, relative to it."""
     column, line = np.int64(np.floor(x / size)), np.int64(np.floor(y / size))
     tx, ty = x / size - column - 0.5, y / size - line - 0.5
     n, a, b, aa, ab, bb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -141,7 +141,7 @@ def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
             row = _find(table.keys, _key(level, column + i, line + j))
             if table.keys[row] == 0:
                 continue
-            f = _nearness(i, tx) * _nearness(j, ty)
+            f = _spline(i, tx) * _spline(j, ty)
             u, v = (i - tx) * size, (j - ty) * size
             sums = table.moments[row]
             m, p, q = f * sums[0], f * sums[1], f * sums[2]
@@ -156,16 +156,16 @@ def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
 
 @njit_inline
 def shape_around(table: Any, x: Any, y: Any) -> Any:
-    """Describe the points around a place, m.
+    """Return the shape of the map's points around a point, m.
 
     Returns:
-        Whether there are enough; the way from the place to their mean, x and y; their
-        covariance, xx, xy and yy.
+        Whether there are enough of them; the vector from the point to their mean, x and
+        y; their covariance, xx, xy and yy.
     """
     size = FINEST
     for level in range(LEVELS):
         n, a, b, aa, ab, bb = _window(table, level, size, x, y)
-        if n >= ENOUGH:
+        if n >= MIN_WEIGHT:
             a, b = a / n, b / n
             return True, a, b, aa / n - a * a, ab / n - a * b, bb / n - b * b
         size *= 2.0

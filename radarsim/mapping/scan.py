@@ -1,14 +1,14 @@
-"""A scan as maps take it: how far each beam is known, what ended it, what it met.
+"""Scans as maps use them: how far each beam is known, what ended it and what it hit.
 
 Theory of operation
 ===================
-A range alone says that a beam got so far; a radar that sees through foliage ends there
-at something opaque, or where its power runs out. Echoes tell the two apart, and tell
-where foliage and smoke begin and end. Where no echoes are told, each range is taken for
-something opaque, and nothing is known of foliage.
+A range alone says that a beam got so far. The beam of a radar that sees through foliage
+ends at something opaque or where its power runs out; echoes tell the two apart, and
+tell where foliage and smoke begin and end. Where a server sends no echoes, each range
+is taken for something opaque, and nothing is known of foliage.
 
-What a beam met are marks: something opaque is a point, foliage and smoke are stretches
-of the beam. A range below the least one tells nothing: a laser in smoke reads zero.
+A hit is a point on something opaque, or a stretch of the beam inside foliage or smoke.
+A range below the minimum range says nothing: a laser in smoke reads zero.
 """
 
 from collections.abc import Sequence
@@ -29,81 +29,80 @@ class BeamEnd(IntEnum):
 
     NOTHING = 0  # it reached the maximum range
     UNSURE = 1  # a range without echoes
-    HIT = 2
+    HIT = 2  # something opaque
     SPENT = 3  # its power ran out
     AIR = 4  # a drop of rain
     BLIND = 5  # it measured nothing
 
 
 class Layer(IntEnum):
-    """What the evidence in a map is of, and what beams hit."""
+    """What hits are on, and what the layers of a map hold evidence for."""
 
     SOLID = 0
-    FOLIAGE = 1  # and whatever else beams enter and robots do not
-    SMOKE = 2  # and whatever else beams and robots enter
-    BEAM_END = 3  # where beams end, whatever ends them; never of a single hit
+    FOLIAGE = 1  # and all else that beams enter and robots do not
+    SMOKE = 2  # and all else that both enter
+    BEAM_END = 3  # where beams end, whatever ends them; only in maps
 
 
-_KINDS: Final = {"enter": 0, "leave": 1, "sheet": 2, "hit": 3, "spent": 4, "rain": 5}
+_ECHO_KINDS: Final = {
+    "enter": 0,
+    "leave": 1,
+    "sheet": 2,
+    "hit": 3,
+    "spent": 4,
+    "rain": 5,
+}
 _LEAVE, _SHEET, _HIT, _SPENT, _RAIN = 1, 2, 3, 4, 5
-_ENDS: Final = np.array(
-    [
-        BeamEnd.BLIND,
-        BeamEnd.BLIND,
-        BeamEnd.BLIND,
-        BeamEnd.HIT,
-        BeamEnd.SPENT,
-        BeamEnd.AIR,
-    ],
-    np.int8,
+_END_OF_ECHO: Final = np.array(
+    [*[BeamEnd.BLIND] * 3, BeamEnd.HIT, BeamEnd.SPENT, BeamEnd.AIR], np.int8
 )
-ROUNDING: Final = 0.006  # m; what a range on the wire may be short of the greatest one
+ROUNDING: Final = 0.006  # m; how far a range on the wire may be below the maximum
 
 
 class BeamHits(NamedTuple):
-    """What beams met, a row each.
+    """What beams hit, one row per hit.
 
     Attributes:
-        beams: (K,) int64.
-        near: (K,) m, where it begins.
-        far: (K,) m, where it ends; the same for a point.
-        what: (K,) Layer.SOLID, Layer.FOLIAGE or Layer.SMOKE.
+        beams: (K,) int64, number of the beam.
+        near: (K,) m, where the hit begins.
+        far: (K,) m, where it ends; equal to ``near`` for a point.
+        layer: (K,) int8, ``Layer`` that was hit.
     """
 
     beams: NDArray[np.int64]
     near: Floats
     far: Floats
-    what: NDArray[np.int8]
+    layer: NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarScan:
-    """What a scanner saw at one time, in the plane.
+    """What a scanner measured at one time, in the plane.
 
     Attributes:
         time: s.
-        mount: Of the scanner on the robot.
+        mount: Pose of the scanner on the robot.
         angles: (N,) rad from the scanner's forward axis, counter-clockwise.
-        reach: (N,) m, how far each beam is known: to its end, or the greatest range
-            where there is none; 0 for one that tells nothing.
-        ends: (N,) what ended it, BeamEnd.NOTHING to BeamEnd.BLIND.
-        marks: What the beams met.
-        sees_through: Whether the marks tell of foliage and smoke too.
+        known_range: (N,) m, how far each beam is known: to its end, or to the maximum
+            range where there is none; 0 for a beam that measured nothing.
+        ends: (N,) int8, ``BeamEnd`` of each beam.
+        hits: What the beams hit.
+        sees_through: Whether the hits include foliage and smoke.
     """
 
     time: float
     mount: Pose2
     angles: Floats
-    reach: Floats
+    known_range: Floats
     ends: NDArray[np.int8]
     hits: BeamHits
     sees_through: bool
 
     def points(self, *, sure: bool = True) -> tuple[Floats, Floats]:
-        """Give where beams ended, in the robot's frame.
+        """Return where beams ended, in the robot's frame.
 
         Args:
-            sure: Leave out the ends at which power ran out, if these are known.
+            sure: Leave out the points at which power ran out, if these are known.
 
         Returns:
             (K, 2) m, and (K, 2) unit vectors along their beams.
@@ -113,73 +112,80 @@ class PlanarScan:
             chosen |= self.ends == BeamEnd.SPENT
         angles = self.angles[chosen] + self.mount.yaw
         along = np.column_stack([np.cos(angles), np.sin(angles)])
-        return along * self.reach[chosen, None] + (self.mount.x, self.mount.y), along
+        points = along * self.known_range[chosen, None] + (self.mount.x, self.mount.y)
+        return points, along
 
 
 def read_scan(
     report: RangeScan,
-    seen: Sequence[TargetEchoes] | None = None,
+    echoes: Sequence[TargetEchoes] | None = None,
     *,
     max_range: float,
     min_range: float = 0.0,
     mount: Pose2 | None = None,
 ) -> PlanarScan:
-    """Read a scan as a server tells it.
+    """Convert the reports of a scan.
 
     Args:
         report: The ranges.
-        seen: The echoes of that scan; None where the server tells none.
-        max_range: Reads a beam without return, m; ``inf`` if nobody tells.
-        min_range: Shorter ranges tell nothing, m.
-        mount: Of the scanner on the robot.
+        echoes: Echoes of the same scan; None where the server sends none.
+        max_range: Reading of a beam without return, m; ``inf`` if unknown.
+        min_range: Shorter ranges say nothing, m.
+        mount: Pose of the scanner on the robot.
     """
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
     returned = ranges < max_range - ROUNDING
     ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
-    reach = np.where(returned, ranges, max_range)
-    if seen is None:
+    known_range = np.where(returned, ranges, max_range)
+    if echoes is None:
         beams = np.flatnonzero(returned & (ranges >= min_range))
-        hits = _points(beams, reach[beams])
+        hits = _solid_points(beams, known_range[beams])
     else:
-        echoes = _Echoes.of(seen, len(ranges), max_range)
-        echoes.tell_ends(reach, ends)
-        hits = echoes.hits(reach)
-    blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(reach)
-    reach[blind], ends[blind] = 0.0, BeamEnd.BLIND
-    kept = ~blind[hits.beams]
-    columns: Any = (column[kept] for column in hits)
-    mount = mount or Pose2(0.0, 0.0)
+        table = _EchoTable.from_lines(echoes, len(ranges), max_range)
+        table.correct_ends(known_range, ends)
+        hits = table.hits(known_range)
+    blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(known_range)
+    known_range[blind], ends[blind] = 0.0, BeamEnd.BLIND
+    valid = ~blind[hits.beams]
+    columns: Any = (column[valid] for column in hits)
     return PlanarScan(
-        report.time, mount, angles, reach, ends, BeamHits(*columns), seen is not None
+        report.time,
+        mount or Pose2(0.0, 0.0),
+        angles,
+        known_range,
+        ends,
+        BeamHits(*columns),
+        echoes is not None,
     )
 
 
-class _Echoes(NamedTuple):
-    """All echoes of a scan, by beam, then by thing, then by range."""
+class _EchoTable(NamedTuple):
+    """All echoes of a scan, sorted by beam, then by target, then by range."""
 
     beams: NDArray[np.int64]
-    things: NDArray[np.int64]
+    targets: NDArray[np.int64]
     ranges: Floats
     kinds: NDArray[np.int8]
     passable: NDArray[np.bool_]
 
     @classmethod
-    def of(
-        cls, seen: Sequence[TargetEchoes], beams: int, max_range: float
-    ) -> "_Echoes":
-        """Gather them from all lines; an object may have several.
+    def from_lines(
+        cls, echoes: Sequence[TargetEchoes], beams: int, max_range: float
+    ) -> "_EchoTable":
+        """Join the echoes of all lines; an object may have several lines.
 
-        What is of no beam, out of reach or of an unknown kind is left out.
+        Echoes of no beam, beyond the maximum range or of an unknown kind are left out.
         """
-        names = sorted({(one.object, one.material) for one in seen})
+        names = sorted({(each.object, each.material) for each in echoes})
         number = {name: i for i, name in enumerate(names)}
+        kinds = [[_ECHO_KINDS.get(kind, -1) for kind in each.kinds] for each in echoes]
         columns: Any = (
-            _joined([one.beams for one in seen], np.int64),
-            _repeated([number[one.object, one.material] for one in seen], seen),
-            _joined([one.ranges for one in seen], np.float64),
-            _joined([[_KINDS.get(k, -1) for k in one.kinds] for one in seen], np.int8),
-            _repeated([one.robot_passes for one in seen], seen).astype(np.bool_),
+            _joined([each.beams for each in echoes], np.int64),
+            _repeated([number[each.object, each.material] for each in echoes], echoes),
+            _joined([each.ranges for each in echoes], np.float64),
+            _joined(kinds, np.int8),
+            _repeated([each.robot_passes for each in echoes], echoes).astype(np.bool_),
         )
         known = (columns[0] >= 0) & (columns[0] < beams) & (columns[3] >= 0)
         known &= (columns[2] >= 0) & (columns[2] <= max_range + ROUNDING)
@@ -187,74 +193,75 @@ class _Echoes(NamedTuple):
         order = order[known[order]]
         return cls(*(column[order] for column in columns))
 
-    def tell_ends(self, reach: Floats, ends: NDArray[np.int8]) -> None:
-        """Put right how far beams are known, and why they ended.
+    def correct_ends(self, known_range: Floats, ends: NDArray[np.int8]) -> None:
+        """Correct how far beams are known, and what ended them, by the echoes.
 
-        A beam that has a range and no end was told by a scanner that knows one echo of
-        each beam: at what can be passed, it saw no farther.
+        A beam that has a range and no end comes from a scanner that sends one echo per
+        beam: at something passable, beyond which it measured nothing.
         """
         ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
         last = np.flatnonzero(self.kinds >= _HIT)
         last = last[np.argsort(self.ranges[last], kind="stable")]
-        reach[self.beams[last]] = self.ranges[last]
-        ends[self.beams[last]] = _ENDS[self.kinds[last]]
+        known_range[self.beams[last]] = self.ranges[last]
+        ends[self.beams[last]] = _END_OF_ECHO[self.kinds[last]]
 
-    def hits(self, reach: Floats) -> BeamHits:
-        """Find what the beams met."""
+    def hits(self, known_range: Floats) -> BeamHits:
+        """Return what the beams hit."""
         near, far = np.zeros((2, len(self.beams)))
-        is_mark = np.zeros(len(self.beams), np.bool_)
-        _pair(self, reach, near, far, is_mark)
-        what = np.where(self.passable, Layer.SMOKE, Layer.FOLIAGE).astype(np.int8)
-        what[self.kinds == _HIT] = Layer.SOLID
-        far = np.minimum(far, reach[self.beams])
-        rows = np.flatnonzero(is_mark & (near <= far))
-        return BeamHits(self.beams[rows], near[rows], far[rows], what[rows])
+        is_hit = np.zeros(len(self.beams), np.bool_)
+        _pair_echoes(self, known_range, near, far, is_hit)
+        layer = np.where(self.passable, Layer.SMOKE, Layer.FOLIAGE).astype(np.int8)
+        layer[self.kinds == _HIT] = Layer.SOLID
+        far = np.minimum(far, known_range[self.beams])
+        rows = np.flatnonzero(is_hit & (near <= far))
+        return BeamHits(self.beams[rows], near[rows], far[rows], layer[rows])
 
 
 @njit_cached
-def _pair(echoes: Any, reach: Any, near: Any, far: Any, is_mark: Any) -> None:
-    """Join the places where beams enter things with those where they leave them.
+def _pair_echoes(
+    echoes: Any, known_range: Any, near: Any, far: Any, is_hit: Any
+) -> None:
+    """Join the points where beams enter targets with those where they leave them.
 
-    A beam that leaves what it has not entered began in it; one that does not leave
-    what it has entered ended there. What is nested in itself is one.
+    A beam that leaves a target which it has not entered began inside it; one that does
+    not leave what it has entered ended there. A target nested in itself counts once.
     """
     depth, begun, n = 0, 0.0, len(echoes.beams)
     for i in range(n):
         t, kind = echoes.ranges[i], echoes.kinds[i]
-        last = i + 1 == n or (
+        is_last = i + 1 == n or (
             echoes.beams[i + 1] != echoes.beams[i]
-            or echoes.things[i + 1] != echoes.things[i]
+            or echoes.targets[i + 1] != echoes.targets[i]
         )
         if kind == _LEAVE:
-            near[i], far[i], is_mark[i] = begun, t, depth <= 1
+            near[i], far[i], is_hit[i] = begun, t, depth <= 1
             begun = t if depth <= 1 else begun
             depth = max(depth - 1, 0)
         elif kind in (_SHEET, _HIT):
-            near[i], far[i], is_mark[i] = t, t, True
+            near[i], far[i], is_hit[i] = t, t, True
         elif kind == _SPENT:
-            near[i], far[i], is_mark[i] = (begun if depth else t), t, True
+            near[i], far[i], is_hit[i] = (begun if depth else t), t, True
             depth = 0
         elif kind != _RAIN:
             begun = begun if depth else t
             depth += 1
-        if last:
+        if is_last:
             if depth > 0:
-                near[i], far[i], is_mark[i] = (
-                    begun,
-                    max(reach[echoes.beams[i]], t),
-                    True,
-                )
+                end = max(known_range[echoes.beams[i]], t)
+                near[i], far[i], is_hit[i] = begun, end, True
             depth, begun = 0, 0.0
 
 
-def _points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:
+def _solid_points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:
     return BeamHits(beams, ranges, ranges, np.full(len(beams), Layer.SOLID, np.int8))
 
 
-def _joined(columns: Sequence[Any], kind: Any) -> Any:
-    return np.concatenate([np.zeros(0, kind), *[np.asarray(c, kind) for c in columns]])
+def _joined(columns: Sequence[Any], dtype: Any) -> Any:
+    return np.concatenate(
+        [np.zeros(0, dtype), *[np.asarray(c, dtype) for c in columns]]
+    )
 
 
-def _repeated(values: Sequence[Any], seen: Sequence[TargetEchoes]) -> Any:
-    counts = np.array([len(one.beams) for one in seen], np.int64)
+def _repeated(values: Sequence[Any], echoes: Sequence[TargetEchoes]) -> Any:
+    counts = np.array([len(each.beams) for each in echoes], np.int64)
     return np.repeat(np.array(values, np.int64), counts)

@@ -1,17 +1,17 @@
-"""Where a scan fits best into a map of points: Gauss and Newton, with robust weights.
+"""Scan matching: fits a scan to a map of points by Gauss-Newton with robust weights.
 
 Theory of operation
 ===================
 Each point of the scan is compared with the shape of the map's points around it. Where
 these lie along a line, only the distance across it counts, as points slide along walls;
-where they are a spot, as of a pole, both directions do. A distance is weighed by how
-much it is worth: less where the map's points are spread, as in foliage, and less where
-the beam grazes, since an echo may come from anywhere across the beam. What is far off
-for its spread counts next to nothing (Geman and McClure's weights).
+where they form a spot, as of a pole, both directions count. A distance is weighted by
+its information: less where the map's points are spread, as in foliage, and less where
+the beam grazes, since an echo may come from anywhere across the beam. Outliers count
+next to nothing (Geman and McClure's weights).
 
-What the robot knows of its motion is one more distance, from the predicted pose. Where
-the scan says nothing, in the open or along a corridor, that alone is left, and the
-solution is the prediction; so it cannot run away.
+The motion that the robot reports is one more distance, from the predicted pose. Where
+the scan says nothing, in the open or along a corridor, that alone is left and the
+solution is the prediction, so the pose cannot run away.
 """
 
 import math
@@ -23,23 +23,25 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.mapping.point_map import Table, shape_around
 
-ROUNDS: Final = 12
-ROBUST: Final = 4.0  # squared distance, in variances, at which the weight is a quarter
-TRIED: Final = 150  # points for which starts are compared
-SLIM: Final = 4.0  # variance along a line by that across it, at least
-SHARP: Final = 1 / 0.05**2  # 1/m^2; what is known to 5 cm counts half in comparisons
-SPOT: Final = 0.15**2  # m^2, largest variance of what is a spot
+MAX_ITERATIONS: Final = 12
+ROBUST_SCALE: Final = (
+    4.0  # squared distance, in variances, at which the weight is a quarter
+)
+SAMPLED_POINTS: Final = 150  # at most, by which starts are compared
+LINE_RATIO: Final = 4.0  # variance along a line by that across it, at least
+HALF_SCORE: Final = 1 / 0.05**2  # 1/m^2; a point known to 5 cm scores one half
+MAX_SPOT: Final = 0.15**2  # m^2, largest variance of a spot
 RANGE_ERROR: Final = 0.02  # m, of ranges and of the map's own lines
 
 
-class Points(NamedTuple):
-    """Where the beams of a scan ended, in the robot's frame.
+class ScanPoints(NamedTuple):
+    """Points where the beams of a scan ended, in the robot's frame.
 
     Attributes:
         places: (K, 2) m.
         along: (K, 2) unit vectors along the beams.
-        spread: m, standard deviation of where across its beam an echo comes from.
-        spots: Whether spots count; not where some ends may be of spent beams.
+        spread: Standard deviation of where across its beam an echo comes from, m.
+        spots: Whether spots count; not if some beams may have run out of power.
     """
 
     places: Floats
@@ -49,19 +51,19 @@ class Points(NamedTuple):
 
 
 def fit(
-    table: Table, points: Points, start: Pose2, predicted: Pose2, sigma: Floats
+    table: Table, points: ScanPoints, start: Pose2, predicted: Pose2, sigma: Floats
 ) -> tuple[Pose2, float]:
-    """Find the pose at which a scan fits best, near a start.
+    """Find the pose near a start at which a scan fits the map best.
 
     Args:
-        table: The map.
-        points: The scan.
-        start: Where to begin.
-        predicted: What the robot's motion says.
-        sigma: (3,) standard deviations of that, m, m and rad.
+        table: Table of the map.
+        points: Points of the scan.
+        start: Pose to begin at.
+        predicted: Pose by the robot's motion.
+        sigma: (3,) standard deviations of the predicted pose, m, m and rad.
 
     Returns:
-        The pose, and the sum of the merits of all points there.
+        The pose, and the sum of the scores of all points there.
     """
     state = np.array([start.x, start.y, start.yaw])
     prior = np.array([predicted.x, predicted.y, predicted.yaw])
@@ -70,35 +72,35 @@ def fit(
     return Pose2(x, y, wrap_angle(yaw)), score
 
 
-def best_start(table: Table, points: Points, starts: Floats) -> int:
-    """Give the row of the pose, of (S, 3), at which a part of the points fits best."""
-    step = 1 + len(points.places) // TRIED
+def best_start(table: Table, points: ScanPoints, starts: Floats) -> int:
+    """Return the row of the pose, of (S, 3), at which a sample of points fits best."""
+    step = 1 + len(points.places) // SAMPLED_POINTS
     places, along = (np.ascontiguousarray(rows[::step]) for rows in points[:2])
     some = points._replace(places=places, along=along)
     return int(_best_start(table, some, starts))
 
 
 @njit_inline
-def _worth(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
-    """Give the information matrix of a distance to a shape, xx, xy and yy, 1/m^2.
+def _information(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
+    """Return the information matrix of a distance to a shape, xx, xy and yy, 1/m^2.
 
     Args:
         shape: Covariance of the map's points, xx, xy and yy.
         across: Unit vector across the beam.
-        spread: Of the echo along that.
-        spots: Whether what is no line counts.
+        spread: Standard deviation of the echo along that vector.
+        spots: Whether spots count, and not only lines.
     """
     a, b, c = shape
     half, turn = (a + c) / 2, math.hypot((a - c) / 2, b)
     small, large = max(half - turn, 0.0), half + turn
     noise, wide = RANGE_ERROR * RANGE_ERROR, spread * spread
-    if large >= SLIM * small:
+    if large >= LINE_RATIO * small:
         angle = math.atan2(2.0 * b, a - c) / 2
         nx, ny = -math.sin(angle), math.cos(angle)
         facing = nx * across[0] + ny * across[1]
-        worth = 1.0 / (small + noise + wide * facing * facing)
-        return worth * nx * nx, worth * nx * ny, worth * ny * ny
-    if not spots or large > SPOT:
+        weight = 1.0 / (small + noise + wide * facing * facing)
+        return weight * nx * nx, weight * nx * ny, weight * ny * ny
+    if not spots or large > MAX_SPOT:
         return 0.0, 0.0, 0.0
     a += noise + wide * across[0] * across[0]
     b += wide * across[0] * across[1]
@@ -107,52 +109,79 @@ def _worth(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
     return c / area, -b / area, a / area
 
 
+class _Match(NamedTuple):
+    """A point of the scan compared with the map, on the map's axes.
+
+    Attributes:
+        rx: x from the robot to the point, m.
+        ry: y from the robot to the point, m.
+        ex: x from the point to the mean of the map's points around it, m.
+        ey: y from the point to the mean of the map's points around it, m.
+        information: Information matrix of that distance, xx, xy and yy.
+        weight: Robust weight; 0 where the map has no points.
+    """
+
+    rx: float
+    ry: float
+    ex: float
+    ey: float
+    information: tuple[float, float, float]
+    weight: float
+
+
 @njit_inline
 def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
-    """Compare a point with the map.
-
-    Returns:
-        Its place as seen from the robot on the map's axes, its way to the map's points,
-        its worth, and its robust weight.
-    """
+    """Compare a point with the map; return a ``_Match``."""
     c, s = turn
     px, py = points.places[i, 0], points.places[i, 1]
     dx, dy = points.along[i, 0], points.along[i, 1]
     rx, ry = c * px - s * py, s * px + c * py
     found, ex, ey, a, b, d = shape_around(table, state[0] + rx, state[1] + ry)
     if not found:
-        return rx, ry, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0
+        return _Match(rx, ry, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0)
     across = (-s * dx - c * dy, c * dx - s * dy)
-    worth = _worth((a, b, d), across, points.spread, points.spots)
-    off = worth[0] * ex * ex + 2.0 * worth[1] * ex * ey + worth[2] * ey * ey
-    weight = (ROBUST / (ROBUST + off)) ** 2 if worth[0] + worth[2] > 0.0 else 0.0
-    return rx, ry, ex, ey, worth, weight
+    information = _information((a, b, d), across, points.spread, points.spots)
+    off = (
+        information[0] * ex * ex
+        + 2.0 * information[1] * ex * ey
+        + information[2] * ey * ey
+    )
+    weight = (
+        (ROBUST_SCALE / (ROBUST_SCALE + off)) ** 2
+        if information[0] + information[2] > 0.0
+        else 0.0
+    )
+    return _Match(rx, ry, ex, ey, information, weight)
 
 
 @njit_inline
-def _merit(worth: Any, weight: Any) -> Any:
-    """Give what a point counts when poses are compared.
+def _score(information: Any, weight: Any) -> Any:
+    """Return the score of a point when poses are compared.
 
-    Coarse shapes are near to everything; what is sharp tells poses apart.
+    Wide shapes are near to every point, so only narrow ones tell poses apart.
     """
-    sharp = worth[0] + worth[2]
-    return weight * sharp / (sharp + SHARP)
+    trace = information[0] + information[2]
+    return weight * trace / (trace + HALF_SCORE)
 
 
 @njit_inline
-def _add_up(table: Any, points: Any, state: Any, normal: Any, pull: Any) -> Any:
-    """Add the points to the normal equations; give their merits' sum."""
+def _add_up(table: Any, points: Any, state: Any, normal: Any, gradient: Any) -> Any:
+    """Add the points to the normal equations, and return the sum of their scores."""
     turn = math.cos(state[2]), math.sin(state[2])
     score = 0.0
     for i in range(len(points.places)):
-        rx, ry, ex, ey, worth, weight = _compare(table, points, i, state, turn)
-        score += _merit(worth, weight)
-        a, b, d = weight * worth[0], weight * worth[1], weight * worth[2]
+        rx, ry, ex, ey, information, weight = _compare(table, points, i, state, turn)
+        score += _score(information, weight)
+        a, b, d = (
+            weight * information[0],
+            weight * information[1],
+            weight * information[2],
+        )
         fx, fy = a * ex + b * ey, b * ex + d * ey
         p, q = b * rx - a * ry, d * rx - b * ry
-        pull[0] += fx
-        pull[1] += fy
-        pull[2] += rx * fy - ry * fx
+        gradient[0] += fx
+        gradient[1] += fy
+        gradient[2] += rx * fy - ry * fx
         normal[0, 0] += a
         normal[1, 0] += b
         normal[1, 1] += d
@@ -164,7 +193,7 @@ def _add_up(table: Any, points: Any, state: Any, normal: Any, pull: Any) -> Any:
 
 @njit_inline
 def _factor(normal: Any) -> None:
-    """Factor three equations in place, after Cholesky; the lower half is read."""
+    """Compute the Cholesky factor of (3, 3) in place; only the lower half is read."""
     for j in range(3):
         for i in range(j, 3):
             for k in range(j):
@@ -175,45 +204,45 @@ def _factor(normal: Any) -> None:
 
 
 @njit_inline
-def _solve(normal: Any, pull: Any) -> None:
-    """Solve three equations in place."""
+def _solve(normal: Any, gradient: Any) -> None:
+    """Solve three symmetric equations in place, by Cholesky."""
     _factor(normal)
     for j in range(3):
         for k in range(j):
-            pull[j] -= normal[j, k] * pull[k]
-        pull[j] /= normal[j, j]
+            gradient[j] -= normal[j, k] * gradient[k]
+        gradient[j] /= normal[j, j]
     for j in range(2, -1, -1):
         for k in range(j + 1, 3):
-            pull[j] -= normal[k, j] * pull[k]
-        pull[j] /= normal[j, j]
+            gradient[j] -= normal[k, j] * gradient[k]
+        gradient[j] /= normal[j, j]
 
 
 @njit_cached
-def _fit(table: Any, points: Any, state: Any, prior: Any, trust: Any) -> Any:
-    """Move a pose to where the scan fits; give the score before the last step."""
-    normal, pull, score = np.zeros((3, 3)), np.zeros(3), 0.0
-    for _ in range(ROUNDS):
+def _fit(table: Any, points: Any, state: Any, prior: Any, information: Any) -> Any:
+    """Move a pose to where the scan fits, and return the score before the last step."""
+    normal, gradient, score = np.zeros((3, 3)), np.zeros(3), 0.0
+    for _ in range(MAX_ITERATIONS):
         normal[:] = 0.0
         for k in range(3):
-            normal[k, k] = trust[k]
-            pull[k] = trust[k] * (prior[k] - state[k])
-        score = _add_up(table, points, state, normal, pull)
-        _solve(normal, pull)
-        state += pull
-        if max(abs(pull[0]), abs(pull[1]), 10.0 * abs(pull[2])) < 1e-4:
+            normal[k, k] = information[k]
+            gradient[k] = information[k] * (prior[k] - state[k])
+        score = _add_up(table, points, state, normal, gradient)
+        _solve(normal, gradient)
+        state += gradient
+        if max(abs(gradient[0]), abs(gradient[1]), 10.0 * abs(gradient[2])) < 1e-4:
             break
     return score
 
 
 @njit_cached
 def _best_start(table: Any, points: Any, starts: Any) -> Any:
-    best, most = 0, -1.0
+    best, best_score = 0, -1.0
     for k in range(len(starts)):
         turn = math.cos(starts[k, 2]), math.sin(starts[k, 2])
         score = 0.0
         for i in range(len(points.places)):
-            _, _, _, _, worth, weight = _compare(table, points, i, starts[k], turn)
-            score += _merit(worth, weight)
-        if score > most:
-            best, most = k, score
+            match = _compare(table, points, i, starts[k], turn)
+            score += _score(match.information, match.weight)
+        if score > best_score:
+            best, best_score = k, score
     return best

@@ -1,17 +1,17 @@
-"""Where the robot is: its scans against the map of the scans before.
+"""SLAM: estimates the robot's pose by matching each scan with the scans before.
 
 Theory of operation
 ===================
-The motion since the last scan, as INS or odometry tells it, predicts the pose; the scan
-corrects it (``matching``). An INS tells its way on the axes of the map, odometry on
-those of the robot. With neither, poses all around the last one and the one that its
-motion leads to are tried, and the best of them is corrected.
+The motion since the last scan, as INS or odometry reports it, predicts the pose; the
+scan corrects it (``scan_matching``). An INS reports its motion on the axes of the map,
+odometry on those of the robot. With neither, poses all around the last one and the pose
+that its motion leads to are tried, and the best of them is corrected.
 
-When the robot has moved by a hand's breadth since the last time, its scan becomes part
-of the map, and so do the first ones while it stands, which have the start's pose and
-make the map dense. The map does not forget: a place that is seen again is matched
-against what was seen first, which closes loops as long as the drift until then is less
-than the size of what is matched.
+A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
+since the last keyframe; so do the first scans while it stands, which have the start's
+pose and make the map dense. The map forgets nothing: a place that is seen again is
+matched against what was seen first, which closes loops as long as the drift until then
+is less than the size of what is matched.
 """
 
 import math
@@ -23,13 +23,13 @@ import numpy as np
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.mapping.point_map import PointMap
 from radarsim.mapping.scan import PlanarScan
-from radarsim.mapping.scan_matching import Points, best_start, fit
+from radarsim.mapping.scan_matching import ScanPoints, best_start, fit
 from radarsim.mapping.trajectory import Trajectory
 
 MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
 
-FIRST_SCANS: Final = 10  # are kept wherever the robot is
-FEWEST: Final = 3  # points that are worth a try
+FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
+MIN_POINTS: Final = 3  # points that are worth matching
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +37,16 @@ class SlamSettings:
     """How scans are matched.
 
     Attributes:
-        motion_source: What tells the robot's motion between scans.
+        motion_source: Where the robot's motion between scans is read from.
         beam_spread: Standard deviation of where across its beam an echo comes from, m.
             That of a radar with side rays N units away is N / 300.
-        still: Standard deviations of the seed where it says that nothing moves, m, rad.
-        drift: The same as a part of the way and of the turn that it tells.
-        keep_way: m between scans that become part of the map.
-        keep_turn: rad between them.
-        search_way: How far the robot gets between two scans, m; used without a seed.
-        search_turn: The same of its turn, rad.
+        still: Standard deviations of the reported motion while nothing moves, m, rad.
+        drift: Standard deviation of the motion as a share of its length and turn.
+        keyframe_distance: Distance between keyframes, m.
+        keyframe_angle: Turn between keyframes, rad.
+        search_distance: How far the robot gets between two scans, m; used without a
+            motion source.
+        search_angle: How far it turns between two scans, rad.
     """
 
     motion_source: MotionSource = "ins"
@@ -59,113 +60,120 @@ class SlamSettings:
 
 
 class Slam:
-    """Localisation and the map that it needs.
+    """Localisation, and the map of points that it needs.
 
     Attributes:
-        pose: Of the robot at the last scan; before the first one where it starts.
+        settings: How scans are matched.
+        pose: Pose of the robot at the last scan; before the first one its start.
         trajectory: All poses, by the times of the scans.
     """
 
     def __init__(
         self, settings: SlamSettings | None = None, start: Pose2 | None = None
     ) -> None:
-        """Begin at a pose.
+        """Start at a pose.
 
         Args:
             settings: How to match.
-            start: Where the robot is at its first scan, map frame; None for where the
-                first seed says, or the origin if there is none.
+            start: Pose of the robot at its first scan, map frame; None for the first
+                pose of the motion source, or the origin if there is none.
         """
         self.settings = settings or SlamSettings()
         self.pose = start or Pose2(0.0, 0.0)
         self.trajectory = Trajectory()
-        self._starts_at_seed = start is None
+        self._starts_at_prior = start is None
         self._map = PointMap()
-        self._seed: Pose2 | None = None
+        self._prior: Pose2 | None = None
         self._motion = Pose2(0.0, 0.0)
-        self._kept = self.pose
-        self._count = 0
+        self._keyframe = self.pose
+        self._keyframes = 0
 
-    def step(self, scan: PlanarScan, seed: Pose2 | None = None) -> Pose2:
-        """Find out where the robot was when it took a scan.
+    def step(self, scan: PlanarScan, prior: Pose2 | None = None) -> Pose2:
+        """Estimate where the robot was when it took a scan.
 
         Args:
-            scan: The next one.
-            seed: Where INS or odometry believes to be, in its own frame; only its
-                changes count. None if it told nothing: the pose is searched.
+            scan: The next scan.
+            prior: Pose by the motion source, in its own frame; only its changes count.
+                None if it reported nothing: the pose is searched.
 
         Returns:
             The robot's pose, map frame.
         """
-        places, along = scan.points(sure=self.settings.motion_source != "none")
-        points = Points(
-            places,
-            along,
-            self.settings.beam_spread,
-            scan.sees_through and self.settings.motion_source != "none",
-        )
+        has_source = self.settings.motion_source != "none"
+        places, along = scan.points(sure=has_source)
+        uses_spots = scan.sees_through and has_source
+        points = ScanPoints(places, along, self.settings.beam_spread, uses_spots)
         last = self.pose
-        if self._starts_at_seed:
-            self.pose = seed or self.pose
+        if self._starts_at_prior:
+            self.pose = prior or self.pose
         elif len(self.trajectory):
-            self.pose = self._next(points, seed)
-        self._starts_at_seed = False
+            self.pose = self._next_pose(points, prior)
+        self._starts_at_prior = False
         self._motion = self.pose.relative_to(last)
-        self._seed = seed
+        self._prior = prior
         self.trajectory.add(scan.time, self.pose)
-        if len(places) and self._is_to_be_kept():
-            self._keep(places)
+        if len(places) and self._is_keyframe():
+            self._add_keyframe(places)
         return self.pose
 
-    def _next(self, points: Points, seed: Pose2 | None) -> Pose2:
-        can_match = len(points.places) >= FEWEST and len(self._map) > 0
-        if seed is None or self._seed is None or self.settings.motion_source == "none":
-            return self._searched(points) if can_match else self.pose
-        predicted, sigma = self._predict(self._seed, seed)
+    def _next_pose(self, points: ScanPoints, prior: Pose2 | None) -> Pose2:
+        can_match = len(points.places) >= MIN_POINTS and len(self._map) > 0
+        has_source = self.settings.motion_source != "none"
+        if prior is None or self._prior is None or not has_source:
+            return self._search(points) if can_match else self.pose
+        predicted, sigma = self._predict(self._prior, prior)
         if not can_match:
             return predicted
         return fit(self._map.table, points, predicted, predicted, sigma)[0]
 
-    def _predict(self, before: Pose2, now: Pose2) -> tuple[Pose2, Floats]:
-        """Carry the seed's motion over to the pose; say how far that may be off."""
-        turn = wrap_angle(now.yaw - before.yaw)
-        dx, dy = now.x - before.x, now.y - before.y
+    def _predict(self, before: Pose2, after: Pose2) -> tuple[Pose2, Floats]:
+        """Apply the reported motion to the pose.
+
+        Returns:
+            The pose and its standard deviations, (3,) m, m and rad.
+        """
+        turn = wrap_angle(after.yaw - before.yaw)
+        dx, dy = after.x - before.x, after.y - before.y
         if self.settings.motion_source == "ins":
             x, y = self.pose.x + dx, self.pose.y + dy
             predicted = Pose2(x, y, wrap_angle(self.pose.yaw + turn))
         else:
-            predicted = self.pose.compose(now.relative_to(before))
-        way_off, turn_off = self.settings.still
-        way_off += self.settings.drift * math.hypot(dx, dy)
-        turn_off += self.settings.drift * abs(turn)
-        return predicted, np.array([way_off, way_off, turn_off])
+            predicted = self.pose.compose(after.relative_to(before))
+        sigma_distance, sigma_turn = self.settings.still
+        sigma_distance += self.settings.drift * math.hypot(dx, dy)
+        sigma_turn += self.settings.drift * abs(turn)
+        return predicted, np.array([sigma_distance, sigma_distance, sigma_turn])
 
-    def _searched(self, points: Points) -> Pose2:
-        """Find the pose with nothing to go by but how far a robot gets."""
-        way, turn = self.settings.search_distance, self.settings.search_angle
-        sigma = np.array([way, way, turn])
-        turns = np.linspace(-turn, turn, 31)
-        ways = np.array([-way, 0.0, way])
-        around = [self.pose.compose(Pose2(w, 0.0, t)) for t in turns for w in ways]
-        around.append(self.pose.compose(self._motion))
-        starts = np.array([[pose.x, pose.y, pose.yaw] for pose in around])
+    def _search(self, points: ScanPoints) -> Pose2:
+        """Find the pose, knowing only how far a robot gets between scans."""
+        distance, turn = self.settings.search_distance, self.settings.search_angle
+        sigma = np.array([distance, distance, turn])
+        candidates = [
+            self.pose.compose(Pose2(step, 0.0, angle))
+            for angle in np.linspace(-turn, turn, 31)
+            for step in np.array([-distance, 0.0, distance])
+        ]
+        candidates.append(self.pose.compose(self._motion))
+        starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self._map.table
-        best = around[best_start(table, points, starts)]
-        tries = [fit(table, points, pose, pose, sigma) for pose in (best, around[-1])]
-        return max(tries, key=lambda found: found[1])[0]
+        best = candidates[best_start(table, points, starts)]
+        fits = [
+            fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
+        ]
+        return max(fits, key=lambda each: each[1])[0]
 
-    def _is_to_be_kept(self) -> bool:
-        moved = math.hypot(self.pose.x - self._kept.x, self.pose.y - self._kept.y)
-        turned = abs(wrap_angle(self.pose.yaw - self._kept.yaw))
-        far = (
-            moved > self.settings.keyframe_distance
-            or turned > self.settings.keyframe_angle
+    def _is_keyframe(self) -> bool:
+        distance = math.hypot(
+            self.pose.x - self._keyframe.x, self.pose.y - self._keyframe.y
         )
-        return far or self._count < FIRST_SCANS
+        turn = abs(wrap_angle(self.pose.yaw - self._keyframe.yaw))
+        settings = self.settings
+        is_far = distance > settings.keyframe_distance or turn > settings.keyframe_angle
+        return is_far or self._keyframes < FIRST_KEYFRAMES
 
-    def _keep(self, places: Floats) -> None:
+    def _add_keyframe(self, places: Floats) -> None:
         c, s = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
         turn = np.array([[c, s], [-s, c]])
         self._map.add(places @ turn + (self.pose.x, self.pose.y))
-        self._kept = self.pose
-        self._count += 1
+        self._keyframe = self.pose
+        self._keyframes += 1

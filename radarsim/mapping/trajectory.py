@@ -1,4 +1,4 @@
-"""Where a robot was when, and how far that is from the truth."""
+"""Trajectories, and the errors of an estimated one."""
 
 import math
 from collections.abc import Iterator
@@ -10,11 +10,11 @@ from radarsim.geometry import Floats, Pose2
 
 
 class Trajectory:
-    """Poses by time.
+    """Poses with their times.
 
     Attributes:
         times: s, in the order in which they were added.
-        poses: Of the robot, map frame.
+        poses: Poses of the robot, map frame.
     """
 
     def __init__(self) -> None:
@@ -22,11 +22,11 @@ class Trajectory:
         self.poses: list[Pose2] = []
 
     def __len__(self) -> int:
-        """Give the number of poses."""
+        """Return the number of poses."""
         return len(self.poses)
 
     def __iter__(self) -> Iterator[tuple[float, Pose2]]:
-        """Give times with poses."""
+        """Iterate over pairs of time and pose."""
         return zip(self.times, self.poses, strict=True)
 
     def add(self, time: float, pose: Pose2) -> None:
@@ -35,28 +35,28 @@ class Trajectory:
         self.poses.append(pose)
 
     def rows(self) -> Floats:
-        """Give the poses as (N, 3): x and y in m, yaw in rad."""
+        """Return the poses as (N, 3): x and y in m, yaw in rad."""
         rows = [(pose.x, pose.y, pose.yaw) for pose in self.poses]
         return np.array(rows, np.float64).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryErrors:
-    """How far an estimated trajectory is from the true one.
+    """Errors of an estimated trajectory.
 
-    Nothing is aligned first: both begin at a pose that is known.
+    The trajectories are not aligned first, as both begin at a known pose.
 
     Attributes:
-        poses: How many were compared.
-        length: Of the true way, m.
-        ate: Absolute error of the place, root of the mean square, m.
-        ate_max: The largest one, m.
-        yaw: Absolute error of the heading, root of the mean square, rad.
-        yaw_max: The largest one, rad.
-        rpe: Error of the motion over ``rpe_over`` metres of the way, root of the mean
-            square, m; nan if the way is shorter.
-        rpe_yaw: The same of the turn, rad.
-        rpe_over: m.
+        poses: Number of poses compared.
+        length: Length of the true path, m.
+        ate: Absolute trajectory error, root mean square, m.
+        ate_max: Largest absolute error of a position, m.
+        yaw: Absolute error of the heading, root mean square, rad.
+        yaw_max: Largest absolute error of the heading, rad.
+        rpe: Relative pose error: that of the motion over ``rpe_over`` metres of the
+            path, root mean square, m; nan if the path is shorter.
+        rpe_yaw: Relative error of the heading over the same distance, rad.
+        rpe_over: Length of the motions compared, m.
     """
 
     poses: int
@@ -75,8 +75,8 @@ def trajectory_errors(
 ) -> TrajectoryErrors:
     """Compare a trajectory with the true one.
 
-    Poses between those of the truth are compared with what lies between these; poses
-    before the first and after the last one are left out.
+    The truth is interpolated at the times of the estimate; poses before its first and
+    after its last time are left out.
 
     Raises:
         ValueError: If there is no pose to compare.
@@ -88,15 +88,15 @@ def trajectory_errors(
         inside = (times >= known.min()) & (times <= known.max())
     if not inside.any():
         raise ValueError("no pose of the estimate is at a time of the truth")
-    guess, true = estimate.rows()[inside], _between(truth, times[inside])
-    off = np.hypot(guess[:, 0] - true[:, 0], guess[:, 1] - true[:, 1])
-    turned = _wrapped(guess[:, 2] - true[:, 2])
+    poses, true = estimate.rows()[inside], _interpolated(truth, times[inside])
+    off = np.hypot(poses[:, 0] - true[:, 0], poses[:, 1] - true[:, 1])
+    turned = _wrapped(poses[:, 2] - true[:, 2])
     steps = np.hypot(*np.diff(true[:, :2], axis=0).T)
-    way = np.concatenate([[0.0], np.cumsum(steps)])
-    rpe, rpe_yaw = _relative(guess, true, way, rpe_over)
+    path = np.concatenate([[0.0], np.cumsum(steps)])
+    rpe, rpe_yaw = _relative_errors(poses, true, path, rpe_over)
     return TrajectoryErrors(
-        poses=len(guess),
-        length=float(way[-1]),
+        poses=len(poses),
+        length=float(path[-1]),
         ate=_root_mean_square(off),
         ate_max=float(off.max()),
         yaw=_root_mean_square(turned),
@@ -108,9 +108,9 @@ def trajectory_errors(
 
 
 def tum_text(trajectory: Trajectory) -> str:
-    """Write a trajectory as TUM's tools read it.
+    """Return a trajectory in the format of TUM's tools.
 
-    A line for each pose: time, x, y, z and the quaternion x, y, z, w.
+    One line per pose: time, x, y, z and the quaternion x, y, z, w.
     """
     lines = ["# radarsim map: timestamp tx ty tz qx qy qz qw\n"]
     for time, pose in trajectory:
@@ -120,8 +120,8 @@ def tum_text(trajectory: Trajectory) -> str:
     return "".join(lines)
 
 
-def _between(truth: Trajectory, times: Floats) -> Floats:
-    """Give the true poses at some times, (N, 3)."""
+def _interpolated(truth: Trajectory, times: Floats) -> Floats:
+    """Return the true poses at some times, (N, 3)."""
     rows, known = truth.rows(), np.array(truth.times)
     order = np.argsort(known, kind="stable")
     rows, known = rows[order], known[order]
@@ -130,22 +130,23 @@ def _between(truth: Trajectory, times: Floats) -> Floats:
     return np.column_stack(columns)
 
 
-def _relative(
-    guess: Floats, true: Floats, way: Floats, over: float
+def _relative_errors(
+    poses: Floats, true: Floats, path: Floats, over: float
 ) -> tuple[float, float]:
-    ends = np.searchsorted(way, way + over)
-    starts = np.flatnonzero(ends < len(way))
+    """Return the relative pose error in m and in rad, root mean square."""
+    ends = np.searchsorted(path, path + over)
+    starts = np.flatnonzero(ends < len(path))
     if not len(starts):
         return math.nan, math.nan
     ends = ends[starts]
-    made = _motions(guess[starts], guess[ends])
-    due = _motions(true[starts], true[ends])
-    off = np.hypot(made[:, 0] - due[:, 0], made[:, 1] - due[:, 1])
-    return _root_mean_square(off), _root_mean_square(_wrapped(made[:, 2] - due[:, 2]))
+    motions = _motions(poses[starts], poses[ends])
+    true_motions = _motions(true[starts], true[ends])
+    dx, dy, turn = (motions - true_motions).T
+    return _root_mean_square(np.hypot(dx, dy)), _root_mean_square(_wrapped(turn))
 
 
 def _motions(starts: Floats, ends: Floats) -> Floats:
-    """Give each end as seen from its start, (N, 3)."""
+    """Return each end in the frame of its start, (N, 3)."""
     c, s = np.cos(starts[:, 2]), np.sin(starts[:, 2])
     dx, dy, turn = (ends - starts).T
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turn])

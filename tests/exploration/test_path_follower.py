@@ -95,12 +95,12 @@ class World:
         time = len(self.track) * STEP
         scan = self.look(self.walls, self.pose, time=time)
         nothing = scan.ends == BeamEnd.NOTHING
-        reach = np.where(nothing, np.minimum(scan.reach, FAR), scan.reach)
+        reach = np.where(nothing, np.minimum(scan.known_range, FAR), scan.known_range)
         scan = replace(scan, reach=reach)
         self.grid.add(self.pose, scan)
-        self.grid.stand(self.pose, 0.25)
+        self.grid.clear_disc(self.pose, 0.25)
         ended = (scan.ends == BeamEnd.HIT) | (scan.ends == BeamEnd.UNSURE)
-        ranges = np.where(ended, scan.reach, math.inf)
+        ranges = np.where(ended, scan.known_range, math.inf)
         return Observation(time, self.pose, scan.angles.copy(), ranges)
 
     def move(self, twist: Twist) -> None:

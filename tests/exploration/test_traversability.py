@@ -134,7 +134,7 @@ def test_foliage_keeps_a_robot_out_though_beams_get_in(
         scan.time,
         scan.mount,
         scan.angles,
-        scan.reach,
+        scan.known_range,
         scan.ends,
         BeamHits(beams, here, there, what),
         sees_through=True,

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.mapping.inverse_sensor_model import (
-    LAYERS,
     LOG_ODDS_FREE,
     LOG_ODDS_HIT,
     LOG_ODDS_LIMIT,
@@ -17,9 +16,9 @@ from radarsim.mapping.inverse_sensor_model import (
     SENSED,
     Beams,
     Cells,
-    cross,
-    forget,
-    meet,
+    add_free_cells,
+    add_hits,
+    clear_scan_flags,
 )
 from radarsim.mapping.scan import (
     BeamEnd,
@@ -40,7 +39,8 @@ class Sheet:
 
     def __init__(self) -> None:
         self.cells = Cells(
-            np.zeros((LAYERS, SIDE, SIDE), np.int8), np.zeros((SIDE, SIDE), np.uint8)
+            np.zeros((len(Layer), SIDE, SIDE), np.int8),
+            np.zeros((SIDE, SIDE), np.uint8),
         )
         self._path = np.zeros((4 * SIDE, 2), np.int64)
 
@@ -70,9 +70,9 @@ class Sheet:
             short,
             sees_through,
         )
-        meet(self.cells, beams, met, self._path)
-        cross(self.cells, beams, self._path)
-        forget(self.cells, beams, self._path)
+        add_hits(self.cells, beams, met, self._path)
+        add_free_cells(self.cells, beams, self._path)
+        clear_scan_flags(self.cells, beams, self._path)
 
     def sensed(self) -> NDArray[np.bool_]:
         return np.asarray(self.cells.flags & SENSED > 0)

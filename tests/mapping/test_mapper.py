@@ -9,7 +9,7 @@ import pytest
 
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.mapping.mapper import STALE, Mapper, MapperSettings
+from radarsim.mapping.mapper import MAX_SCANS_WITHOUT_MOTION, Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import (
     CellClass,
 )
@@ -246,7 +246,7 @@ def _drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
         yield ins(t, pose.x, pose.y, pose.yaw)
         seen = look(room, pose)
         fov = float(seen.angles[-1] - seen.angles[0])
-        yield RangeScan(t, "lms200", math.radians(1), fov, seen.reach)
+        yield RangeScan(t, "lms200", math.radians(1), fov, seen.known_range)
 
 
 def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) -> None:
@@ -266,8 +266,12 @@ def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) ->
 def test_a_motion_that_nobody_tells_of_any_more_is_missed() -> None:
     maker = mapper(echo_wait=0.0)
     fed(maker, ins(0.0))
-    seen = fed(maker, *[scan(0.1 * k, 5.0) for k in range(STALE + 3)])
-    assert [one is not None for one in seen] == [True] * STALE + [False] * 3
+    seen = fed(
+        maker, *[scan(0.1 * k, 5.0) for k in range(MAX_SCANS_WITHOUT_MOTION + 3)]
+    )
+    assert [one is not None for one in seen] == [True] * MAX_SCANS_WITHOUT_MOTION + [
+        False
+    ] * 3
     assert maker.missing == "pose from ins"
     fed(maker, ins(9.0))
     assert maker.take(scan(9.0, 5.0)) is not None

@@ -112,7 +112,7 @@ def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
         scan.time,
         mount,
         scan.angles,
-        scan.reach,
+        scan.known_range,
         scan.ends,
         scan.hits,
         scan.sees_through,
@@ -198,7 +198,7 @@ def test_however_a_map_grew_it_says_the_same(look: Look, room: Floats) -> None:
 
 def test_where_the_robot_stands_it_is_free() -> None:
     grid = OccupancyGrid()
-    grid.stand(Pose2(1.0, 2.0), 0.2)
+    grid.clear_disc(Pose2(1.0, 2.0), 0.2)
     assert grid.sensed(1.1, 2.1)
     assert not grid.sensed(1.3, 2.0)
     assert grid.drivable(1.0, 2.0, 0.2)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import MappingError
-from radarsim.mapping.occupancy_grid import STEP, GridFrame
+from radarsim.mapping.occupancy_grid import GROWTH_STEP, GridFrame
 
 SIZE = 0.05
 metres = st.floats(-40, 40)
@@ -62,8 +62,8 @@ def test_middles_are_in_their_cells(place: tuple[float, float]) -> None:
 
 def test_it_grows_by_many_cells_at_once() -> None:
     frame = holding((0.0, 0.0))
-    assert frame.shape == (STEP, STEP)
-    assert frame.extended_to((-0.01, 0), (0, 0)).shape == (STEP, 2 * STEP)
+    assert frame.shape == (GROWTH_STEP, GROWTH_STEP)
+    assert frame.extended_to((-0.01, 0), (0, 0)).shape == (GROWTH_STEP, 2 * GROWTH_STEP)
 
 
 def test_outside_there_is_no_cell() -> None:

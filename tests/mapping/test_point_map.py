@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.mapping.point_map import ENOUGH, FINEST, LEVELS, PointMap, shape_around
+from radarsim.mapping.point_map import (
+    FINEST,
+    LEVELS,
+    MIN_WEIGHT,
+    PointMap,
+    shape_around,
+)
 from radarsim.rng import generator_for
 
 places = st.floats(-20, 20)
@@ -41,7 +47,7 @@ def by_hand(points: Floats, x: float, y: float) -> tuple[float, ...] | None:
         cell_centers = (np.floor(points / size) + 0.5) * size
         steps = (cell_centers - (x, y)) / size
         weights = np.array([bump(dx) * bump(dy) for dx, dy in steps])
-        if weights.sum() >= ENOUGH:
+        if weights.sum() >= MIN_WEIGHT:
             share = weights / weights.sum()
             mean = share @ points
             off = points - mean

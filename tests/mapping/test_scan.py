@@ -66,7 +66,7 @@ def test_without_echoes_ranges_are_taken_for_something_opaque() -> None:
 def test_the_greatest_range_is_nothing_at_all(reading: float) -> None:
     scan = read_scan(scan_of(reading, 3.0), max_range=FAR)
     assert scan.ends.tolist() == [BeamEnd.NOTHING, BeamEnd.UNSURE]
-    assert scan.reach.tolist() == [FAR, 3.0]
+    assert scan.known_range.tolist() == [FAR, 3.0]
     assert [beam for beam, *_ in met(scan)] == [1]
 
 
@@ -74,14 +74,14 @@ def test_the_greatest_range_is_nothing_at_all(reading: float) -> None:
 def test_a_range_below_the_least_tells_nothing(reading: float) -> None:
     scan = read_scan(scan_of(reading, 3.0), max_range=FAR, min_range=0.1)
     assert scan.ends.tolist() == [BeamEnd.BLIND, BeamEnd.UNSURE]
-    assert scan.reach.tolist() == [0.0, 3.0]
+    assert scan.known_range.tolist() == [0.0, 3.0]
     assert [beam for beam, *_ in met(scan)] == [1]
 
 
 def test_where_nobody_tells_the_greatest_range_every_number_is_a_return() -> None:
     scan = read_scan(scan_of(79.0, math.inf), max_range=math.inf)
     assert scan.ends.tolist() == [BeamEnd.UNSURE, BeamEnd.BLIND]
-    assert np.isfinite(scan.reach).all()
+    assert np.isfinite(scan.known_range).all()
 
 
 def test_a_wall_behind_a_bush_is_hit_and_the_bush_is_where_it_was_crossed() -> None:
@@ -147,7 +147,7 @@ def test_a_thing_that_is_met_twice_is_two() -> None:
 
 def test_a_beam_that_is_spent_is_known_no_farther_even_if_it_reads_nothing() -> None:
     scan = told(FAR, by=[seen((0, 2.0, "enter"), (0, 3.4, "spent"))])
-    assert scan.reach.tolist() == [3.4]
+    assert scan.known_range.tolist() == [3.4]
     assert scan.ends.tolist() == [BeamEnd.SPENT]
 
 
@@ -161,7 +161,7 @@ def test_a_drop_of_rain_ends_a_beam_and_is_nothing() -> None:
     drop = seen((0, 3.0, "rain"), name="air", passes=True)
     scan = told(3.0, by=[drop])
     assert scan.ends.tolist() == [BeamEnd.AIR]
-    assert scan.reach.tolist() == [3.0]
+    assert scan.known_range.tolist() == [3.0]
     assert met(scan) == []
 
 
@@ -169,7 +169,7 @@ def test_the_farthest_of_several_ends_is_the_beams() -> None:
     edge = seen((0, 4.0, "hit"), name="edge")
     wall = seen((0, 9.0, "hit"), name="wall")
     scan = told(9.0, by=[wall, edge])
-    assert scan.reach.tolist() == [9.0]
+    assert scan.known_range.tolist() == [9.0]
     assert met(scan) == [(0, 4.0, 4.0, Layer.SOLID), (0, 9.0, 9.0, Layer.SOLID)]
 
 
@@ -216,7 +216,7 @@ def test_no_mark_is_beyond_its_beam_and_each_goes_outward(
     beams, near, far, _ = scan.hits
     assert (near >= 0).all()
     assert (near <= far).all()
-    assert (far <= scan.reach[beams]).all()
+    assert (far <= scan.known_range[beams]).all()
 
 
 @given(echoes=echo_lists)

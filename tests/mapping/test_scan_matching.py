@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.point_map import PointMap
 from radarsim.mapping.scan import PlanarScan
-from radarsim.mapping.scan_matching import Points, best_start, fit
+from radarsim.mapping.scan_matching import ScanPoints, best_start, fit
 from radarsim.rng import generator_for
 
 Look = Callable[..., PlanarScan]
@@ -19,9 +19,11 @@ offsets = st.floats(-0.1, 0.1)
 turns = st.floats(-0.08, 0.08)
 
 
-def points_of(scan: PlanarScan, *, spread: float = 0.0, spots: bool = True) -> Points:
+def points_of(
+    scan: PlanarScan, *, spread: float = 0.0, spots: bool = True
+) -> ScanPoints:
     places, along = scan.points()
-    return Points(places, along, spread, spots)
+    return ScanPoints(places, along, spread, spots)
 
 
 def on_the_map(places: Floats, pose: Pose2) -> Floats:
@@ -60,7 +62,7 @@ def test_a_pose_is_found_again_from_near_by(
 
 
 def test_what_is_seen_of_nothing_leaves_the_prediction(known: PointMap) -> None:
-    nothing = Points(np.zeros((0, 2)), np.zeros((0, 2)), 0.0, True)
+    nothing = ScanPoints(np.zeros((0, 2)), np.zeros((0, 2)), 0.0, True)
     start, predicted = off_by(HERE, 0.2, 0.1, 0.1), HERE
     found, score = fit(known.table, nothing, start, predicted, LOOSE)
     assert (found.x, found.y, found.yaw) == pytest.approx((1.0, -0.5, 0.4))
@@ -126,7 +128,7 @@ def test_echoes_from_beside_their_beams_average_out(
     assert found.yaw == pytest.approx(HERE.yaw, abs=0.005)
 
 
-def poles() -> tuple[PointMap, Points]:
+def poles() -> tuple[PointMap, ScanPoints]:
     """Make a map of five poles in the open, and a scan of them."""
     rng = generator_for(3, "poles")
     cell_centers = np.array([[4, 1], [3, -3], [-2, 4], [-4, -2], [1, 5]], np.float64)
@@ -134,7 +136,7 @@ def poles() -> tuple[PointMap, Points]:
     known = PointMap()
     known.add(spots)
     along = cell_centers / np.linalg.norm(cell_centers, axis=1)[:, None]
-    return known, Points(cell_centers, along, 0.05, True)
+    return known, ScanPoints(cell_centers, along, 0.05, True)
 
 
 def test_spots_hold_a_pose_in_both_directions() -> None:
