@@ -1,4 +1,4 @@
-"""The nearest of many places, and the way to it, over cells that cost more or less."""
+"""Shortest paths and connected cells on grids."""
 
 import heapq
 import math
@@ -6,80 +6,74 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 
 Cell = tuple[int, int]
 
+_EIGHT_NEIGHBORS = np.ones((3, 3), np.bool_)
+
 
 def shortest_path(
     cost: Floats, start: Cell, targets: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Find the cheapest way to any of some cells, to all eight neighbours of each.
+    """Return the cheapest path from a cell to any of the targets, over all 8 neighbors.
 
     Args:
-        cost: (R, C) of a step of one cell into each; inf for those that are closed.
+        cost: (R, C) cost of a step of one cell into each; inf for closed cells.
         start: Row and column, closed or not.
         targets: (R, C).
 
     Returns:
-        (N, 2) rows and columns, both ends included; N is 0 if there is no way, and 1
+        (N, 2) rows and columns, both ends included; N is 0 if there is no path, and 1
         if the start is a target.
     """
     parents = np.full(cost.shape, -1, np.int64)
-    end = _spread(cost, start[0], start[1], targets, parents)
-    way = []
+    end = _search(cost, start[0], start[1], targets, parents)
+    path = []
     while end >= 0:
         row, column = divmod(int(end), cost.shape[1])
-        way.append((row, column))
+        path.append((row, column))
         end = parents[row, column] if (row, column) != start else -1
-    return np.array(way[::-1], np.int64).reshape(-1, 2)
+    return np.array(path[::-1], np.int64).reshape(-1, 2)
 
 
 def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
-    """Give all cells that can be got to, the start among them, (R, C)."""
-    found = np.zeros(passable.shape, np.bool_)
-    _flood(passable, start[0], start[1], found)
-    return found
+    """Return all cells connected with the start, which is one of them, (R, C)."""
+    cells = passable.copy()
+    cells[start] = True
+    labels, _ = ndimage.label(cells, _EIGHT_NEIGHBORS)
+    return np.asarray(labels == labels[start])
 
 
 @njit_cached
-def _flood(passable: Any, row: Any, column: Any, found: Any) -> None:
-    rows, columns = passable.shape
-    found[row, column] = True
-    waiting = [(row, column)]
-    while waiting:
-        i, j = waiting.pop()
-        for k in range(max(i - 1, 0), min(i + 2, rows)):
-            for n in range(max(j - 1, 0), min(j + 2, columns)):
-                if passable[k, n] and not found[k, n]:
-                    found[k, n] = True
-                    waiting.append((k, n))
+def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
+    """Visit cells by cost until one is a target (Dijkstra); return it, or -1.
 
-
-@njit_cached
-def _spread(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
-    """Visit cells in the order of their cost until one is a target; -1 for none."""
+    Unlike ``scipy.sparse.csgraph`` this stops at the first target and needs no graph, and
+    of paths of equal cost it always finds the same one.
+    """
     rows, columns = cost.shape
     best = np.full((rows, columns), np.inf)
     best[row, column] = 0.0
     queue = [(0.0, np.int64(row * columns + column))]
     while queue:
-        so_far, here = heapq.heappop(queue)
-        i, j = here // columns, here % columns
+        so_far, cell = heapq.heappop(queue)
+        i, j = cell // columns, cell % columns
         if so_far > best[i, j]:
             continue
         if targets[i, j]:
-            return here
-        for down in range(-1, 2):
-            for across in range(-1, 2):
-                k, n = i + down, j + across
+            return cell
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                k, n = i + di, j + dj
                 if not (0 <= k < rows and 0 <= n < columns):
                     continue
-                total = so_far + cost[k, n] * math.sqrt(down * down + across * across)
+                total = so_far + cost[k, n] * math.sqrt(di * di + dj * dj)
                 if total < best[k, n]:
                     best[k, n] = total
-                    parents[k, n] = here
+                    parents[k, n] = cell
                     heapq.heappush(queue, (total, np.int64(k * columns + n)))
     return np.int64(-1)
