@@ -52,8 +52,8 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
     """Visit cells by cost until one is a target (Dijkstra); return it, or -1.
 
-    Unlike ``scipy.sparse.csgraph`` this stops at the first target and needs no graph, and
-    of paths of equal cost it always finds the same one.
+    Unlike ``scipy.sparse.csgraph`` it stops at the first target, needs no graph, and
+    always chooses the same of several paths of equal cost.
     """
     rows, columns = cost.shape
     best = np.full((rows, columns), np.inf)
