@@ -95,7 +95,9 @@ class World:
         time = len(self.track) * STEP
         scan = self.look(self.walls, self.pose, time=time)
         nothing = scan.ends == BeamEnd.NOTHING
-        known_range = np.where(nothing, np.minimum(scan.known_range, FAR), scan.known_range)
+        known_range = np.where(
+            nothing, np.minimum(scan.known_range, FAR), scan.known_range
+        )
         scan = replace(scan, known_range=known_range)
         self.grid.add(self.pose, scan)
         self.grid.clear_disc(self.pose, 0.25)
