@@ -18,8 +18,8 @@ from radarsim.cli.check import check
 from radarsim.cli.drive import drive
 from radarsim.cli.explain import explain
 from radarsim.cli.figures import figures
-from radarsim.cli.mapping import map_
-from radarsim.cli.moving import navigate
+from radarsim.cli.map import map_
+from radarsim.cli.navigate import navigate
 from radarsim.cli.presets import materials, sensors
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve

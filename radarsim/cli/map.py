@@ -1,123 +1,274 @@
-"""``radarsim map``."""
+"""``radarsim map``: explore with a robot and map what it senses."""
 
-import sys
-from typing import Final
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Final
 
 import typer
 
-from radarsim.cli.map_options import MapWish
-from radarsim.cli.map_progress import progress
-from radarsim.cli.map_report import MapFiles, as_text, keep
-from radarsim.cli.navigate_options import ServerWish
-from radarsim.cli.signals import exit_immediately_on_signals
-from radarsim.evaluation.mapping_run import MappingResult, MappingRun
-from radarsim.exploration.exploration import warm_up
-from radarsim.mapping.export import NavMode
-from radarsim.proxy.traffic_mapper import TrafficMapper
-
-LISTEN: Final = "127.0.0.1"
-UNTOLD: Final = (
-    "nobody has asked where {!r} is on the robot, and how far it sees; these are"
-    " guessed, --mount and --max-range tell them"
+from radarsim.cli.options import (
+    DriveUnit,
+    DriveUnitOption,
+    HostOption,
+    JsonOption,
+    PortOption,
+    PoseOption,
+    PowerOption,
+    SafetyOption,
+    ServedSettingsOption,
+    StartOption,
+    TimeLimitOption,
+    TimeoutOption,
+    check_positive,
+    check_server_options,
+    check_start,
+    penetration_depth,
+    read_point,
+    read_pose,
+    refuse_options,
+    server_address,
 )
+from radarsim.cli.serve import load_served_host
+from radarsim.cli.signals import exit_143_on_sigterm, exit_immediately_on_signals
+from radarsim.exploration.options import StrategyName
+from radarsim.navigation.options import ROBOT
+
+_RESOLUTION_RANGE: Final = 0.005, 1  # m; finer, a room would have millions of cells
 
 
-def run_survey(
-    out: str, mode: NavMode, wish: MapWish, server: ServerWish, *, told_as_json: bool
-) -> int:
-    """Make a map, write it, print how that went, and give the exit code.
+class MotionSourceName(StrEnum):
+    """Sensor from which the robot's motion between scans is read."""
 
-    Args:
-        out: Where it is to be.
-        mode: Of the map for nav2.
-        wish: What to map.
-        server: Where.
-        told_as_json: For programs.
+    INS = "ins"
+    ODOMETRY = "odometry"
+    NONE = "none"
 
-    Raises:
-        ClientError: If the server does not say what is needed.
-        MapError: If the map file is wrong.
-        NavigationError: If the robot cannot do what is asked of it.
-        typer.BadParameter: If an option is wrong.
+
+class Mode(StrEnum):
+    """Contents of the map for nav2."""
+
+    TRINARY = "trinary"
+    SCALE = "scale"
+
+
+def _check_resolution(value: float) -> float:
+    finest, coarsest = _RESOLUTION_RANGE
+    if not finest <= value <= coarsest:
+        text = f"{value!r}, expected {finest:g} to {coarsest:g}"
+        raise typer.BadParameter(text)
+    return value
+
+
+def map_(
+    out: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT",
+            help="A folder, or what the names of the files begin with.",
+        ),
+    ],
+    *,
+    strategy: Annotated[
+        StrategyName | None,
+        typer.Option(help="Strategy of exploring.", show_default="auto"),
+    ] = None,
+    way: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Drive to this waypoint instead of exploring, m, map frame; repeat it"
+            " for waypoints to reach in turn.",
+        ),
+    ] = None,
+    through: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            metavar="PORT",
+            help="Map what another client drives: forward this port to the server"
+            " until interrupted; 0 takes a free one.",
+        ),
+    ] = None,
+    host: HostOption = None,
+    port: PortOption = None,
+    start: StartOption = None,
+    pose: PoseOption = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Class of the robot; to explore, it has to see all the way round.",
+            show_default=ROBOT,
+        ),
+    ] = None,
+    scanner: Annotated[
+        str | None, typer.Option(help="Scanner to map with; the first by default.")
+    ] = None,
+    seed_from: Annotated[
+        MotionSourceName,
+        typer.Option(
+            "--seed-from",
+            "--motion-from",
+            help="Sensor from which the motion between scans is read.",
+        ),
+    ] = MotionSourceName.INS,
+    echoes: Annotated[
+        bool,
+        typer.Option(
+            help="Ask the server for the echoes of each beam, or use ranges alone."
+        ),
+    ] = True,
+    safety_distance: SafetyOption = None,
+    foliage_density: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PER_M",
+            callback=check_positive,
+            help="Density of the thinnest foliage that the robot may meet, for servers"
+            " that send no echoes: the radar sees into it.",
+        ),
+    ] = None,
+    penetration_power: PowerOption = 1.0,
+    radius: Annotated[
+        float,
+        typer.Option(
+            metavar="M",
+            callback=check_positive,
+            help="Explore as far from the start as this, where no wall ends it before.",
+        ),
+    ] = 12.0,
+    speed: Annotated[
+        float,
+        typer.Option(metavar="M_PER_S", callback=check_positive, help="Maximum speed."),
+    ] = 0.4,
+    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
+    timeout: TimeoutOption = 2.0,
+    time_limit: TimeLimitOption = 3600.0,
+    mount: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,YAW_DEG",
+            help="With --through, pose of the scanner on the robot, if the client does"
+            " not ask the server for it.",
+        ),
+    ] = None,
+    max_range: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            callback=check_positive,
+            help="With --through, maximum range of the scanner, if the client does not"
+            " ask the server for it.",
+        ),
+    ] = None,
+    resolution: Annotated[
+        float,
+        typer.Option(metavar="M", callback=_check_resolution, help="Side of a cell."),
+    ] = 0.05,
+    mode: Annotated[
+        Mode,
+        typer.Option(
+            help="Cells of the map for nav2: occupied, free and unknown, or"
+            " probabilities."
+        ),
+    ] = Mode.TRINARY,
+    as_json: JsonOption = False,
+    serve: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            help="Simulate this map here, as fast as possible, instead of connecting to"
+            " a server, and judge the result by it.",
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Seed of the simulation of --serve, and of the strategy turn_away.",
+            show_default="0",
+        ),
+    ] = None,
+    settings: ServedSettingsOption = None,
+) -> None:
+    """Explore with a robot and map what it senses, or map what another client drives.
+
+    Writes OUT.png in UsarCommander's colours, OUT.pgm with OUT.yaml for nav2's
+    map_server, and the trajectory of the robot as OUT.tum.
     """
-    server.check()
-    wish.check()
-    files = MapFiles(out, mode)
-    wish.check_seed(served=server.map_ is not None)
-    if wish.through is not None:
-        return _overhear(wish, server, files, told_as_json=told_as_json)
-    files.check(served=server.map_)
-    host = server.open()
-    with exit_immediately_on_signals():
-        warm_up()
-    plan = wish.read(None if host is None else host.simulation.scene)
-    run = MappingRun(plan, host, seed=wish.seed or 0)
-    try:
-        with progress(run.exploration) as teller:
-            run.run(server.address, lambda step: teller.tell(step.activity))
-    finally:  # however it ends, what there is of the map is kept and told of
-        keep(run.result, files)
-        run.judge()
-        _tell(run.result, told_as_json=told_as_json)
-    return int(bool(run.result.error))
+    exit_143_on_sigterm()
+    from radarsim.cli.map_proxy import map_through_proxy
+    from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
+    from radarsim.evaluation.mapping_run import MappingRun
+    from radarsim.exploration.exploration import ExplorationPlan, warm_up
+    from radarsim.navigation.control import SpeedLimits
 
-
-def _overhear(
-    wish: MapWish, server: ServerWish, files: MapFiles, *, told_as_json: bool
-) -> int:
-    """Map what another client drives."""
-    if server.map_ is not None:
-        text = "expected no --serve with it"
-        raise typer.BadParameter(text, param_hint="--through")
-    port = wish.through or 0
-    _check_ports(port, server)
-    files.check()
-    traffic = TrafficMapper(
-        motion_source=wish.seed_from,
-        resolution=wish.resolution,
-        scanner=wish.scanner,
-        defaults=wish.given(),
+    check_server_options(serve, host=host, port=port, seed=None, settings=settings)
+    if strategy is not None and way:
+        raise typer.BadParameter("expected only one of --strategy and --way")
+    if serve is None and strategy is not StrategyName.TURN_AWAY:
+        text = "expected --serve or --strategy turn_away with it"
+        refuse_options({"--seed": seed}, text)
+    files = MapFiles(out, mode.value)
+    if through is not None:
+        others = {
+            "--serve": serve,
+            "--strategy": strategy,
+            "--way": way or None,
+            "--start": start,
+            "--pose": pose,
+            "--robot": robot,
+            "--safety-distance": safety_distance,
+            "--foliage-density": foliage_density,
+        }
+        text = "expected no --through with it, where another client drives"
+        refuse_options(others, text)
+        code = map_through_proxy(
+            files,
+            through,
+            server_address(host, port),
+            motion_source=seed_from.value,
+            resolution=resolution,
+            scanner=scanner,
+            mount=mount,
+            max_range=max_range,
+            as_json=as_json,
+        )
+        raise typer.Exit(code)
+    text = "expected --through with it, where another client drives"
+    refuse_options({"--mount": mount, "--max-range": max_range}, text)
+    plan = ExplorationPlan(
+        strategy=strategy or StrategyName.AUTO,
+        waypoints=tuple(read_point(text, "--way") for text in way or ()),
+        motion_source=seed_from.value,
+        echoes=echoes,
+        resolution=resolution,
+        robot_class=robot or ROBOT,
+        start=start,
+        pose=None if pose is None else read_pose(pose, "--pose"),
+        scanner=scanner,
+        safety_distance=safety_distance,
+        penetration_depth=penetration_depth(foliage_density, penetration_power),
+        speed_limits=SpeedLimits(speed=speed),
+        radius=radius,
+        time_limit=time_limit,
+        timeout=timeout,
+        drive_unit=drive_unit.value,
     )
-    traffic.on_guess = lambda name: _warn(UNTOLD.format(name))
+    files.check(served=serve)
+    served = load_served_host(
+        serve, seed=seed, settings=settings, drive_unit=drive_unit
+    )
+    check_start(start, pose, None if served is None else served.simulation.scene)
     with exit_immediately_on_signals():
         warm_up()
-    result = MappingResult(None, wish.seed_from, trip=traffic.trip, outcome="overheard")
-    with progress(traffic) as teller:
-        traffic.on_scan = lambda: teller.tell("listening")
-        code = traffic.run(server.address, (LISTEN, port), _announce)
-    result.mapper = traffic.mapper
-    keep(result, files)
-    if not result.error and traffic.error:
-        result.error = traffic.error
-        _warn(traffic.error)
-    _tell(result, told_as_json=told_as_json)
-    return 1 if result.error else code
-
-
-def _check_ports(port: int, server: ServerWish) -> None:
-    """Refuse a proxy that would be its own server.
-
-    Raises:
-        typer.BadParameter: If it would.
-    """
-    host, number = server.address
-    if port == number and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
-        text = f"{port}, expected another port than the server's, see --port"
-        raise typer.BadParameter(text, param_hint="--through")
-
-
-def _announce(address: tuple[str, int]) -> None:
-    _warn(f"listening on {address[0]}:{address[1]}")
-
-
-def _warn(text: str) -> None:
-    sys.stderr.write(f"radarsim: {text}\n")
-    sys.stderr.flush()
-
-
-def _tell(result: MappingResult, *, told_as_json: bool) -> None:
-    """Print how it was; a run that failed before its first scan has only JSON."""
-    if told_as_json:
-        typer.echo(result.to_json())
-    elif result.trip.start is not None or not result.error:
-        typer.echo("\n".join(as_text(result)))
+    run = MappingRun(plan, served, seed=seed or 0)
+    try:
+        with map_progress(run.exploration) as update:
+            run.run(server_address(host, port), lambda step: update(step.activity))
+    finally:  # an incomplete map is written and described as well
+        save_map(run.result, files)
+        run.judge()
+        print_result(run.result, as_json=as_json)
+    raise typer.Exit(int(bool(run.result.error)))

@@ -1,32 +1,44 @@
-"""The files that ``radarsim map`` writes."""
+"""The files that ``radarsim map`` writes, and what it prints."""
 
 import os
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import typer
 
 from radarsim.atomic_write import write_atomically
 from radarsim.cli.options import check_writable
+from radarsim.cli.progress import live_status
 from radarsim.evaluation.mapping_run import MappingResult
+from radarsim.exploration.exploration import Exploration
 from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.trajectory import tum_text
+from radarsim.proxy.traffic_mapper import TrafficMapper
 
-IN_FOLDER: Final = "map"  # what names begin with in a folder
+DEFAULT_STEM: Final = "map"  # of the names of files in a folder
 FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
+CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
+ENDINGS: Final = {
+    "time_limit": "time is up",
+    "broken_off": "broken off",
+    "overheard": "mapped what passed",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class MapFiles:
-    """Where a map is to be.
+    """The files of a map.
 
     Attributes:
-        out: A folder, or what the names of the files begin with; with an ending of
-            one of the files, or without.
-        mode: What the map for nav2 tells.
+        out: A folder, or what the names of the files begin with; the suffix of one of
+            the files may follow.
+        mode: Contents of the map for nav2.
     """
 
     out: str
@@ -34,10 +46,10 @@ class MapFiles:
 
     @property
     def stem(self) -> Path:
-        """The path that all files begin with."""
+        """The path that the names of all files begin with."""
         path = Path(self.out)
-        if path.is_dir() or self.out.endswith(("/", os.sep)):
-            return path / IN_FOLDER
+        if path.is_dir() or self._names_folder:
+            return path / DEFAULT_STEM
         return path.with_suffix("") if path.suffix in FILE_SUFFIXES else path
 
     @property
@@ -50,119 +62,148 @@ class MapFiles:
         names = (f"{stem.name}.png", name + image, f"{name}.yaml", f"{stem.name}.tum")
         return tuple(stem.with_name(each) for each in names)
 
-    def check(self, served: str | None = None) -> None:
-        """Find out before the robot drives what could not be written after it.
+    @property
+    def _names_folder(self) -> bool:
+        return self.out.endswith(("/", os.sep))
 
-        A folder that is not there is made if its name ends in a slash.
+    def check(self, served: str | None = None) -> None:
+        """Check before the robot drives that the files can be written after it.
+
+        A missing folder is created if its name ends in a slash.
 
         Args:
             served: The map that is simulated, or None.
 
         Raises:
-            typer.BadParameter: If there is no such folder, no right to write there, or
-                a file of somebody else's in the way.
+            typer.BadParameter: If the folder is missing or not writable, or a file of
+                another program would be overwritten.
         """
-        stem = self.stem
+        folder = self.stem.parent
         try:
-            if self.out.endswith(("/", os.sep)):
-                stem.parent.mkdir(parents=True, exist_ok=True)
+            if self._names_folder:
+                folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            text = f"cannot make {stem.parent}: {error.strerror}"
+            text = f"cannot make {folder}: {error.strerror}"
             raise typer.BadParameter(text, param_hint="OUT") from None
         for path in self.paths:
             check_writable(path, "OUT")
-            if path.is_file() and not _may_go(path, served):
+            if path.is_file() and not _may_be_replaced(path, served):
                 text = f"{path} is no map of radarsim's, expected another OUT"
                 raise typer.BadParameter(text, param_hint="OUT")
 
     def write(self, mapper: Mapper | None) -> tuple[Path, ...]:
-        """Write what there is of a map; gives the files, none if there is nothing.
+        """Write a map, and return its files; none if there was no scan.
 
         Raises:
-            OSError: If that cannot be; then nothing has changed.
+            OSError: If they cannot be written; then no file has changed.
         """
         if mapper is None or not mapper.scans:
             return ()
         paths, grid = self.paths, mapper.grid
-        image, words = nav_map(grid, paths[2].stem, mode=self.mode).values()
-        way = tum_text(mapper.trajectory).encode()
-        data = (commander_png(grid), image, words, way)
-        write_atomically(dict(zip(paths, data, strict=True)))
+        image, yaml = nav_map(grid, paths[2].stem, mode=self.mode).values()
+        trajectory = tum_text(mapper.trajectory).encode()
+        contents = (commander_png(grid), image, yaml, trajectory)
+        write_atomically(dict(zip(paths, contents, strict=True)))
         return paths
 
 
-def _may_go(path: Path, served: str | None) -> bool:
-    """Tell whether a file may be replaced."""
+def _may_be_replaced(path: Path, served: str | None) -> bool:
+    """Return whether a file is a map that radarsim wrote, and not the simulated one."""
     try:
         with path.open("rb") as file:
             ours = is_ours(file.read(HEAD))
         return ours and not (served is not None and path.samefile(served))
-    except OSError:  # of a map that is shipped, and has no path
+    except OSError:  # the simulated map is a shipped one, given by its name
         return True
 
 
-def reason(error: OSError) -> str:
-    """Say why a map is not there."""
-    name = "the map" if error.filename is None else error.filename
-    return f"cannot write {name}: {error.strerror or error}"
-
-
-# Section from cli.mapoutcomes.
-# What is said of a map once it is made.
-
-CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
-ENDINGS: Final = {
-    "time_limit": "time is up",
-    "broken_off": "broken off",
-    "overheard": "mapped what passed",
-}
-
-
-def keep(run: MappingResult, files: MapFiles) -> None:
-    """Write what there is of a map; say on stderr why that cannot be."""
+def save_map(result: MappingResult, files: MapFiles) -> None:
+    """Write a map; note in the result, and on stderr, why it cannot be written."""
     try:
-        run.files = files.write(run.mapper)
+        result.files = files.write(result.mapper)
     except OSError as error:
-        fault = reason(error)
-        sys.stderr.write(f"radarsim: {fault}\n")
-        run.error = f"{run.error}; {fault}" if run.error else fault
+        name = "the map" if error.filename is None else error.filename
+        text = f"cannot write {name}: {error.strerror or error}"
+        sys.stderr.write(f"radarsim: {text}\n")
+        result.error = f"{result.error}; {text}" if result.error else text
 
 
-def as_text(run: MappingResult) -> list[str]:
-    """Give that for people, in lines."""
-    told = run.to_dict()
-    ending = ENDINGS.get(run.outcome, run.outcome)
-    by = "" if run.strategy is None else f" by {run.strategy}"
-    path = f"{told['path_length']:.2f} m in {told['time']:.1f} s"
-    lines = [f"{ending}{by}: {path}, {told['scans']} scans"]
-    if cells := told["cells"]:
+@contextmanager
+def map_progress(
+    source: Exploration | TrafficMapper,
+) -> Iterator[Callable[[str], None]]:
+    """Show the progress of a map on stderr.
+
+    Args:
+        source: Holds the map and the distance so far.
+
+    Yields:
+        A function to be called after each scan with what the robot is doing.
+    """
+    activity = "waiting for a scan"
+    with live_status(lambda: _describe_status(source, activity)) as log:
+
+        def update(latest: str) -> None:
+            nonlocal activity
+            if latest != activity:
+                activity = latest
+                log(_describe_status(source, activity))
+
+        yield update
+
+
+def _describe_status(source: Exploration | TrafficMapper, activity: str) -> str:
+    mapper, trip = source.mapper, source.trip
+    if mapper is None or not mapper.scans:
+        return activity
+    cells = int(np.count_nonzero(mapper.grid.sensed_cells()))
+    area = f"sensed {cells * mapper.grid.frame.resolution**2:7.1f} m²"
+    return f"{trip.time:8.1f} s  {activity:9}  path {trip.length:6.2f} m  {area}"
+
+
+def print_result(result: MappingResult, *, as_json: bool) -> None:
+    """Print a result; one that failed before its first scan only as JSON."""
+    if as_json:
+        typer.echo(result.to_json())
+    elif result.trip.start is not None or not result.error:
+        typer.echo("\n".join(as_text(result)))
+
+
+def as_text(result: MappingResult) -> list[str]:
+    """Return a result as lines of text."""
+    plain = result.to_dict()
+    ending = ENDINGS.get(result.outcome, result.outcome)
+    by = "" if result.strategy is None else f" by {result.strategy}"
+    path = f"{plain['path_length']:.2f} m in {plain['time']:.1f} s"
+    lines = [f"{ending}{by}: {path}, {plain['scans']} scans"]
+    if cells := plain["cells"]:
         area = cells["resolution"] ** 2
-        parts = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
-        lines.append(f"map      {', '.join(parts)}")
-    if errors := told["pose_errors"]:
+        areas = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
+        lines.append(f"map      {', '.join(areas)}")
+    if errors := plain["pose_errors"]:
         lines.append(
             f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
             f" at most {errors['ate_max']:.3f} m and {errors['yaw_max_deg']:.2f}"
         )
-    if run.unreached:
-        places = ", ".join(f"{x:g} {y:g}" for x, y in run.unreached)
-        lines.append(f"left out {places}: no way there")
-    if judge := told.get("judge"):
-        lines.append(f"in truth {_verdict(judge)}")
-    if run.files:
-        names = (f"{file.name}" for file in run.files)
-        lines.append(f"files    {', '.join(names)} in {run.files[0].parent}")
+    if result.unreached:
+        points = ", ".join(f"{x:g} {y:g}" for x, y in result.unreached)
+        lines.append(f"left out {points}: no way there")
+    if judge := plain.get("judge"):
+        lines.append(f"in truth {_judge_text(judge)}")
+    if result.files:
+        names = ", ".join(file.name for file in result.files)
+        lines.append(f"files    {names} in {result.files[0].parent}")
     return lines
 
 
-def _verdict(judge: dict[str, Any]) -> str:
-    parts = [f"{judge['path_length']:.2f} m"]
+def _judge_text(judge: dict[str, Any]) -> str:
+    texts = [f"{judge['path_length']:.2f} m"]
     if judge.get("coverage") is not None:
         near = f"{judge['near_coverage']:.1%} at short range"
-        parts.append(f"{judge['coverage']:.1%} of the floor sensed, {near}")
+        texts.append(f"{judge['coverage']:.1%} of the floor sensed, {near}")
     if judge.get("hidden_coverage") is not None:
-        parts.append(f"{judge['hidden_coverage']:.1%} of what it cannot get to")
+        texts.append(f"{judge['hidden_coverage']:.1%} of what it cannot get to")
     if "right" in judge:
-        parts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
-    parts.append(f"collisions: {judge['collisions']}")
-    return ", ".join(parts)
+        texts.append(f"{judge['right']} cells right, {judge['wrong']} wrong")
+    texts.append(f"collisions: {judge['collisions']}")
+    return ", ".join(texts)

@@ -1,114 +1,262 @@
-"""``radarsim navigate``."""
+"""``radarsim navigate``: drive a robot to a goal by Bug1 or Bug2."""
+
+from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from radarsim.cli.navigate_options import MissionWish, ServerWish
-from radarsim.cli.navigate_report import as_json as told_as_json
-from radarsim.cli.navigate_report import as_text, title_of
-from radarsim.cli.options import check_writable, write_file
-from radarsim.cli.progress import progress
-from radarsim.evaluation.free_space import floor_plan
-from radarsim.evaluation.navigation_run import NavigationRun
+from radarsim.cli.options import (
+    DriveUnit,
+    DriveUnitOption,
+    HostOption,
+    JsonOption,
+    PortOption,
+    PoseOption,
+    PowerOption,
+    SafetyOption,
+    ServedSeedOption,
+    ServedSettingsOption,
+    StartOption,
+    TimeLimitOption,
+    TimeoutOption,
+    check_positive,
+    check_server_options,
+    check_start,
+    check_writable,
+    penetration_depth,
+    read_point,
+    read_pose,
+    server_address,
+    write_file,
+)
+from radarsim.cli.serve import load_served_host
+from radarsim.cli.signals import exit_143_on_sigterm
+from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 
-EXIT_CODES = {"reached": 0, "no_path": 3}
-FORMS = ("png", "svg", "pdf")
+if TYPE_CHECKING:
+    from radarsim.evaluation.navigation_run import NavigationRun
+    from radarsim.scene.scene import Trial
 
-
-@dataclass(frozen=True, slots=True)
-class Files:
-    """What to write.
-
-    Attributes:
-        trace: A row for each scan, or None.
-        plot: A picture, or None.
-    """
-
-    trace: Path | None
-    plot: Path | None
-
-    def check(self) -> None:
-        """Find out before the robot drives what could not be written after it.
-
-        Raises:
-            typer.BadParameter: If a folder is not there, or a form is not known.
-        """
-        for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
-            if path is not None:
-                check_writable(path, hint)
-        if self.plot is not None and self.form not in FORMS:
-            text = f"{str(self.plot)!r}, expected a name that ends in one of {FORMS}"
-            raise typer.BadParameter(text, param_hint="--plot")
-
-    @property
-    def form(self) -> str:
-        """What the picture is to be."""
-        return "" if self.plot is None else self.plot.suffix.lower().lstrip(".")
+EXIT_CODES: Final = {"reached": 0, "no_path": 3}
+_PLOT_FORMATS: Final = ("png", "svg", "pdf")
 
 
-def run_navigator(
-    wish: MissionWish, server: ServerWish, files: Files, *, as_json: bool
-) -> int:
-    """Drive a robot to its goals, print how it went, and give the exit code.
+class Side(StrEnum):
+    """Side of the robot on which boundaries are followed."""
 
-    Raises:
-        ClientError: If the server does not say what is needed.
-        MapError: If the map is wrong.
-        NavigationError: If the robot cannot do what is asked of it.
-        typer.BadParameter: If an option is wrong.
-    """
-    server.check()
-    files.check()
-    host = server.open()
-    run = NavigationRun(
-        wish.read(None if host is None else host.simulation.scene), host
+    LEFT = "left"
+    RIGHT = "right"
+
+
+def _check_share(value: float) -> float:
+    if not 0 < value <= 1:
+        raise typer.BadParameter(f"{value!r}, expected above 0 and at most 1")
+    return value
+
+
+def navigate(
+    *,
+    algorithm: Annotated[Algorithm, typer.Option(help="Bug1 or Bug2.")],
+    goal: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Goal in m, map frame; repeat it for waypoints to reach in turn.",
+        ),
+    ] = None,
+    host: HostOption = None,
+    port: PortOption = None,
+    start: StartOption = None,
+    pose: PoseOption = None,
+    robot: Annotated[
+        str, typer.Option(help="Class of the robot; it has to see all the way round.")
+    ] = ROBOT,
+    scanner: Annotated[
+        str | None, typer.Option(help="Scanner to steer by; the first by default.")
+    ] = None,
+    safety_distance: SafetyOption = None,
+    foliage_density: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PER_M",
+            callback=check_positive,
+            help="Density of the thinnest foliage that the robot may meet: the radar"
+            " sees into it.",
+        ),
+    ] = None,
+    penetration_power: PowerOption = 1.0,
+    bumpers: Annotated[int, typer.Option(min=4, max=36, help="Number of bumpers.")] = 8,
+    share: Annotated[
+        float,
+        typer.Option(
+            callback=_check_share, help="Share of a bumper's beams that press it."
+        ),
+    ] = 0.1,
+    rule: Annotated[
+        Rule,
+        typer.Option(
+            help="A bumper is pressed if a share of its beams is near, or if all are in"
+            " the band."
+        ),
+    ] = Rule.SHARE,
+    side: Annotated[
+        Side, typer.Option(help="Side on which the robot keeps boundaries.")
+    ] = Side.LEFT,
+    give_up: Annotated[
+        GiveUp, typer.Option(help="Where Bug2 decides that there is no path.")
+    ] = GiveUp.HIT_POINT,
+    pose_from: Annotated[
+        PoseSource, typer.Option(help="Sensor from which the pose is read.")
+    ] = PoseSource.INS,
+    speed: Annotated[
+        float,
+        typer.Option(
+            metavar="M_PER_S",
+            callback=check_positive,
+            help="Maximum speed; the robot's own limit holds as well.",
+        ),
+    ] = 0.3,
+    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
+    timeout: TimeoutOption = 2.0,
+    time_limit: TimeLimitOption = 3600.0,
+    as_json: JsonOption = False,
+    trace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a CSV file with a row for each scan."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the run into a .png, .svg or .pdf."),
+    ] = None,
+    serve: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAP",
+            help="Simulate this map here, as fast as possible, instead of connecting to"
+            " a server; its trial provides start, goal and safety distance where no"
+            " option does.",
+        ),
+    ] = None,
+    seed: ServedSeedOption = None,
+    settings: ServedSettingsOption = None,
+) -> None:
+    """Drive a robot to a goal by its long-range bumpers; exits with 3 for no path."""
+    exit_143_on_sigterm()
+    from radarsim.cli.navigate_report import run_progress
+    from radarsim.evaluation.navigation_run import NavigationRun
+    from radarsim.navigation.control import SpeedLimits
+    from radarsim.navigation.mission import Mission
+
+    check_server_options(serve, host=host, port=port, seed=seed, settings=settings)
+    _check_files(trace, plot)
+    served = load_served_host(
+        serve, seed=seed, settings=settings, drive_unit=drive_unit
     )
+    scene = None if served is None else served.simulation.scene
+    trial = None if scene is None else scene.trial
+    check_start(start, pose, scene)
+    if trial is not None:
+        if start is None and pose is None:
+            start = trial.start
+        if safety_distance is None and foliage_density is None:
+            safety_distance = trial.safety_distance
+    mission = Mission(
+        algorithm=algorithm,
+        goals=_read_goals(goal or [], trial),
+        robot_class=robot,
+        start=start,
+        pose=None if pose is None else read_pose(pose, "--pose"),
+        scanner=scanner,
+        safety_distance=safety_distance,
+        penetration_depth=penetration_depth(foliage_density, penetration_power),
+        bumpers=bumpers,
+        share=share,
+        rule=rule,
+        wall_on_left=side is Side.LEFT,
+        give_up=give_up,
+        pose_source=pose_from,
+        speed_limits=SpeedLimits(speed=speed),
+        time_limit=time_limit,
+        timeout=timeout,
+        drive_unit=drive_unit.value,
+    )
+    run = NavigationRun(mission, served)
     with (
-        _written(run, files),
-        _printed(run, as_json=as_json),
-        progress(run.run_log) as reporter,
+        _write_files(run, trace, plot),
+        _print_result(run, as_json=as_json),
+        run_progress(run.run_log) as update,
     ):
-        run.execute(server.address, reporter.tell)
+        run.execute(server_address(host, port), update)
     if run.error:
         typer.echo(f"radarsim: {run.error}", err=True)
-    return EXIT_CODES.get(run.outcome, 1)
+    raise typer.Exit(EXIT_CODES.get(run.outcome, 1))
+
+
+def _read_goals(
+    goals: list[str], trial: Trial | None
+) -> tuple[tuple[float, float], ...]:
+    if goals:
+        return tuple(read_point(text, "--goal") for text in goals)
+    if trial is None:
+        text = "nowhere to go, expected X,Y, or --serve with a map that has a trial"
+        raise typer.BadParameter(text, param_hint="--goal")
+    return (trial.goal,)
+
+
+def _check_files(trace: Path | None, plot: Path | None) -> None:
+    """Check before the run that its files can be written after it."""
+    for hint, path in (("--trace", trace), ("--plot", plot)):
+        if path is not None:
+            check_writable(path, hint)
+    if plot is not None and _suffix(plot) not in _PLOT_FORMATS:
+        text = f"{str(plot)!r}, expected a name that ends in one of {_PLOT_FORMATS}"
+        raise typer.BadParameter(text, param_hint="--plot")
+
+
+def _suffix(path: Path) -> str:
+    return path.suffix.lower().lstrip(".")
 
 
 @contextmanager
-def _printed(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print how a run went; programs are told of one that broke off, too."""
+def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
+    """Print the result of a run; of one that fails only as JSON."""
+    from radarsim.cli.navigate_report import as_json as result_as_json
+    from radarsim.cli.navigate_report import as_text
+
     try:
         yield
     except BaseException as error:
-        said = str(error) if isinstance(error, Exception) else "interrupted"
-        run.error = run.error or said
+        reason = str(error) if isinstance(error, Exception) else "interrupted"
+        run.error = run.error or reason
         if as_json:
-            typer.echo(told_as_json(run))
+            typer.echo(result_as_json(run))
         raise
-    typer.echo(told_as_json(run) if as_json else "\n".join(as_text(run)))
+    typer.echo(result_as_json(run) if as_json else "\n".join(as_text(run)))
 
 
 @contextmanager
-def _written(run: NavigationRun, files: Files) -> Iterator[None]:
-    """Write the files in the end, however that comes."""
+def _write_files(
+    run: NavigationRun, trace: Path | None, plot: Path | None
+) -> Iterator[None]:
+    """Write the files after a run, however it ends."""
     try:
         yield
     finally:
-        if files.trace is not None:
-            write_file(files.trace, run.run_log.as_csv().encode(), "--trace")
-        if files.plot is not None and run.run_log.rows:
-            write_file(files.plot, _picture(run, files.form), "--plot")
+        if trace is not None:
+            write_file(trace, run.run_log.as_csv().encode(), "--trace")
+        if plot is not None and run.run_log.rows:
+            write_file(plot, _draw(run, _suffix(plot)), "--plot")
 
 
-def _picture(run: NavigationRun, form: str) -> bytes:
-    from radarsim.plotting.runs import (
-        NO_LINES,
-        draw_run,
-    )
+def _draw(run: NavigationRun, form: str) -> bytes:
+    from radarsim.cli.navigate_report import title_of
+    from radarsim.evaluation.free_space import floor_plan
+    from radarsim.plotting.runs import NO_LINES, draw_run
 
     plan = NO_LINES if run.scene is None else floor_plan(run.scene)
     return draw_run(run.run_log, title_of(run), plan=plan, form=form)

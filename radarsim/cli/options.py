@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,6 +19,7 @@ from radarsim.errors import PresetError
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2
+    from radarsim.scene.scene import Scene
 
 
 class DriveUnit(StrEnum):
@@ -208,6 +210,67 @@ def read_item_settings(texts: list[str]) -> dict[str, dict[str, Any]]:
             )
         settings.setdefault(item, {})[key] = value
     return settings
+
+
+def check_server_options(
+    serve: str | None,
+    *,
+    host: str | None,
+    port: int | None,
+    seed: int | None,
+    settings: list[str] | None,
+) -> None:
+    """Refuse options of a served map without ``--serve``, and of a server with it.
+
+    Raises:
+        typer.BadParameter: If there are any.
+    """
+    if serve is None:
+        others = {"--seed": seed, "--set": settings or None}
+        refuse_options(others, "expected --serve with it")
+    else:
+        refuse_options({"--host": host, "--port": port}, "expected no --serve with it")
+
+
+def refuse_options(options: Mapping[str, object], text: str) -> None:
+    """Refuse options that are given, which are those that are not None.
+
+    Args:
+        options: Values by the names of options.
+        text: What is wrong with them.
+
+    Raises:
+        typer.BadParameter: If there are any.
+    """
+    for name, value in options.items():
+        if value is not None:
+            raise typer.BadParameter(text, param_hint=name)
+
+
+def check_start(start: str | None, pose: str | None, scene: Scene | None) -> None:
+    """Check that only one start is given, and that the map has it, if it is known.
+
+    Raises:
+        typer.BadParameter: If it is not so.
+    """
+    if start is None:
+        return
+    if pose is not None:
+        raise typer.BadParameter("expected only one of --start and --pose")
+    if scene is not None and scene.start(start) is None:
+        names = [each.name for each in scene.starts]
+        text = f"{start[:80]!r}, expected one of {names}"
+        raise typer.BadParameter(text, param_hint="--start")
+
+
+def server_address(host: str | None, port: int | None) -> tuple[str, int]:
+    """Return the address of the server, with defaults for what is not given."""
+    return host or "127.0.0.1", port or 3000
+
+
+def penetration_depth(foliage_density: float | None, power: float) -> float:
+    """Return how far a radar sees into foliage, m; 0 if the density is not given."""
+    return 0.0 if foliage_density is None else power / foliage_density
 
 
 def check_writable(path: Path, hint: str) -> None:

@@ -113,6 +113,29 @@ def load_host(
         return Host(load_map(map_), config=config, seed=seed)
 
 
+def load_served_host(
+    map_: str | None,
+    *,
+    seed: int | None,
+    settings: list[str] | None,
+    drive_unit: DriveUnit,
+) -> Host | None:
+    """Create the host that ``--serve`` of other commands asks for, if it does.
+
+    Raises:
+        MapError: If the map is wrong.
+        typer.BadParameter: If a setting of an item is wrong.
+    """
+    from radarsim.simulation.config import SimulationConfig
+
+    if map_ is None:
+        return None
+    config = SimulationConfig(
+        drive_unit=drive_unit.value, item_settings=read_item_settings(settings or [])
+    )
+    return load_host(map_, config, seed=seed or 0)
+
+
 def _announce(address: tuple[str, int]) -> None:
     typer.echo(f"radarsim: listening on {address[0]}:{address[1]}")
     sys.stdout.flush()

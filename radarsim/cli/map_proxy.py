@@ -1,0 +1,96 @@
+"""``radarsim map --through``: map what another client drives."""
+
+import sys
+from typing import Final
+
+import typer
+
+from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
+from radarsim.cli.options import read_pose
+from radarsim.cli.signals import exit_immediately_on_signals
+from radarsim.evaluation.mapping_run import MappingResult
+from radarsim.exploration.exploration import warm_up
+from radarsim.geometry import Pose3
+from radarsim.mapping.slam import MotionSource
+from radarsim.proxy.connection_state import ScannerDefaults
+from radarsim.proxy.traffic_mapper import TrafficMapper
+
+LISTEN: Final = "127.0.0.1"
+_GUESS: Final = (
+    "no client has asked where {!r} is mounted on the robot, and how far it sees;"
+    " these are guessed, expected --mount and --max-range"
+)
+
+
+def map_through_proxy(
+    files: MapFiles,
+    port: int,
+    server: tuple[str, int],
+    *,
+    motion_source: MotionSource,
+    resolution: float,
+    scanner: str | None,
+    mount: str | None,
+    max_range: float | None,
+    as_json: bool,
+) -> int:
+    """Forward a port to a server until a signal comes, and map what passes.
+
+    Args:
+        files: Where to write the map.
+        port: Port to listen on; 0 for a free one.
+        server: Host and port of the server.
+        motion_source: Sensor from which the motion between scans is read.
+        resolution: Side of a cell, m.
+        scanner: Name of the scanner to map with; None for the first.
+        mount: ``X,Y,YAW_DEG`` of the scanner on the robot, or None.
+        max_range: Maximum range of the scanner, m, or None.
+        as_json: Whether to print JSON.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        ServerError: If the port is taken.
+        typer.BadParameter: If an option is wrong.
+    """
+    if port == server[1] and server[0] in (LISTEN, "localhost", "0.0.0.0", "::1"):
+        text = f"{port}, expected another port than the server's, see --port"
+        raise typer.BadParameter(text, param_hint="--through")
+    traffic = TrafficMapper(
+        motion_source=motion_source,
+        resolution=resolution,
+        scanner=scanner,
+        defaults=ScannerDefaults(_read_mount(mount), max_range),
+    )
+    traffic.on_guess = lambda name: _warn(_GUESS.format(name))
+    files.check()
+    with exit_immediately_on_signals():
+        warm_up()
+    result = MappingResult(None, motion_source, trip=traffic.trip, outcome="overheard")
+    with map_progress(traffic) as update:
+        traffic.on_scan = lambda: update("listening")
+        code = traffic.run(server, (LISTEN, port), _announce)
+    result.mapper = traffic.mapper
+    save_map(result, files)
+    if traffic.error and not result.error:
+        result.error = traffic.error
+        _warn(traffic.error)
+    print_result(result, as_json=as_json)
+    return 1 if result.error else code
+
+
+def _read_mount(text: str | None) -> Pose3 | None:
+    if text is None:
+        return None
+    pose = read_pose(text, "--mount")
+    return Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
+
+
+def _announce(address: tuple[str, int]) -> None:
+    _warn(f"listening on {address[0]}:{address[1]}")
+
+
+def _warn(text: str) -> None:
+    sys.stderr.write(f"radarsim: {text}\n")
+    sys.stderr.flush()
