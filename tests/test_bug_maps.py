@@ -12,9 +12,10 @@ from shapely import LineString, Point, Polygon
 from shapely.geometry.polygon import orient
 from shapely.ops import substring
 
-from radarsim.evaluation.bug_bounds import bug_bounds, shortest_path
+from bug_bounds import bug_bounds
+from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.evaluation.free_space import (
-    Place,
+    Position,
     component_around,
     free_space,
     is_connected,
@@ -37,12 +38,12 @@ class Task:
     """Where a trial is to go."""
 
     scene: Scene
-    start: Place
-    goal: Place
+    start: Position
+    goal: Position
     safety_distance: float
 
     @property
-    def ends(self) -> tuple[Place, Place]:
+    def ends(self) -> tuple[Position, Position]:
         return self.start, self.goal
 
 
@@ -61,13 +62,13 @@ class RayState:
     """What an ideal bug does: it goes along the edge of where it may be."""
 
     free: Polygon
-    start: Place
-    goal: Place
+    start: Position
+    goal: Position
     outcome: str = ""
     length: float = 0.0
-    hits: list[Place] = field(default_factory=list)
+    hits: list[Position] = field(default_factory=list)
 
-    def go(self, here: Place) -> tuple[LineString, float] | None:
+    def go(self, here: Position) -> tuple[LineString, float] | None:
         """Go towards the goal; give the boundary in the way, and where on it."""
         line = LineString([here, self.goal])
         wide = self.free.buffer(1e-6, join_style="mitre")
@@ -84,14 +85,14 @@ class RayState:
         self.hits.append((hit.x, hit.y))
         return ring, ring.project(hit)
 
-    def is_free(self, here: Place) -> bool:
+    def is_free(self, here: Position) -> bool:
         """Tell whether the goal's direction is free."""
         away = math.dist(here, self.goal)
         ahead = substring(LineString([here, self.goal]), NEARER, min(0.05, away))
         return bool(self.free.covers(ahead))
 
 
-def bug1(free: Polygon, start: Place, goal: Place) -> RayState:
+def bug1(free: Polygon, start: Position, goal: Position) -> RayState:
     walk = RayState(free, start, goal)
     here = start
     while met := walk.go(here):
@@ -106,11 +107,11 @@ def bug1(free: Polygon, start: Place, goal: Place) -> RayState:
     return walk
 
 
-def bug2(free: Polygon, start: Place, goal: Place, *, patient: bool = True) -> RayState:
+def bug2(free: Polygon, start: Position, goal: Position, *, patient: bool = True) -> RayState:
     """Follow Bug2; one that is not patient gives up where the line is no nearer."""
     walk = RayState(free, start, goal)
     line = LineString([start, goal])
-    here: Place | None = start
+    here: Position | None = start
     while here and (met := walk.go(here)):
         ring, hit = met
         crossings = shapely.get_coordinates(shapely.intersection(ring, line)).tolist()
@@ -132,7 +133,7 @@ def bug2(free: Polygon, start: Place, goal: Place, *, patient: bool = True) -> R
     return walk
 
 
-def along(name: str, *, seen_into: float = 0.0) -> tuple[Polygon, Place, Place]:
+def along(name: str, *, seen_into: float = 0.0) -> tuple[Polygon, Position, Position]:
     """Give the edge that bugs follow on a map, and the ends of their way."""
     tried = task(name)
     distance = tried.safety_distance + FOLLOWED - seen_into
@@ -254,7 +255,7 @@ def test_gaps_between_hedges_are_open_to_a_radar_and_closed_to_a_laser() -> None
 
 @pytest.mark.parametrize("bug", [bug1, bug2])
 def test_seeing_into_hedges_halves_the_way(
-    bug: Callable[[Polygon, Place, Place], RayState],
+    bug: Callable[[Polygon, Position, Position], RayState],
 ) -> None:
     radar = bug(*along("hedge_garden", seen_into=SEEN_INTO))
     assert radar.outcome == "reached"

@@ -1,1 +1,1 @@
-"""What judges runs of the program: benchmarks. Sits above what it measures."""
+"""Evaluation of runs against the ground truth: trials, path lengths, map scores."""

@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from shapely import MultiPoint
 
-from radarsim.evaluation.free_space import Place, component_around, free_space
+from radarsim.evaluation.free_space import Position, component_around, free_space
 from radarsim.exploration.shortest_path import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import distance_field
@@ -156,7 +156,7 @@ def score_map(
     grid: OccupancyGrid,
     scene: Scene,
     *,
-    start: Place,
+    start: Position,
     body: float,
     height: float,
 ) -> MapScore:
@@ -252,7 +252,7 @@ def _away(cells: Mask) -> Floats:
     return distance_field(cells, TOLERANCE + BESIDE)
 
 
-def _beyond(scene: Scene, frame: GridFrame, start: Place, body: float) -> Mask:
+def _beyond(scene: Scene, frame: GridFrame, start: Position, body: float) -> Mask:
     """Give where a robot would have room and cannot get to."""
     free = free_space(scene, body, places=[start])
     home = component_around(free, start)
@@ -311,7 +311,7 @@ def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     return drawn
 
 
-def _is_inside(indoors: Mask, frame: GridFrame, place: Place) -> bool:
+def _is_inside(indoors: Mask, frame: GridFrame, place: Position) -> bool:
     cell = frame.cell(*place)
     return cell is not None and bool(indoors[cell])
 

@@ -1,12 +1,12 @@
-"""The shortest path on the map, as nobody knows it who has to find the way.
+"""The shortest path of a disc on a map, as a reference for the paths that robots take.
 
 Theory of operation
 ===================
 A shortest path among obstacles is a chain of straight lines between corners of the
-obstacles that it bends around (the visibility graph), here of the solid things grown by
-the clearance, whose round corners are chords. A* walks that graph and asks what can be
-seen only from those corners that it gets to, and only along lines that could be part
-of a shortest path: such a line passes both of its corners without cutting into the
+obstacles that it bends around (the visibility graph), here of the solid objects grown
+by the disc's radius, whose arcs are made of chords. A* searches that graph. It computes
+edges only from the corners that it expands, and only along lines that could be part of
+a shortest path: such a line passes both of its corners without cutting into the
 obstacle just before or behind.
 """
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.polygon import orient
 
-from radarsim.evaluation.free_space import Place, component_around, free_space
+from radarsim.evaluation.free_space import Position, component_around, free_space
 from radarsim.geometry import Floats
 from radarsim.scene.scene import Scene
 
@@ -28,118 +28,121 @@ _SLACK = 1e-6  # m; a path may come so much nearer than the clearance
 
 
 def shortest_path(
-    scene: Scene, start: Place, goal: Place, clearance: float
+    scene: Scene, start: Position, goal: Position, clearance: float
 ) -> tuple[float, Floats] | None:
-    """Find the shortest path of a disc.
+    """Compute the shortest path of a disc.
 
     Args:
-        scene: Where it is to go.
-        start: Where its centre is, m.
-        goal: Where its centre is to get to, m.
+        scene: The map.
+        start: Start of its centre, m.
+        goal: Goal of its centre, m.
         clearance: Its radius, m.
 
     Returns:
-        The length, m, and the points where it bends, (N, 2) m, both ends among them.
-        None if there is no path. It is less than 0.1 % shorter than the exact one.
+        The length, m, and the points where it bends, (N, 2) m, with both ends; None if
+        there is no path. The length is less than 0.1 % below the exact one.
     """
-    around = free_space(scene, clearance, places=(start, goal))
-    piece = component_around(around, start)
+    free = free_space(scene, clearance, places=(start, goal))
+    piece = component_around(free, start)
     if piece is None or not piece.intersects(shapely.Point(goal)):
         return None
-    free = piece.buffer(_SLACK, join_style="mitre")
-    return _Search(_corners(piece, start, goal), free).path()
+    visible = piece.buffer(_SLACK, join_style="mitre")
+    return _Search(_corners(piece, start, goal), visible).path()
 
 
 @dataclass(frozen=True)
 class _Corners:
-    """The start, the goal, and then the corners that a path may bend around.
+    """The start, the goal, and the corners that a path may bend around.
 
     Attributes:
-        places: (N, 2) m.
-        before: (N, 2) m, from each of them to the one before on its boundary; 0 for
-            start and goal.
-        behind: The same to the one behind.
+        points: (N, 2) m.
+        before: (N, 2) m, from each of them to the previous corner of its boundary; 0
+            for start and goal.
+        behind: (N, 2) m, from each of them to the next corner, likewise.
     """
 
-    places: Floats
+    points: Floats
     before: Floats
     behind: Floats
 
     def passed(self, lines: Floats, which: NDArray[np.intp] | int) -> NDArray[np.bool_]:
-        """Tell which lines pass corners with the whole boundary on one side.
+        """Return which lines pass corners with the whole boundary on one side.
 
         Args:
             lines: (L, 2) m, their directions.
-            which: The corner of each line, or that of all of them.
+            which: Index of the corner of each line, or of the one corner of all.
         """
         a, b = self.before[which], self.behind[which]
         before = lines[:, 0] * a[..., 1] - lines[:, 1] * a[..., 0]
         behind = lines[:, 0] * b[..., 1] - lines[:, 1] * b[..., 0]
-        apart: NDArray[np.bool_] = (before * behind) >= -(_SLACK**2)
-        return apart
+        same_side: NDArray[np.bool_] = (before * behind) >= -(_SLACK**2)
+        return same_side
 
 
-def _corners(piece: Polygon, start: Place, goal: Place) -> _Corners:
-    nothing = np.zeros((2, 2))
-    rows = [(np.array([start, goal]), nothing, nothing)]
+def _corners(piece: Polygon, start: Position, goal: Position) -> _Corners:
+    no_edges = np.zeros((2, 2))
+    rows = [(np.array([start, goal]), no_edges, no_edges)]
     for ring in shapely.get_rings(orient(piece)):
-        here = shapely.get_coordinates(ring)[:-1]  # what is free is on the left
-        before, behind = (
-            np.roll(here, 1, axis=0) - here,
-            np.roll(here, -1, axis=0) - here,
-        )
+        points = shapely.get_coordinates(ring)[:-1]  # free space is on the left
+        before = np.roll(points, 1, axis=0) - points
+        behind = np.roll(points, -1, axis=0) - points
         bends = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] > 0
-        rows.append((here[bends], before[bends], behind[bends]))
-    places, before, behind = (np.concatenate(row) for row in zip(*rows, strict=True))
-    return _Corners(places, before, behind)
+        rows.append((points[bends], before[bends], behind[bends]))
+    points, before, behind = (np.concatenate(row) for row in zip(*rows, strict=True))
+    return _Corners(points, before, behind)
 
 
 class _Search:
-    """A* from corner 0 to corner 1."""
+    """A* from corner 0 to corner 1.
 
-    def __init__(self, corners: _Corners, free: Polygon) -> None:
+    Not networkx or scipy: they need all edges in advance, and to compute these takes
+    far longer than the search.
+    """
+
+    def __init__(self, corners: _Corners, visible: Polygon) -> None:
         self._corners = corners
-        self._free = free
-        shapely.prepare(free)
-        self._left = np.hypot(*(corners.places - corners.places[1]).T)
-        self._lengths = np.full(len(corners.places), math.inf)
+        self._visible = visible
+        shapely.prepare(visible)
+        self._to_goal = np.hypot(*(corners.points - corners.points[1]).T)
+        self._lengths = np.full(len(corners.points), math.inf)
         self._lengths[0] = 0.0
-        self._from = np.zeros(len(corners.places), dtype=np.intp)
+        self._previous = np.zeros(len(corners.points), dtype=np.intp)
 
     def path(self) -> tuple[float, Floats] | None:
-        """Give the length and the points of the shortest path; None without one."""
-        queue = [(float(self._left[0]), 0)]
+        """Return length and points of the shortest path; None without one."""
+        queue = [(float(self._to_goal[0]), 0)]
         done: set[int] = set()
         while queue:
-            _, here = heapq.heappop(queue)
-            if here == 1:
+            _, corner = heapq.heappop(queue)
+            if corner == 1:
                 return float(self._lengths[1]), self._points()
-            if here in done:
+            if corner in done:
                 continue
-            done.add(here)
-            for there in self._step(here).tolist():
-                total = float(self._lengths[there] + self._left[there])
-                heapq.heappush(queue, (total, there))
+            done.add(corner)
+            for neighbour in self._expand(corner).tolist():
+                total = float(self._lengths[neighbour] + self._to_goal[neighbour])
+                heapq.heappush(queue, (total, neighbour))
         return None
 
-    def _step(self, here: int) -> NDArray[np.intp]:
-        """Go on to all that is seen from a corner and is not reached sooner."""
-        lines = self._corners.places - self._corners.places[here]
-        lengths = self._lengths[here] + np.hypot(*lines.T)
-        (there,) = np.nonzero(lengths < self._lengths)
-        there = there[self._corners.passed(lines[there], here)]
-        there = there[self._corners.passed(lines[there], there)]
-        ends = self._corners.places[there]
-        starts = np.broadcast_to(self._corners.places[here], ends.shape)
+    def _expand(self, corner: int) -> NDArray[np.intp]:
+        """Return the visible corners that are reached sooner by way of this one."""
+        points = self._corners.points
+        lines = points - points[corner]
+        lengths = self._lengths[corner] + np.hypot(*lines.T)
+        (others,) = np.nonzero(lengths < self._lengths)
+        others = others[self._corners.passed(lines[others], corner)]
+        others = others[self._corners.passed(lines[others], others)]
+        ends = points[others]
+        starts = np.broadcast_to(points[corner], ends.shape)
         sights = shapely.linestrings(np.stack([starts, ends], axis=1))
-        seen: NDArray[np.intp] = there[shapely.covers(self._free, sights)]
+        seen: NDArray[np.intp] = others[shapely.covers(self._visible, sights)]
         self._lengths[seen] = lengths[seen]
-        self._from[seen] = here
+        self._previous[seen] = corner
         return seen
 
     def _points(self) -> Floats:
-        way = [1]
-        while way[-1] != 0:
-            way.append(int(self._from[way[-1]]))
-        points: Floats = self._corners.places[way[::-1]]
+        indices = [1]
+        while indices[-1] != 0:
+            indices.append(int(self._previous[indices[-1]]))
+        points: Floats = self._corners.points[indices[::-1]]
         return points

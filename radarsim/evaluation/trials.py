@@ -1,7 +1,7 @@
-"""Scored runs of Bug1 and Bug2: what a robot did, judged by the map and the truth.
+"""Trials of Bug1 and Bug2: runs in lockstep, scored by the ground truth and the map.
 
-A trial runs server and client in lockstep. The judge sees what the robot does not:
-where it really is, what it touches, and how long the shortest path is.
+The score knows what the robot does not: where it really is, what it touches, and how
+long the shortest path is.
 """
 
 import math
@@ -31,13 +31,13 @@ MAPS = (
 )
 SENSORS = ("radar", "laser")
 SCANNER = "lms200"
-GOAL_REACH = 0.5  # m; who is farther from the goal than this has not reached it
+GOAL_TOLERANCE = 0.5  # m from the goal, in truth, up to which it counts as reached
 TIME_LIMIT = 3600.0  # s of simulated time
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """One trial: what runs where."""
+class TrialSpec:
+    """One trial: which algorithm and sensor run on which map."""
 
     map: str
     algorithm: str
@@ -46,24 +46,24 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
-    """What came of a trial.
+class TrialResult:
+    """The result of a trial.
 
     Attributes:
         map: Name of the map.
         algorithm: ``bug1`` or ``bug2``.
-        sensor: Name of the preset; every one of them looks all the way round.
-        seed: Of the simulation.
-        outcome: ``reached`` if the robot says so and is there, ``no_path`` if it says
-            so, ``failed`` otherwise.
-        collisions: How often it began to touch something.
-        path_length: True way of the robot's centre, m.
-        shortest_path: m, for a robot that keeps half its diagonal from everything
-            solid; None if there is no path.
-        time: Simulated s.
-        circuits: How often the robot went all round an obstacle.
+        sensor: Name of the sensor preset; all of them cover a full circle.
+        seed: Seed of the simulation.
+        outcome: ``reached`` if the robot reports that and is there, ``no_path`` if it
+            reports that, ``failed`` otherwise.
+        collisions: How often the robot began to touch something.
+        path_length: Length of the true path of the robot's centre, m.
+        shortest_path: Length of the shortest path for a robot that keeps half its
+            diagonal from everything solid, m; None if there is no path.
+        time: Simulated time, s.
+        circuits: Number of complete circuits around obstacles.
         off: True distance to the goal at the end, m.
-        note: Why it failed; empty if it did not.
+        note: Why the trial failed; empty if it did not.
     """
 
     map: str
@@ -80,13 +80,13 @@ class Score:
     note: str
 
     @property
-    def right(self) -> bool:
-        """Whether it did what the map allows, and touched nothing."""
-        wanted = "no_path" if self.shortest_path is None else "reached"
-        return self.outcome == wanted and not self.collisions
+    def is_correct(self) -> bool:
+        """Whether the robot found what the map allows, and touched nothing."""
+        correct = "no_path" if self.shortest_path is None else "reached"
+        return self.outcome == correct and not self.collisions
 
     def to_dict(self) -> dict[str, Any]:
-        """Give it for JSON, rounded to mm and ms."""
+        """Return the result for JSON, rounded to mm and ms."""
         rounded = {"path_length", "shortest_path", "time", "off"}
         return {
             key: round(value, 3) if key in rounded and value is not None else value
@@ -94,35 +94,30 @@ class Score:
         }
 
 
-def entries(
+def all_trials(
     maps: Sequence[str], algorithms: Sequence[str], sensors: Sequence[str], seeds: int
-) -> list[Entry]:
-    """Combine everything with everything, map by map."""
-    return [
-        Entry(map_, algorithm, sensor, seed)
-        for map_, algorithm, sensor, seed in product(
-            maps, algorithms, sensors, range(seeds)
-        )
-    ]
+) -> list[TrialSpec]:
+    """Return all combinations, map by map."""
+    return [TrialSpec(*each) for each in product(maps, algorithms, sensors, range(seeds))]
 
 
 def config_with_sensor(sensor: str) -> SimulationConfig:
-    """Give the robot a sensor that looks all the way round, at the radar's steps.
+    """Configure the scanner as a sensor that covers a full circle in steps of 1 degree.
 
     Raises:
         PresetError: If there is no such sensor.
     """
-    fan = {"sensor": sensor, "fov_deg": 359, "resolution_deg": 1}
-    config = SimulationConfig(item_settings={SCANNER: fan})
+    settings = {"sensor": sensor, "fov_deg": 359, "resolution_deg": 1}
+    config = SimulationConfig(item_settings={SCANNER: settings})
     config.check()
     return config
 
 
 def load_trial(map_: str) -> tuple[Scene, Trial]:
-    """Load a map that says what there is to try.
+    """Load a map that defines a trial.
 
     Raises:
-        MapError: If it is wrong, or does not say.
+        MapError: If the map is wrong, or defines no trial.
     """
     scene = load_map(map_)
     if scene.trial is None:
@@ -130,18 +125,18 @@ def load_trial(map_: str) -> tuple[Scene, Trial]:
     return scene, scene.trial
 
 
-def run_trial(entry: Entry) -> Score:
+def run_trial(spec: TrialSpec) -> TrialResult:
     """Run one trial.
 
     Raises:
-        MapError: If the map is wrong, or does not say what there is to try.
+        MapError: If the map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    scene, trial, shortest = _prepared(entry.map)
-    host = Host(scene, config=config_with_sensor(entry.sensor), seed=entry.seed)
+    scene, trial, shortest = _prepare(spec.map)
+    host = Host(scene, config=config_with_sensor(spec.sensor), seed=spec.seed)
     monitor = GroundTruthMonitor(host)
     mission = Mission(
-        algorithm=Algorithm(entry.algorithm),
+        algorithm=Algorithm(spec.algorithm),
         goals=(trial.goal,),
         start=trial.start,
         safety_distance=trial.safety_distance,
@@ -156,10 +151,10 @@ def run_trial(entry: Entry) -> Score:
         except (ClientError, NavigationError) as error:
             note = str(error)
     off = monitor.distance(trial.goal)
-    if outcome == "reached" and off > GOAL_REACH:
+    if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
-    return Score(
-        **asdict(entry),
+    return TrialResult(
+        **asdict(spec),
         outcome=outcome,
         collisions=monitor.collisions,
         path_length=monitor.path_length,
@@ -172,42 +167,41 @@ def run_trial(entry: Entry) -> Score:
 
 
 @cache
-def _prepared(map_: str) -> tuple[Scene, Trial, float | None]:
-    """Load a map and find its shortest path, once in a process."""
+def _prepare(map_: str) -> tuple[Scene, Trial, float | None]:
+    """Load a map and compute its shortest path, once in a process."""
     scene, trial = load_trial(map_)
-    found_start = scene.start(trial.start)
-    assert found_start is not None  # the map was checked when it was read
-    start = found_start.pose
+    start = scene.start(trial.start)
+    assert start is not None  # the map was checked when it was read
     model = load_robot(ROBOT)
     clearance = math.hypot(model.length, model.width) / 2
-    found = shortest_path(scene, (start.x, start.y), trial.goal, clearance)
-    return scene, trial, None if found is None else found[0]
+    path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)
+    return scene, trial, None if path is None else path[0]
 
 
-def run_trials(wanted: Sequence[Entry], *, workers: int) -> Iterator[Score]:
-    """Run trials on several cores; they come in their order.
+def run_trials(specs: Sequence[TrialSpec], *, workers: int) -> Iterator[TrialResult]:
+    """Run trials on several cores, and yield the results in their order.
+
+    Closing the iterator early terminates the trials that still run.
 
     Args:
-        wanted: What to run.
-        workers: Processes; with one, all runs in this one.
+        specs: The trials.
+        workers: Number of processes; with one, all trials run in this process.
 
     Raises:
-        MapError: If a map is wrong, or does not say what there is to try.
+        MapError: If a map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
-
-    Whoever stops in between ends those that still run.
     """
-    _check(wanted)
-    if workers == 1 or len(wanted) == 1:
-        yield from map(run_trial, wanted)
+    _check(specs)
+    if workers == 1 or len(specs) == 1:
+        yield from map(run_trial, specs)
         return
     with worker_pool(workers) as pool:
-        yield from pool.map(run_trial, wanted)
+        yield from pool.map(run_trial, specs)
 
 
-def _check(wanted: Sequence[Entry]) -> None:
-    """Find out what is wrong before anything runs."""
-    for map_ in dict.fromkeys(entry.map for entry in wanted):
+def _check(specs: Sequence[TrialSpec]) -> None:
+    """Find errors before any trial runs."""
+    for map_ in dict.fromkeys(spec.map for spec in specs):
         load_trial(map_)
-    for sensor in dict.fromkeys(entry.sensor for entry in wanted):
+    for sensor in dict.fromkeys(spec.sensor for spec in specs):
         config_with_sensor(sensor)

@@ -1,4 +1,4 @@
-"""Processes that share the work of a study."""
+"""A pool of worker processes for runs that are independent of each other."""
 
 import signal
 from collections.abc import Iterator
@@ -9,25 +9,25 @@ from multiprocessing import active_children, get_context
 
 @contextmanager
 def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes; whoever leaves early ends those that still run.
+    """Open a pool of processes; leaving it early terminates those that still run.
 
     Args:
-        count: How many. Each is a fresh interpreter, so what it is given to do is a
-            function of a module.
+        count: Number of processes. Each is a fresh interpreter, so it can only be given
+            functions of modules.
     """
     others = {*active_children()}
-    # threads of this process would not survive a fork
+    # spawned, because threads of this process would not survive a fork
     pool = ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=_leave_interrupts
+        count, mp_context=get_context("spawn"), initializer=_ignore_interrupts
     )
     try:
         yield pool
     finally:
         for worker in {*active_children()} - others:
-            worker.terminate()  # who wants no more does not want to wait either
+            worker.terminate()  # shutdown alone would wait for the runs to end
         pool.shutdown(cancel_futures=True)
 
 
-def _leave_interrupts() -> None:
-    """Let only the process in charge hear of Ctrl-C; it ends the others."""
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the main process; it terminates the workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -116,7 +116,7 @@ class ContourStrategy:
         if aligned:
             self.activity = "following"
             direction = self._follower.tangent(observation, self._way)
-            self._round = _Round(observation, direction, self._follower.wanted)
+            self._round = _Round(observation, direction, self._follower.target_distance)
             self._track.append((observation.pose.x, observation.pose.y))
         return twist
 
@@ -130,7 +130,7 @@ class ContourStrategy:
             self.contours += 1
             inside = (self._round.turned < 0) == self._way.wall_on_left
             self.activity = "filling" if inside else "seeking"
-        elif self._round.lost > LOST * 2 * math.pi * self._follower.wanted:
+        elif self._round.lost > LOST * 2 * math.pi * self._follower.target_distance:
             self.activity = "seeking"
         return twist
 
@@ -152,7 +152,7 @@ class _Round:
         self.lost = 0.0
         self._length = 0.0
         self._last = observation.pose
-        self._mark = Landmark(observation.pose, direction, reach=reach)
+        self._mark = Landmark(observation.pose, direction, max_offset=reach)
 
     def add(self, observation: Observation, *, found: bool) -> None:
         step = moved(self._last, observation.pose)

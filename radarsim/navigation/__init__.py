@@ -1,4 +1,4 @@
-"""A robot finds its way by what comes over the wire: bumpers of beams, Bug1 and Bug2.
+"""Goal-directed navigation by what a USARSim client receives: bumpers, Bug1 and Bug2.
 
-A navigator sees scans and poses as any USARSim client does, and never the scene.
+A navigator sees scans and poses, as any client does, and never the scene.
 """

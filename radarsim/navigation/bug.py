@@ -1,8 +1,8 @@
-"""Bug1 and Bug2: to the goal in a straight line, and along what is in the way.
+"""Bug1 and Bug2: straight towards the goal, and along the boundaries of obstacles.
 
-A ``Bug`` is asked at every scan how to move. It goes for the goal until the bumper in
+A ``Bug`` decides at every scan how to move. It heads for the goal until the bumper in
 that direction is pressed, turns until the boundary is abeam, and follows it as long as
-``circling`` says. What is beyond the goal is not in the way.
+its boundary policy says. What is beyond the goal is no obstacle.
 """
 
 import math
@@ -32,16 +32,16 @@ from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm, GiveUp
 from radarsim.navigation.wall_following import FollowMode, WallFollower
 
-TOLERANCE = 0.1  # m; as near as that is there
-GRAZE = 0.1  # m beyond the safety distance; what is nearer beside the way is in it
+TOLERANCE = 0.1  # m from the goal at which it is reached
+GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
-_LOST = 1.5  # circles without a boundary after which it is taken to be gone
+_LOST = 1.5  # circles without a boundary after which the boundary is given up
 
 Point = tuple[float, float]
 
 
 class Activity(StrEnum):
-    """What a bug is at."""
+    """What a bug is doing."""
 
     GOING = "going"
     ALIGNING = "aligning"
@@ -53,15 +53,15 @@ class Activity(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BugSettings:
-    """How a bug goes about it.
+    """Settings of a bug.
 
     Attributes:
         algorithm: Bug1 or Bug2.
-        bumpers: What it senses by.
-        speed_limits: How fast it goes.
-        wall_on_left: Whether it keeps boundaries on its left hand.
-        give_up: When Bug2 says that there is no path.
-        tolerance: How near the goal is there, m.
+        bumpers: The bumpers that it steers by.
+        speed_limits: Greatest speeds.
+        wall_on_left: Whether it keeps boundaries on its left.
+        give_up: When Bug2 concludes that there is no path.
+        tolerance: Distance from the goal at which it is reached, m.
     """
 
     algorithm: Algorithm
@@ -73,14 +73,14 @@ class BugSettings:
 
 
 class Bug:
-    """Goes to one goal after the other.
+    """Drives to one goal after the other.
 
     Attributes:
-        activity: What it is at; after ``REACHED`` and ``NO_PATH`` it stands.
-        goals: Those that are left, the next one first.
-        hit_points: Where it met obstacles.
-        leave_points: Where it left them.
-        circuits: How often it went all round an obstacle.
+        activity: What it is doing; after ``REACHED`` and ``NO_PATH`` it stands.
+        goals: The goals that are left, the next one first, m, map frame.
+        hit_points: Where it met obstacles, m, map frame.
+        leave_points: Where it left them, m, map frame.
+        circuits: Number of complete circuits around obstacles.
     """
 
     def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
@@ -93,15 +93,15 @@ class Bug:
         self.circuits = 0
         self._settings = settings
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._first_way = FollowMode(wall_on_left=settings.wall_on_left)
-        self._way = self._first_way
-        self._circling: BoundaryPolicy | None = None
+        self._first_mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._mode = self._first_mode
+        self._policy: BoundaryPolicy | None = None  # None away from boundaries
         self._start: Pose2 | None = None
-        self._before: Pose2 | None = None
-        self._lost = 0.0
-        self._best_leave = math.inf
-        self._leaving = False  # whether it is still beside what it has left
-        self._seen_from = math.inf  # m; how near the goal was when last seen
+        self._previous: Pose2 | None = None
+        self._lost = 0.0  # m driven without a boundary
+        self._best_leave = math.inf  # m from the goal
+        self._leaving = False  # whether it is still beside the boundary it has left
+        self._seen_from = math.inf  # m; goal distance when the goal was last seen
 
     @property
     def is_done(self) -> bool:
@@ -109,16 +109,17 @@ class Bug:
         return self.activity in (Activity.REACHED, Activity.NO_PATH)
 
     def step(self, observation: Observation) -> Twist:
-        """Take in a scan and decide how to move until the next."""
-        step = 0.0 if self._before is None else moved(self._before, observation.pose)
-        self._before = observation.pose
+        """Decide by a scan how to move until the next one."""
+        pose = observation.pose
+        step = 0.0 if self._previous is None else moved(self._previous, pose)
+        self._previous = pose
         if self._start is None:
-            self._start = observation.pose
-        while not self.is_done and self._is_there(observation.pose):
-            self._reach(observation.pose)
+            self._start = pose
+        while not self.is_done and self._is_at_goal(pose):
+            self._reach(pose)
         if self.is_done:
             return STAND
-        if self._circling is None:
+        if self._policy is None:
             if self._is_free(observation) and not self._is_grazed(observation):
                 return self._go(observation)
             self._hit(observation)
@@ -126,42 +127,42 @@ class Bug:
             return self._align(observation)
         return self._follow(observation, step)
 
-    def _is_there(self, pose: Pose2) -> bool:
+    def _is_at_goal(self, pose: Pose2) -> bool:
         return distance(pose, *self.goals[0]) <= self._settings.tolerance
 
     def _reach(self, pose: Pose2) -> None:
         self.goals.pop(0)
-        self._start, self._circling = pose, None
+        self._start, self._policy = pose, None
         self._best_leave = self._seen_from = math.inf
         self.activity = Activity.GOING if self.goals else Activity.REACHED
 
     def _is_free(self, observation: Observation) -> bool:
-        """Tell whether nothing before the goal is in the way to it."""
+        """Return whether no obstacle is between the robot and the goal."""
         bumpers, pose = self._settings.bumpers, observation.pose
         ahead = bumpers.towards(observation, bearing_of(pose, *self.goals[0]))
         return not ahead.blocked or self._is_beyond(observation, ahead.distance)
 
-    def _is_faced(self, observation: Observation) -> bool:
-        """Tell whether the boundary that is followed is before the goal."""
+    def _is_hidden(self, observation: Observation) -> bool:
+        """Return whether the followed boundary is between the robot and the goal."""
         goal = bearing_of(observation.pose, *self.goals[0])
         ahead = self._settings.bumpers.towards(observation, goal)
         if self._is_beyond(observation, ahead.distance):
             return False
-        return self._follower.faces(observation, self._way, goal)
+        return self._follower.leads_into_boundary(observation, self._mode, goal)
 
     def _is_beyond(self, observation: Observation, obstacle: float) -> bool:
-        """Tell whether the goal comes before an obstacle in its direction."""
+        """Return whether an obstacle at a distance, m, is beyond the goal."""
         goal = distance(observation.pose, *self.goals[0])
         return goal + self._settings.bumpers.safety_distance - NOISE <= obstacle
 
     def _is_grazed(self, observation: Observation) -> bool:
-        """Tell whether something beside the way is too near to go on."""
+        """Return whether something beside the path to the goal is too near."""
         bumpers, pose = self._settings.bumpers, observation.pose
         goal = bearing_of(pose, *self.goals[0])
         sides = (goal - bumpers.width, goal + bumpers.width)
         near = min(bumpers.towards(observation, side).distance for side in sides)
         self._leaving &= near < bumpers.safety_distance + GRAZE
-        # who has followed a boundary into a gap may go on in it
+        # a robot that has followed a boundary into a gap may go on in it
         return near < bumpers.safety_distance + (0.0 if self._leaving else GRAZE)
 
     def _go(self, observation: Observation) -> Twist:
@@ -172,61 +173,62 @@ class Bug:
     def _hit(self, observation: Observation) -> None:
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
-        self.activity, self._way, self._lost = Activity.ALIGNING, self._first_way, 0.0
-        reach = self._follower.wanted
+        self.activity, self._mode, self._lost = Activity.ALIGNING, self._first_mode, 0.0
+        max_offset = self._follower.target_distance
         obstacle = bearing_of(pose, *self.goals[0])
-        direction = self._follower.direction(observation, self._way, obstacle)
-        hit = Landmark(pose, direction, reach=reach)
+        direction = self._follower.direction(observation, self._mode, obstacle)
+        hit = Landmark(pose, direction, max_offset=max_offset)
         if self._settings.algorithm == Algorithm.BUG1:
-            self._circling = Bug1Policy(hit, self.goals[0], reach)
+            self._policy = Bug1Policy(hit, self.goals[0], max_offset)
         else:
             assert self._start is not None
             line = (self._start, self.goals[0])
-            self._circling = Bug2Policy(hit, line, self._settings.give_up, reach)
+            self._policy = Bug2Policy(hit, line, self._settings.give_up, max_offset)
 
     def _align(self, observation: Observation) -> Twist:
         obstacle = bearing_of(observation.pose, *self.goals[0])
-        twist, aligned = self._follower.align(observation, self._way, obstacle)
+        twist, aligned = self._follower.align(observation, self._mode, obstacle)
         self.activity = Activity.FOLLOWING if aligned else Activity.ALIGNING
         return twist
 
     def _follow(self, observation: Observation, step: float) -> Twist:
-        assert self._circling is not None
+        policy = self._policy
+        assert policy is not None
         if self._sees_goal(observation):
             self._seen_from = distance(observation.pose, *self.goals[0])
             return self._leave(observation)
-        direction = self._follower.tangent(observation, self._way)
-        before = self._circling.circuits
-        free = not self._is_faced(observation)
-        verdict = self._circling.step(Step(observation.pose, step, direction, free))
-        self.circuits += self._circling.circuits - before
-        if verdict is Decision.NO_PATH or (
-            verdict is Decision.LEAVE
-            and not self._circling.missed
+        direction = self._follower.tangent(observation, self._mode)
+        circuits_before = policy.circuits
+        free = not self._is_hidden(observation)
+        decision = policy.step(Step(observation.pose, step, direction, free))
+        self.circuits += policy.circuits - circuits_before
+        if decision is Decision.NO_PATH or (
+            decision is Decision.LEAVE
+            and not policy.missed
             and self._is_no_nearer(observation.pose)
         ):
             self.activity = Activity.NO_PATH
             return STAND
-        if verdict is Decision.LEAVE:
+        if decision is Decision.LEAVE:
             return self._leave(observation)
-        if verdict is Decision.BACK:
-            self._way = self._way.reversed
-        if self._circling.circuits:
+        if decision is Decision.BACK:
+            self._mode = self._mode.reversed
+        if policy.circuits:
             self.activity = Activity.RETURNING
-        return self._along(observation, step)
+        return self._follow_boundary(observation, step)
 
-    def _along(self, observation: Observation, step: float) -> Twist:
-        twist, found = self._follower.step(observation, self._way)
+    def _follow_boundary(self, observation: Observation, step: float) -> Twist:
+        twist, found = self._follower.step(observation, self._mode)
         self._lost = 0.0 if found else self._lost + step
-        if self._lost > _LOST * 2 * math.pi * self._follower.wanted:
+        if self._lost > _LOST * 2 * math.pi * self._follower.target_distance:
             return self._leave(observation)
         return twist
 
     def _sees_goal(self, observation: Observation) -> bool:
-        """Tell whether the goal is so near that no boundary is needed any more.
+        """Return whether the goal is so near that no boundary is needed any more.
 
-        Who has hit something again on the way there has to come nearer before the next
-        try, or it would try for ever where the goal is too near to something.
+        After another hit on the way there the robot has to come nearer before the next
+        attempt, or it would try for ever where the goal is too near to something.
         """
         bumpers = self._settings.bumpers
         near = distance(observation.pose, *self.goals[0])
@@ -235,13 +237,13 @@ class Bug:
         return self._is_free(observation) and not self._is_grazed(observation)
 
     def _is_no_nearer(self, pose: Pose2) -> bool:
-        """Tell whether a whole circuit of Bug1 has brought it no nearer to the goal."""
+        """Return whether a circuit of Bug1 has brought it no nearer to the goal."""
         near = distance(pose, *self.goals[0])
-        stays = near > self._best_leave - self._settings.tolerance
+        no_nearer = near > self._best_leave - self._settings.tolerance
         self._best_leave = min(self._best_leave, near)
-        return stays and self._settings.algorithm == Algorithm.BUG1
+        return no_nearer and self._settings.algorithm == Algorithm.BUG1
 
     def _leave(self, observation: Observation) -> Twist:
         self.leave_points.append((observation.pose.x, observation.pose.y))
-        self.activity, self._circling, self._leaving = Activity.GOING, None, True
+        self.activity, self._policy, self._leaving = Activity.GOING, None, True
         return self._go(observation)

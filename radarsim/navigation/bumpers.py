@@ -1,18 +1,17 @@
-"""Long-range bumpers: the beams around the robot in groups, each pressed or not.
+"""Long-range bumpers: sectors of beams around the robot, each pressed or not.
 
 Theory of operation
 ===================
 Four to eight bumpers are easier to steer by than hundreds of beams. Each one is a
-sector around the robot. It is pressed when a share of its beams is nearer than the
-safety distance and half a metre more, and too near when that share is nearer than the
-safety distance itself.
+sector around the robot. It is pressed when a share of its beams is shorter than the
+safety distance plus half a metre (the band), and too near when that share is shorter
+than the safety distance itself.
 
 The literal rule of the thesis is stricter: a bumper is pressed if all of its beams are
-between the safety distance s and s + 0.5 m. Of n bumpers, that which faces a flat wall
-at the distance d sees it from d to d / cos(pi / n), so the rule can be met at all only
-for s <= d <= (s + 0.5) cos(pi / n): with eight bumpers up to s = 6.07 m, with four up
-to s = 1.21 m, and never by a pole or a corner. Whoever chooses it still has
-``too_near``.
+between the safety distance s and s + 0.5 m. Of n bumpers, the one that faces a flat
+wall at the distance d sees it from d to d / cos(pi / n), so the rule can be met at all
+only for s <= d <= (s + 0.5) cos(pi / n): with eight bumpers up to s = 6.07 m, with four
+up to s = 1.21 m, and never by a pole or a corner. ``too_near`` works with it as well.
 
 Source: a thesis on navigation with a radar in USARSim, section 5.2.
 """
@@ -25,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.navigation.observation import Observation
+from radarsim.navigation.observation import Observation, wrap_angles
 from radarsim.navigation.options import Rule
 
-BAND = 0.5  # m from too near to not pressed
+BAND = 0.5  # m beyond the safety distance
 LEAST_SHARE = 0.1
-MOST = 36  # bumpers; a sector of less than 10 degrees is hardly one
+MOST = 36  # bumpers; narrower sectors would hold too few beams
 
 FOUR = ("front", "left", "back", "right")
 EIGHT = (
@@ -45,10 +44,10 @@ class Bumper:
 
     Attributes:
         name: Such as ``front_left``.
-        pressed: By the rule.
+        pressed: Whether it is pressed, by the rule.
         too_near: Whether a share of the beams is nearer than the safety distance.
-        distance: m; a share of the beams is no farther than this. ``inf`` if nothing
-            is there.
+        distance: Distance within which a share of the beams ended, m; ``inf`` if they
+            have no return.
         blind: Whether it has no beams.
     """
 
@@ -60,7 +59,7 @@ class Bumper:
 
     @property
     def blocked(self) -> bool:
-        """Whether the robot is not to go that way."""
+        """Whether the robot must not go in that direction."""
         return self.pressed or self.too_near
 
 
@@ -70,10 +69,10 @@ class Bumpers:
 
     Attributes:
         safety_distance: m from the robot's centre.
-        band: m beyond it in which a bumper is pressed and not yet too near.
-        count: How many there are, 4 to 36.
-        share: Of a bumper's beams that press it, above 0 and at most 1.
-        rule: When it is pressed.
+        band: m beyond it in which a bumper is pressed but not yet too near.
+        count: Number of bumpers, 4 to 36.
+        share: Share of a bumper's beams that press it, above 0 and at most 1.
+        rule: When a bumper is pressed.
     """
 
     safety_distance: float
@@ -94,12 +93,12 @@ class Bumpers:
 
     @property
     def pressed_below(self) -> float:
-        """Where the band ends, m."""
+        """Far end of the band, m."""
         return self.safety_distance + self.band
 
     @property
     def width(self) -> float:
-        """Of one sector, rad."""
+        """Width of one sector, rad."""
         return 2 * math.pi / self.count
 
     @property
@@ -110,7 +109,7 @@ class Bumpers:
         return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
 
     def read(self, observation: Observation) -> tuple[Bumper, ...]:
-        """Give the state of all bumpers, in the order of ``names``."""
+        """Return the state of all bumpers, in the order of ``names``."""
         sectors = self._sectors(observation.bearings)
         return tuple(
             self._state(name, observation.ranges[sectors == k])
@@ -118,17 +117,15 @@ class Bumpers:
         )
 
     def towards(self, observation: Observation, bearing: float) -> Bumper:
-        """Give the state that the front bumper has once the robot faces a bearing."""
-        apart = (
-            np.remainder(observation.bearings - bearing + math.pi, 2 * math.pi)
-            - math.pi
-        )
-        return self._state("front", observation.ranges[np.abs(apart) <= self.width / 2])
+        """Return the state that the front bumper would have, facing a bearing, rad."""
+        offsets = wrap_angles(observation.bearings - bearing)
+        within = np.abs(offsets) <= self.width / 2
+        return self._state("front", observation.ranges[within])
 
     def blind(self, angles: Floats) -> tuple[str, ...]:
-        """Name the bumpers that a fan of beams, (N,) rad, leaves without any beam."""
-        seen = set(self._sectors(angles).tolist())
-        return tuple(name for k, name in enumerate(self.names) if k not in seen)
+        """Return the names of bumpers without beams, for beams at angles, (N,) rad."""
+        covered = set(self._sectors(angles).tolist())
+        return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
     def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
         turns = (bearings + self.width / 2) / self.width
@@ -150,7 +147,7 @@ class Bumpers:
 
 
 def nearest_share(ranges: Floats, share: float) -> float:
-    """Give the distance within which a share of some ranges lies, m.
+    """Return the distance within which a share of some ranges lies, m.
 
     Args:
         ranges: (N,) m, at least one.
@@ -161,5 +158,5 @@ def nearest_share(ranges: Floats, share: float) -> float:
 
 
 def pressed_names(bumpers: Sequence[Bumper]) -> tuple[str, ...]:
-    """Name those that are pressed or too near."""
+    """Return the names of those that are pressed or too near."""
     return tuple(bumper.name for bumper in bumpers if bumper.blocked)

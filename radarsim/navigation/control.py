@@ -1,4 +1,8 @@
-"""What a navigator wants of the wheels."""
+"""Motion commands, the loop that sends them, and detectors of robots that get nowhere.
+
+The loop turns scans into wheel speeds. While no scan arrives it stops the robot, and a
+little later it gives up with an error that names what was missing.
+"""
 
 import math
 from collections.abc import Iterator
@@ -12,11 +16,16 @@ from radarsim.navigation.observation import Observation
 from radarsim.protocol.reports import Report
 
 HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
+STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
+STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
+STANDSTILL_LIMIT: Final = 60.0  # s
+_LEAST_MOVE = 0.1  # m; anything less is no movement
+_LEAST_TURN = 0.3  # rad
 
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Speed forward in m/s and turn counter-clockwise in rad/s."""
+    """Forward speed in m/s and counter-clockwise turn rate in rad/s."""
 
     speed: float
     turn: float
@@ -27,7 +36,7 @@ STAND = Twist(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """How fast a navigator wants to be: m/s, and rad/s on the spot."""
+    """Greatest forward speed, m/s, and greatest turn rate on the spot, rad/s."""
 
     speed: float = 0.3
     turn: float = 0.8
@@ -38,7 +47,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Turn to a bearing, and go the faster the better the robot faces it.
+        """Return a twist that turns to a bearing, faster forward the better it is met.
 
         Args:
             bearing: rad from the robot's front.
@@ -50,50 +59,43 @@ class SpeedLimits:
 
 
 def bearing_of(pose: Pose2, x: float, y: float) -> float:
-    """Give the direction of a point as seen from a pose, rad from its front."""
+    """Return the direction of a point as seen from a pose, rad from its front."""
     return wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.yaw)
 
 
 def distance(pose: Pose2, x: float, y: float) -> float:
-    """Give how far a point is from a pose, m."""
+    """Return the distance of a point from a pose, m."""
     return math.hypot(x - pose.x, y - pose.y)
 
 
 def moved(start: Pose2, end: Pose2) -> float:
-    """Give the way from one pose to another, m."""
+    """Return the distance between two poses, m."""
     return math.hypot(end.x - start.x, end.y - start.y)
 
 
-# Section from navigation.pushing.
-# When a robot gets nowhere: it pushes against what it does not see, or just stands.
-
-STUCK_AFTER = 3.0  # m that a robot was told to go while it stayed where it is
-_STAYS = 0.1  # m
-_TURNS = 0.3  # rad
-STOOD_FOR: Final = 60.0  # s
-
-
 class StuckDetector:
-    """Compares where a robot is with how far it was told to go."""
+    """Notices that a robot does not move though it is commanded to."""
 
     def __init__(self) -> None:
-        self._since: Observation | None = None
-        self._last = 0.0
-        self._told = 0.0
+        self._reference: Observation | None = None
+        self._last_time = 0.0
+        self._commanded = 0.0  # m since the reference
 
     def check(self, observation: Observation, twist: Twist) -> None:
-        """Take in a scan, and what was decided by it.
+        """Compare a scan, and the twist decided by it, with those before.
 
         Raises:
-            NavigationError: If it stays where it is.
+            NavigationError: If the robot stays where it is.
         """
-        passed, self._last = observation.time - self._last, observation.time
-        if self._since is None or moved(self._since.pose, observation.pose) > _STAYS:
-            self._since, self._told = observation, 0.0
-        else:
-            self._told += abs(twist.speed) * passed
-        if self._told > STUCK_AFTER:
-            pose = self._since.pose
+        elapsed = observation.time - self._last_time
+        self._last_time = observation.time
+        reference = self._reference
+        if reference is None or moved(reference.pose, observation.pose) > _LEAST_MOVE:
+            self._reference, self._commanded = observation, 0.0
+            return
+        self._commanded += abs(twist.speed) * elapsed
+        if self._commanded > STUCK_AFTER:
+            pose = reference.pose
             raise NavigationError(
                 f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to go"
                 f" {STUCK_AFTER:g} m; perhaps something is nearer than it is seen,"
@@ -102,51 +104,43 @@ class StuckDetector:
 
 
 class StandstillDetector:
-    """Notices that a robot neither goes nor turns any more, whatever the reason."""
+    """Notices that a robot has neither moved nor turned for long, for any reason."""
 
     def __init__(self) -> None:
-        self._since: Observation | None = None
+        self._reference: Observation | None = None
 
     def check(self, observation: Observation) -> None:
-        """Take in a scan.
+        """Compare a scan with those before.
 
         Raises:
-            NavigationError: If it has stood for a minute.
+            NavigationError: If the robot has stood for a minute.
         """
-        since = self._since
-        if since is None or _has_moved(since.pose, observation.pose):
-            self._since = observation
-        elif observation.time - since.time > STOOD_FOR:
+        reference = self._reference
+        if reference is None or _has_moved(reference.pose, observation.pose):
+            self._reference = observation
+        elif observation.time - reference.time > STANDSTILL_LIMIT:
             pose = observation.pose
             raise NavigationError(
-                f"the robot has stood at {pose.x:.2f} {pose.y:.2f} for {STOOD_FOR:g} s:"
+                f"the robot has stood at {pose.x:.2f} {pose.y:.2f} for"
+                f" {STANDSTILL_LIMIT:g} s:"
                 " on all sides something is nearer than the safety distance"
             )
 
 
 def _has_moved(before: Pose2, now: Pose2) -> bool:
     turned = abs(wrap_angle(now.yaw - before.yaw))
-    return moved(before, now) > _STAYS or turned > _TURNS
-
-
-# Section from navigation.helm.
-# Scans in, wheel speeds out, and a robot that is stopped when in doubt.
-#
-# Where scans stay away the robot is stopped first, and given up a little later with a
-# word on what was missing.
-
-STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
+    return moved(before, now) > _LEAST_MOVE or turned > _LEAST_TURN
 
 
 def check_beams(count: int, scanner: ScannerInfo) -> None:
     """Refuse a scan of so few beams that some bumper may see nothing.
 
     Args:
-        count: How many it has.
-        scanner: That it is of.
+        count: Number of beams of the scan.
+        scanner: The scanner that sent it.
 
     Raises:
-        ClientError: If it has less than half of what the server told.
+        ClientError: If it has less than half of the beams that the server announced.
     """
     if count < scanner.beams / 2:
         text = f"scan of {count} ranges from {scanner.name[:80]!r}"
@@ -154,71 +148,72 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
 
 
 class ObservationSource(Protocol):
-    """Puts reports together to what is known of the surroundings."""
+    """Combines reports into observations."""
 
     @property
     def missing(self) -> str:
         """What it waits for."""
 
     def take(self, report: Report) -> Observation | None:
-        """Take in a report; give what is known if it completes that."""
+        """Process a report; return the observation that it completes, if any."""
 
 
 class ControlLoop:
-    """Steers one robot by what a lookout sees."""
+    """Drives one robot: yields observations, and sends wheel speeds."""
 
     def __init__(
         self,
         client: Client,
-        facts: RobotInfo,
-        lookout: ObservationSource,
+        robot_info: RobotInfo,
+        source: ObservationSource,
         *,
         timeout: float,
     ) -> None:
-        """Get ready.
+        """Create the loop.
 
         Args:
             client: The connection; its robot is spawned.
-            facts: Of the robot.
-            lookout: Is shown every report.
-            timeout: After so many s without a scan the run is given up.
+            robot_info: What is known of the robot.
+            source: Receives every report.
+            timeout: Time without a scan after which the run is given up, s.
         """
         self._client = client
-        self._facts = facts
-        self._lookout = lookout
+        self._robot_info = robot_info
+        self._source = source
         self._timeout = timeout
 
     def drive(self, twist: Twist) -> None:
-        """Set the wheels to a motion."""
-        self._client.drive(*self._facts.wheel_speeds(twist.speed, twist.turn))
+        """Set the wheel speeds that produce a twist."""
+        self._client.drive(*self._robot_info.wheel_speeds(twist.speed, twist.turn))
 
     def scans(self) -> Iterator[Observation]:
-        """Give what is known at every scan; stops the robot while none comes.
+        """Yield an observation for every scan; stop the robot while none arrives.
 
         Raises:
-            ClientError: If none comes any more.
+            ClientError: If no more scans arrive.
         """
         while True:
             yield self._next()
 
     def _next(self) -> Observation:
         clock = self._client.transport.time
-        began, stopped = clock(), False
-        came: set[str] = set()
-        while (waited := clock() - began) < self._timeout:
+        start, stopped = clock(), False
+        received: set[str] = set()
+        while (waited := clock() - start) < self._timeout:
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STAND)
                 stopped = True
             reports = self._read((self._timeout if stopped else STOP_AFTER) - waited)
             newest = None
             for report in reports:
-                newest = self._lookout.take(report) or newest
-                came.add(type(report).__name__)
+                newest = self._source.take(report) or newest
+                received.add(type(report).__name__)
             if newest is not None:
                 return newest
-        told = f"what came: {', '.join(sorted(came))}" if came else "nothing came"
-        missing = f"no {self._lookout.missing} within {self._timeout:g} s"
-        raise ClientError(f"{missing}, {told}; the robot was told to stop")
+        names = ", ".join(sorted(received))
+        came = f"what came: {names}" if received else "nothing came"
+        missing = f"no {self._source.missing} within {self._timeout:g} s"
+        raise ClientError(f"{missing}, {came}; the robot was told to stop")
 
     def _read(self, timeout: float) -> list[Report]:
         try:

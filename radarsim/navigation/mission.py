@@ -1,4 +1,4 @@
-"""From a connection to a goal: spawn a robot, ask what it is, and let a bug drive."""
+"""Missions: spawn a robot, query its properties, and drive it to its goals."""
 
 import math
 from collections.abc import Callable
@@ -13,34 +13,34 @@ from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.runner import NavigationStep, Navigator, Result
 
-MARGIN = 0.13  # m on top of what is needed at least, for noise and for the way to stop
+MARGIN = 0.13  # m on top of the least safety distance, for noise and for braking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
-    """What to do, and how.
+    """Where a robot is to go, and how.
 
     Attributes:
         algorithm: Bug1 or Bug2.
-        goals: Way points in turn, the last one the goal, m, map frame.
-        robot_class: To be spawned; its scanner has to see all around.
+        goals: Waypoints in turn, the last one the goal, m, map frame.
+        robot_class: Class of the robot; its scanner has to cover a full circle.
         start: Name of a start pose; the server's first one if there is no pose either.
-        pose: Where to start otherwise.
+        pose: Start pose, map frame, if it is not one of the map's.
         scanner: Name of the scanner to steer by; the first one by default.
-        safety_distance: m from the robot's centre; None for the
-            least that is safe with ``penetration_depth``.
+        safety_distance: m from the robot's centre; None for the least one that
+            ``penetration_depth`` allows, and a margin.
         penetration_depth: How far the sensor sees into foliage, m.
-        bumpers: How many.
-        share: Of a bumper's beams that press it.
+        bumpers: Number of bumpers.
+        share: Share of a bumper's beams that press it.
         rule: When a bumper is pressed.
-        wall_on_left: Whether boundaries are kept on the left hand.
-        give_up: When Bug2 says that there is no path.
-        pose_source: Where poses come from.
-        speed_limits: How fast.
-        tolerance: How near a goal is there, m.
-        time_limit: s of the server.
-        timeout: After so many s without a scan the run is given up.
-        drive_unit: What the server counts wheel speeds in.
+        wall_on_left: Whether boundaries are kept on the left.
+        give_up: When Bug2 concludes that there is no path.
+        pose_source: The sensor that poses are taken from.
+        speed_limits: Greatest speeds.
+        tolerance: Distance from a goal at which it is reached, m.
+        time_limit: Longest run, s of server time.
+        timeout: Time without a scan after which the run is given up, s.
+        drive_unit: Unit in which the server expects wheel speeds.
     """
 
     algorithm: Algorithm
@@ -69,59 +69,62 @@ def run_mission(
     mission: Mission,
     observe: Callable[[NavigationStep], None] = lambda _: None,
 ) -> Result:
-    """Spawn a robot and let it find its way; it stands at the end.
+    """Spawn a robot and drive it to its goals; it stands at the end.
 
     Args:
         client: A connection without a robot.
-        mission: What to do.
+        mission: Where to go, and how.
         observe: Called at every scan.
 
     Raises:
-        ClientError: If the server does not say what is needed.
-        NavigationError: If the robot cannot do what is asked of it.
+        ClientError: If the server does not send what is needed.
+        NavigationError: If the robot cannot do what the mission asks for.
     """
     start = None if mission.pose is not None else choose_start(client, mission.start)
     client.spawn(mission.robot_class, start=start, pose=mission.pose)
-    facts = client.robot_info(drive_unit=mission.drive_unit)
-    scanner = facts.scanner(mission.scanner)
+    robot_info = client.robot_info(drive_unit=mission.drive_unit)
+    scanner = robot_info.scanner(mission.scanner)
     bumpers = Bumpers(
         safety_distance=safety_distance_for(
-            facts, mission.safety_distance, mission.penetration_depth
+            robot_info, mission.safety_distance, mission.penetration_depth
         ),
         count=mission.bumpers,
         share=mission.share,
         rule=mission.rule,
     )
     check_field_of_view(bumpers, scanner)
+    limits = mission.speed_limits
     settings = BugSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        speed_limits=SpeedLimits(
-            min(mission.speed_limits.speed, facts.top_speed), mission.speed_limits.turn
-        ),
+        speed_limits=SpeedLimits(min(limits.speed, robot_info.top_speed), limits.turn),
         wall_on_left=mission.wall_on_left,
         give_up=mission.give_up,
         tolerance=mission.tolerance,
     )
-    pilot = Navigator(
-        client, facts, scanner, pose_source=mission.pose_source, timeout=mission.timeout
+    navigator = Navigator(
+        client,
+        robot_info,
+        scanner,
+        pose_source=mission.pose_source,
+        timeout=mission.timeout,
     )
     bug = Bug(mission.goals, settings)
-    return pilot.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
+    return navigator.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
 
 
 def choose_start(client: Client, wanted: str | None) -> str | None:
-    """Find a start among those of the map; some servers tell of none.
+    """Choose a start pose of the map; some servers announce none.
 
     Args:
         client: A connection.
-        wanted: Its name; None for the first.
+        wanted: Name of the start pose; None for the first.
 
     Returns:
-        A name, or None for the server's own choice.
+        A name, or None to leave the choice to the server.
 
     Raises:
-        NavigationError: If the map has others.
+        NavigationError: If the map has start poses, but not that one.
     """
     try:
         names = list(client.start_poses())
@@ -135,34 +138,33 @@ def choose_start(client: Client, wanted: str | None) -> str | None:
 
 
 def safety_distance_for(
-    facts: RobotInfo, wanted: float | None, penetration_depth: float
+    robot_info: RobotInfo, wanted: float | None, penetration_depth: float
 ) -> float:
-    """Give the safety distance of a robot, m.
+    """Return the safety distance of a robot, m.
 
     Args:
-        facts: Of the robot.
-        wanted: m; None for what is needed and a margin.
+        robot_info: What is known of the robot.
+        wanted: m; None for the least one that is safe, and a margin.
         penetration_depth: How far the sensor sees into foliage, m.
 
     Raises:
         NavigationError: If the wanted one is too small.
     """
-    least = facts.clearance + penetration_depth
+    least = robot_info.clearance + penetration_depth
     if wanted is None:
         return least + MARGIN
     if wanted < least:
-        into = f" and {penetration_depth:.2f} m seen into foliage" * bool(
-            penetration_depth
-        )
+        foliage = f" and {penetration_depth:.2f} m seen into foliage"
+        foliage *= penetration_depth > 0
         raise NavigationError(
             f"safety distance {wanted:g} m, expected at least {least:.3f} m,"
-            f" half the diagonal of {facts.name}{into}"
+            f" half the diagonal of {robot_info.name}{foliage}"
         )
     return wanted
 
 
 def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
-    """Refuse a scanner that does not see all around.
+    """Refuse a scanner that does not cover a full circle.
 
     Raises:
         NavigationError: If some bumpers get none of its beams.

@@ -1,4 +1,8 @@
-"""Times of scans that go on even where a server's time stamps do not."""
+"""What a navigator knows at one moment: its pose, and the ranges around it.
+
+Ranges are measured from the robot's centre, about which it turns: a turn on the spot
+then changes no distance.
+"""
 
 import math
 from collections.abc import Callable
@@ -8,26 +12,31 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2, Pose3
 
+FAR = 1e3  # m; assumed range of beams without return, to compute their bearings
+
 
 class ScanClock:
-    """Reads time stamps; some servers send none, or the same one again and again."""
+    """Times scans by their time stamps, and by a clock where the stamps stand still.
+
+    Some servers send no time stamps, or the same one again and again.
+    """
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """Begin.
+        """Create the clock.
 
         Args:
-            clock: Gives s; counts from one scan to the next where stamps do not.
+            clock: Returns the time in s; measures what the stamps leave out.
         """
         self._clock = clock
         self._stamp = math.nan
-        self._read = math.nan
-        self._ahead = 0.0  # s by the clock that the stamps have left out
+        self._last_read = math.nan
+        self._offset = 0.0  # s by the clock that the stamps have left out
 
     def time_of(self, stamp: float) -> float:
-        """Give the time of the next scan, s.
+        """Return the time of the next scan, s.
 
         Args:
-            stamp: Its own, s; nan if it has none.
+            stamp: Its time stamp, s; nan if it has none.
         """
         now = self._clock()
         if math.isnan(self._stamp):
@@ -35,29 +44,20 @@ class ScanClock:
         elif stamp > self._stamp:
             self._stamp = stamp
         else:
-            self._ahead += now - self._read
-        self._read = now
-        return self._stamp + self._ahead
-
-
-# Section from navigation.sensed.
-# What a navigator knows at one moment: where it seems to be, and what is around.
-#
-# Everything that it decides by is measured from the robot's centre, about which it
-# turns: a turn on the spot then changes no distance.
-
-FAR = 1e3  # m; where a beam without return is taken to end, to have a bearing
+            self._offset += now - self._last_read
+        self._last_read = now
+        return self._stamp + self._offset
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """One scan, seen from the robot's centre, and the pose that belongs to it.
+    """One scan as seen from the robot's centre, and the pose that belongs to it.
 
     Attributes:
-        time: s of the server.
-        pose: Where the robot takes itself to be, map frame.
+        time: Server time, s.
+        pose: Estimated pose of the robot, map frame.
         bearings: (N,) rad, counter-clockwise from the robot's front, in [-pi, pi).
-        ranges: (N,) m from the robot's centre, ``inf`` where nothing came back.
+        ranges: (N,) m from the robot's centre; ``inf`` for beams without return.
     """
 
     time: float
@@ -66,33 +66,40 @@ class Observation:
     ranges: Floats
 
     def points(self) -> Floats:
-        """Give the places where beams ended, (M, 2) m, map frame."""
-        ended = np.isfinite(self.ranges)
-        angles = self.bearings[ended] + self.pose.yaw
-        ahead = np.column_stack([np.cos(angles), np.sin(angles)])
-        points: Floats = ahead * self.ranges[ended, None] + (self.pose.x, self.pose.y)
+        """Return the end points of the beams with a return, (M, 2) m, map frame."""
+        returned = np.isfinite(self.ranges)
+        angles = self.bearings[returned] + self.pose.yaw
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
+        points: Floats = directions * self.ranges[returned, None]
+        points += self.pose.x, self.pose.y
         return points
 
 
 def from_centre(
     ranges: Floats, angles: Floats, mount: Pose3, max_range: float
 ) -> tuple[Floats, Floats]:
-    """Express a scan by bearings and ranges from the robot's centre.
+    """Convert a scan to bearings and ranges from the robot's centre.
 
     Args:
-        ranges: (N,) m from the scanner; at ``max_range`` and beyond nothing came back.
+        ranges: (N,) m from the scanner; ``max_range`` or more means no return.
         angles: (N,) rad, counter-clockwise from the scanner's front.
-        mount: The scanner in the body frame; level, whatever its height.
+        mount: Pose of the scanner in the body frame; level, at any height.
         max_range: m.
 
     Returns:
         Bearings and ranges as in ``Observation``, (N,) each.
     """
-    ended = ranges < max_range - 1e-6
-    reach = np.where(ended, ranges, FAR)
+    returned = ranges < max_range - 1e-6
+    lengths = np.where(returned, ranges, FAR)
     angles = angles + mount.yaw
-    x = mount.x + reach * np.cos(angles)
-    y = mount.y + reach * np.sin(angles)
+    x = mount.x + lengths * np.cos(angles)
+    y = mount.y + lengths * np.sin(angles)
     bearings = np.arctan2(y, x)
     bearings[bearings >= math.pi] = -math.pi
-    return bearings, np.where(ended, np.hypot(x, y), math.inf)
+    return bearings, np.where(returned, np.hypot(x, y), math.inf)
+
+
+def wrap_angles(angles: Floats) -> Floats:
+    """Wrap angles to [-pi, pi), rad."""
+    wrapped: Floats = np.remainder(angles + math.pi, 2 * math.pi) - math.pi
+    return wrapped

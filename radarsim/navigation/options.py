@@ -1,13 +1,13 @@
-"""What a navigator lets one choose, by name; nothing heavy is imported here."""
+"""The named choices that a navigator offers; nothing heavy is imported here."""
 
 from enum import StrEnum
 from typing import Final
 
-ROBOT: Final = "P3AT_Radar360"  # a class that sees all around
+ROBOT: Final = "P3AT_Radar360"  # a robot class whose scanner covers a full circle
 
 
 class Algorithm(StrEnum):
-    """How to get round what is in the way."""
+    """How to get around obstacles."""
 
     BUG1 = "bug1"
     BUG2 = "bug2"
@@ -16,19 +16,19 @@ class Algorithm(StrEnum):
 class Rule(StrEnum):
     """When a bumper is pressed."""
 
-    SHARE = "share"  # a share of its beams is nearer than the band's far end
-    ALL = "all"  # all of its beams are within the band, as the thesis has it
+    SHARE = "share"  # a share of its beams is nearer than the far end of the band
+    ALL = "all"  # all of its beams are within the band, as in the thesis
 
 
 class GiveUp(StrEnum):
-    """When Bug2 says that there is no path."""
+    """When Bug2 concludes that there is no path."""
 
-    HIT_POINT = "hit_point"  # it has come round to where it hit
-    LINE = "line"  # it is at the line, and not nearer
+    HIT_POINT = "hit_point"  # back at the hit point
+    LINE = "line"  # at the line to the goal, but no nearer to the goal
 
 
 class PoseSource(StrEnum):
-    """Which reading the pose is taken from."""
+    """The sensor that poses are taken from."""
 
     INS = "ins"
     ODOMETRY = "odometry"

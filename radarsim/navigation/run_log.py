@@ -1,4 +1,4 @@
-"""What a run was like, moment by moment: for traces and pictures."""
+"""The log of a run, scan by scan: for traces and pictures."""
 
 import csv
 import io
@@ -12,29 +12,30 @@ from radarsim.geometry import Floats, wrap_angle
 from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.runner import NavigationStep
 
-TRACE_NAMES = {"activity": "doing"}  # columns of a trace that are named otherwise
-CELL = 0.05  # m; of sensed points that share a square of this size, one is kept
+CELL = 0.05  # m; end points of beams are counted in square cells of this size
 AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
-_ROWS = 2**31  # of squares; the number of a square is column * _ROWS + row
+COLUMN_NAMES = {"activity": "doing"}  # columns of a trace not named as in ``Row``
+_ROWS = 2**31  # the key of a cell is column * _ROWS + row
 _DIGITS = 4  # of metres and radians in a trace
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One moment without its scan.
+    """One moment of a run, without its scan.
 
     Attributes:
-        time: s of the server.
-        x: Where the robot took itself to be, m, map frame.
-        y: m.
-        yaw: rad.
-        activity: What the bug was at.
-        goal_x: The next goal's, m; None once there is none.
+        time: Server time, s.
+        x: Estimated position of the robot, m, map frame.
+        y: m, map frame.
+        yaw: Estimated yaw, rad.
+        activity: What the bug was doing.
+        goal_x: Position of the next goal, m; None once there is none.
         goal_y: m.
-        speed: What the bug wanted, m/s.
-        turn: rad/s.
-        nearest: The smallest range from the robot's centre, m; ``inf`` for none.
-        pressed: The bumpers that were pressed or too near, with blanks between them.
+        speed: Commanded forward speed, m/s.
+        turn: Commanded turn rate, rad/s.
+        nearest: Smallest range from the robot's centre, m; ``inf`` for none.
+        pressed: Names of the bumpers that were pressed or too near, separated by
+            blanks.
     """
 
     time: float
@@ -58,7 +59,7 @@ class Row:
 
     @property
     def goal_distance(self) -> float:
-        """To the next goal, m; 0 once there is none."""
+        """Distance to the next goal, m; 0 once there is none."""
         goal = self.goal
         return 0.0 if goal is None else math.hypot(goal[0] - self.x, goal[1] - self.y)
 
@@ -72,15 +73,16 @@ class GoalLine:
 
 
 class RunLog:
-    """Keeps a run.
+    """Records a run.
 
     Attributes:
-        rows: One for each scan.
+        rows: One row for each scan.
         hit_points: Where obstacles were met, m, map frame.
-        leave_points: Where they were left.
-        goal_lines: The lines that were to be followed.
-        circuits: How often the robot set out for a leave point after going all round.
-        path_length: Of the way, m.
+        leave_points: Where they were left, m, map frame.
+        goal_lines: The straight lines to the goals so far.
+        circuits: Number of complete circuits after which the robot set out for a leave
+            point.
+        path_length: Length of the estimated path, m.
     """
 
     def __init__(self) -> None:
@@ -92,18 +94,18 @@ class RunLog:
         self.path_length = 0.0
         self._cells: Counter[int] = Counter()
 
-    def add(self, moment: NavigationStep) -> Row:
-        """Keep a moment, and give what is kept of it."""
-        row = _row(moment)
-        self._note(self.rows[-1] if self.rows else None, row)
+    def add(self, step: NavigationStep) -> Row:
+        """Record one scan, and return its row."""
+        row = _row(step)
+        self._update(self.rows[-1] if self.rows else None, row)
         self.rows.append(row)
-        columns, rows = np.floor(moment.observation.points() / CELL).astype(np.int64).T
+        columns, rows = np.floor(step.observation.points() / CELL).astype(np.int64).T
         self._cells.update((columns * _ROWS + rows).tolist())
         return row
 
     @property
     def time(self) -> float:
-        """From the first scan to the last, s."""
+        """Time from the first scan to the last, s."""
         return self.rows[-1].time - self.rows[0].time if self.rows else 0.0
 
     @property
@@ -113,66 +115,66 @@ class RunLog:
 
     @property
     def path(self) -> Floats:
-        """Where the robot took itself to be, (N, 2) m."""
+        """Estimated positions of the robot, (N, 2) m, map frame."""
         return np.array([(row.x, row.y) for row in self.rows]).reshape(-1, 2)
 
     @property
     def beam_ends(self) -> Floats:
-        """Where beams ended: x and y in m, and how many did, (M, 3).
+        """End points of beams: x, y in m, and how many ended there, (M, 3).
 
-        All that ended in one square of 5 cm are in its middle.
+        All that ended in one cell of 5 cm are at its centre.
         """
-        numbers = sorted(self._cells)
-        cells = np.array(numbers, dtype=np.int64)
+        keys = sorted(self._cells)
+        cells = np.array(keys, dtype=np.int64)
         columns = (cells + _ROWS // 2) // _ROWS
-        places = np.column_stack([columns, cells - columns * _ROWS])
-        counts = [self._cells[number] for number in numbers]
-        return np.column_stack([(places + 0.5) * CELL, counts])
+        indices = np.column_stack([columns, cells - columns * _ROWS])
+        counts = [self._cells[key] for key in keys]
+        return np.column_stack([(indices + 0.5) * CELL, counts])
 
     def as_csv(self) -> str:
-        """Give a row for each scan; what there is none of is empty."""
+        """Return a row for each scan; fields without a value are empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         names = (field.name for field in fields(Row))
-        writer.writerow(TRACE_NAMES.get(name, name) for name in names)
-        writer.writerows(map(_cell, astuple(row)) for row in self.rows)
+        writer.writerow(COLUMN_NAMES.get(name, name) for name in names)
+        writer.writerows(map(_csv_value, astuple(row)) for row in self.rows)
         return text.getvalue()
 
-    def _note(self, before: Row | None, row: Row) -> None:
-        """Note what has changed: goals, hit points, leave points."""
+    def _update(self, previous: Row | None, row: Row) -> None:
+        """Record what has changed: goals, hit points, leave points."""
         here = (row.x, row.y)
-        same_goal = before is not None and before.goal == row.goal
-        was_at_boundary = before is not None and before.activity in AT_BOUNDARY
+        same_goal = previous is not None and previous.goal == row.goal
+        was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
         if row.goal is not None and not same_goal:
             self.goal_lines.append(GoalLine(here, row.goal))
         if row.activity in AT_BOUNDARY and not (was_at_boundary and same_goal):
             self.hit_points.append(here)
         if row.activity is Activity.GOING and was_at_boundary and same_goal:
             self.leave_points.append(here)
-        if before is not None:
-            self.path_length += math.hypot(row.x - before.x, row.y - before.y)
-            self.circuits += before.activity != row.activity == Activity.RETURNING
+        if previous is not None:
+            self.path_length += math.hypot(row.x - previous.x, row.y - previous.y)
+            self.circuits += previous.activity != row.activity == Activity.RETURNING
 
 
-def _row(moment: NavigationStep) -> Row:
-    observation, twist = moment.observation, moment.twist
-    goal_x, goal_y = moment.goal or (None, None)
+def _row(step: NavigationStep) -> Row:
+    observation, twist = step.observation, step.twist
+    goal_x, goal_y = step.goal or (None, None)
     return Row(
         observation.time,
         observation.pose.x,
         observation.pose.y,
         wrap_angle(observation.pose.yaw),
-        moment.activity,
+        step.activity,
         goal_x,
         goal_y,
         twist.speed,
         twist.turn,
         float(observation.ranges.min(initial=math.inf)),
-        " ".join(moment.pressed),
+        " ".join(step.pressed),
     )
 
 
-def _cell(value: object) -> object:
+def _csv_value(value: object) -> object:
     if not isinstance(value, float):
         return value
     return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None

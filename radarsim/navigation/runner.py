@@ -1,8 +1,13 @@
-"""How far a robot has come, and for how long."""
+"""Drive a robot by the decisions of a bug, and stop it when in doubt.
+
+Every scan of one scanner, together with the newest pose, is passed to the bug; the
+motion that it decides on is sent as a DRIVE command.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from radarsim.client import Client, RobotInfo, ScannerInfo, beam_angles
 from radarsim.client.robot_info import same_name
@@ -26,59 +31,57 @@ from radarsim.protocol.reports import (
     Report,
 )
 
+POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
+    PoseSource.INS: Ins,
+    PoseSource.ODOMETRY: Odometry,
+    PoseSource.GROUND_TRUTH: GroundTruth,
+}
+
 
 class TripMeter:
-    """Adds up a run, scan by scan.
+    """Measures time and path length of a run, scan by scan.
 
     Attributes:
-        start: Where the robot was at the first scan; None before that.
-        time: From the first scan to the last, s.
-        length: Of the way, m.
+        start: Pose at the first scan; None before it.
+        time: Time from the first scan to the last, s.
+        length: Length of the estimated path, m.
     """
 
     def __init__(self, *, noise: float = 0.0) -> None:
-        """Begin.
+        """Start at zero.
 
         Args:
-            noise: m; the robot has not moved as long as it is no farther away.
+            noise: Distance up to which a robot counts as not having moved, m.
         """
         self.start: Pose2 | None = None
         self.time = 0.0
         self.length = 0.0
         self._noise = noise
-        self._began = 0.0
+        self._start_time = 0.0
         self._last = Pose2(0.0, 0.0)
 
     def add(self, observation: Observation) -> None:
-        """Take in a scan."""
+        """Add a scan."""
         if self.start is None:
             self.start = self._last = observation.pose
-            self._began = observation.time
-        self.time = observation.time - self._began
+            self._start_time = observation.time
+        self.time = observation.time - self._start_time
         step = moved(self._last, observation.pose)
         if step > self._noise:
             self.length += step
             self._last = observation.pose
 
 
-# Section from navigation.pilot.
-# A client that drives a robot by what a bug decides, and stops it when in doubt.
-#
-# Every scan of one scanner, together with the newest pose, is shown to the bug; what
-# it
-# wants goes out as a DRIVE command.
-
-
 @dataclass(frozen=True, slots=True)
 class NavigationStep:
-    """One scan, and what the bug made of it.
+    """One scan, and what the bug decided by it.
 
     Attributes:
-        observation: What was known.
-        activity: What the bug is at.
-        twist: What it wants.
-        pressed: The names of the bumpers that are pressed or too near.
-        goal: The next one; None once there is none.
+        observation: The scan and the pose.
+        activity: What the bug is doing.
+        twist: The motion that it decided on.
+        pressed: Names of the bumpers that are pressed or too near.
+        goal: The next goal; None once there is none.
     """
 
     observation: Observation
@@ -94,15 +97,15 @@ class Result:
 
     Attributes:
         outcome: ``reached``, ``no_path``, or ``failed`` when the time was up.
-        path_length: m, by the poses that it was steered by.
-        time: s of the server, from the first scan to the last; by the link's clock
-            where its time stamps stand still.
-        hit_points: Hit points, map frame, m.
-        leave_points: Leave points.
-        circuits: How often it went all round an obstacle.
-        nearest: The smallest range from the robot's centre, m; ``inf`` for none.
-        goals_left: How many goals it has not reached.
-        safety_distance: That was kept, m.
+        path_length: Length of the estimated path, m.
+        time: Server time from the first scan to the last, s; by the transport's clock
+            where the server's time stamps stand still.
+        hit_points: Hit points, m, map frame.
+        leave_points: Leave points, m, map frame.
+        circuits: Number of complete circuits around obstacles.
+        nearest: Smallest range from the robot's centre, m; ``inf`` for none.
+        goals_left: Number of goals that were not reached.
+        safety_distance: The safety distance that was kept, m.
     """
 
     outcome: str
@@ -117,27 +120,31 @@ class Result:
 
 
 class ObservationBuilder:
-    """Puts scans and poses together as they come in."""
+    """Combines scans and poses to observations as their reports arrive.
+
+    Attributes:
+        missing: What it waits for.
+    """
 
     def __init__(
         self, scanner: ScannerInfo, pose_source: PoseSource, clock: Callable[[], float]
     ) -> None:
-        """Begin.
+        """Create a builder.
 
         Args:
-            scanner: Whose scans are wanted.
-            pose_source: Where poses come from.
-            clock: Gives s, where time stamps do not.
+            scanner: The scanner to use.
+            pose_source: The sensor that poses are taken from.
+            clock: Returns the time in s, where time stamps stand still.
         """
         self._scanner = scanner
-        self._pose_source = pose_source
-        self._stamps = ScanClock(clock)
+        self._pose_report = POSE_REPORTS[pose_source]
+        self._scan_clock = ScanClock(clock)
         self._pose: Pose2 | None = None
-        self._spawned: Pose2 | None = None
+        self._start: Pose2 | None = None
         self.missing = f"pose from {pose_source.value}"
 
     def take(self, report: Report) -> Observation | None:
-        """Take in a report; give what is known if it completes that.
+        """Process a report; return the observation that it completes, if any.
 
         Raises:
             ClientError: If a scan has so few beams that some bumper may see nothing.
@@ -145,67 +152,56 @@ class ObservationBuilder:
         if isinstance(report, RangeScan):
             if self._pose is None or not same_name(report.name, self._scanner.name):
                 return None
-            return self._sensed(report, self._pose)
-        self._take_pose(report)
+            return self._observation(report, self._pose)
+        self._update_pose(report)
         return None
 
-    def _take_pose(self, report: Report) -> None:
+    def _update_pose(self, report: Report) -> None:
+        """Update the pose; odometry counts from the first pose of any other sensor."""
         pose: Pose2 | None = None
         if isinstance(report, Ins | GroundTruth):
-            level = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
-            self._spawned = self._spawned or level
-            wanted = Ins if self._pose_source == PoseSource.INS else GroundTruth
-            pose = level if isinstance(report, wanted) else None
-        elif isinstance(report, Odometry) and self._spawned is not None:
-            pose = self._spawned.compose(report.pose)
-        if pose is None or isinstance(report, Odometry) != self._by_wheels:
-            return
-        self._pose = pose
-        self.missing = f"scan of {self._scanner.name!r}"
+            pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
+            self._start = self._start or pose
+        elif isinstance(report, Odometry) and self._start is not None:
+            pose = self._start.compose(report.pose)
+        if pose is not None and isinstance(report, self._pose_report):
+            self._pose = pose
+            self.missing = f"scan of {self._scanner.name!r}"
 
-    @property
-    def _by_wheels(self) -> bool:
-        return self._pose_source == PoseSource.ODOMETRY
-
-    def _sensed(self, report: RangeScan, pose: Pose2) -> Observation:
+    def _observation(self, report: RangeScan, pose: Pose2) -> Observation:
         scanner = self._scanner
         check_beams(len(report.ranges), scanner)
         bearings, ranges = from_centre(
             report.ranges, beam_angles(report), scanner.mount, scanner.max_range
         )
-        return Observation(self._stamps.time_of(report.time), pose, bearings, ranges)
+        time = self._scan_clock.time_of(report.time)
+        return Observation(time, pose, bearings, ranges)
 
 
 class Navigator:
-    """Drives one robot.
-
-    Attributes:
-        client: The connection; its robot is spawned.
-        facts: Of the robot.
-    """
+    """Drives one robot."""
 
     def __init__(
         self,
         client: Client,
-        facts: RobotInfo,
+        robot_info: RobotInfo,
         scanner: ScannerInfo,
         *,
         pose_source: PoseSource = PoseSource.INS,
         timeout: float = 2.0,
     ) -> None:
-        """Get ready.
+        """Create a navigator.
 
         Args:
             client: The connection; its robot is spawned.
-            facts: Of the robot.
-            scanner: The one to steer by.
-            pose_source: Where poses come from.
-            timeout: After so many s without a scan the run is given up.
+            robot_info: What is known of the robot.
+            scanner: The scanner to steer by.
+            pose_source: The sensor that poses are taken from.
+            timeout: Time without a scan after which the run is given up, s.
         """
-        self.client = client
-        self.facts = facts
-        eyes = ObservationBuilder(scanner, pose_source, client.transport.time)
-        self._helm = ControlLoop(client, facts, eyes, timeout=timeout)
+        self._client = client
+        source = ObservationBuilder(scanner, pose_source, client.transport.time)
+        self._loop = ControlLoop(client, robot_info, source, timeout=timeout)
 
     def run(
         self,
@@ -218,54 +214,39 @@ class Navigator:
         """Drive until the bug is done, and leave the robot standing.
 
         Args:
-            bug: What decides.
-            bumpers: What the observer is told the state of.
-            time_limit: s, as the result's time is counted.
+            bug: Decides how to move.
+            bumpers: The bumpers whose state the observer receives.
+            time_limit: Longest run, s, by the result's time.
             observe: Called at every scan.
 
         Raises:
-            ClientError: If the server says no more what is needed; the robot has been
-                told to stop if the connection still stood.
-            NavigationError: If the robot does not move though it is told to.
+            ClientError: If the server stops sending what is needed; the robot has been
+                stopped if the connection was still open.
+            NavigationError: If the robot does not move though it is commanded to.
         """
-        tally, push = _Tally(), StuckDetector()
+        trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
         try:
-            for observation in self._helm.scans():
+            for observation in self._loop.scans():
                 twist = bug.step(observation)
-                tally.add(observation)
+                trip.add(observation)
+                nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
                 goal = bug.goals[0] if bug.goals else None
                 pressed = pressed_names(bumpers.read(observation))
                 observe(NavigationStep(observation, bug.activity, twist, pressed, goal))
-                if bug.is_done or tally.trip.time > time_limit:
+                if bug.is_done or trip.time > time_limit:
                     break
-                push.check(observation, twist)
-                self._helm.drive(twist)
+                stuck_detector.check(observation, twist)
+                self._loop.drive(twist)
         finally:
-            self.client.stop()
-        return tally.result(bug, bumpers)
-
-
-class _Tally:
-    """Adds up what a run tells of itself."""
-
-    def __init__(self) -> None:
-        self.trip = TripMeter()
-        self.nearest = math.inf
-
-    def add(self, observation: Observation) -> None:
-        self.trip.add(observation)
-        if len(observation.ranges):
-            self.nearest = min(self.nearest, float(observation.ranges.min()))
-
-    def result(self, bug: Bug, bumpers: Bumpers) -> Result:
+            self._client.stop()
         return Result(
             outcome=bug.activity.value if bug.is_done else "failed",
-            path_length=self.trip.length,
-            time=self.trip.time,
+            path_length=trip.length,
+            time=trip.time,
             hit_points=tuple(bug.hit_points),
             leave_points=tuple(bug.leave_points),
             circuits=bug.circuits,
-            nearest=self.nearest,
+            nearest=nearest,
             goals_left=len(bug.goals),
             safety_distance=bumpers.safety_distance,
         )

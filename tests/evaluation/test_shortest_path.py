@@ -7,7 +7,7 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from radarsim.evaluation.free_space import Place, free_space
+from radarsim.evaluation.free_space import Position, free_space
 from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
@@ -26,7 +26,7 @@ def field(*parts: Part) -> Scene:
     return Scene("field", "DM-Field", parts)
 
 
-def length(scene: Scene, start: Place, goal: Place, clearance: float) -> float:
+def length(scene: Scene, start: Position, goal: Position, clearance: float) -> float:
     found = shortest_path(scene, start, goal, clearance)
     assert found is not None
     steps = np.diff(found[1], axis=0)
@@ -84,7 +84,7 @@ def test_a_gap_that_is_too_narrow_is_gone_around() -> None:
         pytest.param((-5.0, 0.0), (0.0, 0.0), id="goal in a block"),
     ],
 )
-def test_where_one_cannot_be_there_is_no_path(start: Place, goal: Place) -> None:
+def test_where_one_cannot_be_there_is_no_path(start: Position, goal: Position) -> None:
     assert shortest_path(field(block(0, 0, (2, 2))), start, goal, 0.5) is None
 
 
@@ -95,7 +95,7 @@ def test_a_robot_that_starts_in_a_box_stays_in_it() -> None:
     assert shortest_path(scene, (0, 0), (5, 5), 0.5) is None
 
 
-def thorough(scene: Scene, start: Place, goal: Place, clearance: float) -> float:
+def thorough(scene: Scene, start: Position, goal: Position, clearance: float) -> float:
     """Find the length of the shortest path from all corners to all others."""
     free = free_space(scene, clearance)
     corners = np.array([start, goal, *shapely.get_coordinates(free).tolist()])
@@ -128,7 +128,7 @@ sizes = st.tuples(*2 * [st.floats(0.1, 4)])
     st.floats(0.1, 0.8),
 )
 def test_no_other_way_along_corners_is_shorter(
-    blocks: list[tuple[Place, tuple[float, float]]], clearance: float
+    blocks: list[tuple[Position, tuple[float, float]]], clearance: float
 ) -> None:
     scene = field(*(block(x, y, size) for (x, y), size in blocks))
     start, goal = (-8.0, 0.0), (8.0, 0.5)

@@ -6,7 +6,7 @@ import pytest
 
 from radarsim.client import Client
 from radarsim.errors import MapError, PresetError
-from radarsim.evaluation.bug_bounds import bug_bounds
+from bug_bounds import bug_bounds
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.trials import (
     Entry,

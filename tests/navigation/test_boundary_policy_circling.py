@@ -26,7 +26,7 @@ def on_circle(angle: float) -> Pose2:
 
 
 def mark(angle: float) -> Landmark:
-    return Landmark(on_circle(angle), angle + math.pi / 2, reach=0.7)
+    return Landmark(on_circle(angle), angle + math.pi / 2, max_offset=0.7)
 
 
 def walk(angle: float, sense: int) -> tuple[float, Step]:

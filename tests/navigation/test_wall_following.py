@@ -46,7 +46,7 @@ def test_along_a_wall_it_settles_in_the_middle_of_the_band(
         assert found
         assert (twist.speed > 0) == mode.forward
         world.move(twist)
-    assert world.pose.y == pytest.approx(-FOLLOWER.wanted, abs=0.12)
+    assert world.pose.y == pytest.approx(-FOLLOWER.target_distance, abs=0.12)
     assert abs(world.pose.x) > 7
     east = (world.pose.x > 0) == (mode.wall_on_left == mode.forward)
     assert east
@@ -105,7 +105,7 @@ def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
         assert not found
         # about a centre on the boundary's hand, at the distance that is kept
         assert twist.speed / twist.turn == pytest.approx(
-            FOLLOWER.wanted * (1 if mode.wall_on_left else -1)
+            FOLLOWER.target_distance * (1 if mode.wall_on_left else -1)
         )
         assert (twist.speed > 0) == mode.forward
 
@@ -149,6 +149,6 @@ def test_going_back_is_the_same_hand_the_other_way() -> None:
 @pytest.mark.parametrize("mode", MODES)
 def test_bearings_come_back_as_they_went(flatland: World, mode: FollowMode) -> None:
     observation = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
-    seen = mode.seen(observation)
-    back = np.array([mode.bearing(float(b)) for b in seen.bearings])
+    view = mode.canonical(observation)
+    back = np.array([mode.bearing(float(b)) for b in view.bearings])
     assert np.cos(back - observation.bearings) == pytest.approx(1.0)
