@@ -8,18 +8,18 @@ from functools import cache
 import numpy as np
 import pytest
 import shapely
+from bug_bounds import bug_bounds
 from shapely import LineString, Point, Polygon
 from shapely.geometry.polygon import orient
 from shapely.ops import substring
 
-from bug_bounds import bug_bounds
-from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.evaluation.free_space import (
     Position,
     component_around,
     free_space,
     is_connected,
 )
+from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.scene import Scene
@@ -107,7 +107,9 @@ def bug1(free: Polygon, start: Position, goal: Position) -> RayState:
     return walk
 
 
-def bug2(free: Polygon, start: Position, goal: Position, *, patient: bool = True) -> RayState:
+def bug2(
+    free: Polygon, start: Position, goal: Position, *, patient: bool = True
+) -> RayState:
     """Follow Bug2; one that is not patient gives up where the line is no nearer."""
     walk = RayState(free, start, goal)
     line = LineString([start, goal])

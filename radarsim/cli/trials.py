@@ -20,7 +20,7 @@ from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
 
 if TYPE_CHECKING:
-    from radarsim.evaluation.trials import Score
+    from radarsim.evaluation.trials import TrialResult
 
 
 def trials(
@@ -55,13 +55,13 @@ def trials(
 ) -> None:
     """Run and score navigation on maps, in lockstep and on all cores."""
     exit_143_on_sigterm()
-    from radarsim.evaluation.trials import MAPS, entries, run_trials
+    from radarsim.evaluation.trials import MAPS, all_trials, run_trials
 
     names = MAPS if maps is None else _split(maps, "--maps")
     chosen_algorithms = _split(algorithms, "--algorithms")
     chosen_sensors = _split(sensors, "--sensors")
     _check(names, chosen_algorithms, chosen_sensors)
-    todo = entries(names, chosen_algorithms, chosen_sensors, seeds)
+    todo = all_trials(names, chosen_algorithms, chosen_sensors, seeds)
     processes = min(workers or _count_cores(), len(todo))
     began = time.perf_counter()
     scores = list(_with_bar(run_trials(todo, workers=processes), len(todo)))
@@ -74,7 +74,7 @@ def trials(
         "path in truth, ratio to the shortest; means, but touches are all that were"
     )
     for score in scores:
-        if not score.right:
+        if not score.is_correct:
             typer.echo(_failure_text(score))
     by = "1 process" if processes == 1 else f"{processes} processes"
     typer.echo(f"{len(scores)} trials in {duration:.1f} s by {by}")
@@ -126,7 +126,7 @@ def _count_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _with_bar(scores: Iterator[Score], total: int) -> Iterator[Score]:
+def _with_bar(scores: Iterator[TrialResult], total: int) -> Iterator[TrialResult]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -142,13 +142,13 @@ def _with_bar(scores: Iterator[Score], total: int) -> Iterator[Score]:
             yield score
 
 
-def _table(scores: Sequence[Score]) -> Table:
+def _table(scores: Sequence[TrialResult]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     for column in ("map", "algorithm", "sensor"):
         table.add_column(column, no_wrap=True)
     for column in ("success", "path m", "ratio", "touches", "time s", "circuits"):
         table.add_column(column, justify="right")
-    groups: dict[tuple[str, str, str], list[Score]] = {}
+    groups: dict[tuple[str, str, str], list[TrialResult]] = {}
     for score in scores:
         key = (score.map, score.algorithm, score.sensor)
         groups.setdefault(key, []).append(score)
@@ -157,10 +157,10 @@ def _table(scores: Sequence[Score]) -> Table:
     return table
 
 
-def _group_columns(group: Sequence[Score]) -> Iterator[str]:
+def _group_columns(group: Sequence[TrialResult]) -> Iterator[str]:
     """Yield the columns of one kind of trial: sums and means over its seeds."""
     path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
-    yield f"{sum(s.right for s in group)}/{len(group)}"
+    yield f"{sum(s.is_correct for s in group)}/{len(group)}"
     yield f"{path:.2f}"
     ratio = "-" if shortest is None or not path else f"{path / shortest:.2f}"
     yield "no path" if shortest is None else ratio
@@ -169,7 +169,7 @@ def _group_columns(group: Sequence[Score]) -> Iterator[str]:
     yield f"{fmean(s.circuits for s in group):.1f}"
 
 
-def _failure_text(score: Score) -> str:
+def _failure_text(score: TrialResult) -> str:
     collisions = f"collisions: {score.collisions}" if score.collisions else ""
     reasons = "; ".join(filter(None, (score.outcome, score.note, collisions)))
     trial = f"{score.map} {score.algorithm} {score.sensor} seed {score.seed}"

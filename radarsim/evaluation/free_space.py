@@ -52,7 +52,9 @@ def component_around(free: MultiPolygon, place: Position) -> Polygon | None:
     return next((piece for piece in free.geoms if piece.intersects(point)), None)
 
 
-def is_connected(scene: Scene, start: Position, goal: Position, distance: float) -> bool:
+def is_connected(
+    scene: Scene, start: Position, goal: Position, distance: float
+) -> bool:
     """Return whether a disc of radius ``distance``, m, gets from start to goal."""
     free = free_space(scene, distance, places=(start, goal))
     piece = component_around(free, start)

@@ -98,7 +98,9 @@ def all_trials(
     maps: Sequence[str], algorithms: Sequence[str], sensors: Sequence[str], seeds: int
 ) -> list[TrialSpec]:
     """Return all combinations, map by map."""
-    return [TrialSpec(*each) for each in product(maps, algorithms, sensors, range(seeds))]
+    return [
+        TrialSpec(*each) for each in product(maps, algorithms, sensors, range(seeds))
+    ]
 
 
 def config_with_sensor(sensor: str) -> SimulationConfig:

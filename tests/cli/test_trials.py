@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from radarsim.cli.trials import _failure_text
-from radarsim.evaluation.trials import Score
+from radarsim.evaluation.trials import TrialResult
 
 Command = Callable[..., Any]
 QUICK = ("trials", "--maps", "bug_box", "--seeds", "1", "--workers", "1")
@@ -74,7 +74,7 @@ def test_a_map_of_ones_own_that_is_wrong_is_told_of_by_its_errors(
 
 
 def test_what_went_wrong_is_said_of_each_trial() -> None:
-    score = Score(
+    score = TrialResult(
         *("bug_maze", "bug1", "radar", 3),
         outcome="failed",
         collisions=2,

@@ -2,8 +2,8 @@ import math
 
 import numpy as np
 import pytest
-
 from bug_bounds import Boundary, BugBounds, bug_bounds
+
 from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose

@@ -3,16 +3,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from bug_bounds import bug_bounds
 
 from radarsim.client import Client
 from radarsim.errors import MapError, PresetError
-from bug_bounds import bug_bounds
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.trials import (
-    Entry,
-    Score,
+    TrialResult,
+    TrialSpec,
+    all_trials,
     config_with_sensor,
-    entries,
     load_trial,
     run_trial,
     run_trials,
@@ -22,9 +22,9 @@ from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.scene.scene import Scene
 
-QUICK = Entry("bug_box", "bug2", "radar", 0)
-CLOSED = Entry("bug_closed_box", "bug2", "laser", 1)
-DONE = Score(
+QUICK = TrialSpec("bug_box", "bug2", "radar", 0)
+CLOSED = TrialSpec("bug_closed_box", "bug2", "laser", 1)
+DONE = TrialResult(
     *("bug_box", "bug2", "radar", 0),
     outcome="reached",
     collisions=0,
@@ -38,11 +38,11 @@ DONE = Score(
 
 
 def test_everything_is_combined_with_everything_map_by_map() -> None:
-    every = entries(["a", "b"], ["bug1", "bug2"], ["radar"], 2)
+    every = all_trials(["a", "b"], ["bug1", "bug2"], ["radar"], 2)
     assert every[:3] == [
-        Entry("a", "bug1", "radar", 0),
-        Entry("a", "bug1", "radar", 1),
-        Entry("a", "bug2", "radar", 0),
+        TrialSpec("a", "bug1", "radar", 0),
+        TrialSpec("a", "bug1", "radar", 1),
+        TrialSpec("a", "bug2", "radar", 0),
     ]
     assert len(every) == len({*every}) == 8
 
@@ -51,8 +51,8 @@ def test_two_trials_come_out_right_and_in_their_order() -> None:
     reached, closed = run_trials([QUICK, CLOSED], workers=1)
     assert (reached.map, closed.map) == ("bug_box", "bug_closed_box")
     assert (reached.outcome, closed.outcome) == ("reached", "no_path")
-    assert reached.right
-    assert closed.right
+    assert reached.is_correct
+    assert closed.is_correct
     assert reached.shortest_path is not None
     assert reached.shortest_path < reached.path_length
     assert reached.off < 0.5
@@ -78,7 +78,7 @@ starts:
 trial: {start: robotstart1, goal: [1, 0], safety_distance: 0.5}
 """
     )
-    assert run_trial(Entry(str(map_), "bug2", "laser", 0)).right
+    assert run_trial(TrialSpec(str(map_), "bug2", "laser", 0)).is_correct
 
 
 @pytest.mark.slow
@@ -90,14 +90,14 @@ def test_several_processes_give_what_one_gives() -> None:
 @pytest.mark.slow
 def test_whoever_wants_no_more_does_not_wait() -> None:
     scores = run_trials(
-        [QUICK, *entries(["bug_maze"], ["bug2"], ["radar"], 9)], workers=2
+        [QUICK, *all_trials(["bug_maze"], ["bug2"], ["radar"], 9)], workers=2
     )
     assert next(iter(scores)).map == "bug_box"
     scores.close()  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
-    ("change", "right"),
+    ("change", "is_correct"),
     [
         pytest.param({}, True, id="as it should be"),
         pytest.param({"collisions": 1}, False, id="touched"),
@@ -109,8 +109,8 @@ def test_whoever_wants_no_more_does_not_wait() -> None:
         ),
     ],
 )
-def test_what_counts_as_a_success(change: dict[str, object], right: bool) -> None:
-    assert replace(DONE, **change).right is right  # type: ignore[arg-type]
+def test_what_counts_as_a_success(change: dict[str, object], is_correct: bool) -> None:
+    assert replace(DONE, **change).is_correct is is_correct  # type: ignore[arg-type]
 
 
 def test_json_has_millimetres_and_none() -> None:
@@ -160,7 +160,7 @@ def test_an_unknown_sensor_and_a_map_without_a_trial_are_errors() -> None:
 )
 def test_paths_keep_the_bounds_and_depend_on_the_map(map_: str, shorter: str) -> None:
     scores = {e.algorithm: run_trial(e) for e in _of(map_, "radar")}
-    assert all(score.right for score in scores.values())
+    assert all(score.is_correct for score in scores.values())
     scene, trial = load_trial(map_)
     start = scene.starts[0].pose
     bounds = bug_bounds(scene, (start.x, start.y), trial.goal, trial.safety_distance)
@@ -173,10 +173,10 @@ def test_paths_keep_the_bounds_and_depend_on_the_map(map_: str, shorter: str) ->
 def test_in_the_hedge_garden_the_radar_finds_gaps_that_a_laser_does_not() -> None:
     radar = [run_trial(entry) for entry in _of("hedge_garden", "radar")]
     laser = [run_trial(entry) for entry in _of("hedge_garden", "laser")]
-    assert all(score.right for score in (*radar, *laser))
+    assert all(score.is_correct for score in (*radar, *laser))
     for through, around in zip(radar, laser, strict=True):
         assert through.path_length < 0.5 * around.path_length
 
 
-def _of(map_: str, sensor: str) -> list[Entry]:
-    return entries([map_], ["bug1", "bug2"], [sensor], 1)
+def _of(map_: str, sensor: str) -> list[TrialSpec]:
+    return all_trials([map_], ["bug1", "bug2"], [sensor], 1)
