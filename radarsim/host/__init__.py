@@ -1,4 +1,4 @@
-"""The whole server without sockets: bytes in, bytes out, time by the tick."""
+"""The server without sockets: bytes in, bytes out, time in ticks."""
 
 from radarsim.host.connection import Diagnostic
 from radarsim.host.host import Host

@@ -2,40 +2,42 @@
 
 Theory of operation
 ===================
-A shell hands over what a client sent (``receive``), lets time pass (``step``), and
-sends what there is (``take``). Commands are carried out as they come; what they are
-answered with waits for the tick's one write, as does everything that the tick itself
-tells. A client without a robot has no ticks: its answers can be sent at once.
+A server passes on what a client sent (``receive``), advances time (``step``), and sends
+what is due (``take``). Commands are executed as they come. Their replies wait for the
+one write of the next tick, together with the readings of the tick. A client without a
+robot gets nothing in a tick: its replies can be sent at once.
 
-Rule 1: nothing that a client sends raises. What cannot be carried out is ignored, as
-the original server ignores it, and told to the shell as a ``Diagnostic`` for its log.
-Rule 2: the order in a write is status, answers, readings, echoes, scans. Clients rely
-on it. Echoes are told to none but those that ask.
-Rule 3: a client that does not read loses readings, not answers; one that goes on
+Rule 1: nothing that a client sends raises. What cannot be executed is ignored, as the
+original server does, and returned as a ``Diagnostic`` for the log.
+Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
+on which clients rely. Only clients that ask for echoes get them.
+Rule 3: a client that does not read loses readings, but no replies; one that keeps on
 asking without reading is to be disconnected (``must_close``).
-Rule 4: a client gets so many commands a tick, and a robot so often; what it sends
-beyond that waits for the next ticks (``is_busy``), so that a flood delays nobody else.
-How the bytes were cut on their way changes nothing.
+Rule 4: commands per tick and robots per time are limited for each client; what exceeds
+the limit waits for the next ticks (``is_busy``), so that a flood delays no one else.
+How the bytes of a client are split into packets changes nothing.
 """
 
 import warnings
+from collections.abc import Iterable
 
 from radarsim.host.commands import CommandHandler
 from radarsim.host.connection import Client, Diagnostic
+from radarsim.host.echo_lines import echo_lines
 from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.reports import Greeting, Report
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import Simulation, TickOutput
+from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
 
-COMMANDS_A_TICK = 20  # clients in the field send a few; answers cost most of a tick
+COMMANDS_PER_TICK = 20  # of a client; real ones send a few, and replies cost most
 
 
 class Host:
-    """A server, but for its sockets.
+    """A server without its sockets.
 
     Attributes:
-        simulation: The world that the clients share.
+        simulation: The simulation that all clients share.
     """
 
     def __init__(
@@ -67,120 +69,130 @@ class Host:
         config.check()
         self._dialect = config.dialect
         self.simulation = Simulation(scene, config=config, seed=seed)
-        self._orders = CommandHandler(self.simulation, config)
+        self._commands = CommandHandler(self.simulation, config)
         self._clients: dict[int, Client] = {}
-        self._connected = 0
+        self._last_number = 0
 
     def connect(self) -> int:
-        """Take a client in, and greet it.
+        """Add a client, and greet it.
 
         Returns:
-            Its number, for all other calls.
+            The number of the client, for all other calls.
         """
-        self._connected += 1
-        client = self._clients[self._connected] = Client(turns=COMMANDS_A_TICK)
-        client.answers.append(Greeting(self.simulation.scene.level))
-        self._answer(client)
-        return self._connected
+        self._last_number += 1
+        client = Client(command_budget=COMMANDS_PER_TICK)
+        self._clients[self._last_number] = client
+        client.replies.append(Greeting(self.simulation.scene.level))
+        self._queue_replies(client)
+        return self._last_number
 
     def disconnect(self, number: int) -> None:
-        """Forget a client; its robot vanishes, and the robot's name is free again."""
-        self._orders.dismiss(self._clients.pop(number))
+        """Remove a client and its robot."""
+        self._commands.despawn(self._clients.pop(number))
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
-        """Carry out what a client sent, as far as its turn goes.
+        """Execute what a client sent, as far as its budget for this tick allows.
 
         Returns:
-            What had no effect.
+            Diagnostics of commands without effect.
         """
         client = self._clients[number]
         if client.lines.overflow is not None:
             return []
         client.pending.extend(client.lines.feed(data))
-        notices = self._take_turns(client)
+        diagnostics = self._handle_pending(client)
         if client.lines.overflow is not None:
-            notices.append(Diagnostic("line", str(client.lines.overflow)))
-        return notices
+            diagnostics.append(Diagnostic("line", str(client.lines.overflow)))
+        return diagnostics
 
     def is_busy(self, number: int) -> bool:
-        """Tell whether commands of a client wait, so that it should not send more."""
+        """Return whether commands of a client wait; it should not send more then."""
         return bool(self._clients[number].pending)
 
     def has_robot(self, number: int) -> bool:
-        """Tell whether a client has a robot, and so a write in every tick."""
+        """Return whether a client has a robot, and so gets a write in every tick."""
         return self._clients[number].vehicle is not None
 
     def must_close(self, number: int) -> bool:
-        """Tell whether a client is past serving: an endless line, or unread answers."""
+        """Return whether a client sent an endless line, or reads too few replies."""
         client = self._clients[number]
-        return client.lines.overflow is not None or client.outbox.overflowed
+        return client.lines.overflow is not None or client.send_queue.flooded
 
     def step(self) -> list[tuple[int, Diagnostic]]:
-        """Let 10 ms pass; all that falls due waits in the clients' outboxes.
+        """Advance by 10 ms, and queue everything that is due for the clients.
 
         Returns:
-            What had no effect of the commands that had to wait, by client.
+            Numbers of clients with diagnostics of commands that had waited.
         """
-        notices = []
+        diagnostics = []
         for number, client in self._clients.items():
-            client.turns = COMMANDS_A_TICK
-            notices += [(number, notice) for notice in self._take_turns(client)]
+            client.command_budget = COMMANDS_PER_TICK
+            diagnostics += [(number, d) for d in self._handle_pending(client)]
         self.simulation.step()
-        told = self.simulation.collect_reports()
+        outputs = self.simulation.collect_reports()
         for client in self._clients.values():
             if client.vehicle is not None:
-                self._write_tick(client, told[client.vehicle.number])
-        return notices
-
-    def drain_and_finish(self, number: int) -> bytes:
-        """Give what a client that will send no more is owed: all its answers."""
-        client = self._clients[number]
-        waiting = len(client.pending) + 1
-        while len(client.pending) < waiting:  # an INIT that is too early ends it
-            waiting = len(client.pending)
-            client.turns = COMMANDS_A_TICK
-            self._take_turns(client)
-        self._answer(client)
-        return client.outbox.take()
+                self._queue_tick(client, outputs[client.vehicle.number])
+        return diagnostics
 
     def take(self, number: int) -> bytes:
-        """Give what a client is to be sent: whole lines, in order."""
-        return self._clients[number].outbox.take()
+        """Return and remove what is to be sent to a client: whole lines, in order."""
+        return self._clients[number].send_queue.take()
+
+    def drain_and_finish(self, number: int) -> bytes:
+        """Return all replies that are due to a client that sends no more."""
+        client = self._clients[number]
+        waiting = len(client.pending) + 1
+        while len(client.pending) < waiting:  # stops at an INIT that is too early
+            waiting = len(client.pending)
+            client.command_budget = COMMANDS_PER_TICK
+            self._handle_pending(client)
+        self._queue_replies(client)
+        return client.send_queue.take()
 
     def unsent_bytes(self, number: int) -> int:
-        """Tell how many bytes a client is to be sent."""
-        return len(self._clients[number].outbox)
+        """Return the number of bytes that are to be sent to a client."""
+        return len(self._clients[number].send_queue)
 
     def dropped_readings(self, number: int) -> int:
-        """Tell how many readings a client has lost by not reading."""
-        return self._clients[number].outbox.dropped
+        """Return how many readings a client has lost because it did not read."""
+        return self._clients[number].send_queue.dropped
 
-    def _take_turns(self, client: Client) -> list[Diagnostic]:
-        notices = []
-        while client.pending and client.turns:
-            line = client.pending.popleft()
-            done, notice = self._orders.handle(client, line)
-            if not done:
-                client.pending.appendleft(line)
+    def _handle_pending(self, client: Client) -> list[Diagnostic]:
+        diagnostics = []
+        while client.pending and client.command_budget:
+            handled = self._commands.handle(client, client.pending[0])
+            if not handled.done:
                 break
-            client.turns -= 1
-            if notice is not None:
-                notices.append(notice)
+            client.pending.popleft()
+            client.command_budget -= 1
+            if handled.diagnostic is not None:
+                diagnostics.append(handled.diagnostic)
             if client.vehicle is None:
-                self._answer(client)
-        return notices
+                self._queue_replies(client)
+        return diagnostics
 
-    def _answer(self, client: Client) -> None:
-        self._put(client, client.answers, keep=True)
-        client.answers.clear()
+    def _queue_replies(self, client: Client) -> None:
+        self._queue(client, client.replies, keep=True)
+        client.replies.clear()
 
-    def _write_tick(self, client: Client, told: TickOutput) -> None:
-        if told.status is not None:
-            self._put(client, [told.status], keep=False)
-        self._answer(client)
-        self._put(client, [*told.readings, *told.echoes, *told.scans], keep=False)
+    def _queue_tick(self, client: Client, output: TickOutput) -> None:
+        if output.status is not None:
+            self._queue(client, [output.status], keep=False)
+        self._queue_replies(client)
+        self._queue(client, output.readings, keep=False)
+        if output.echoes:
+            self._queue_echoes(client, output.echoes)
+        self._queue(client, output.scans, keep=False)
 
-    def _put(self, client: Client, reports: list[Report], *, keep: bool) -> None:
+    def _queue_echoes(self, client: Client, scans: Iterable[ScanEchoes]) -> None:
+        names = {v.number: v.robot.name for v in self.simulation.vehicles}
+        time = self.simulation.time
+        for scan in scans:
+            lines = echo_lines(time, scan.scanner, scan.echoes, names)
+            self._queue(client, lines, keep=False)
+
+    def _queue(self, client: Client, reports: Iterable[Report], *, keep: bool) -> None:
         for report in reports:
             line = to_bytes([encode_report(report, self._dialect)])
-            client.outbox.put(line, keep=keep)
+            client.send_queue.put(line, keep=keep)

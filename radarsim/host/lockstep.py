@@ -1,7 +1,8 @@
 """Client and server in one process, in turns, as fast as the machine allows.
 
-No socket and no wall clock is between them: a client that waits lets simulated time
-pass, and what it decides takes none. The same seed, map and client give the same run.
+There is neither a socket nor a wall clock: simulated time passes only while the client
+waits for data, and its own computations take none. The same seed, map and client give
+the same run.
 """
 
 from collections.abc import Callable
@@ -11,11 +12,11 @@ from radarsim.simulation.config import TICK
 
 
 class InProcessTransport:
-    """A client's connection to a host of this process.
+    """A client's connection to a host in the same process.
 
     Attributes:
         host: The server.
-        number: That the host knows this client by.
+        number: The client's number at the host.
     """
 
     def __init__(
@@ -24,8 +25,8 @@ class InProcessTransport:
         """Connect.
 
         Args:
-            host: The server; whoever waits on this link lets its time pass.
-            after_tick: Called after every tick, for whoever judges the run.
+            host: The server, whose time passes while ``receive`` waits.
+            after_tick: Called after every tick, to observe the simulation.
         """
         self.host = host
         self.number = host.connect()
@@ -33,29 +34,29 @@ class InProcessTransport:
         self._open = True
 
     def time(self) -> float:
-        """Simulated time, s."""
+        """Return simulated time, s."""
         return self.host.simulation.time
 
     def send(self, data: bytes) -> None:
-        """Hand over bytes.
+        """Send bytes.
 
         Raises:
-            ConnectionError: If the link is closed.
+            ConnectionError: If the connection is closed.
         """
-        self._check()
+        self._require_open()
         self.host.receive(self.number, data)
 
     def receive(self, timeout: float) -> bytes:
-        """Let time pass until there is something to read.
+        """Advance simulated time until there is data, and return the data.
 
         Args:
             timeout: Longest simulated wait, s.
 
         Raises:
-            TimeoutError: If nothing has come by then.
-            ConnectionError: If the link is closed.
+            TimeoutError: If no data has come by then.
+            ConnectionError: If the connection is closed.
         """
-        self._check()
+        self._require_open()
         data = self.host.take(self.number)
         for _ in range(max(1, round(timeout / TICK))):
             if data:
@@ -68,11 +69,11 @@ class InProcessTransport:
         raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
 
     def close(self) -> None:
-        """Leave the host, upon which the robot leaves the floor."""
+        """Disconnect, which removes the client's robot."""
         if self._open:
             self._open = False
             self.host.disconnect(self.number)
 
-    def _check(self) -> None:
+    def _require_open(self) -> None:
         if not self._open:
             raise ConnectionError("the link is closed")

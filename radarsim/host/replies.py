@@ -1,7 +1,7 @@
-"""Answers to GETGEO and GETCONF: what a robot says about itself and its items."""
+"""Replies to GETGEO and GETCONF: geometry and settings of a robot and its items."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from radarsim.presets.robots import Item
 from radarsim.protocol import reports
@@ -9,22 +9,28 @@ from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.vehicle import Vehicle
 
-TOUCH_DIAMETER = 0.01  # m; the original's number, of no meaning for a bumper
+TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
 ROBOT = "robot"
-ECHOES = "echoes"  # no items, but what scanners tell, under a type of their own
-NO_ITEMS = "mispkg"  # mission packages: asked for by clients, carried by no robot
+ECHOES = "echoes"  # a type of reports of scanners, not of items
+NO_ITEMS = "mispkg"  # mission packages: clients ask for them, no robot carries any
 
 
-def geometry(vehicle: Vehicle, kind: str, name: str | None) -> reports.Report | None:
-    """Tell where things are; None for what the robot does not have.
+def geometry(
+    vehicle: Vehicle, item_type: str, name: str | None
+) -> reports.Report | None:
+    """Return where items are mounted, or the shape of the robot.
 
     Args:
-        vehicle: That is asked.
-        kind: Type of the items, any case, to be echoed; ``Robot`` for the robot.
-        name: Of one item, any case; None for all of the type.
+        vehicle: The robot.
+        item_type: Type of the items in any case, which is repeated in the reply;
+            ``Robot`` for the robot itself.
+        name: Name of one item, in any case; None for all items of the type.
+
+    Returns:
+        None if the robot has no such item.
     """
     model = vehicle.model
-    if kind.casefold() == ROBOT:
+    if item_type.casefold() == ROBOT:
         return reports.RobotGeo(
             name=model.name,
             dimensions=model.dimensions,
@@ -33,87 +39,73 @@ def geometry(vehicle: Vehicle, kind: str, name: str | None) -> reports.Report | 
             wheel_separation=model.wheel_separation,
             wheel_base=model.wheel_base,
         )
-    items = _telling(vehicle, kind, name)
+    items = _items_reporting(vehicle, item_type, name)
     if not items:
         return None
     mounts = tuple((item.name, item.mount) for item in items)
-    return reports.ItemGeo(kind, mounts, model.name)
+    return reports.ItemGeo(item_type, mounts, model.name)
 
 
 def configuration(
-    vehicle: Vehicle, config: SimulationConfig, kind: str, name: str | None
+    vehicle: Vehicle, config: SimulationConfig, item_type: str, name: str | None
 ) -> reports.Report | None:
-    """Tell settings; arguments and None as in ``geometry``."""
+    """Return settings; arguments and None are those of ``geometry``."""
     model = vehicle.model
-    if kind.casefold() == ROBOT:
+    if item_type.casefold() == ROBOT:
         drive = vehicle.robot.wheel_drive
         return reports.RobotConf(
             model.name, model.mass, drive.max_spin, model.max_torque
         )
-    if kind.casefold() == NO_ITEMS:
-        return reports.NameConf(kind, ())
-    items = _telling(vehicle, kind, name)
+    if item_type.casefold() == NO_ITEMS:
+        return reports.NameConf(item_type, ())
+    items = _items_reporting(vehicle, item_type, name)
     if not items:
         return None
-    return _CONFIGURATIONS.get(items[0].type, _names)(kind, items, config)
+    return _settings_of(items, item_type, config)
 
 
-def matching(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
-    """Find items by type and name, both in any case."""
-    items = vehicle.model.items_of(kind)
+def find_items(vehicle: Vehicle, item_type: str, name: str | None) -> tuple[Item, ...]:
+    """Return the items of a type, and of a name if there is one, in any case."""
+    items = vehicle.model.items_of(item_type)
     if name is None:
         return items
     return tuple(item for item in items if item.name.casefold() == name.casefold())
 
 
-def _telling(vehicle: Vehicle, kind: str, name: str | None) -> tuple[Item, ...]:
-    """Find the items whose readings are of a type; drivers ask for each that comes."""
-    source = "RangeScanner" if kind.casefold() == ECHOES else kind
-    return matching(vehicle, source, name)
+def _items_reporting(
+    vehicle: Vehicle, report_type: str, name: str | None
+) -> tuple[Item, ...]:
+    """Return the items that send reports of a type; drivers ask for each type."""
+    item_type = "RangeScanner" if report_type.casefold() == ECHOES else report_type
+    return find_items(vehicle, item_type, name)
 
 
-def _scanners(
-    kind: str, items: Sequence[Item], config: SimulationConfig
+def _settings_of(
+    items: Sequence[Item], item_type: str, config: SimulationConfig
 ) -> reports.Report:
-    rows = []
-    for item in items:
-        settings = config.scanner(item).settings
-        resolution = math.radians(settings.resolution_deg)
-        fov = math.radians(settings.fov_deg)
-        rows.append(
-            (item.name, settings.max_range, settings.min_range, resolution, fov)
-        )
-    return reports.ScannerConf(kind, tuple(rows))
+    """Return the settings of items, with the type as the client spells it."""
+    match items[0].type:
+        case "RangeScanner":
+            scanners = tuple(_scanner_settings(item, config) for item in items)
+            return reports.ScannerConf(item_type, scanners)
+        case "GroundTruth" | "INS" | "Odometry" | "Tachometer":
+            intervals = tuple((item.name, config.interval(item)) for item in items)
+            return reports.IntervalConf(item_type, intervals)
+        case "Encoder":
+            resolutions = tuple((item.name, ENCODER_RESOLUTION) for item in items)
+            return reports.EncoderConf(item_type, resolutions)
+        case "Touch":
+            diameters = tuple((item.name, TOUCH_DIAMETER) for item in items)
+            return reports.TouchConf(item_type, diameters)
+        case _:
+            return reports.NameConf(item_type, tuple(item.name for item in items))
 
 
-def _intervals(
-    kind: str, items: Sequence[Item], config: SimulationConfig
-) -> reports.Report:
-    rows = tuple((item.name, config.interval(item)) for item in items)
-    return reports.IntervalConf(kind, rows)
-
-
-def _encoders(kind: str, items: Sequence[Item], _: SimulationConfig) -> reports.Report:
-    rows = tuple((item.name, ENCODER_RESOLUTION) for item in items)
-    return reports.EncoderConf(kind, rows)
-
-
-def _touches(kind: str, items: Sequence[Item], _: SimulationConfig) -> reports.Report:
-    return reports.TouchConf(kind, tuple((item.name, TOUCH_DIAMETER) for item in items))
-
-
-def _names(kind: str, items: Sequence[Item], _: SimulationConfig) -> reports.Report:
-    return reports.NameConf(kind, tuple(item.name for item in items))
-
-
-_CONFIGURATIONS: dict[
-    str, Callable[[str, Sequence[Item], SimulationConfig], reports.Report]
-] = {
-    "RangeScanner": _scanners,
-    "GroundTruth": _intervals,
-    "INS": _intervals,
-    "Odometry": _intervals,
-    "Tachometer": _intervals,
-    "Encoder": _encoders,
-    "Touch": _touches,
-}
+def _scanner_settings(
+    item: Item, config: SimulationConfig
+) -> tuple[str, float, float, float, float]:
+    """Return name, longest and shortest range in m, resolution and FOV in rad."""
+    settings = config.scanner(item).settings
+    resolution = math.radians(settings.resolution_deg)
+    fov = math.radians(settings.fov_deg)
+    return item.name, settings.max_range, settings.min_range, resolution, fov

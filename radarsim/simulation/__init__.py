@@ -1,1 +1,1 @@
-"""The world in motion: robots with their sensors, in steps of simulated time."""
+"""Robots with their sensors in a scene, in steps of simulated time."""

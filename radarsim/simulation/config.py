@@ -1,4 +1,7 @@
-"""Simulated time: whole ticks of 10 ms, so that times never drift from their digits."""
+"""Configuration of a simulation, and its clock of whole ticks.
+
+Simulated time is counted in ticks of 10 ms, so that sums of steps do not drift.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,20 +17,17 @@ from radarsim.sensors.proprioceptive import InsNoise
 from radarsim.sensors.range_scanner import RangeScanner
 
 TICK: Final = 0.01  # s
+DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
 
 
 def seconds(ticks: int) -> float:
-    """Give the time of a tick, s."""
+    """Return the time of a tick, s."""
     return ticks / 100
 
 
 def ticks_of(interval: float) -> int:
-    """Give the number of ticks nearest to an interval in s, at least one."""
+    """Return the number of ticks nearest to an interval in s, at least one."""
     return max(1, round(interval / TICK))
-
-
-# Section from simulation.conditions.
-# What holds for every robot of a simulation.
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class SimulationConfig:
 
     Attributes:
         dialect: Rates, limits and the unit of DRIVE.
-        drive_unit: Of DRIVE, where it is not to be the dialect's.
-        item_settings: Settings by the name of the item, of whatever robot; of a scanner
-            also ``sensor``, the name of another preset.
+        drive_unit: Unit of DRIVE; None for the dialect's.
+        item_settings: Settings by item name, for items of all robots; a scanner also
+            has ``sensor``, the name of another preset.
     """
 
     dialect: Dialect = COMPAT
@@ -46,11 +46,11 @@ class SimulationConfig:
     item_settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Try all settings on all robot classes.
+        """Check all item settings against all robot classes.
 
         Raises:
-            PresetError: If no class has such an item, or it has no such setting, or a
-                value does not fit.
+            PresetError: If no class has such an item, or the item has no such setting,
+                or a value is out of range.
         """
         items = [item for name in robot_names() for item in load_robot(name).items]
         for name in self.item_settings:
@@ -59,9 +59,9 @@ class SimulationConfig:
                 known = sorted({item.name for item in items})
                 raise PresetError(f"item {name[:80]!r}, expected one of {known}")
             for item in named:
-                self._try(item)
+                self._check_item(item)
 
-    def _try(self, item: Item) -> None:
+    def _check_item(self, item: Item) -> None:
         if item.type == "RangeScanner":
             self.scanner(item)
         elif item.type == "INS":
@@ -70,26 +70,28 @@ class SimulationConfig:
             raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
 
     def wheel_drive(self) -> WheelDrive:
-        """Give the meaning of DRIVE's numbers."""
+        """Return the unit and the limit of wheel speeds in DRIVE."""
         unit = self.drive_unit or self.dialect.drive_unit
         return WheelDrive(MAX_WHEEL_SPEEDS[unit], unit)
 
     def settings(self, item: Item) -> dict[str, Any]:
-        """Give an item's settings: its class's, the dialect's, and over them these.
+        """Return the settings of an item: the class's, the dialect's, then these.
 
-        Those of the class and the dialect are for the class's own sensor.
+        Those of the class and of the dialect hold for the class's own sensor only.
         """
-        own = self._own(item)
-        if item.sensor is None or own.pop("sensor", item.sensor) != item.sensor:
-            return own if item.sensor else {**item.settings, **own}
+        own = self._own_settings(item)
+        if item.sensor is None:
+            return {**item.settings, **own}
+        if own.pop("sensor", item.sensor) != item.sensor:
+            return own
         settings = dict(item.settings)
-        longest = self.dialect.laser_max_range
-        if longest is not None and item.sensor != "hokuyo":
-            settings["max_range"] = longest
+        max_range = self.dialect.laser_max_range
+        if max_range is not None and item.sensor != "hokuyo":
+            settings["max_range"] = max_range
         return settings | own
 
-    def _own(self, item: Item) -> dict[str, Any]:
-        """Give the settings that are set for an item by its name, in any case."""
+    def _own_settings(self, item: Item) -> dict[str, Any]:
+        """Return the settings under the item's name, in any case."""
         return {
             key: value
             for name, own in self.item_settings.items()
@@ -98,25 +100,25 @@ class SimulationConfig:
         }
 
     def scanner(self, item: Item) -> RangeScanner:
-        """Make the scanner that an item is.
+        """Create the scanner of an item.
 
         Raises:
-            PresetError: If its settings do not fit.
+            PresetError: If a setting is unknown or out of range.
         """
         if item.sensor is None:
             raise ValueError(
                 f"item {item.name!r}: type {item.type}, expected a scanner"
             )
-        return RangeScanner(self._sensor(item), self._scanner_settings(item))
+        return RangeScanner(self._sensor_name(item), self._scanner_settings(item))
 
-    def _sensor(self, item: Item) -> str:
-        return str(self._own(item).get("sensor", item.sensor))
+    def _sensor_name(self, item: Item) -> str:
+        return str(self._own_settings(item).get("sensor", item.sensor))
 
     def _scanner_settings(self, item: Item) -> SensorSettings:
-        return load_settings(self._sensor(item), **self.settings(item))
+        return load_settings(self._sensor_name(item), **self.settings(item))
 
     def interval(self, item: Item) -> float:
-        """Give the time between two readings of an item, s."""
+        """Return the time between two readings of an item, s."""
         if item.interval is not None:
             return item.interval
         if item.sensor is not None:
@@ -127,6 +129,3 @@ class SimulationConfig:
         if item.type == "Tachometer":
             return self.dialect.tachometer_interval
         return DEFAULT_INTERVAL
-
-
-DEFAULT_INTERVAL = 0.1  # s, of every other sensor and of the status

@@ -1,7 +1,6 @@
-"""The items of a robot that send readings, all with the same three verbs.
+"""The items of a robot that give readings, apart from scanners.
 
-``tick`` is called in every step, ``report`` when a reading is due, ``reset`` when a
-client asks. Scanners are not among them: their rays are cast together with others'.
+Scanners are not among them, because the rays of all scans of a tick are cast together.
 """
 
 from collections.abc import Callable
@@ -27,32 +26,32 @@ from radarsim.simulation.config import SimulationConfig, ticks_of
 DRAW_TICKS = ticks_of(INS_DRAW_INTERVAL)
 
 
-class Instrument(Protocol):
-    """An item that sends readings."""
+class SensorItem(Protocol):
+    """An item that gives readings."""
 
-    def tick(self, age: int) -> None:
-        """Take part in a step; ``age`` counts ticks since the spawn."""
+    def step(self, age: int) -> None:
+        """Advance by one tick; ``age`` counts ticks since the spawn."""
         ...
 
-    def report(self, time: float) -> reports.Report:
-        """Read, at a simulated time in s."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading at a simulated time in s."""
         ...
 
     def reset(self) -> None:
-        """Count from here on."""
+        """Start counting again."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """What an instrument is made of.
+    """What a sensor item is created from.
 
     Attributes:
-        item: Of the robot's class.
-        robot: That carries it.
-        rng: The item's own.
-        conditions: Of the simulation.
-        time: Of the spawn, s.
+        item: The item of the robot's class.
+        robot: The robot that carries it.
+        rng: The item's own random numbers.
+        config: Configuration of the simulation.
+        time: Time of the spawn, s.
     """
 
     item: Item
@@ -62,38 +61,38 @@ class Mounting:
     time: float
 
 
-class _Still:
-    """What does nothing between readings, and has nothing to reset."""
+class _StatelessItem:
+    """An item that reads the robot's state, and has none of its own."""
 
     def __init__(self, mounting: Mounting) -> None:
         self.name = mounting.item.name
         self.robot = mounting.robot
 
-    def tick(self, age: int) -> None:
+    def step(self, age: int) -> None:
         """Do nothing."""
 
     def reset(self) -> None:
         """Do nothing."""
 
 
-class GroundTruthInstrument(_Still):
-    """Tells where the body is."""
+class GroundTruthItem(_StatelessItem):
+    """Reads the true pose of the robot's body."""
 
-    def report(self, time: float) -> reports.Report:
-        """Read."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading."""
         return reports.GroundTruth(time, self.name, self.robot.body)
 
 
-class TouchInstrument(_Still):
-    """Tells whether something touches the robot."""
+class TouchItem(_StatelessItem):
+    """Reads whether something touches the robot."""
 
-    def report(self, time: float) -> reports.Report:
-        """Read."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading."""
         return reports.Touch(time, self.name, self.robot.touched)
 
 
-class InsInstrument(_Still):
-    """Tells where it believes to be."""
+class InsItem(_StatelessItem):
+    """Reads the drifting pose of an inertial navigation system."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -106,22 +105,22 @@ class InsInstrument(_Still):
             InsNoise.from_settings(settings),
         )
 
-    def tick(self, age: int) -> None:
+    def step(self, age: int) -> None:
         """Draw the drift when it is due."""
         if age % DRAW_TICKS == 0:
             self._ins.draw(self.robot.body)
 
-    def report(self, time: float) -> reports.Report:
-        """Read."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading."""
         return reports.Ins(time, self.name, self._ins.reading(self.robot.body))
 
     def overwrite(self, pose: Pose3) -> None:
-        """Set the estimate by hand."""
+        """Replace the estimated pose."""
         self._ins.overwrite(pose, self.robot.body)
 
 
-class OdometryInstrument(_Still):
-    """Tells the pose that the wheels tell."""
+class OdometryItem(_StatelessItem):
+    """Reads the pose that follows from the turns of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
@@ -130,59 +129,61 @@ class OdometryInstrument(_Still):
             wheel_radius=model.wheel_radius, wheel_separation=model.wheel_separation
         )
 
-    def tick(self, age: int) -> None:  # noqa: ARG002 - the verb of all instruments
-        """Follow the wheels; in each step they keep their speeds."""
+    def step(self, age: int) -> None:  # noqa: ARG002 - the same for all items
+        """Integrate the turns of the wheels, whose speeds are constant in a tick."""
         self._odometry.update(*self.robot.side_angles)
 
-    def report(self, time: float) -> reports.Report:
-        """Read."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading."""
         return reports.Odometry(time, self.name, self._odometry.pose)
 
     def reset(self) -> None:
-        """Begin again here."""
+        """Start again from a pose of zeros."""
         self._odometry.reset()
 
 
-class TachometerInstrument(_Still):
-    """Tells speeds and angles of the wheels."""
+class TachometerItem(_StatelessItem):
+    """Reads speeds and angles of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         self._tachometer = Tachometer(mounting.time, self.robot.wheel_angles)
 
-    def report(self, time: float) -> reports.Report:
-        """Read."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading."""
         reading = self._tachometer.scan(time, self.robot.wheel_angles)
         return reports.Tachometer(
             time, self.name, reading.velocities, reading.positions
         )
 
     def reset(self) -> None:
-        """Count positions from here."""
+        """Count angles from zero again."""
         self._tachometer.reset(self.robot.wheel_angles)
 
 
-class EncoderInstrument(_Still):
-    """Tells ticks of the wheels that its name mentions."""
+class EncoderItem(_StatelessItem):
+    """Reads ticks of the wheels that are in the item's name."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         self._encoder = Encoder(self.name, self.robot.wheel_angles, mounting.rng)
 
-    def report(self, time: float) -> reports.Report:
-        """Read."""
+    def read(self, time: float) -> reports.Report:
+        """Return a reading."""
         return reports.Encoder(time, self._encoder.ticks(self.robot.wheel_angles))
 
     def reset(self) -> None:
-        """Count from here."""
+        """Count ticks from zero again."""
         self._encoder.reset(self.robot.wheel_angles)
 
 
-INSTRUMENTS: dict[str, Callable[[Mounting], Instrument]] = {
-    "GroundTruth": GroundTruthInstrument,
-    "INS": InsInstrument,
-    "Odometry": OdometryInstrument,
-    "Tachometer": TachometerInstrument,
-    "Encoder": EncoderInstrument,
-    "Touch": TouchInstrument,
+# By item type, in the order of readings within a tick: clients expect a pose before the
+# scan that belongs to it.
+SENSOR_ITEMS: dict[str, Callable[[Mounting], SensorItem]] = {
+    "GroundTruth": GroundTruthItem,
+    "INS": InsItem,
+    "Odometry": OdometryItem,
+    "Tachometer": TachometerItem,
+    "Encoder": EncoderItem,
+    "Touch": TouchItem,
 }

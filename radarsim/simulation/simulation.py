@@ -1,7 +1,7 @@
-"""All robots in one scene, stepped together.
+"""All robots of one scene, stepped together.
 
-In each tick every robot drives, in the order of spawning, and then everything that is
-due is read; the rays of all scans of a tick are cast together.
+In each tick all robots drive, in the order of spawning, and then all readings that are
+due are taken. The rays of all scans of a tick are cast together.
 """
 
 import math
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.protocol.reports import EchoLine, RangeScan, Report, Status
+from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
@@ -22,41 +22,54 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
+from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
-from radarsim.simulation.echo_lines import echo_lines
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
-SEARCH_RADIUS = 1.0  # m around a place that is taken
+SEARCH_RADIUS = 1.0  # m around an occupied place
+
+
+@dataclass(frozen=True, slots=True)
+class ScanEchoes:
+    """The echoes of one scan.
+
+    Attributes:
+        scanner: Name of the scanner item.
+        echoes: All echoes of the scan.
+    """
+
+    scanner: str
+    echoes: Echoes
 
 
 @dataclass(frozen=True, slots=True)
 class TickOutput:
-    """What one robot tells in one tick.
+    """What one robot gives in one tick.
 
     Attributes:
-        status: If it is due.
-        readings: Poses first.
-        echoes: Of the scans, where a client has asked for them.
-        scans: Last of all.
+        status: The status; None when it is not due.
+        readings: Readings of all items but scanners, poses first.
+        echoes: Echoes of the scans of scanners whose echoes are switched on.
+        scans: Scans.
     """
 
     status: Status | None
     readings: tuple[Report, ...]
-    echoes: tuple[EchoLine, ...]
+    echoes: tuple[ScanEchoes, ...]
     scans: tuple[RangeScan, ...]
 
 
 class Simulation:
-    """A scene with robots in it.
+    """A scene with robots.
 
     Attributes:
-        scene: What there is.
-        conditions: What holds for all robots.
-        seed: Of everything random.
-        ticks: How many have passed.
+        scene: The scene.
+        config: Configuration of all robots.
+        seed: Seed of all random numbers.
+        ticks: Number of ticks since the start.
     """
 
     def __init__(
@@ -67,10 +80,10 @@ class Simulation:
         self.seed = seed
         self.ticks = 0
         self._tracer = tracer_of(scene)
-        self._floors: dict[float, Obstacles] = {}
+        self._obstacles_by_floor: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
         self._robots: tuple[Robot, ...] = ()
-        self._spawned = 0
+        self._spawn_count = 0
         self._warm_up()
 
     @property
@@ -84,13 +97,13 @@ class Simulation:
         return tuple(self._vehicles.values())
 
     def spawn(self, name: str, model: RobotModel, pose: Pose2) -> Vehicle | None:
-        """Put a robot on the floor, at the nearest free place within 1 m.
+        """Create a robot at the nearest free place within 1 m.
 
         Args:
-            name: Keys what the robot draws; of two of one name, the later gets another
-                key.
-            model: Its class.
-            pose: Wanted, map frame.
+            name: Name of the robot, which selects its random numbers; a number is
+                appended if another robot has that name.
+            model: Robot class.
+            pose: Requested pose, map frame.
 
         Returns:
             The robot; None if there is no free place.
@@ -102,49 +115,50 @@ class Simulation:
             pose,
             self._robots,
             within=SEARCH_RADIUS,
-            is_open=lambda places: ~self._are_filled(places, height),
+            is_open=lambda places: ~self._are_inside_solids(places, height),
         )
         if free is None:
             return None
         robot = Robot(
-            self._free_name(name),
+            self._unique_name(name),
             model,
             free,
             obstacles=obstacles,
             wheel_drive=self.config.wheel_drive(),
         )
-        self._spawned += 1
+        self._spawn_count += 1
         vehicle = Vehicle(
-            self._spawned, robot, self.config, seed=self.seed, tick=self.ticks
+            self._spawn_count, robot, self.config, seed=self.seed, tick=self.ticks
         )
         self._vehicles[vehicle.number] = vehicle
         self._robots = (*self._robots, robot)
         return vehicle
 
     def remove(self, vehicle: Vehicle) -> None:
-        """Take a robot off the floor."""
+        """Remove a robot from the simulation."""
         del self._vehicles[vehicle.number]
         self._robots = tuple(v.robot for v in self._vehicles.values())
 
     def step(self) -> None:
-        """Let 10 ms pass."""
+        """Advance by one tick of 10 ms."""
         self.ticks += 1
         for vehicle in self._vehicles.values():
             vehicle.step(TICK, self._robots)
 
     def collect_reports(self) -> dict[int, TickOutput]:
-        """Read all that is due in this tick, by the number of the robot."""
+        """Take all readings that are due in this tick, by number of the robot."""
         due = [
             (vehicle, mounted)
             for vehicle in self._vehicles.values()
             for mounted in vehicle.due_scanners()
         ]
         scans: dict[int, list[RangeScan]] = {n: [] for n in self._vehicles}
-        echoes: dict[int, list[EchoLine]] = {n: [] for n in self._vehicles}
+        echoes: dict[int, list[ScanEchoes]] = {n: [] for n in self._vehicles}
         for (vehicle, mounted), scan in zip(due, self._scan(due), strict=True):
-            scans[vehicle.number].append(self._report(mounted, scan))
-            if vehicle.is_listening(mounted.item.name):
-                echoes[vehicle.number] += self._echo_lines(mounted, scan)
+            scans[vehicle.number].append(self._scan_report(mounted, scan))
+            if vehicle.has_echoes_enabled(mounted.item):
+                found = ScanEchoes(mounted.item.name, scan.echoes)
+                echoes[vehicle.number].append(found)
         return {
             number: TickOutput(
                 vehicle.status(),
@@ -156,14 +170,14 @@ class Simulation:
         }
 
     def _scan(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[Scan]:
-        """Take all scans together."""
+        """Take all scans in one batch."""
         if not due:
             return []
         boxes = self._boxes()
         planned = []
         for vehicle, mounted in due:
             scanner = mounted.scanner
-            if vehicle.is_listening(mounted.item.name):
+            if vehicle.has_echoes_enabled(mounted.item):
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
             plan = scanner.plan(self._tracer, pose, mounted.rng, boxes, vehicle.number)
@@ -171,18 +185,18 @@ class Simulation:
         return scan_batch(self._tracer, planned, boxes)
 
     def _warm_up(self) -> None:
-        """Have all that a scan runs compiled now, and not while clients wait for it."""
-        radar, place = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
+        """Run all kernels of a scan, so that none is compiled while clients wait."""
+        radar, pose = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
         settings = {"incidence_weights": True, "ray_choice": "together"}
         together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
         rng, boxes = generator_for(0, "warm-up"), self._boxes()
         planned = [
-            (scanner, scanner.plan(self._tracer, place, rng, boxes, carrier_id=0))
+            (scanner, scanner.plan(self._tracer, pose, rng, boxes, carrier_id=0))
             for scanner in (radar, radar.with_all_echoes, together)
         ]
         scan_batch(self._tracer, planned, boxes)
 
-    def _report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
+    def _scan_report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
         settings = mounted.scanner.settings
         return RangeScan(
             self.time,
@@ -191,10 +205,6 @@ class Simulation:
             math.radians(settings.fov_deg),
             np.minimum(scan.ranges, settings.max_range),
         )
-
-    def _echo_lines(self, mounted: MountedScanner, scan: Scan) -> tuple[EchoLine, ...]:
-        robots = {number: v.robot.name for number, v in self._vehicles.items()}
-        return echo_lines(self.time, mounted.item.name, scan.echoes, robots)
 
     def _boxes(self) -> Boxes:
         rows = []
@@ -210,15 +220,19 @@ class Simulation:
         return Boxes(np.array(rows, np.float64).reshape(-1, 8))
 
     def _obstacles(self, floor: float) -> Obstacles:
-        if floor not in self._floors:
-            self._floors[floor] = Obstacles.from_scene(self.scene, floor=floor)
-        return self._floors[floor]
+        if floor not in self._obstacles_by_floor:
+            obstacles = Obstacles.from_scene(self.scene, floor=floor)
+            self._obstacles_by_floor[floor] = obstacles
+        return self._obstacles_by_floor[floor]
 
-    def _are_filled(self, places: Floats, height: float) -> NDArray[np.bool_]:
-        """Tell which of (N, 2) places are within bushes: solid, yet no surfaces."""
+    def _are_inside_solids(self, places: Floats, height: float) -> NDArray[np.bool_]:
+        """Return which of (N, 2) places are inside volumes that stop robots.
+
+        Inside a large bush no surface is near, so that obstacles alone would not tell.
+        """
         points = np.column_stack([places, np.full(len(places), height)])
-        ahead = np.tile([1.0, 0.0, 0.0], (len(places), 1))
-        rays = Rays.uniform(points, ahead, max_range=0.0)
+        directions = np.tile([1.0, 0.0, 0.0], (len(places), 1))
+        rays = Rays.uniform(points, directions, max_range=0.0)
         inside = [
             any(
                 event.kind is EventKind.START_INSIDE
@@ -229,10 +243,10 @@ class Simulation:
         ]
         return np.array(inside, np.bool_)
 
-    def _free_name(self, name: str) -> str:
+    def _unique_name(self, name: str) -> str:
         taken = {robot.name for robot in self._robots}
-        wanted, number = name, 1
-        while wanted in taken:
+        unique, number = name, 1
+        while unique in taken:
             number += 1
-            wanted = f"{name} ({number})"
-        return wanted
+            unique = f"{name} ({number})"
+        return unique

@@ -1,4 +1,4 @@
-"""A robot with everything that it carries."""
+"""A robot with its battery and its items."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,21 +17,14 @@ from radarsim.simulation.config import (
     seconds,
     ticks_of,
 )
-from radarsim.simulation.items import (
-    INSTRUMENTS,
-    InsInstrument,
-    Instrument,
-    Mounting,
-)
+from radarsim.simulation.items import SENSOR_ITEMS, InsItem, Mounting, SensorItem
 
-# What is read first in a tick; clients want a pose before the scan that it belongs to.
-ORDER = ("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch")
 STATUS_TICKS = ticks_of(DEFAULT_INTERVAL)
 
 
 @dataclass(frozen=True, slots=True)
 class MountedScanner:
-    """A scanner on a robot, with what it draws from."""
+    """A scanner on a robot, and the random numbers that it draws."""
 
     item: Item
     scanner: RangeScanner
@@ -39,13 +32,13 @@ class MountedScanner:
 
 
 class Vehicle:
-    """A robot, its battery and its instruments.
+    """A robot, its battery and its items.
 
     Attributes:
-        number: Tells it from all other robots of the simulation.
-        robot: What drives.
-        battery: What lasts.
-        scanners: In mounting order.
+        number: Identifies the robot within the simulation.
+        robot: The body that drives.
+        battery: Remaining time of operation.
+        scanners: Range scanners, in mounting order.
     """
 
     def __init__(
@@ -57,29 +50,39 @@ class Vehicle:
         seed: int,
         tick: int,
     ) -> None:
+        """Create a vehicle.
+
+        Args:
+            number: Identifies the robot within the simulation.
+            robot: The body that drives.
+            config: Configuration of the simulation.
+            seed: Seed of the simulation.
+            tick: Tick of the spawn.
+        """
         self.number = number
         self.robot = robot
         dialect = config.dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
-        self._born = tick
+        self._spawn_tick = tick
         self._tick = tick
-        self._extra_scans: set[str] = set()
-        self._listening: set[str] = set()
-        self._every: dict[str, int] = {}
-        self._instruments: dict[str, Instrument] = {}
+        self._requested_scans: set[str] = set()
+        self._with_echoes: set[str] = set()
+        self._interval_ticks: dict[str, int] = {}
+        self._sensor_items: dict[str, SensorItem] = {}
         scanners = []
         for item in robot.model.items:
             rng = generator_for(seed, robot.name, item.name)
-            self._every[item.name] = ticks_of(config.interval(item))
+            self._interval_ticks[item.name] = ticks_of(config.interval(item))
             if item.type == "RangeScanner":
                 scanners.append(MountedScanner(item, config.scanner(item), rng))
-            elif item.type in INSTRUMENTS:
+            elif item.type in SENSOR_ITEMS:
                 mounting = Mounting(item, robot, rng, config, seconds(tick))
-                self._instruments[item.name] = INSTRUMENTS[item.type](mounting)
+                self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
         self.scanners = tuple(scanners)
-        self._ordered = sorted(
-            (item for item in robot.model.items if item.name in self._instruments),
-            key=lambda item: ORDER.index(item.type),
+        order = list(SENSOR_ITEMS)
+        self._reading_order = sorted(
+            (item for item in robot.model.items if item.name in self._sensor_items),
+            key=lambda item: order.index(item.type),
         )
 
     @property
@@ -89,8 +92,12 @@ class Vehicle:
 
     @property
     def alive(self) -> bool:
-        """Whether the battery still has something."""
-        return not self.battery.is_empty(seconds(self._tick - self._born))
+        """Whether the battery is not empty."""
+        return not self.battery.is_empty(seconds(self._age))
+
+    @property
+    def _age(self) -> int:
+        return self._tick - self._spawn_tick
 
     def step(self, dt: float, others: tuple[Robot, ...]) -> None:
         """Drive and measure for one tick of ``dt`` s."""
@@ -98,63 +105,66 @@ class Vehicle:
         if not self.alive:
             self.robot.halt()
         self.robot.step(dt, others)
-        for instrument in self._instruments.values():
-            instrument.tick(self._tick - self._born)
+        for item in self._sensor_items.values():
+            item.step(self._age)
 
     def status(self) -> Status | None:
-        """Tell how the robot is, when that is due."""
-        if (self._tick - self._born) % STATUS_TICKS:
+        """Return the status of the robot; None when it is not due."""
+        if self._age % STATUS_TICKS:
             return None
-        left = self.battery.seconds_left(seconds(self._tick - self._born))
+        left = self.battery.seconds_left(seconds(self._age))
         return Status(seconds(self._tick), left, self.robot.light)
 
     def readings(self) -> Iterator[Report]:
-        """Read the instruments that are due, poses first."""
+        """Yield the readings that are due, poses first; none with an empty battery."""
         if not self.alive:
             return
-        for item in self._ordered:
+        for item in self._reading_order:
             if self._is_due(item):
-                yield self._instruments[item.name].report(seconds(self._tick))
+                yield self._sensor_items[item.name].read(seconds(self._tick))
 
     def due_scanners(self) -> list[MountedScanner]:
-        """Find the scanners that are due, or that a client has asked for.
+        """Return the scanners that are due, then those of requested scans.
 
-        One that is both is there twice, as a client that asks gets an extra scan.
+        A scanner that is both is there twice, since a requested scan is an extra one.
         """
         if not self.alive:
             return []
         due = [mounted for mounted in self.scanners if self._is_due(mounted.item)]
-        asked = [m for m in self.scanners if m.item.name in self._extra_scans]
-        self._extra_scans.clear()
-        return due + asked
+        requested = [m for m in self.scanners if m.item.name in self._requested_scans]
+        self._requested_scans.clear()
+        return due + requested
 
     def sensor_pose(self, item: Item) -> Pose3:
-        """Give the pose of an item in the map frame."""
+        """Return the pose of an item in the map frame."""
         return self.robot.body.compose(item.mount)
 
-    def order(self, item: Item, opcode: str) -> None:
-        """Do what a client asks of an item; anything but SCAN and RESET is nothing."""
-        if opcode == "SCAN" and item.type == "RangeScanner":
-            self._extra_scans.add(item.name)
-        elif opcode == "RESET" and item.name in self._instruments:
-            self._instruments[item.name].reset()
+    def request_scan(self, item: Item) -> None:
+        """Scan once more in the next tick; do nothing if the item is not a scanner."""
+        if item.type == "RangeScanner":
+            self._requested_scans.add(item.name)
 
-    def listen(self, item: Item, on: bool) -> None:
-        """Switch on or off that a scanner's echoes are told."""
-        if on:
-            self._listening.add(item.name)
+    def reset(self, item: Item) -> None:
+        """Let an item count from zero again, if it counts."""
+        if item.name in self._sensor_items:
+            self._sensor_items[item.name].reset()
+
+    def enable_echoes(self, item: Item, enabled: bool) -> None:
+        """Switch the echoes of a scanner on or off."""
+        if enabled:
+            self._with_echoes.add(item.name)
         else:
-            self._listening.discard(item.name)
+            self._with_echoes.discard(item.name)
 
-    def is_listening(self, item_name: str) -> bool:
-        """Tell whether a scanner's echoes are to be told."""
-        return item_name in self._listening
+    def has_echoes_enabled(self, item: Item) -> bool:
+        """Return whether the echoes of a scanner are switched on."""
+        return item.name in self._with_echoes
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
-        """Overwrite the estimate of an INS; nothing for any other item."""
-        instrument = self._instruments.get(item.name)
-        if isinstance(instrument, InsInstrument):
-            instrument.overwrite(pose)
+        """Replace the pose of an INS; do nothing if the item is not one."""
+        ins = self._sensor_items.get(item.name)
+        if isinstance(ins, InsItem):
+            ins.overwrite(pose)
 
     def _is_due(self, item: Item) -> bool:
-        return (self._tick - self._born) % self._every[item.name] == 0
+        return self._age % self._interval_ticks[item.name] == 0

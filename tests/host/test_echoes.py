@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from radarsim.host import Host
-from radarsim.host.commands import SPAWN_TICKS
+from radarsim.host.commands import SPAWN_COOLDOWN
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import Message, decode_message
 from radarsim.scene.scene import Scene
@@ -190,7 +190,7 @@ def test_a_name_means_one_scanner(
 def test_another_robot_has_to_be_asked_anew(foliage_room: Scene) -> None:
     client = talk(foliage_room)
     client.send(ASK)
-    assert echoes_in(client.hear(SPAWN_TICKS))
+    assert echoes_in(client.hear(SPAWN_COOLDOWN))
     assert client.send(INIT) == []
     assert echoes_in(client.hear(30)) == []
     client.send(ASK)

@@ -9,8 +9,12 @@ import pytest
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
 from radarsim.host import Host
-from radarsim.host.commands import SPAWN_TICKS, SPAWNS_A_TICK, VAIN_SPAWN_TICKS
-from radarsim.host.host import COMMANDS_A_TICK
+from radarsim.host.commands import (
+    FAILED_SPAWN_COOLDOWN,
+    SPAWN_COOLDOWN,
+    SPAWNS_PER_TICK,
+)
+from radarsim.host.host import COMMANDS_PER_TICK
 from radarsim.presets.robots import robot_names
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.config import SimulationConfig
@@ -377,7 +381,7 @@ def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
 
 
 def test_robots_that_come_together_are_spread_over_ticks(host: Host) -> None:
-    numbers = [greeted(host) for _ in range(3 * SPAWNS_A_TICK)]
+    numbers = [greeted(host) for _ in range(3 * SPAWNS_PER_TICK)]
     for i, number in enumerate(numbers):
         place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{i // 6 * 1.2:.1f},0}}"
         host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
@@ -385,16 +389,16 @@ def test_robots_that_come_together_are_spread_over_ticks(host: Host) -> None:
     for _ in range(3):
         host.step()
         counts.append(len(host.simulation.vehicles))
-    assert counts[0] == SPAWNS_A_TICK
-    assert counts[-1] == 3 * SPAWNS_A_TICK
-    assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_A_TICK
+    assert counts[0] == SPAWNS_PER_TICK
+    assert counts[-1] == 3 * SPAWNS_PER_TICK
+    assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_PER_TICK
 
 
 def test_who_sends_no_more_is_given_all_its_answers(host: Host) -> None:
     number = greeted(host)
-    questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_A_TICK + 5)
+    questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_PER_TICK + 5)
     host.receive(number, INIT + questions)
-    assert host.drain_and_finish(number).count(b"GEO ") == COMMANDS_A_TICK + 5
+    assert host.drain_and_finish(number).count(b"GEO ") == COMMANDS_PER_TICK + 5
     assert host.drain_and_finish(number) == b""
 
 
@@ -435,7 +439,7 @@ def test_where_there_is_no_place_there_is_no_robot(host: Host) -> None:
         "INIT at (-8.00, 0.00), expected a free place within 1 m"
     )
     host.disconnect(first)
-    let_pass(host, VAIN_SPAWN_TICKS)
+    let_pass(host, FAILED_SPAWN_COOLDOWN)
     assert host.receive(clients[-1], INIT) == []
     assert host.has_robot(clients[-1])
 
@@ -460,7 +464,7 @@ def test_a_robot_without_a_name_gets_its_class_for_one(host: Host) -> None:
 
 def test_a_second_init_replaces_the_robot(host: Host) -> None:
     number = spawned(host)
-    let_pass(host, SPAWN_TICKS)
+    let_pass(host, SPAWN_COOLDOWN)
     host.receive(number, b"INIT {ClassName USARBot.P2AT} {Location 0,0,0}\r\n")
     let_pass(host, 1)
     (vehicle,) = host.simulation.vehicles
@@ -472,7 +476,7 @@ def test_a_client_has_no_more_than_one_robot_made_in_a_while(host: Host) -> None
     host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
     assert host.is_busy(number)
     seen = set()
-    for _ in range(2 * SPAWN_TICKS):
+    for _ in range(2 * SPAWN_COOLDOWN):
         seen.add(host.simulation.vehicles[0].number)
         host.step()
     assert host.is_busy(number)
@@ -496,14 +500,14 @@ def test_a_flood_waits_for_the_next_ticks(host: Host) -> None:
     while host.is_busy(number):
         host.step()
         ticks += 1
-    assert ticks == (1000 - COMMANDS_A_TICK) // COMMANDS_A_TICK + 1
+    assert ticks == (1000 - COMMANDS_PER_TICK) // COMMANDS_PER_TICK + 1
     assert GEO in host.take(number)
 
 
 def test_notices_of_commands_that_waited_come_with_the_step(host: Host) -> None:
     number = greeted(host)
-    notices = host.receive(number, b"FOO\r\n" * (COMMANDS_A_TICK + 1))
-    assert len(notices) == COMMANDS_A_TICK
+    notices = host.receive(number, b"FOO\r\n" * (COMMANDS_PER_TICK + 1))
+    assert len(notices) == COMMANDS_PER_TICK
     ((who, notice),) = host.step()
     assert who == number
     assert notice.kind == "malformed line"

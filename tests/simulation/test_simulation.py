@@ -199,8 +199,8 @@ def test_an_extra_scan_comes_with_the_next_tick_and_leaves_the_phase(
     vehicle = spawned(simulation, Pose2(-8, 0))
     (scanner,) = vehicle.model.items_of("rangescanner")
     run(simulation, 3)
-    vehicle.order(scanner, "SCAN")
-    vehicle.order(scanner, "SCAN")
+    vehicle.request_scan(scanner)
+    vehicle.request_scan(scanner)
     told = run(simulation, 17)[vehicle.number]
     assert [(t, len(what.scans)) for t, what in told if what.scans] == [
         (4, 1),
@@ -208,19 +208,18 @@ def test_an_extra_scan_comes_with_the_next_tick_and_leaves_the_phase(
         (20, 1),
     ]
     run(simulation, 9)
-    vehicle.order(scanner, "SCAN")
+    vehicle.request_scan(scanner)
     ((_, told_now),) = run(simulation, 1)[vehicle.number]
     first, second = told_now.scans
     assert first.ranges.tolist() != second.ranges.tolist()  # each draws its own rays
 
 
-def test_orders_that_mean_nothing_to_an_item_do_nothing(empty_room: Scene) -> None:
+def test_requests_that_do_not_fit_an_item_have_no_effect(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     for item in vehicle.model.items:
-        vehicle.order(item, "ZOOM")
         if item.type not in ("RangeScanner", "INS"):
-            vehicle.order(item, "SCAN")
+            vehicle.request_scan(item)
             vehicle.set_ins(item, Pose3(0, 0, 0))
     assert all(not what.scans for _, what in run(simulation, 9)[vehicle.number])
 
@@ -231,7 +230,7 @@ def test_reset_counts_from_here(empty_room: Scene) -> None:
     vehicle.robot.drive(5, 5)
     run(simulation, 95)
     for item in vehicle.model.items:
-        vehicle.order(item, "RESET")
+        vehicle.reset(item)
     vehicle.robot.halt()
     readings = run(simulation, 5)[vehicle.number][-1][1].readings
     odometry, tachometer = readings[2:4]

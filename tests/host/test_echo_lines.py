@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.host.echo_lines import echo_lines
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.echoes import ECHOES_A_LINE
 from radarsim.protocol.reports import EchoLine, TargetEchoes
@@ -16,7 +17,6 @@ from radarsim.raycast.attenuation import EventKind
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.sensors.echoes import KINDS, Echoes
-from radarsim.simulation.echo_lines import echo_lines
 
 FOLIAGE = Material("foliage", density=0.7)
 SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
