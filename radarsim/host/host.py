@@ -116,7 +116,7 @@ class Host:
     def must_close(self, number: int) -> bool:
         """Return whether a client sent an endless line, or reads too few replies."""
         client = self._clients[number]
-        return client.lines.overflow is not None or client.send_queue.flooded
+        return client.lines.overflow is not None or client.send_queue.overflowed
 
     def step(self) -> list[tuple[int, Diagnostic]]:
         """Advance by 10 ms, and queue everything that is due for the clients.
