@@ -1,10 +1,10 @@
-"""Along the walls of a room until its contour is closed, and then its interior.
+"""Contour strategy: follow the walls of a room once around, then cover its interior.
 
-The contour is that of the floor which the robot can get to, as the map has it: islands
-within it are not gone round, unless there is nothing else. It is closed when the robot
-passes where it began to follow, by its own pose. Whoever goes round an island turns the
-other way in total; that wall was none of the room's, and another one is looked for.
-Where there is none, there is no interior to fill.
+The contour is that of the floor which the robot can reach on the map; islands within it
+are not followed unless there is nothing else. It is closed when the robot, by its own
+pose, passes where it began to follow. A robot that goes round an island turns the other
+way in total: that wall was not the room's, and another one is sought. Where there is no
+such wall, there is no interior to cover.
 """
 
 import math
@@ -12,7 +12,7 @@ from typing import Final
 
 from radarsim.exploration.frontier import coverage_strategy
 from radarsim.exploration.path_follower import (
-    LEAST_SCANS,
+    MIN_SCANS,
     ExplorationSettings,
     PathFollower,
 )
@@ -24,20 +24,20 @@ from radarsim.navigation.control import STAND, Twist, bearing_of, distance, move
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.wall_following import FollowMode, WallFollower
 
-THERE: Final = 0.3  # m from a wall's place where following begins
-SHORTEST: Final = 3.0  # m that a contour has at least
-FOLLOWED: Final = 2.0  # m beside the way along a wall, within which walls are known
-TRACK_EVERY: Final = 0.5  # m
-LOST: Final = 1.5  # circles without a wall after which it is taken to be gone
+ARRIVAL_DISTANCE: Final = 0.3  # m from a wall's tile, where aligning begins
+MIN_LENGTH: Final = 3.0  # m of a contour
+FOLLOWED_RADIUS: Final = 2.0  # m around the path along a wall that count as followed
+TRACK_STEP: Final = 0.5  # m
+LOST_CIRCLES: Final = 1.5  # circles without a wall after which it counts as lost
 
 
 class ContourStrategy:
-    """Follows the contour of a room once, then fills the interior.
+    """Follows the contour of a room once, then covers the interior.
 
     Attributes:
         activity: ``seeking``, ``aligning``, ``following`` or ``filling``.
-        is_done: Whether contour and interior are done, or no wall is one of a room's.
-        contours: How many it has closed, islands too.
+        is_done: Whether contour and interior are done, or no wall is the room's.
+        contours: Number of contours closed, those of islands included.
     """
 
     def __init__(self, settings: ExplorationSettings) -> None:
@@ -45,20 +45,23 @@ class ContourStrategy:
         self.is_done = False
         self.contours = 0
         self._settings = settings
-        self._follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._way = FollowMode(wall_on_left=settings.wall_on_left)
-        self._walker = PathFollower(settings)
-        self._fill = coverage_strategy(settings)
+        self._wall_follower = WallFollower(settings.bumpers, settings.speed_limits)
+        self._mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._path_follower = PathFollower(settings)
+        self._coverage = coverage_strategy(settings)
         self._track: list[Point] = []
-        self._round: _Round | None = None
+        self._circuit: _Circuit | None = None
+        self._max_lost = (
+            LOST_CIRCLES * 2 * math.pi * self._wall_follower.target_distance
+        )
         self._scans = 0
-        self._nothing = False
+        self._has_no_wall = False
         self._wall: Point = (0.0, 0.0)
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Take in a scan and the map with it, and decide how to move until the next."""
+        """Return the twist until the next scan."""
         self._scans += 1
-        if self.is_done or self._scans < LEAST_SCANS:
+        if self.is_done or self._scans < MIN_SCANS:
             return STAND
         if self.activity == "seeking":
             return self._seek(observation, grid)
@@ -66,98 +69,105 @@ class ContourStrategy:
             return self._align(observation)
         if self.activity == "following":
             return self._follow(observation)
-        twist = self._fill.step(observation, grid)
-        self.is_done = self._fill.is_done
+        twist = self._coverage.step(observation, grid)
+        self.is_done = self._coverage.is_done
         return twist
 
     def _seek(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Go to a wall, and stand once it is there."""
-        walker = self._walker
-        if walker.look(observation, grid):
-            assert walker.floor is not None
-            targets = self._walls(walker.floor, observation)
-            self._nothing = not walker.plan(observation, targets)
-        if self._nothing and not self.contours:
-            return self._onward(observation)
-        if self._nothing:
+        """Drive to a wall that was not followed, and stand once it is there."""
+        path_follower = self._path_follower
+        if path_follower.update_map(observation, grid):
+            assert path_follower.floor is not None
+            targets = self._wall_tiles(path_follower.floor, observation)
+            self._has_no_wall = not path_follower.plan(observation, targets)
+        if self._has_no_wall and not self.contours:
+            return self._drive_ahead(observation)
+        end = path_follower.end
+        if self._has_no_wall:
             self.is_done = True
-        elif walker.end is not None and distance(observation.pose, *walker.end) < THERE:
+        elif end is not None and distance(observation.pose, *end) < ARRIVAL_DISTANCE:
             return self._arrive(observation)
-        return walker.walk(observation)
+        return path_follower.step(observation)
 
-    def _walls(self, floor: TraversabilityMap, observation: Observation) -> Mask:
-        """Give the floor along walls that it has not followed."""
+    def _wall_tiles(self, floor: TraversabilityMap, observation: Observation) -> Mask:
+        """Return the tiles along walls that were not followed."""
         targets = floor.outer_boundary(floor.reachable(observation.pose))
-        for place in self._track:
-            targets &= ~floor.within(*place, FOLLOWED)
+        for point in self._track:
+            targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
         return targets
 
-    def _onward(self, observation: Observation) -> Twist:
-        """Go straight on until there is something."""
+    def _drive_ahead(self, observation: Observation) -> Twist:
+        """Drive straight on until something is ahead."""
         if self._settings.bumpers.towards(observation, 0.0).blocked:
             return self._arrive(observation)
         return Twist(self._settings.speed_limits.speed, 0.0)
 
     def _arrive(self, observation: Observation) -> Twist:
-        """Choose the nearest place of a wall to align with."""
+        """Choose the nearest point of a wall to align with."""
         self.activity = "aligning"
         nearest = int(observation.ranges.argmin())
-        away = float(observation.ranges[nearest])
+        range_ = float(observation.ranges[nearest])
         angle = float(observation.bearings[nearest]) + observation.pose.yaw
         self._wall = (
-            observation.pose.x + away * math.cos(angle),
-            observation.pose.y + away * math.sin(angle),
+            observation.pose.x + range_ * math.cos(angle),
+            observation.pose.y + range_ * math.sin(angle),
         )
         return STAND
 
     def _align(self, observation: Observation) -> Twist:
-        obstacle = bearing_of(observation.pose, *self._wall)
-        twist, aligned = self._follower.align(observation, self._way, obstacle)
+        bearing = bearing_of(observation.pose, *self._wall)
+        wall_follower = self._wall_follower
+        twist, aligned = wall_follower.align(observation, self._mode, bearing)
         if aligned:
             self.activity = "following"
-            direction = self._follower.tangent(observation, self._way)
-            self._round = _Round(observation, direction, self._follower.target_distance)
+            direction = wall_follower.tangent(observation, self._mode)
+            self._circuit = _Circuit(
+                observation, direction, wall_follower.target_distance
+            )
             self._track.append((observation.pose.x, observation.pose.y))
         return twist
 
     def _follow(self, observation: Observation) -> Twist:
-        twist, found = self._follower.step(observation, self._way)
-        assert self._round is not None
-        self._round.add(observation, found=found)
-        if distance(observation.pose, *self._track[-1]) > TRACK_EVERY:
+        twist, found = self._wall_follower.step(observation, self._mode)
+        assert self._circuit is not None
+        self._circuit.add(observation, found=found)
+        if distance(observation.pose, *self._track[-1]) > TRACK_STEP:
             self._track.append((observation.pose.x, observation.pose.y))
-        if self._round.is_closed:
+        if self._circuit.is_closed:
             self.contours += 1
-            inside = (self._round.turned < 0) == self._way.wall_on_left
-            self.activity = "filling" if inside else "seeking"
-        elif self._round.lost > LOST * 2 * math.pi * self._follower.target_distance:
+            is_inside = (self._circuit.turn < 0) == self._mode.wall_on_left
+            self.activity = "filling" if is_inside else "seeking"
+        elif self._circuit.lost > self._max_lost:
             self.activity = "seeking"
         return twist
 
 
-class _Round:
-    """One way along a wall.
+class _Circuit:
+    """Path of the robot along one wall.
 
     Attributes:
-        is_closed: Whether it has come to where it began.
-        turned: By how much in total, rad, counter-clockwise.
-        lost: How far it went since there was a wall, m.
+        is_closed: Whether it is back where it began.
+        turn: Turn in total, rad, counter-clockwise.
+        lost: Distance driven since the wall was last sensed, m.
     """
 
     def __init__(
-        self, observation: Observation, direction: float, reach: float
+        self, observation: Observation, direction: float, max_offset: float
     ) -> None:
         self.is_closed = False
-        self.turned = 0.0
+        self.turn = 0.0
         self.lost = 0.0
         self._length = 0.0
         self._last = observation.pose
-        self._mark = Landmark(observation.pose, direction, max_offset=reach)
+        self._start = Landmark(observation.pose, direction, max_offset=max_offset)
 
     def add(self, observation: Observation, *, found: bool) -> None:
-        step = moved(self._last, observation.pose)
+        pose = observation.pose
+        step = moved(self._last, pose)
         self._length += step
         self.lost = 0.0 if found else self.lost + step
-        self.turned += wrap_angle(observation.pose.yaw - self._last.yaw)
-        self._last = observation.pose
-        self.is_closed = self._mark.passed(observation.pose) and self._length > SHORTEST
+        self.turn += wrap_angle(pose.yaw - self._last.yaw)
+        self._last = pose
+        # asked at every pose: it remembers the last one
+        has_passed = self._start.passed(pose)
+        self.is_closed = has_passed and self._length > MIN_LENGTH

@@ -1,4 +1,4 @@
-"""From the start outward in a spiral, where no border is."""
+"""Simple coverage strategies: a spiral from the start outward, and random bounces."""
 
 import math
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.exploration.path_follower import (
-    LEAST_SCANS,
+    MIN_SCANS,
     ExplorationSettings,
     PathFollower,
 )
@@ -16,18 +16,23 @@ from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
 from radarsim.navigation.control import STAND, Twist, distance
 from radarsim.navigation.observation import Observation
 
-APART: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
-STRIDE: Final = 1.0  # m between two places on the spiral
-THERE: Final = 0.8  # m
+SPACING: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
+POINT_SPACING: Final = 1.0  # m along the spiral
+ARRIVAL_DISTANCE: Final = 0.8  # m
+MIN_TURN: Final = math.radians(30.0)
+AIMED: Final = math.radians(8.0)
+MAX_IDLE_LEGS: Final = 12  # legs without anything new after which it is done
+MIN_GAIN: Final = 1.0  # m² that count as something new
+_TURN_STEP: Final = math.radians(10.0)
 
 
 class SpiralCoverage:
-    """Goes round its start in ever wider turns; what is in the way is left out.
+    """Drives round its start in ever wider turns; unreachable points are left out.
 
     Attributes:
         activity: Always ``spiral``.
-        is_done: Whether it has got as far as it is to, or nothing of a whole turn can
-            be got to.
+        is_done: Whether it is as far out as it should go, or could reach nothing of a
+            whole turn.
     """
 
     activity = "spiral"
@@ -35,73 +40,63 @@ class SpiralCoverage:
     def __init__(self, settings: ExplorationSettings) -> None:
         self.is_done = False
         self._settings = settings
-        self._walker = PathFollower(settings)
+        self._path_follower = PathFollower(settings)
         self._start: Pose2 | None = None
         self._angle = 0.0
-        self._left_out = 0.0
+        self._skipped_angle = 0.0
         self._scans = 0
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Take in a scan and the map with it, and decide how to move until the next."""
+        """Return the twist until the next scan."""
         self._start = self._start or observation.pose
         self._scans += 1
-        if self.is_done or self._scans < LEAST_SCANS:
+        if self.is_done or self._scans < MIN_SCANS:
             return STAND
-        there = distance(observation.pose, *self._place()) < THERE
-        if self._walker.look(observation, grid) or there:
-            self._choose(observation, there=there)
-        return self._walker.walk(observation)
+        has_arrived = distance(observation.pose, *self._point()) < ARRIVAL_DISTANCE
+        if self._path_follower.update_map(observation, grid) or has_arrived:
+            self._choose(observation, has_arrived=has_arrived)
+        return self._path_follower.step(observation)
 
-    def _choose(self, observation: Observation, *, there: bool) -> None:
-        """Find the next place on the spiral that can be got to."""
-        floor = self._walker.floor
+    def _choose(self, observation: Observation, *, has_arrived: bool) -> None:
+        """Find the next point on the spiral that can be reached."""
+        floor = self._path_follower.floor
         assert floor is not None
         reachable = floor.reachable(observation.pose)
-        if there:
-            self._left_out = 0.0
-            self._go_on()
+        if has_arrived:
+            self._skipped_angle = 0.0
+            self._advance()
         while not self.is_done:
-            targets = reachable & floor.within(*self._place(), STRIDE / 2)
-            if self._walker.plan(observation, targets):
+            targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
+            if self._path_follower.plan(observation, targets):
                 return
-            self._left_out += self._go_on()
-            self.is_done |= self._left_out > 2 * math.pi
+            self._skipped_angle += self._advance()
+            self.is_done |= self._skipped_angle > 2 * math.pi
 
-    def _place(self) -> Point:
+    def _point(self) -> Point:
         assert self._start is not None
-        radius = APART * self._angle / (2 * math.pi)
+        radius = SPACING * self._angle / (2 * math.pi)
         angle = self._start.yaw + self._angle
         return (
             self._start.x + radius * math.cos(angle),
             self._start.y + radius * math.sin(angle),
         )
 
-    def _go_on(self) -> float:
-        """Go to the next place on the spiral; gives the angle to it, rad."""
-        radius = APART * self._angle / (2 * math.pi)
-        step = STRIDE / max(radius, STRIDE)
+    def _advance(self) -> float:
+        """Go on to the next point on the spiral; return the angle to it, rad."""
+        radius = SPACING * self._angle / (2 * math.pi)
+        step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
         self.is_done = radius > self._settings.radius
         return step
 
 
-# Section from mapping.exploring_turning.
-# Straight on, and off in another direction at every wall, as a simple vacuum robot.
-
-LEAST_TURN: Final = math.radians(30.0)
-FACING: Final = math.radians(8.0)
-LEGS: Final = 12  # that may show nothing new before it is enough
-NEWS: Final = 1.0  # m² that count as something new
-_TRIED: Final = math.radians(10.0)
-
-
 class RandomBounce:
-    """Turns away at walls, by chance.
+    """Drives straight on and turns by chance at walls, as simple vacuum robots do.
 
     Attributes:
         activity: ``straight`` or ``turning``.
-        is_done: Whether all floor that it can get to was seen at short range, or the
-            last legs have shown nothing new.
+        is_done: Whether all reachable floor was seen at short range, or the last legs
+            have shown nothing new.
     """
 
     def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
@@ -110,47 +105,47 @@ class RandomBounce:
         self._settings = settings
         self._rng = rng
         self._heading: float | None = None
-        self._unvisited = math.inf
-        self._idle = 0
+        self._unvisited_area = math.inf
+        self._idle_legs = 0
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Take in a scan and the map with it, and decide how to move until the next."""
+        """Return the twist until the next scan."""
         settings, yaw = self._settings, observation.pose.yaw
         if self._heading is None:
             self._heading = yaw
-        if self.activity == "turning" and abs(wrap_angle(self._heading - yaw)) < FACING:
+        if self.activity == "turning" and abs(wrap_angle(self._heading - yaw)) < AIMED:
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            self._judge(observation.pose, grid)
-            self._heading = yaw + self._turn(observation)
+            self._end_leg(observation.pose, grid)
+            self._heading = yaw + self._draw_turn(observation)
             self.activity = "turning"
         if self.is_done:
             return STAND
         twist = settings.speed_limits.towards(wrap_angle(self._heading - yaw))
         if self.activity == "turning":
             return Twist(0.0, twist.turn)
-        return settings.careful(observation, twist)
+        return settings.limit_by_bumpers(observation, twist)
 
-    def _turn(self, observation: Observation) -> float:
-        """Draw a turn to where nothing is in the way, rad; right about if that is not.
+    def _draw_turn(self, observation: Observation) -> float:
+        """Draw a turn to a free direction, rad; right about if there is none.
 
-        The bumper that has stopped it is some way off, so there is room to turn in.
+        The bumper has stopped the robot some way off the wall, so it can turn there.
         """
-        turns = np.arange(LEAST_TURN, 2 * math.pi - LEAST_TURN, _TRIED)
+        turns = np.arange(MIN_TURN, 2 * math.pi - MIN_TURN, _TURN_STEP)
         bumpers = self._settings.bumpers
         free = [
             turn for turn in turns if not bumpers.towards(observation, turn).blocked
         ]
         return float(self._rng.choice(free)) if free else math.pi
 
-    def _judge(self, pose: Pose2, grid: OccupancyGrid) -> None:
-        """Find out at a wall whether it goes on."""
-        floor = self._settings.floor(grid)
-        left = floor.area(floor.unvisited & floor.reachable(pose))
-        shown = self._unvisited - left
-        self._idle = 0 if shown > NEWS else self._idle + 1
-        self._unvisited = (
-            min(self._unvisited, left) if shown > NEWS else self._unvisited
-        )
-        self.is_done = left == 0 or self._idle >= LEGS
+    def _end_leg(self, pose: Pose2, grid: OccupancyGrid) -> None:
+        """Decide at a wall whether it is done."""
+        floor = self._settings.traversability(grid)
+        remaining = floor.area(floor.unvisited & floor.reachable(pose))
+        if self._unvisited_area - remaining > MIN_GAIN:
+            self._idle_legs = 0
+            self._unvisited_area = remaining
+        else:
+            self._idle_legs += 1
+        self.is_done = remaining == 0 or self._idle_legs >= MAX_IDLE_LEGS

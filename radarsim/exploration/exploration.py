@@ -1,4 +1,8 @@
-"""From a connection to a map: spawn a robot, ask what it is, and let it explore."""
+"""Exploration: spawn a robot, request its sensors, and let it map its surroundings.
+
+``warm_up`` compiles everything that maps are made with. The first use of a compiled
+function on a machine takes seconds, during which a moving robot would go on blindly.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -44,16 +48,16 @@ from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, TargetEc
 
 RADIUS = 12.0  # m
 TIME_LIMIT = 3600.0  # s
-NOISE = 0.05  # m; poses that are found differ by less while the robot stands
+NOISE = 0.05  # m; estimated poses differ by less while the robot stands
 
 
 class Outcome(StrEnum):
-    """How a survey ended."""
+    """How an exploration ended."""
 
     EXPLORED = "explored"
     TIME_LIMIT = "time_limit"
     STUCK = "stuck"
-    FAILED = "failed"  # the server said no more what is needed
+    FAILED = "failed"  # the server did not send what is needed
     BROKEN_OFF = "broken_off"
 
 
@@ -62,25 +66,25 @@ class ExplorationPlan:
     """What to map, and how.
 
     Attributes:
-        strategy: Of exploring.
+        strategy: Exploration strategy.
         waypoints: Points to drive to in turn instead, m, map frame; empty for the
             strategy.
-        motion_source: What tells the robot's motion between scans.
-        echoes: Whether to ask the server for them.
+        motion_source: Where the robot's motion between scans is read from.
+        echoes: Whether to ask the server for echoes.
         resolution: Side of a cell of the map, m.
-        robot_class: To be spawned; to explore, its scanner has to see all around.
+        robot_class: Robot to spawn; to explore, its scanner has to see all around.
         start: Name of a start pose; the server's first one if there is no pose either.
-        pose: Where to start otherwise.
+        pose: Start pose, if it is none of the server's.
         scanner: Name of the scanner to map with; the first one by default.
-        safety_distance: m from the robot's centre; None for the one that follows from
+        safety_distance: m from the robot's center; None for the one that follows from
             ``penetration_depth``.
-        penetration_depth: How far the sensor sees into foliage without knowing it, m.
-        wall_on_left: Whether walls are followed on the left hand.
-        speed_limits: How fast.
-        radius: How far from its start it goes where there is no border, m.
-        time_limit: s of the server.
-        timeout: After so many s without a scan the run is given up.
-        drive_unit: What the server counts wheel speeds in.
+        penetration_depth: How far the sensor sees into foliage unnoticed, m.
+        wall_on_left: Whether walls are followed on the left.
+        speed_limits: How fast the robot drives.
+        radius: How far from its start it goes where no walls end the area, m.
+        time_limit: Limit of the server's time, s.
+        timeout: Longest time without a scan, s.
+        drive_unit: Unit of the server's wheel speeds.
     """
 
     strategy: StrategyName = StrategyName.AUTO
@@ -104,12 +108,12 @@ class ExplorationPlan:
 
 @dataclass(frozen=True, slots=True)
 class ExplorationStep:
-    """One scan, and what the strategy made of it.
+    """One scan, and what the strategy decided.
 
     Attributes:
-        observation: What was known.
-        activity: What the strategy is at, in a word.
-        twist: What it wants.
+        observation: What is around the robot.
+        activity: What the strategy is doing, in one word.
+        twist: Motion until the next scan.
     """
 
     observation: Observation
@@ -118,22 +122,22 @@ class ExplorationStep:
 
 
 class Exploration:
-    """One run, and what is known of it, also where it broke off.
+    """One run and its results, which are kept if it fails.
 
     Attributes:
-        plan: What to do.
-        mapper: Has the map and the trajectory; None before the robot is known.
-        outcome: How it ended; ``broken_off`` while it lasts.
-        safety_distance: That is kept, m; nan before the robot is known.
-        trip: How far it has come.
+        plan: What to map, and how.
+        mapper: Holds the map and the trajectory; None before the robot is known.
+        outcome: How the run ended; ``broken_off`` while it lasts.
+        safety_distance: Distance kept from obstacles, m; nan before the robot is known.
+        trip: How far the robot has come.
     """
 
     def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
-        """Get ready.
+        """Create a run that has not begun.
 
         Args:
-            plan: What to do.
-            rng: For strategies that leave something to chance.
+            plan: What to map, and how.
+            rng: Generator for strategies that use chance.
         """
         self.plan = plan
         self.mapper: Mapper | None = None
@@ -145,36 +149,38 @@ class Exploration:
 
     @property
     def unreached(self) -> tuple[Point, ...]:
-        """The places of the way that it could not get to, m."""
-        way = self._strategy
-        return tuple(way.unreached) if isinstance(way, WaypointFollower) else ()
+        """Waypoints that the robot could not reach, m."""
+        strategy = self._strategy
+        if isinstance(strategy, WaypointFollower):
+            return tuple(strategy.unreached)
+        return ()
 
     def run(
         self,
         client: Client,
         observe: Callable[[ExplorationStep], None] = lambda _: None,
     ) -> None:
-        """Spawn a robot and let it explore; it stands at the end.
+        """Spawn a robot and let it explore; it stands still at the end.
 
         Args:
-            client: A connection without a robot.
+            client: Connection without a robot.
             observe: Called at every scan.
 
         Raises:
-            ClientError: If the server does not say what is needed.
-            MappingError: If no map can be made of what it says.
+            ClientError: If the server does not send what is needed.
+            MappingError: If no map can be made of what it sends.
             NavigationError: If the robot cannot do what is asked of it.
         """
-        warm_up()  # who compiles while the robot moves lets it go on blindly
+        warm_up()
         try:
-            helm, strategy = self._prepare(client)
-            self._explore(helm, strategy, observe)
+            loop, strategy = self._prepare(client)
+            self._explore(loop, strategy, observe)
         except (ClientError, MappingError):
             self.outcome = Outcome.FAILED
             raise
         except NavigationError:
-            stuck = self.trip.start is not None
-            self.outcome = Outcome.STUCK if stuck else Outcome.FAILED
+            has_started = self.trip.start is not None
+            self.outcome = Outcome.STUCK if has_started else Outcome.FAILED
             raise
         finally:
             client.stop()
@@ -183,9 +189,9 @@ class Exploration:
         plan = self.plan
         start = None if plan.pose is not None else choose_start(client, plan.start)
         client.spawn(plan.robot_class, start=start, pose=plan.pose)
-        facts = client.robot_info(drive_unit=plan.drive_unit)
-        scanner = facts.scanner(plan.scanner)
-        settings = self._settings_for(facts)
+        robot = client.robot_info(drive_unit=plan.drive_unit)
+        scanner = robot.scanner(plan.scanner)
+        settings = self._settings_for(robot)
         if not plan.waypoints:
             check_field_of_view(settings.bumpers, scanner)
         if plan.echoes:
@@ -194,13 +200,13 @@ class Exploration:
             slam=SlamSettings(motion_source=plan.motion_source),
             resolution=plan.resolution,
             echo_wait=1.0 if plan.echoes else 0.0,
-            body=min(facts.length, facts.width) / 2,
+            body=min(robot.length, robot.width) / 2,
         )
         self.mapper = Mapper(scanner, mapper_settings, clock=client.transport.time)
-        strategy = self._strategy_with(settings)
-        return ControlLoop(client, facts, self.mapper, timeout=plan.timeout), strategy
+        strategy = self._create_strategy(settings)
+        return ControlLoop(client, robot, self.mapper, timeout=plan.timeout), strategy
 
-    def _strategy_with(self, settings: ExplorationSettings) -> Strategy:
+    def _create_strategy(self, settings: ExplorationSettings) -> Strategy:
         plan = self.plan
         if plan.waypoints:
             self._strategy = WaypointFollower(settings, plan.waypoints)
@@ -208,16 +214,16 @@ class Exploration:
             self._strategy = create_strategy(plan.strategy, settings, self._rng)
         return self._strategy
 
-    def _settings_for(self, facts: RobotInfo) -> ExplorationSettings:
+    def _settings_for(self, robot: RobotInfo) -> ExplorationSettings:
         plan = self.plan
         safety = safety_distance_for(
-            facts, plan.safety_distance, plan.penetration_depth
+            robot, plan.safety_distance, plan.penetration_depth
         )
         self.safety_distance = safety
         return ExplorationSettings(
             bumpers=Bumpers(safety_distance=safety),
             speed_limits=SpeedLimits(
-                min(plan.speed_limits.speed, facts.top_speed), plan.speed_limits.turn
+                min(plan.speed_limits.speed, robot.top_speed), plan.speed_limits.turn
             ),
             wall_on_left=plan.wall_on_left,
             radius=plan.radius,
@@ -225,13 +231,13 @@ class Exploration:
 
     def _explore(
         self,
-        helm: ControlLoop,
+        loop: ControlLoop,
         strategy: Strategy,
         observe: Callable[[ExplorationStep], None],
     ) -> None:
         assert self.mapper is not None
-        push, standstill = StuckDetector(), StandstillDetector()
-        for observation in helm.scans():
+        stuck, standstill = StuckDetector(), StandstillDetector()
+        for observation in loop.scans():
             check_beams(len(observation.bearings), self.mapper.scanner)
             self.trip.add(observation)
             twist = strategy.step(observation, self.mapper.grid)
@@ -240,52 +246,45 @@ class Exploration:
                 done = strategy.is_done
                 self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT
                 return
-            push.check(observation, twist)
+            stuck.check(observation, twist)
             standstill.check(observation)
-            helm.drive(twist)
+            loop.drive(twist)
 
-
-# Section from mapping.warming.
-# Compiling what maps are made by, before a robot moves.
-#
-# The first use of a compiled function on a machine takes seconds. A robot that has
-# been
-# told to go would go on blindly for as long.
 
 _BEAMS = 90
 _FOV = math.radians(356)
 _SCANNER = ScannerInfo("x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), _FOV, _BEAMS)
 _SCANS = 3
-_MANY = 1000  # points, more than a new map has room for
+_POINTS = 1000  # more than a new map has rows for
 
 
 def warm_up() -> None:
-    """Make a little map, with and without a seed, and plan on it."""
-    PointMap().add(np.zeros((_MANY, 2)))
+    """Make small maps, with and without a motion source, and plan on them."""
+    PointMap().add(np.zeros((_POINTS, 2)))
     for settings in (SlamSettings(), SlamSettings(motion_source="none")):
         mapper = Mapper(_SCANNER, MapperSettings(slam=settings, body=0.2))
-        for report in _drive():
+        for report in _reports():
             mapper.take(report)
         floor = TraversabilityMap(mapper.grid, 0.4)
-        middle = Pose2(0.0, 0.0)
-        floor.find_path(middle, floor.frontiers | floor.unvisited)
-        floor.outer_boundary(floor.reachable(middle))
+        center = Pose2(0.0, 0.0)
+        floor.find_path(center, floor.frontiers | floor.unvisited)
+        floor.outer_boundary(floor.reachable(center))
         mapper.grid.drivable_cells(0.4)
 
 
-def _drive() -> Iterator[Report]:
-    """Tell of a robot inside a wall all round, with a hedge before it on one side."""
+def _reports() -> Iterator[Report]:
+    """Return what a robot reports inside a round wall, with a hedge on one side."""
     beams = np.arange(_BEAMS // 2)
     for k in range(_SCANS):
         time = 0.1 * k
         yield Ins(time, "x", Pose3(0.3 * k, 0.0, 0.0))
-        yield EchoLine(time, "x", 1, 2, _seen("wall", np.arange(_BEAMS), 5.0, "hit"))
-        yield EchoLine(time, "x", 2, 2, _seen("hedge", beams, 3.0, "enter"))
+        yield EchoLine(time, "x", 1, 2, _echoes("wall", np.arange(_BEAMS), 5.0, "hit"))
+        yield EchoLine(time, "x", 2, 2, _echoes("hedge", beams, 3.0, "enter"))
         ranges = np.full(_BEAMS, 5.0)
         yield RangeScan(time, "x", math.radians(4), _FOV, ranges)
 
 
-def _seen(
+def _echoes(
     name: str, beams: NDArray[np.int64], range_: float, kind: str
 ) -> TargetEchoes:
     ones = np.ones(len(beams))

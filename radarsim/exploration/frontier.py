@@ -1,9 +1,9 @@
-"""To the nearest place that is worth it, again and again, until there is none.
+"""Frontier and short-range coverage: to the nearest tile worth it until none is left.
 
-The next frontier is where floor that is sensed and drivable meets what no beam has been
-in. Who looks for frontiers turns round once first, so that what lies between two beams
-of one scan is seen by another. To fill is to see all floor at short range: what a radar
-sees of it from afar, and through foliage, it sees with wide gaps between its beams.
+A frontier is where open floor meets what no beam has been in . The robot turns round
+once first, so that what lies between two beams of one scan is seen by another.
+Short-range coverage sees all floor from near: what a radar sees of it from afar, and
+through foliage, it sees with wide gaps between its beams.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Final
 
 from radarsim.exploration.path_follower import (
-    LEAST_SCANS,
+    MIN_SCANS,
     ExplorationSettings,
     PathFollower,
 )
@@ -21,34 +21,34 @@ from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.control import STAND, Twist
 from radarsim.navigation.observation import Observation
 
-FULL: Final = 2 * math.pi
-STAYS: Final = 1.5  # m around a target where more of it is worth staying
+FULL_TURN: Final = 2 * math.pi
+NEIGHBORHOOD: Final = 1.5  # m around a target, where further targets come first
 
 TargetSelector = Callable[[TraversabilityMap], Mask]
 
 
 class NearestTargetStrategy:
-    """Goes to the nearest of what a choice leaves on the floor.
+    """Strategy that drives to the nearest of the tiles that a selector returns.
 
     Attributes:
-        activity: A word for it.
-        is_done: Whether nothing is left that can be got to.
+        activity: Name of what it does.
+        is_done: Whether no target is left that can be reached.
     """
 
     def __init__(
         self,
         settings: ExplorationSettings,
-        choice: TargetSelector,
+        select_targets: TargetSelector,
         activity: str,
         *,
         turn: float = 0.0,
     ) -> None:
-        """Get ready.
+        """Create a strategy.
 
         Args:
-            settings: How the robot goes.
-            choice: What to go to.
-            activity: A word for it.
+            settings: How the robot drives.
+            select_targets: Returns the tiles to drive to.
+            activity: Name of what it does.
             turn: How far to turn on the spot first, rad.
         """
         self.activity = activity
@@ -56,50 +56,47 @@ class NearestTargetStrategy:
         self._turn = turn
         self._yaw = math.nan
         self._speed_limits = settings.speed_limits
-        self._choice = choice
-        self._walker = PathFollower(settings)
+        self._select_targets = select_targets
+        self._path_follower = PathFollower(settings)
         self._scans = 0
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Take in a scan and the map with it, and decide how to move until the next."""
+        """Return the twist until the next scan."""
         self._scans += 1
-        if self.is_done or self._scans < LEAST_SCANS:
+        if self.is_done or self._scans < MIN_SCANS:
             return STAND
         if self._turn > 0:
-            return self._look_around(observation)
-        if self._walker.look(observation, grid):
-            assert self._walker.floor is not None
-            targets = self._choice(self._walker.floor)
-            self.is_done = not self._walker.plan(observation, self._kept(targets))
-        return self._walker.walk(observation)
+            return self._turn_round(observation)
+        if self._path_follower.update_map(observation, grid):
+            assert self._path_follower.floor is not None
+            targets = self._prefer_near(self._select_targets(self._path_follower.floor))
+            self.is_done = not self._path_follower.plan(observation, targets)
+        return self._path_follower.step(observation)
 
-    def _look_around(self, observation: Observation) -> Twist:
+    def _turn_round(self, observation: Observation) -> Twist:
         if not math.isnan(self._yaw):
             self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
         self._yaw = observation.pose.yaw
         return Twist(0.0, self._speed_limits.turn)
 
-    def _kept(self, targets: Mask) -> Mask:
-        """Stay with what is around the last target as long as anything is."""
-        floor, end = self._walker.floor, self._walker.end
+    def _prefer_near(self, targets: Mask) -> Mask:
+        """Return the targets around the last one, or all if none is there."""
+        floor, end = self._path_follower.floor, self._path_follower.end
         assert floor is not None
         if end is None:
             return targets
-        around = targets & floor.within(*end, STAYS)
-        return around if around.any() else targets
-
-
-def _frontiers(floor: TraversabilityMap) -> Mask:
-    return floor.frontiers
+        near = targets & floor.disc(*end, NEIGHBORHOOD)
+        return near if near.any() else targets
 
 
 def frontier_strategy(
-    settings: ExplorationSettings, choice: TargetSelector = _frontiers
+    settings: ExplorationSettings,
+    select_targets: TargetSelector = lambda floor: floor.frontiers,
 ) -> NearestTargetStrategy:
-    """Explore by going to the nearest frontier, of all or of some."""
-    return NearestTargetStrategy(settings, choice, "frontier", turn=FULL)
+    """Return a strategy that drives to the nearest of all frontiers, or of some."""
+    return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
 
 
 def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
-    """Explore by going to the nearest floor that was not seen at short range."""
+    """Return a strategy that drives to the nearest floor not seen at short range."""
     return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")

@@ -1,4 +1,4 @@
-"""What a surveyor lets one choose, by name; nothing heavy is imported here."""
+"""Names of exploration strategies, for command lines; imports nothing heavy."""
 
 from enum import StrEnum
 

@@ -1,8 +1,8 @@
-"""What all strategies of exploring have in common: how a robot gets to a place.
+"""Path follower: drives a robot over open floor; shared by all exploration strategies.
 
-A strategy is asked at every scan how to move, as a bug is, and is shown the map too.
-Ways are planned on the map and lead through floor that is sensed and drivable; what the
-bumpers feel overrules them: towards what is too near no robot goes.
+At every scan a strategy receives the observation and the map, and returns the twist
+until the next scan. Paths are planned on the map and lead over sensed and open floor.
+The bumpers overrule them: no robot drives towards what is too near.
 """
 
 import math
@@ -26,29 +26,29 @@ from radarsim.navigation.control import (
 )
 from radarsim.navigation.observation import Observation
 
-LEAST_SCANS: Final = 10  # that the map has before it is judged
-
-LOOK_EVERY: Final = 1.0  # s between two looks at the map
-LOOKAHEAD: Final = 1.2  # m of a way that is cut short where the straight way is open
-PATIENCE: Final = 10.0  # s without getting anywhere, after which a place is given up
-GIVEN_UP: Final = 0.7  # m around such a place
+MIN_SCANS: Final = 10  # on the map before it is evaluated
+MAP_INTERVAL: Final = 1.0  # s between two evaluations of the map
+LOOKAHEAD: Final = 1.2  # m of a path that is cut short where the straight line is open
+PATIENCE: Final = 10.0  # s without progress after which a target is given up
+GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
+WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint that count as there
 _PROGRESS: Final = 0.2  # m
-_TRIED: Final = math.radians(10.0)
+_BEARING_STEP: Final = math.radians(10.0)
 
 
 class Strategy(Protocol):
-    """A way to explore."""
+    """Exploration strategy."""
 
     @property
     def activity(self) -> str:
-        """What it is at, in one word."""
+        """What it is doing, in one word."""
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing is left to do for it."""
+        """Whether nothing is left to explore for it."""
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Take in a scan and the map with it, and decide how to move until the next."""
+        """Return the twist until the next scan."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,10 +56,10 @@ class ExplorationSettings:
     """How a robot explores.
 
     Attributes:
-        bumpers: What it senses by, and the distance that it keeps.
-        speed_limits: How fast it goes.
-        wall_on_left: Whether it keeps walls on its left hand.
-        radius: How far from its start it goes where there is no border, m.
+        bumpers: Its long-range bumpers, with the safety distance.
+        speed_limits: How fast it drives.
+        wall_on_left: Whether it keeps walls on its left.
+        radius: How far from its start it goes where no walls end the area, m.
     """
 
     bumpers: Bumpers
@@ -67,159 +67,160 @@ class ExplorationSettings:
     wall_on_left: bool = True
     radius: float = 12.0
 
-    def floor(self, grid: OccupancyGrid) -> TraversabilityMap:
-        """Look at a map."""
+    def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
+        """Evaluate a map."""
         return TraversabilityMap(grid, self.bumpers.safety_distance)
 
-    def careful(self, observation: Observation, twist: Twist) -> Twist:
-        """Let the bumpers overrule a motion: turn where something ahead is too near."""
-        behind = twist.speed < 0
-        ahead = math.pi if behind else 0.0
+    def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
+        """Return a twist, or a turn instead if something ahead is too near."""
+        ahead = math.pi if twist.speed < 0 else 0.0
         if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
             return twist
         return Twist(0.0, twist.turn or self.speed_limits.turn)
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
-        """Give the nearest to a bearing that is not too near to anything, rad."""
-        for k in range(int(math.pi / _TRIED) + 1):
-            for tried in (bearing + k * _TRIED, bearing - k * _TRIED):
-                if not self.bumpers.towards(observation, tried).too_near:
-                    return tried
+        """Return the bearing nearest to a given one where nothing is too near, rad."""
+        for k in range(int(math.pi / _BEARING_STEP) + 1):
+            for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
+                if not self.bumpers.towards(observation, each).too_near:
+                    return each
         return bearing
 
 
 class PathFollower:
-    """Walks to the nearest of some places, over floor that is sensed and open.
+    """Drives to the nearest of some tiles, over floor that is sensed and open.
 
     Attributes:
-        floor: As it was at the last look; None before the first.
+        floor: The map as last evaluated; None before the first time.
     """
 
     def __init__(self, settings: ExplorationSettings) -> None:
         self.floor: TraversabilityMap | None = None
         self._settings = settings
-        self._looked = -math.inf
-        self._way: Sequence[Point] = ()
+        self._updated = -math.inf
+        self._path: Sequence[Point] = ()
         self._given_up: list[Point] = []
-        self._since: tuple[float, Pose2] | None = None
-
-    def look(self, observation: Observation, grid: OccupancyGrid) -> bool:
-        """Look at the map if it is time to; tells whether it was."""
-        if self.floor is not None and observation.time < self._looked + LOOK_EVERY:
-            return False
-        self.floor, self._looked = self._settings.floor(grid), observation.time
-        return True
-
-    def plan(self, observation: Observation, targets: Mask) -> bool:
-        """Find the way to the nearest of some tiles; tells whether there is one."""
-        assert self.floor is not None
-        for place in self._given_up:
-            targets = targets & ~self.floor.within(*place, GIVEN_UP)
-        before = self._way[-1:]
-        self._way = self.floor.find_path(observation.pose, targets)
-        if self._since is None or not before:
-            self._since = observation.time, observation.pose
-        return bool(self._way)
-
-    def walk(self, observation: Observation) -> Twist:
-        """Decide how to go on along the way."""
-        if not self._way:
-            return STAND
-        self._mind(observation)
-        settings = self._settings
-        bearing = bearing_of(observation.pose, *self._next(observation.pose))
-        bearing = settings.clear_bearing(observation, bearing)
-        return settings.careful(observation, settings.speed_limits.towards(bearing))
+        self._last_progress: tuple[float, Pose2] | None = None
 
     @property
     def end(self) -> Point | None:
-        """Where it goes, m."""
-        return self._way[-1] if self._way else None
+        """End of the path, m."""
+        return self._path[-1] if self._path else None
 
-    def _next(self, pose: Pose2) -> Point:
-        """Give the place to head for: as far along as one can go straight."""
+    def update_map(self, observation: Observation, grid: OccupancyGrid) -> bool:
+        """Evaluate the map if it is time to; return whether it was."""
+        if self.floor is not None and observation.time < self._updated + MAP_INTERVAL:
+            return False
+        self.floor = self._settings.traversability(grid)
+        self._updated = observation.time
+        return True
+
+    def plan(self, observation: Observation, targets: Mask) -> bool:
+        """Plan the path to the nearest of some tiles; return whether there is one."""
         assert self.floor is not None
-        nearest = min(
-            range(len(self._way)), key=lambda i: distance(pose, *self._way[i])
-        )
-        chosen = self._way[min(nearest + 2, len(self._way) - 1)]
-        for place in self._way[nearest:]:
-            if distance(pose, *place) > LOOKAHEAD:
+        for point in self._given_up:
+            targets = targets & ~self.floor.disc(*point, GIVEN_UP_RADIUS)
+        had_path = bool(self._path)
+        self._path = self.floor.find_path(observation.pose, targets)
+        if self._last_progress is None or not had_path:
+            self._last_progress = observation.time, observation.pose
+        return bool(self._path)
+
+    def step(self, observation: Observation) -> Twist:
+        """Return the twist along the path."""
+        if not self._path:
+            return STAND
+        self._check_progress(observation)
+        settings = self._settings
+        bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
+        bearing = settings.clear_bearing(observation, bearing)
+        twist = settings.speed_limits.towards(bearing)
+        return settings.limit_by_bumpers(observation, twist)
+
+    def _next_point(self, pose: Pose2) -> Point:
+        """Return the point to head for: as far along the path as the line is open."""
+        assert self.floor is not None
+        path = self._path
+        nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
+        chosen = path[min(nearest + 2, len(path) - 1)]
+        for point in path[nearest:]:
+            if distance(pose, *point) > LOOKAHEAD:
                 break
-            if self.floor.is_straight(pose, *place):
-                chosen = place
+            if self.floor.is_line_open(pose, *point):
+                chosen = point
         return chosen
 
-    def _mind(self, observation: Observation) -> None:
-        """Give a place up that it does not get nearer to."""
-        assert self._since is not None
-        since, pose = self._since
+    def _check_progress(self, observation: Observation) -> None:
+        """Give up a target to which the robot gets no nearer."""
+        assert self._last_progress is not None
+        time, pose = self._last_progress
         if moved(pose, observation.pose) > _PROGRESS:
-            self._since = observation.time, observation.pose
-        elif observation.time > since + PATIENCE:
-            self._given_up.append(self._way[-1])
-            self._since, self._looked = (observation.time, observation.pose), -math.inf
-
-
-# Section from mapping.exploring_way.
-# From place to place, for a way that somebody has chosen.
-
-THERE: Final = 0.25  # m
+            self._last_progress = observation.time, observation.pose
+        elif observation.time > time + PATIENCE:
+            self._given_up.append(self._path[-1])
+            self._last_progress = observation.time, observation.pose
+            self._updated = -math.inf  # plan again at once
 
 
 class WaypointFollower:
-    """Goes to some places in turn, as near to each as sensed and open floor leads.
+    """Strategy that drives to waypoints in turn, as near as sensed, open floor leads.
 
     Attributes:
         activity: Always ``underway``.
-        is_done: Whether it has been to all places, or as near as could be.
-        left_out: Those that it could not get to, m.
+        is_done: Whether it has been to all waypoints, or as near as possible.
+        unreached: Waypoints that it could not reach, m.
     """
 
     activity = "underway"
 
-    def __init__(self, settings: ExplorationSettings, places: Sequence[Point]) -> None:
-        """Get ready.
+    def __init__(
+        self, settings: ExplorationSettings, waypoints: Sequence[Point]
+    ) -> None:
+        """Create a strategy.
 
         Args:
-            settings: How the robot goes.
-            places: Where to, m, map frame.
+            settings: How the robot drives.
+            waypoints: m, map frame.
         """
         self.is_done = False
         self.unreached: list[Point] = []
-        self._walker = PathFollower(settings)
-        self._places = list(places)
+        self._path_follower = PathFollower(settings)
+        self._waypoints = list(waypoints)
         self._scans = 0
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Take in a scan and the map with it, and decide how to move until the next."""
+        """Return the twist until the next scan."""
         self._scans += 1
-        if self.is_done or self._scans < LEAST_SCANS:
+        if self.is_done or self._scans < MIN_SCANS:
             return STAND
-        there = distance(observation.pose, *self._places[0]) < THERE
-        if self._walker.look(observation, grid) or there:
+        has_arrived = self._distance(observation) < WAYPOINT_RADIUS
+        if self._path_follower.update_map(observation, grid) or has_arrived:
             self.is_done = not self._choose(observation)
-        return STAND if self.is_done else self._walker.walk(observation)
+        return STAND if self.is_done else self._path_follower.step(observation)
+
+    def _distance(self, observation: Observation) -> float:
+        return distance(observation.pose, *self._waypoints[0])
 
     def _choose(self, observation: Observation) -> bool:
-        """Find the next place that can be got nearer to; tells whether there is one."""
-        while self._places:
-            if distance(observation.pose, *self._places[0]) >= THERE:
-                if self._is_on_way(observation):
+        """Find the next waypoint to approach; return whether there is one."""
+        while self._waypoints:
+            if self._distance(observation) >= WAYPOINT_RADIUS:
+                if self._plan(observation):
                     return True
-                self.unreached.append(self._places[0])
-            self._places.pop(0)
+                self.unreached.append(self._waypoints[0])
+            self._waypoints.pop(0)
         return False
 
-    def _is_on_way(self, observation: Observation) -> bool:
-        """Plan to get as near to a place as can be; tells whether that is nearer."""
-        floor = self._walker.floor
+    def _plan(self, observation: Observation) -> bool:
+        """Plan a path as near to the waypoint as possible; return if that is nearer."""
+        floor = self._path_follower.floor
         assert floor is not None
-        tiles = floor.nearest(floor.reachable(observation.pose), *self._places[0])
-        across, up = floor.cell_centers()
+        reachable = floor.reachable(observation.pose)
+        tiles = floor.nearest(reachable, *self._waypoints[0])
+        x, y = floor.tile_centers()
         for row, column in np.argwhere(tiles):
-            left = math.dist((across[column], up[row]), self._places[0])
-            gain = distance(observation.pose, *self._places[0]) - left
-            if left < THERE or gain > THERE:
-                return self._walker.plan(observation, tiles)
+            remaining = math.dist((x[column], y[row]), self._waypoints[0])
+            gain = self._distance(observation) - remaining
+            if remaining < WAYPOINT_RADIUS or gain > WAYPOINT_RADIUS:
+                return self._path_follower.plan(observation, tiles)
         return False

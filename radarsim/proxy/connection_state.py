@@ -1,8 +1,8 @@
-"""What one connection has told of its robot, to who only listens; no sockets, no clock.
+"""State of one observed connection: what its client and its server have said so far.
 
-A listener may not ask. What it must know of a scanner it has from the answers to the
-client's own questions; where the client does not ask, from who started the listener;
-and for the rest it looks at the scans themselves.
+An observer cannot ask the server. It knows a scanner by the answers to the client's own
+requests; where the client does not ask, by the defaults of the user; and otherwise by
+the scans themselves.
 """
 
 import math
@@ -33,18 +33,18 @@ from radarsim.protocol.reports import (
     ScannerConf,
 )
 
-ALIKE: Final = 4  # beams of a scan that read the same, and most: no wall does that
+SAME_RANGES: Final = 4  # equal largest ranges in a scan that are its maximum range
 ANY: Final = ""  # instead of a name: all items of a type
 
 
 @dataclass(frozen=True, slots=True)
 class ScannerDefaults:
-    """What to take where the server is not asked.
+    """Properties of a scanner about which no client asks the server.
 
     Attributes:
-        mount: Of the scanner, in the body frame; None for the body's own place.
-        max_range: Of the scanner, m; None for the largest range that several beams of
-            one scan have read, and no limit before that.
+        mount: Pose in the body frame; None for the origin of the body.
+        max_range: m; None for the largest range that several beams of one scan have
+            read, and no limit before that.
     """
 
     mount: Pose3 | None = None
@@ -56,114 +56,111 @@ NO_DEFAULTS: Final = ScannerDefaults()
 
 @dataclass(slots=True, eq=False)
 class ConnectionState:
-    """All that was heard on one connection.
+    """What was said on one connection.
 
     Attributes:
-        number: Of the connection.
-        session: What the server has said.
-        robot: The newest order to make one; None if there was none.
-        geometry: What the robot has told of its shape; None if nothing.
-        unread: How many lines of the client were skipped.
+        number: Number of the connection.
+        session: State by the reports of the server.
+        robot: Newest INIT command; None if there was none.
+        geometry: Newest geometry of the robot; None if there was none.
+        skipped_lines: Number of lines of the client that are no commands.
     """
 
     number: int
     session: Session = field(default_factory=Session)
     robot: Init | None = None
     geometry: RobotGeo | None = None
-    unread: int = 0
+    skipped_lines: int = 0
     _mounts: dict[str, ItemGeo] = field(default_factory=dict)
-    _settings: dict[str, ScannerConf] = field(default_factory=dict)
-    _limits: dict[str, float] = field(default_factory=dict)
+    _confs: dict[str, ScannerConf] = field(default_factory=dict)
+    _max_ranges: dict[str, float] = field(default_factory=dict)
     _echoes: dict[str, bool] = field(default_factory=dict)
 
     def receive_server_line(self, text: str) -> Report | None:
-        """Take in a line of the server, and give what it says, if that is known."""
+        """Process a line of the server; return its report, or None if it is none."""
         for report in self.session.receive(text.encode("latin-1") + b"\n"):
-            self._remember(report)
+            self._process_report(report)
             return report
         return None
 
     def receive_client_line(self, text: str) -> Command | None:
-        """Take in a line of the client, and give what it asks for, if that is known."""
+        """Process a line of the client; return its command, or None if it is none."""
         try:
             command = parse_command(text, COMPAT)
         except MalformedMessage:
-            self.unread += 1
+            self.skipped_lines += 1
             return None
         if isinstance(command, Init):
             self.robot = command
         elif isinstance(command, SetItem):
-            self._note_order(command)
+            self._process_set(command)
         return command
 
     def asks_for_echoes(self, scanner: str) -> bool:
-        """Tell whether the client has told a scanner to send echoes."""
+        """Return whether the client has switched on the echoes of a scanner."""
         return self._echoes.get(scanner.lower(), self._echoes.get(ANY, False))
 
     def is_described(self, scanner: str) -> bool:
-        """Tell whether the server has told a scanner's place and its limits."""
+        """Return whether the server has sent the mount and the limits of a scanner."""
         key = scanner.casefold()
-        return key in self._mounts and key in self._settings
+        return key in self._mounts and key in self._confs
 
     def scanner(
-        self, name: str | None = None, given: ScannerDefaults = NO_DEFAULTS
+        self, name: str | None = None, defaults: ScannerDefaults = NO_DEFAULTS
     ) -> ScannerInfo | None:
-        """Tell what is known of a scanner; the more was heard, the better.
+        """Return what is known of a scanner; None before its first scan.
 
         Args:
-            name: None for the one whose scans came first.
-            given: What to take where the server was not asked.
-
-        Returns:
-            None before its first scan.
+            name: None for the one that scanned first.
+            defaults: Properties about which the server was not asked.
         """
         scans = self.session.scans
         scan = scans.get(next(iter(scans), "") if name is None else name)
         if scan is None:
             return None
-        told = ScannerDescriptions()
-        told.add(self._mounts.get(scan.name.casefold()) or _supposed_mount(scan, given))
-        told.add(
-            self._settings.get(scan.name.casefold())
-            or self._supposed_limit(scan, given)
-        )
-        all_told = told.scanners({scan.name: scan})
-        return next(facts for facts in all_told if same_name(facts.name, scan.name))
+        key = scan.name.casefold()
+        descriptions = ScannerDescriptions()
+        descriptions.add(self._mounts.get(key) or _default_mount(scan, defaults))
+        descriptions.add(self._confs.get(key) or self._default_conf(scan, defaults))
+        scanners = descriptions.scanners({scan.name: scan})
+        return next(each for each in scanners if same_name(each.name, scan.name))
 
-    def _note_order(self, order: SetItem) -> None:
-        is_of_scanners = order.type.lower() == RANGE_SCANNER.lower()
-        if not is_of_scanners or order.opcode.upper() != "ECHOES":
+    def _process_set(self, command: SetItem) -> None:
+        is_of_scanners = command.type.lower() == RANGE_SCANNER.lower()
+        if not is_of_scanners or command.opcode.upper() != "ECHOES":
             return
         with suppress(MalformedMessage):
-            on = parse_switch(order.params)
-            if order.name is None:
+            on = parse_switch(command.params)
+            if command.name is None:
                 self._echoes = {ANY: on}
             else:
-                self._echoes[order.name.lower()] = on
+                self._echoes[command.name.lower()] = on
 
-    def _remember(self, report: Report) -> None:
+    def _process_report(self, report: Report) -> None:
         if isinstance(report, RobotGeo):
             self.geometry = report
         elif isinstance(report, ItemGeo):
             self._mounts |= {name.casefold(): report for name, _ in report.mounts}
         elif isinstance(report, ScannerConf):
-            self._settings |= {name.casefold(): report for name, *_ in report.items}
+            self._confs |= {name.casefold(): report for name, *_ in report.items}
         elif isinstance(report, RangeScan):
-            self._look_for_a_limit(report)
+            self._infer_max_range(report)
 
-    def _look_for_a_limit(self, scan: RangeScan) -> None:
+    def _infer_max_range(self, scan: RangeScan) -> None:
         largest = float(scan.ranges.max(initial=0.0))
-        if np.count_nonzero(scan.ranges == largest) >= ALIKE:
-            self._limits[scan.name] = max(largest, self._limits.get(scan.name, 0.0))
+        if np.count_nonzero(scan.ranges == largest) >= SAME_RANGES:
+            self._max_ranges[scan.name] = max(
+                largest, self._max_ranges.get(scan.name, 0.0)
+            )
 
-    def _supposed_limit(self, scan: RangeScan, given: ScannerDefaults) -> ScannerConf:
-        limit = given.max_range
-        if limit is None:
-            limit = self._limits.get(scan.name, math.inf)
-        return ScannerConf(
-            RANGE_SCANNER, ((scan.name, limit, 0.0, math.nan, math.nan),)
-        )
+    def _default_conf(self, scan: RangeScan, defaults: ScannerDefaults) -> ScannerConf:
+        max_range = defaults.max_range
+        if max_range is None:
+            max_range = self._max_ranges.get(scan.name, math.inf)
+        item = (scan.name, max_range, 0.0, math.nan, math.nan)
+        return ScannerConf(RANGE_SCANNER, (item,))
 
 
-def _supposed_mount(scan: RangeScan, given: ScannerDefaults) -> ItemGeo:
-    return ItemGeo(RANGE_SCANNER, ((scan.name, given.mount or DEFAULT_MOUNT),), "")
+def _default_mount(scan: RangeScan, defaults: ScannerDefaults) -> ItemGeo:
+    mount = defaults.mount or DEFAULT_MOUNT
+    return ItemGeo(RANGE_SCANNER, ((scan.name, mount),), "")

@@ -1,19 +1,24 @@
-"""Lines as they are overheard: who said them, where, and whether scans are in them."""
+"""Queue of lines between the thread that forwards bytes and the one that parses them.
+
+The thread that adds never waits. If the thread that takes is slow, the oldest scans are
+dropped whole, with the echoes before them, and all lines between them stay.
+"""
 
 import re
 from collections import deque
 from dataclasses import dataclass
 from itertools import count
-from operator import itemgetter
 from threading import Condition
 from typing import Final, Literal, TypeAlias
 
 from radarsim.protocol.framing import LineBuffer
 
-Side: TypeAlias = Literal["client", "server"]  # who says something
-Part: TypeAlias = Literal["ranges", "echoes"]
+Side: TypeAlias = Literal["client", "server"]  # that sends
+ScanPart: TypeAlias = Literal["ranges", "echoes"]
 
-_PARTS: Final[dict[str, Part]] = {"rangescanner": "ranges", "echoes": "echoes"}
+MAX_SCANS: Final = 20
+MAX_CHARACTERS: Final = 2**24  # of all lines
+_SCAN_PARTS: Final[dict[str, ScanPart]] = {"rangescanner": "ranges", "echoes": "echoes"}
 _TYPE: Final = re.compile(
     r"SEN\b.*?\{\s*Type\s+(RangeScanner|Echoes)\s*\}", re.IGNORECASE
 )
@@ -21,80 +26,72 @@ _TYPE: Final = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line.
+    """A line of one connection.
 
     Attributes:
-        number: Of the connection.
-        side: Who says it.
-        text: Without its end.
-        part: What it holds of a scan; None for any other line.
+        number: Number of the connection.
+        side: Side that sent it.
+        text: Text without the line end.
+        scan_part: Part of a scan that it holds; None for any other line.
     """
 
     number: int
     side: Side
     text: str
-    part: Part | None
+    scan_part: ScanPart | None
 
 
-def read_line(number: int, side: Side, text: str) -> Line:
-    """Find out whether a line holds something of a scan, without reading it.
+def classify_line(number: int, side: Side, text: str) -> Line:
+    """Return a line with the part of a scan that it holds, without parsing it.
 
-    >>> read_line(1, "server", "SEN {Time 2} {Type RangeScanner} {Name a} ...").part
-    'ranges'
+    >>> classify_line(1, "server", "SEN {Time 2} {Type Echoes} {Name a}").scan_part
+    'echoes'
     """
-    found = _TYPE.match(text) if side == "server" else None
-    return Line(number, side, text, _PARTS[found[1].lower()] if found else None)
+    match = _TYPE.match(text) if side == "server" else None
+    part = _SCAN_PARTS[match[1].lower()] if match else None
+    return Line(number, side, text, part)
 
-
-# Section from tap.backlog.
-# Lines that were overheard and wait to be understood; the oldest scans give way.
-#
-# Who puts lines in is never kept waiting. Who takes them out may be slow: then scans
-# are
-# left out whole, with the echoes before them, and everything between them stays.
 
 _Numbered: TypeAlias = deque[tuple[int, Line]]
 
-MOST_SCANS: Final = 20
-MOST_CHARACTERS: Final = 2**24  # of all lines
-
 
 class LineQueue:
-    """Takes pieces of streams in one thread, and gives lines in another.
+    """Accepts chunks of streams in one thread, and returns lines in another.
 
     Attributes:
-        dropped: How many scans were left out.
+        dropped: Number of scans dropped.
     """
 
     def __init__(
-        self, most_scans: int = MOST_SCANS, most_characters: int = MOST_CHARACTERS
+        self, max_scans: int = MAX_SCANS, max_characters: int = MAX_CHARACTERS
     ) -> None:
-        """Begin with none.
+        """Create an empty queue.
 
         Args:
-            most_scans: That wait, at least 1.
-            most_characters: That wait; then the oldest lines give way, of any kind.
+            max_scans: Limit of scans that wait, at least 1.
+            max_characters: Limit of characters that wait; beyond it the oldest lines of
+                any type are dropped.
         """
         self.dropped = 0
-        self._most_scans = most_scans
-        self._most_characters = most_characters
+        self._max_scans = max_scans
+        self._max_characters = max_characters
         self._buffers: dict[tuple[int, Side], LineBuffer] = {}
-        # apart, so that a scan is left out without looking through all else
-        self._of_scans: _Numbered = deque()
-        self._others: _Numbered = deque()
+        # two queues, so that a scan is dropped without searching through all else
+        self._scan_lines: _Numbered = deque()
+        self._other_lines: _Numbered = deque()
         self._numbers = count()
         self._scans = 0
         self._characters = 0
         self._only: int | None = None
-        self._ended = False
+        self._has_ended = False
         self._changed = Condition()
 
     def put(self, number: int, side: Side, data: bytes) -> None:
-        """Take a piece of what one side says on one connection; never raises."""
-        texts = self._cut(number, side, data)
-        lines = [read_line(number, side, text) for text in texts]
+        """Add a chunk that one side sent on one connection; never raises."""
+        texts = self._split(number, side, data)
+        lines = [classify_line(number, side, text) for text in texts]
         with self._changed:
-            if self._ended or self._only not in (None, number):
+            if self._has_ended or self._only not in (None, number):
                 return
             for line in lines:
                 self._append(line)
@@ -102,71 +99,70 @@ class LineQueue:
                 self._changed.notify()
 
     def take(self) -> Line | None:
-        """Wait for the next line; None if there is none, and none will come."""
+        """Wait for the next line; return None if there is none and none will come."""
         with self._changed:
-            while not self._waits and not self._ended:
+            while not self._has_lines and not self._has_ended:
                 self._changed.wait()
-            return self._pop() if self._waits else None
+            return self._pop() if self._has_lines else None
 
     def end(self) -> None:
-        """Take no more; what is there can still be had."""
+        """Accept no more; lines that wait can still be taken."""
         with self._changed:
-            self._ended = True
+            self._has_ended = True
             self._changed.notify()
 
     def keep_only(self, number: int) -> None:
-        """From now on take nothing of other connections."""
+        """Drop all lines of other connections, those to come included."""
         with self._changed:
             self._only = number
             kept: list[Line] = []
-            while self._waits:
+            while self._has_lines:
                 line = self._pop()
                 if line.number == number:
                     kept.append(line)
             for line in kept:
                 self._append(line)
 
-    def _cut(self, number: int, side: Side, data: bytes) -> list[str]:
-        """Give the lines that a piece completes; what is too long is left out."""
+    def _split(self, number: int, side: Side, data: bytes) -> list[str]:
+        """Return the lines that a chunk completes; overlong ones are left out."""
         if self._only not in (None, number):
             self._buffers.pop((number, side), None)
             return []
         lines = []
-        for piece in data.splitlines(keepends=True):
+        for chunk in data.splitlines(keepends=True):
             buffer = self._buffers.setdefault((number, side), LineBuffer())
-            lines += buffer.feed(piece)
+            lines += buffer.feed(chunk)
             if buffer.overflow is not None:
                 del self._buffers[number, side]
         return lines
 
     @property
-    def _waits(self) -> bool:
-        return bool(self._of_scans or self._others)
+    def _has_lines(self) -> bool:
+        return bool(self._scan_lines or self._other_lines)
 
     def _append(self, line: Line) -> None:
-        lines = self._others if line.part is None else self._of_scans
+        lines = self._other_lines if line.scan_part is None else self._scan_lines
         lines.append((next(self._numbers), line))
-        self._scans += line.part == "ranges"
+        self._scans += line.scan_part == "ranges"
         self._characters += len(line.text)
-        if self._scans > self._most_scans:
-            self._leave_out_a_scan()
-        while self._characters > self._most_characters:
-            self.dropped += self._pop().part == "ranges"
+        if self._scans > self._max_scans:
+            self._drop_scan()
+        while self._characters > self._max_characters:
+            self.dropped += self._pop().scan_part == "ranges"
 
     def _pop(self) -> Line:
-        """Take the oldest line."""
-        fronts = (lines[0] for lines in (self._of_scans, self._others) if lines)
-        _, oldest = min(fronts, key=itemgetter(0))
-        return self._pop_from(self._others if oldest.part is None else self._of_scans)
+        """Remove and return the oldest line."""
+        queues = [lines for lines in (self._scan_lines, self._other_lines) if lines]
+        return self._pop_from(min(queues, key=lambda lines: lines[0][0]))
 
     def _pop_from(self, lines: _Numbered) -> Line:
         _, line = lines.popleft()
-        self._scans -= line.part == "ranges"
+        self._scans -= line.scan_part == "ranges"
         self._characters -= len(line.text)
         return line
 
-    def _leave_out_a_scan(self) -> None:
+    def _drop_scan(self) -> None:
         """Remove the oldest scan, and all echoes before it."""
-        while self._pop_from(self._of_scans).part != "ranges":
+        while self._pop_from(self._scan_lines).scan_part != "ranges":
             pass
         self.dropped += 1

@@ -79,7 +79,7 @@ class TrafficMapper:
             ServerError: If the port is taken.
         """
         observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
-        proxy = TcpProxy(server, observer.hear)
+        proxy = TcpProxy(server, observer.add_data)
         observer.start()
         try:
             code = asyncio.run(forward_until_signal(proxy, *listen, announce))

@@ -15,7 +15,7 @@ from radarsim.exploration.frontier import coverage_strategy, frontier_strategy
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import (
     PATIENCE,
-    THERE,
+    WAYPOINT_RADIUS,
     ExplorationSettings,
     PathFollower,
     Strategy,
@@ -89,7 +89,7 @@ class World:
 
     @property
     def floor(self) -> TraversabilityMap:
-        return HABITS.floor(self.grid)
+        return HABITS.traversability(self.grid)
 
     def scan(self) -> Observation:
         time = len(self.track) * STEP
@@ -220,7 +220,7 @@ def test_frontiers_lead_through_doors(world: Make) -> None:
     here.run(frontier_strategy(HABITS))
     assert here.pose.x > -1.0
     inside = shapely.box(-4.9, -2.4, 4.9, 2.4)
-    across, up = here.floor.cell_centers()
+    across, up = here.floor.tile_centers()
     x, y = np.meshgrid(across, up)
     known = ~here.floor.unknown[shapely.contains_xy(inside, x, y)]
     assert known.mean() > 0.99
@@ -283,7 +283,7 @@ def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
     assert (np.maximum.accumulate(far) - far).max() < 1.0
     angles = np.unwrap([math.atan2(p.y - 1.0, p.x - 2.0) for p in here.track[80:]])
     assert angles[-1] - angles[0] > 2.0
-    assert not (here.floor.unvisited & here.floor.within(2.0, 1.0, 3.0)).any()
+    assert not (here.floor.unvisited & here.floor.disc(2.0, 1.0, 3.0)).any()
 
 
 def test_a_spiral_leaves_out_what_is_in_the_way(world: Make) -> None:
@@ -358,7 +358,7 @@ def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
 def test_bumpers_overrule(
     near: dict[float, float], twist: Twist, allowed: Twist
 ) -> None:
-    assert HABITS.careful(sensed_with(near), twist) == allowed
+    assert HABITS.limit_by_bumpers(sensed_with(near), twist) == allowed
 
 
 def test_the_nearest_clear_bearing_is_taken() -> None:
@@ -378,17 +378,17 @@ def test_a_place_that_it_does_not_get_nearer_to_is_given_up(world: Make) -> None
     for _ in range(steps):
         strategy.step(here.scan(), here.grid)
         here.track.append(here.pose)
-        ends.append(strategy._walker.end)
+        ends.append(strategy._path_follower.end)
     assert math.dist(ends[20], ends[-1]) > 0.5
 
 
 def test_who_has_no_way_stands(world: Make) -> None:
     here = world(HALL)
     walker = PathFollower(HABITS)
-    assert walker.walk(here.scan()) == Twist(0.0, 0.0)
+    assert walker.step(here.scan()) == Twist(0.0, 0.0)
     assert walker.end is None
-    assert walker.look(here.scan(), here.grid)
-    assert not walker.look(here.scan(), here.grid)
+    assert walker.update_map(here.scan(), here.grid)
+    assert not walker.update_map(here.scan(), here.grid)
 
 
 def test_a_way_leads_from_place_to_place(world: Make) -> None:
@@ -401,7 +401,7 @@ def test_a_way_leads_from_place_to_place(world: Make) -> None:
         min(math.dist(place, (pose.x, pose.y)) for pose in here.track)
         for place in places
     ]
-    assert max(near) < THERE
+    assert max(near) < WAYPOINT_RADIUS
     assert here.length < 1.05 * (2.24 + 6 + 4)
     assert set(here.activities) == {"underway"}
 
@@ -411,7 +411,7 @@ def test_what_no_way_leads_to_is_left_out(world: Make) -> None:
     strategy = WaypointFollower(HABITS, [(3.0, 0.0), (-4.0, 1.5)])
     here.run(strategy)
     assert strategy.unreached == [(3.0, 0.0)]
-    assert math.dist((here.pose.x, here.pose.y), (-4.0, 1.5)) < THERE
+    assert math.dist((here.pose.x, here.pose.y), (-4.0, 1.5)) < WAYPOINT_RADIUS
     assert max(pose.x for pose in here.track) > -1.2  # as near as it can get
 
 
@@ -422,7 +422,7 @@ def test_a_place_near_by_is_gone_to_and_not_left_out(world: Make) -> None:
         strategy = WaypointFollower(HABITS, [place])
         here.run(strategy)
         assert strategy.unreached == []
-        assert math.dist((here.pose.x, here.pose.y), place) < THERE
+        assert math.dist((here.pose.x, here.pose.y), place) < WAYPOINT_RADIUS
 
 
 @pytest.mark.parametrize("far", [8.0, 100.0, 1e6, 1e300])
@@ -433,4 +433,4 @@ def test_a_place_outside_is_left_out_once_it_gets_no_nearer(
     strategy = WaypointFollower(HABITS, [(far, 0.0), (0.0, 0.0)])
     here.run(strategy, steps=800)
     assert strategy.unreached == [(far, 0.0)]
-    assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < THERE
+    assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < WAYPOINT_RADIUS

@@ -47,12 +47,12 @@ def test_open_floor_keeps_its_distance(floor: TraversabilityMap) -> None:
 
 
 def test_a_straight_way_goes_through_nothing(floor: TraversabilityMap) -> None:
-    assert floor.is_straight(MIDDLE, -4.0, 2.0)
-    assert not floor.is_straight(MIDDLE, -4.6, -2.0)  # a box is between
+    assert floor.is_line_open(MIDDLE, -4.0, 2.0)
+    assert not floor.is_line_open(MIDDLE, -4.6, -2.0)  # a box is between
 
 
 def test_the_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> None:
-    across, up = floor.cell_centers()
+    across, up = floor.tile_centers()
     for x, y, due in [
         (4.5, 0.0, True),
         (0.0, 4.5, True),
@@ -65,7 +65,7 @@ def test_the_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> Non
 
 def test_frontiers_are_where_the_unknown_begins(floor: TraversabilityMap) -> None:
     rows, columns = np.nonzero(floor.frontiers)
-    across, up = floor.cell_centers()
+    across, up = floor.tile_centers()
     assert len(rows) > 10
     assert (up[rows] < 1.6).all()  # the boxes are in the south
     assert (np.abs(across[columns]) < 6).all()
@@ -79,7 +79,7 @@ def test_a_way_to_a_frontier_keeps_its_distance_too(floor: TraversabilityMap) ->
 
 
 def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -> None:
-    outside = floor.within(0.0, 6.0, 1.0)
+    outside = floor.disc(0.0, 6.0, 1.0)
     assert not floor.find_path(MIDDLE, outside)
     assert not floor.find_path(Pose2(99.0, 0.0), floor.frontiers)
     assert not floor.reachable(Pose2(99.0, 0.0)).any()
@@ -88,10 +88,10 @@ def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -
 def test_who_is_too_near_may_leave(floor: TraversabilityMap) -> None:
     near = Pose2(0.0, 3.75)
     assert not floor.is_open(near.x, near.y)
-    way = floor.find_path(near, floor.within(0.0, 1.0, 0.3))
+    way = floor.find_path(near, floor.disc(0.0, 1.0, 0.3))
     assert way
     assert way[0][1] == pytest.approx(3.75, abs=0.1)
-    assert floor.reachable(near)[floor.within(0.0, 1.0, 0.3)].all()
+    assert floor.reachable(near)[floor.disc(0.0, 1.0, 0.3)].all()
 
 
 def test_a_rim_goes_along_walls_and_not_round_islands(look: Look, room: Floats) -> None:
@@ -99,18 +99,18 @@ def test_a_rim_goes_along_walls_and_not_round_islands(look: Look, room: Floats) 
     floor = TraversabilityMap(seen(look, room, *corners), SAFETY)
     outer_boundary = floor.outer_boundary(floor.reachable(MIDDLE))
     assert outer_boundary.any()
-    assert not (outer_boundary & floor.within(2.0, 1.0, 1.5)).any()
+    assert not (outer_boundary & floor.disc(2.0, 1.0, 1.5)).any()
     for side in [(5.2, 0), (-5.2, 0), (0, 3.2), (4.0, -3.2)]:
-        assert (outer_boundary & floor.within(*side, 0.3)).any()
+        assert (outer_boundary & floor.disc(*side, 0.3)).any()
 
 
 def test_floor_is_unvisited_where_it_was_seen_from_afar(
     look: Look, room: Floats
 ) -> None:
     floor = TraversabilityMap(seen(look, room, Pose2(-4.0, 1.0)), SAFETY)
-    assert not (floor.unvisited & floor.within(-4.0, 1.0, 2.8)).any()
-    assert (floor.unvisited & floor.within(4.0, 2.0, 0.5)).any()
-    assert floor.area(floor.within(0.0, 0.0, 1.0)) == pytest.approx(math.pi, rel=0.05)
+    assert not (floor.unvisited & floor.disc(-4.0, 1.0, 2.8)).any()
+    assert (floor.unvisited & floor.disc(4.0, 2.0, 0.5)).any()
+    assert floor.area(floor.disc(0.0, 0.0, 1.0)) == pytest.approx(math.pi, rel=0.05)
 
 
 @pytest.mark.parametrize("resolution", [0.03, 0.1, 0.25])
@@ -120,7 +120,7 @@ def test_cells_of_any_size_give_the_same_floor(
     floor = TraversabilityMap(seen(look, room, MIDDLE, resolution=resolution), SAFETY)
     assert floor.is_open(-3.0, 2.0)
     assert not floor.is_open(2.0, -0.2 + 1.0)  # beside a box
-    assert floor.find_path(MIDDLE, floor.within(-4.0, 2.0, 0.3))
+    assert floor.find_path(MIDDLE, floor.disc(-4.0, 2.0, 0.3))
 
 
 def test_foliage_keeps_a_robot_out_though_beams_get_in(

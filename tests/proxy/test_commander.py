@@ -201,7 +201,7 @@ def running(scene: Scene) -> Iterator[World]:
 
 @contextmanager
 def tapped(world: World, listener: TrafficObserver) -> Iterator[None]:
-    tap = TcpProxy(world.server.address, listener.hear)
+    tap = TcpProxy(world.server.address, listener.add_data)
     world.run(tap.start())
     world.address = tap.address
     listener.start()
@@ -249,7 +249,7 @@ def test_it_maps_through_the_tap_and_neither_sides_bytes_change(
 ) -> None:
     mapping = Mapping()
     listener = TrafficObserver(
-        RobotSelector(mapping.begin), LineQueue(most_scans=10_000)
+        RobotSelector(mapping.begin), LineQueue(max_scans=10_000)
     )
     with running(empty_room) as world:
         with tapped(world, listener):
@@ -289,7 +289,7 @@ def test_the_map_is_the_one_of_what_the_client_was_told(
 ) -> None:
     mapping = Mapping()
     listener = TrafficObserver(
-        RobotSelector(mapping.begin), LineQueue(most_scans=10_000)
+        RobotSelector(mapping.begin), LineQueue(max_scans=10_000)
     )
     with running(empty_room) as world, tapped(world, listener):
         play(world)

@@ -52,7 +52,7 @@ def test_what_the_server_answers_counts_more_than_what_is_given(
     assert not overheard.is_described("lms200")
     overheard.receive_server_line(CONF)
     assert overheard.is_described("lms200")
-    scanner = overheard.scanner(given=given)
+    scanner = overheard.scanner(defaults=given)
     assert scanner is not None
     assert scanner.mount == Pose3(0.2085, -0.1, 0.2, yaw=-0.5)
     assert (scanner.min_range, scanner.max_range) == (0.1, 80.0)
@@ -75,7 +75,7 @@ def test_half_of_the_answers_leaves_the_rest_to_what_is_given(
 ) -> None:
     overheard.receive_server_line(scan_line(1))
     overheard.receive_server_line(GEO)
-    scanner = overheard.scanner(given=ScannerDefaults(MOUNT, 5.0))
+    scanner = overheard.scanner(defaults=ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount.x, scanner.max_range) == (0.2085, 5.0)
 
@@ -121,7 +121,7 @@ def test_lines_say_what_they_say(
     assert overheard.receive_client_line("getstartposes") == GetStartPoses()
     assert overheard.receive_client_line("DRIVE {Left 1} {Right 2}") == Drive(1.0, 2.0)
     assert overheard.receive_client_line("DRIVE {Left x}") is None
-    assert overheard.unread == 1
+    assert overheard.skipped_lines == 1
 
 
 def test_the_robot_is_the_one_that_the_client_wished(

@@ -72,7 +72,7 @@ def test_an_endless_line_is_left_out_and_the_next_is_heard() -> None:
 def test_the_newest_scans_stay_with_their_echoes_and_all_else(kinds: list[str]) -> None:
     made = {"scan": SCAN, "echoes": ECHOES, "status": STATUS}
     lines = [made[kind].format(k) for k, kind in enumerate(kinds)]
-    backlog = LineQueue(most_scans=3)
+    backlog = LineQueue(max_scans=3)
     put(backlog, *lines)
     scans = [k for k, kind in enumerate(kinds) if kind == "scan"]
     lost_until = scans[-4] if len(scans) > 3 else -1
@@ -87,7 +87,7 @@ SCAN = "SEN {{Time {0:.2f}}} {{Type RangeScanner}} {{Name lms200}} {{Range 1,2}}
 
 def test_whatever_is_too_much_gives_way_the_oldest_first(scan_line: ScanLine) -> None:
     lines = [scan_line(0), *[STATUS.format(k) for k in range(100)]]
-    backlog = LineQueue(most_characters=1000)
+    backlog = LineQueue(max_characters=1000)
     put(backlog, *lines)
     kept = texts(drain(backlog))
     assert kept == lines[-len(kept) :]
@@ -96,7 +96,7 @@ def test_whatever_is_too_much_gives_way_the_oldest_first(scan_line: ScanLine) ->
 
 
 def test_nothing_is_taken_of_connections_that_nobody_listens_to() -> None:
-    backlog = LineQueue(most_scans=1)
+    backlog = LineQueue(max_scans=1)
     put(backlog, SCAN.format(1), "NFO {Level b}", number=2)
     put(backlog, SCAN.format(2), "NFO {Level a}", number=1)
     put(backlog, "DRIVE {Left 1}", number=2, side="client")

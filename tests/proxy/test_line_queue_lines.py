@@ -2,7 +2,7 @@
 
 import pytest
 
-from radarsim.proxy.line_queue import Part, Side, read_line
+from radarsim.proxy.line_queue import ScanPart, Side, classify_line
 
 SCAN = "SEN {Time 1.00} {Type RangeScanner} {Name lms200} {Range 1,2}"
 ECHOES = "SEN {Time 1.00} {Type Echoes} {Name lms200} {Line 1}"
@@ -24,8 +24,8 @@ ECHOES = "SEN {Time 1.00} {Type Echoes} {Name lms200} {Line 1}"
     ],
 )
 def test_a_line_is_of_a_scan_by_its_type(
-    side: Side, text: str, part: Part | None
+    side: Side, text: str, part: ScanPart | None
 ) -> None:
-    line = read_line(3, side, text)
+    line = classify_line(3, side, text)
     assert (line.number, line.side, line.text) == (3, side, text)
-    assert line.part == part
+    assert line.scan_part == part

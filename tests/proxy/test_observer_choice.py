@@ -7,7 +7,7 @@ import pytest
 
 from radarsim.protocol.reports import Ins, RangeScan, Report
 from radarsim.proxy import ConnectionState, RobotSelector
-from radarsim.proxy.observer import MOST_SCANS
+from radarsim.proxy.observer import MAX_WAITING_SCANS
 
 ScanLine = Callable[..., str]
 GEO = (
@@ -95,10 +95,10 @@ def test_where_no_time_is_told_scans_are_counted(
 ) -> None:
     choice, robot = RobotSelector(made.begin), ConnectionState(1)
     scan = scan_line(0).replace("{Time 0.00} ", "")
-    tell(choice, robot, *[scan] * (MOST_SCANS - 1))
+    tell(choice, robot, *[scan] * (MAX_WAITING_SCANS - 1))
     assert choice.consumer is None
     tell(choice, robot, scan)
-    assert len(made.times) == MOST_SCANS
+    assert len(made.times) == MAX_WAITING_SCANS
 
 
 def test_one_scanner_may_be_asked_for(made: Made, scan_line: ScanLine) -> None:

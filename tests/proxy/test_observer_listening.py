@@ -39,9 +39,9 @@ def taker() -> Taker:
 
 
 @contextmanager
-def listening(taker: Consumer, most_scans: int = 1000) -> Iterator[TrafficObserver]:
+def listening(taker: Consumer, max_scans: int = 1000) -> Iterator[TrafficObserver]:
     choice = RobotSelector(lambda *_: taker, patience=0.0)
-    listener = TrafficObserver(choice, LineQueue(most_scans=most_scans))
+    listener = TrafficObserver(choice, LineQueue(max_scans=max_scans))
     before = sys.getswitchinterval()
     listener.start()
     try:
@@ -53,14 +53,14 @@ def listening(taker: Consumer, most_scans: int = 1000) -> Iterator[TrafficObserv
 
 def tell(listener: TrafficObserver, *lines: str, number: int = 1) -> None:
     for line in lines:
-        listener.hear(number, "server", f"{line}\r\n".encode())
+        listener.add_data(number, "server", f"{line}\r\n".encode())
 
 
 def test_all_that_was_heard_is_made_use_of_by_the_end(
     taker: Taker, scan_line: ScanLine
 ) -> None:
     with listening(taker) as listener:
-        listener.hear(1, "client", b"INIT {ClassName P3AT}\r\nGARB{\r\n")
+        listener.add_data(1, "client", b"INIT {ClassName P3AT}\r\nGARB{\r\n")
         tell(listener, *[scan_line(k) for k in range(100)])
         assert listener.finish()
     assert taker.times == [*range(100)]
@@ -83,7 +83,7 @@ def test_of_several_robots_one_is_listened_to(
 def test_what_hangs_costs_scans_and_no_time(taker: Taker, scan_line: ScanLine) -> None:
     taker.go.clear()
     lines = [scan_line(k) for k in range(2000)]
-    with listening(taker, most_scans=10) as listener:
+    with listening(taker, max_scans=10) as listener:
         began = time.monotonic()
         tell(listener, *lines)
         assert time.monotonic() - began < 1

@@ -71,9 +71,9 @@ class Between:
         self.heard: dict[tuple[int, Side], bytearray] = {}
         self.peers: list[Peer] = []
         self.arrivals: asyncio.Queue[Peer] = asyncio.Queue()
-        self.tap = TcpProxy(("", 0), self.hear)
+        self.tap = TcpProxy(("", 0), self.on_data)
 
-    def hear(self, number: int, side: Side, data: bytes) -> None:
+    def on_data(self, number: int, side: Side, data: bytes) -> None:
         self.heard.setdefault((number, side), bytearray()).extend(data)
 
     def said(self, number: int) -> tuple[bytes, bytes]:
@@ -111,7 +111,7 @@ async def comes_true(is_so: Callable[[], bool]) -> None:
 async def opened() -> AsyncIterator[Between]:
     between = Between()
     server = await asyncio.start_server(between.arrive, "127.0.0.1", 0, limit=2**14)
-    between.tap = TcpProxy(server.sockets[0].getsockname(), between.hear)
+    between.tap = TcpProxy(server.sockets[0].getsockname(), between.on_data)
     await between.tap.start()
     try:
         yield between
@@ -135,7 +135,7 @@ async def between() -> AsyncIterator[Between]:
 async def tapped(address: tuple[str, int]) -> AsyncIterator[Between]:
     """Open a tap before a server that is, or is not, at an address."""
     between = Between()
-    between.tap = TcpProxy(address, between.hear)
+    between.tap = TcpProxy(address, between.on_data)
     await between.tap.start()
     try:
         yield between
@@ -276,7 +276,7 @@ async def talk(peer: Peer) -> None:
 async def test_who_does_not_hang_up_is_left_alone_soon(
     between: Between, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.proxy.tcp_proxy.LAST_WORDS", 0.05)
+    monkeypatch.setattr("radarsim.proxy.tcp_proxy.CLOSE_GRACE", 0.05)
     client, server = await between.pair()
     talking = asyncio.create_task(talk(server))
     await client.get(100)
@@ -339,7 +339,7 @@ async def busy() -> AsyncIterator[tuple[str, int]]:
 async def test_a_server_that_does_not_answer_is_given_up(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.proxy.tcp_proxy.PATIENCE", 0.1)
+    monkeypatch.setattr("radarsim.proxy.tcp_proxy.CONNECT_TIMEOUT", 0.1)
     async with busy() as address, tapped(address) as between:
         client = await between.client()
         with suppress(ConnectionError):
@@ -368,7 +368,7 @@ async def test_it_stops_at_once_while_clients_come_and_talk(between: Between) ->
 
 async def test_a_taken_port_is_said_in_one_sentence(between: Between) -> None:
     host, port = between.tap.address
-    tap = TcpProxy((host, 1), between.hear)
+    tap = TcpProxy((host, 1), between.on_data)
     with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}: "):
         await tap.start(port=port)
     await tap.stop()
