@@ -15,7 +15,8 @@ from radarsim.cli.options import JsonOption
 
 if TYPE_CHECKING:
     from radarsim.presets.materials import LibraryEntry
-    from radarsim.presets.sensors import SensorPreset, SourcedValue
+    from radarsim.presets.preset_files import SourcedValue
+    from radarsim.presets.sensors import SensorPreset
 
 _Preset = TypeVar("_Preset")
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}

@@ -1,1 +1,1 @@
-"""The shipped sensors and robots: YAML files, and what reads them."""
+"""The shipped sensors, materials and robot classes: YAML files and their loaders."""

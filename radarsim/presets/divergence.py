@@ -1,22 +1,21 @@
-"""How far beside a beam its side rays are, as an offset and as an angle.
+"""Convert between the offset of a beam's side rays, an angle, and a beamwidth.
 
 Theory of operation
 ===================
-N is an offset in Unreal units, 250 to the metre, and no angle: what it is as one
-depends on the distance at which it holds. At D metres, rays N units to both sides are
-``atan(N / (250 D))`` off the beam. So 50 units are 0.573 degrees at 20 m and 0.115
-degrees at 100 m. Divergent rays hold that angle, and are N units off at D alone;
-perpendicular and lateral ones hold N, and are at a smaller angle the farther they are.
+The setting ``side_offset_uu``, N, is an offset in Unreal units, 250 to the metre, not
+an angle: the angle depends on the distance at which the offset holds. At D metres, rays
+N units to either side are ``atan(N / (250 D))`` off the beam. So 50 units are 0.573
+degrees at 20 m and 0.115 degrees at 100 m. Divergent rays keep that angle, and are N
+units off at D only; perpendicular and lateral rays keep the offset N, and the angle at
+which it appears shrinks with distance.
 
-An antenna is told by its beamwidth: the angle between the two directions in which it
-sends half of its greatest power. Side rays in these directions are half a beamwidth
-off. An antenna that sends and receives weighs each direction twice, so the beam that
-counts is narrower. Three rays stand for it best where a Gauss-Hermite quadrature of
-three nodes has them: the outer two at ``side_ray_at``, 0.52 beamwidths off, a sixth of
-the weight each, and the centre with two thirds.
+An antenna is specified by its beamwidth: the angle between the two directions in which
+it radiates half of its peak power. Side rays in these directions are half a beamwidth
+off. An antenna that sends and receives weighs each direction twice, so the effective
+beam is narrower: a Gaussian with the standard deviation ``two_way_deviation``.
 
 Sources: the noise model of a thesis on a radar for USARSim, section 4.3; USARSim's
-scale of units; Gauss-Hermite quadrature, as in any book on numerical integration.
+scale of units.
 """
 
 import math
@@ -26,7 +25,7 @@ METRES_PER_UNIT: Final = 1 / 250  # USARSim's scale of Unreal units
 
 
 def offset_angle(side_offset_uu: float, distance: float) -> float:
-    """Give the angle at which an offset is seen, rad.
+    """Return the angle at which an offset appears, rad.
 
     Args:
         side_offset_uu: N, Unreal units.
@@ -39,10 +38,10 @@ def offset_angle(side_offset_uu: float, distance: float) -> float:
 
 
 def offset_units(angle: float, distance: float) -> float:
-    """Give the offset that is seen at an angle: N, Unreal units.
+    """Return the offset that appears at an angle: N, Unreal units.
 
     Args:
-        angle: rad, from the beam to a side ray.
+        angle: Angle between the beam and a side ray, rad.
         distance: D, m.
 
     >>> round(offset_units(math.radians(1.8) / 2, 100))
@@ -52,26 +51,13 @@ def offset_units(angle: float, distance: float) -> float:
 
 
 def two_way_deviation(beamwidth: float) -> float:
-    """Give the standard deviation of a Gaussian beam, out and back together.
+    """Return the standard deviation of a Gaussian beam, transmit and receive combined.
 
     Args:
-        beamwidth: Between the half-power points on one way, in any unit, which is that
-            of the result.
+        beamwidth: Between the one-way half-power points, in any unit, which is the
+            unit of the result.
 
     >>> round(two_way_deviation(1.0), 4)
     0.3003
     """
     return beamwidth / (4 * math.sqrt(math.log(2)))
-
-
-def side_ray_at(beamwidth: float) -> float:
-    """Give the angle of the outer two of three rays that stand for a beam.
-
-    Args:
-        beamwidth: Between the half-power points on one way, in any unit, which is that
-            of the result. Both ways together, the beam is a Gaussian.
-
-    >>> round(side_ray_at(1.0), 4)
-    0.5201
-    """
-    return math.sqrt(3) * two_way_deviation(beamwidth)

@@ -1,23 +1,25 @@
-"""The library of materials: what vegetation, walls and weather do to beams.
+"""The material library: how vegetation, walls and weather attenuate beams.
 
-Each material is a file in ``materials/``, whose every number says where it is from.
-Where amounts matter, as in smoke, the file has the loss for one gramme in a cubic metre
-or the law of rain, and an amount to begin with. All losses are one way. Light is that
-of a laser of 905 nm.
+Each material is a file in ``materials/``, whose every number states its source. Where
+amounts matter, as in smoke, the file has the loss for one gramme in a cubic metre or
+the power law of rain, and a default amount. All losses are one-way. Light means that of
+a laser of 905 nm.
 """
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict
-from ruamel.yaml import YAML
 
 from radarsim.errors import PresetError
-from radarsim.presets.hydrometeors import PowerLaw, rain_attenuation
+from radarsim.presets.preset_files import (
+    SourcedValue,
+    preset_names,
+    read_preset,
+    unknown_preset,
+)
 from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.presets.sensors import SourcedValue
 
 Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
 AMOUNTS: Final[tuple[Amount, ...]] = ("g_per_m3", "mm_per_h")
@@ -47,11 +49,11 @@ class LibraryEntry(BaseModel):
     """A file of the library.
 
     Attributes:
-        about: One sentence or two.
-        numbers: By name, those that a map may say too: a ``density`` or the dB lost per
-            metre, in each of ``BANDS_GHZ`` for a radar. ``db_per_g`` is what a gramme
-            in a cubic metre takes in a metre, dB; ``rain_k`` R^``rain_alpha`` what rain
-            of R mm/h takes in a kilometre, dB.
+        about: Description in one or two sentences.
+        numbers: Values by name; a map may set the same names. ``density`` is a word or
+            0; ``db_per_m`` is the loss per metre in each of ``BANDS_GHZ``, dB;
+            ``db_per_g`` the loss per metre for one gramme in a cubic metre, dB;
+            ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -61,25 +63,25 @@ class LibraryEntry(BaseModel):
 
     @property
     def amount(self) -> Amount | None:
-        """The name of the amount that it takes; None if it takes none."""
+        """The amount that scales its losses; None for a material without one."""
         return next((name for name in AMOUNTS if name in self.numbers), None)
 
 
 @dataclass(frozen=True, slots=True)
 class MaterialProperties:
-    """A material of the library at one amount.
+    """The properties of a library material at one amount.
 
     Attributes:
         density: 0, or ``math.inf`` if radar beams end at its surface.
-        laser_density: The same for light.
-        solid: Whether a robot is stopped by it.
-        radar_db: What radar waves lose in each of ``BANDS_GHZ``, dB/m.
-        laser_db: What light loses, dB/m.
-        absorption_db: What a mirror keeps of a radar wave, dB.
-        laser_absorption_db: The same of light.
-        radar_mirror: Whether it is a mirror to a radar.
-        laser_mirror: Whether it is one to light.
-        rain: mm/h of rain in it.
+        laser_density: 0, or ``math.inf`` if light ends at its surface.
+        solid: Whether it stops robots.
+        radar_db: Loss of radar waves in each of ``BANDS_GHZ``, dB/m.
+        laser_db: Loss of light, dB/m.
+        absorption_db: Loss of a radar wave at each reflection by a mirror, dB.
+        laser_absorption_db: Loss of light at each reflection by a mirror, dB.
+        radar_mirror: Whether it reflects radar waves like a mirror.
+        laser_mirror: Whether it reflects light like a mirror.
+        rain: Rate of the rain in it, mm/h.
     """
 
     density: float
@@ -94,12 +96,9 @@ class MaterialProperties:
     rain: float
 
 
-@cache
 def library_names() -> tuple[str, ...]:
-    """Give the names of all materials of the library, sorted."""
-    folder = files("radarsim.presets") / "materials"
-    names = (file.name for file in folder.iterdir())
-    return tuple(sorted(n.removesuffix(".yaml") for n in names if n.endswith(".yaml")))
+    """Return the names of all materials of the library, sorted."""
+    return preset_names("materials")
 
 
 def library() -> dict[str, LibraryEntry]:
@@ -109,43 +108,42 @@ def library() -> dict[str, LibraryEntry]:
 
 @cache
 def library_entry(name: str) -> LibraryEntry:
-    """Read a material's file.
+    """Read the file of a material.
 
     Raises:
-        PresetError: If there is none of that name.
+        PresetError: If there is no such material.
     """
     if name not in library_names():
-        expected = f"expected one of {list(library_names())}"
-        raise PresetError(f"material {name[:80]!r}, {expected}")
-    file = files("radarsim.presets") / "materials" / f"{name}.yaml"
-    yaml = YAML(typ="safe", pure=True)
-    return LibraryEntry.model_validate(yaml.load(file.read_text(encoding="utf-8")))
+        raise unknown_preset("material", name, library_names())
+    return LibraryEntry.model_validate(read_preset("materials", name))
 
 
 def library_material(
     name: str, *, g_per_m3: float | None = None, mm_per_h: float | None = None
 ) -> MaterialProperties:
-    """Take a material from the library.
+    """Return the properties of a library material.
 
     Args:
         name: One of ``library_names()``.
-        g_per_m3: Of smoke, dust or water in the air; None for the file's own amount.
-        mm_per_h: The same of rain.
+        g_per_m3: Mass of smoke, dust or water in a cubic metre of air; None for the
+            default of the file.
+        mm_per_h: Rate of rain; None for the default of the file.
 
     Raises:
-        PresetError: If there is none of that name, or it takes no such amount.
+        PresetError: If there is no such material, or an amount does not apply to it.
 
     >>> library_material("smoke", g_per_m3=1).laser_db
     23.0
     """
     entry = library_entry(name)
-    given = {"g_per_m3": g_per_m3, "mm_per_h": mm_per_h}
-    for key, amount in given.items():
-        if amount is not None and key != entry.amount:
-            taken = entry.amount or "no amount"
-            raise PresetError(f"material {name!r}: {key} {amount}, expected {taken}")
+    amounts = {"g_per_m3": g_per_m3, "mm_per_h": mm_per_h}
+    amounts = {key: amount for key, amount in amounts.items() if amount is not None}
+    for key, amount in amounts.items():
+        if key != entry.amount:
+            expected = entry.amount or "no amount"
+            raise PresetError(f"material {name!r}: {key} {amount}, expected {expected}")
     values: dict[str, Any] = {key: n.value for key, n in entry.numbers.items()}
-    values |= {key: amount for key, amount in given.items() if amount is not None}
+    values |= amounts
     mirror = values.get("mirror", "none")
     radar_db, laser_db = _losses(values)
     return MaterialProperties(
@@ -163,24 +161,40 @@ def library_material(
 
 
 def _losses(values: dict[str, Any]) -> tuple[Losses, float]:
-    """Give what radar waves lose in each band, and what light does, dB/m."""
+    """Return the loss of radar waves in each band, and that of light, dB/m."""
     if "mm_per_h" in values:
         rate = values["mm_per_h"]
         laws = zip(
-            _banded(values["rain_k"]), _banded(values["rain_alpha"]), strict=True
+            _by_band(values["rain_k"]), _by_band(values["rain_alpha"]), strict=True
         )
-        first, second, third = (rain_attenuation(PowerLaw(*law), rate) for law in laws)
-        light = PowerLaw(values["laser_rain_k"], values["laser_rain_alpha"])
-        return (first, second, third), rain_attenuation(light, rate)
+        first, second, third = (rain_attenuation(k, alpha, rate) for k, alpha in laws)
+        light = rain_attenuation(
+            values["laser_rain_k"], values["laser_rain_alpha"], rate
+        )
+        return (first, second, third), light
     if "g_per_m3" in values:
         grammes = values["g_per_m3"]
-        first, second, third = (grammes * db for db in _banded(values["db_per_g"]))
+        first, second, third = (grammes * db for db in _by_band(values["db_per_g"]))
         return (first, second, third), grammes * values["laser_db_per_g"]
     none = dict.fromkeys(BANDS_GHZ, 0.0)
-    light_db = float(values.get("laser_db_per_m", 0.0))
-    return _banded(values.get("db_per_m", none)), light_db
+    light = float(values.get("laser_db_per_m", 0.0))
+    return _by_band(values.get("db_per_m", none)), light
 
 
-def _banded(numbers: dict[int, float]) -> Losses:
+def _by_band(numbers: dict[int, float]) -> Losses:
     first, second, third = (float(numbers[band]) for band in BANDS_GHZ)
     return first, second, third
+
+
+def rain_attenuation(k: float, alpha: float, mm_per_h: float) -> float:
+    """Return the one-way loss in rain by the power law k R^alpha of ITU-R P.838, dB/m.
+
+    Args:
+        k: Loss at 1 mm/h, dB/km.
+        alpha: Exponent of the rain rate.
+        mm_per_h: R, rate of the rain.
+
+    >>> round(1000 * rain_attenuation(0.22106804, 0.95320005, 26.48052), 6)  # 29 GHz
+    5.021802
+    """
+    return float(k * mm_per_h**alpha / 1000)

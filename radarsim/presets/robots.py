@@ -1,8 +1,8 @@
-"""Robot classes: what a client can ask for by name, and what such a robot carries.
+"""Robot classes: their dimensions, and the sensors that they carry.
 
-Each class is a file in ``robots/``. A file may be ``based_on`` another: its keys
-replace the other's, and so does each of its items that has the name of one there; its
-other items come after them.
+Each class is a file in ``robots/``. A file may be ``based_on`` another: it inherits the
+other's keys and items. A key or item of the same name replaces the inherited one, and
+further items follow the inherited ones.
 """
 
 import math
@@ -14,6 +14,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
+from radarsim.presets.preset_files import (
+    preset_names,
+    preset_path,
+    unknown_preset,
+)
 from radarsim.yaml_reader import read_yaml
 
 ItemType: TypeAlias = Literal[
@@ -30,20 +35,19 @@ Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
 
-_FOLDER = Path(__file__).parent / "robots"
-
 
 class Item(BaseModel):
-    """A thing mounted on a robot, most often a sensor.
+    """An item mounted on a robot: a sensor or the battery.
 
     Attributes:
-        type: The item's type on the wire, in its usual spelling.
-        name: The item's name on the wire.
-        position: Of its origin in the body frame, m.
-        rotation_deg: Its roll, pitch, yaw in the body frame.
+        type: Type of the item on the wire, in its usual spelling.
+        name: Name of the item on the wire.
+        position: Position of its origin in the body frame, m.
+        rotation_deg: Roll, pitch and yaw in the body frame.
         sensor: Name of the sensor preset; range scanners have one, no others do.
-        settings: What differs from the sensor's own settings.
-        interval: Time between two readings, s; None leaves it to the dialect.
+        settings: Settings that differ from the preset of the sensor, or from the
+            defaults of the item's type.
+        interval: Time between two readings, s; None for the interval of the dialect.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -59,36 +63,39 @@ class Item(BaseModel):
     @model_validator(mode="after")
     def _scanners_name_a_sensor(self) -> Self:
         if (self.type == "RangeScanner") != (self.sensor is not None):
-            raise ValueError("a sensor is named by range scanners, and by no others")
+            raise ValueError(
+                "expected a sensor for a range scanner, and for no other item"
+            )
         return self
 
     @property
     def mount(self) -> Pose3:
-        """Where it sits on the robot, body frame."""
+        """Pose of the item in the body frame."""
         return Pose3(*self.position, *(math.radians(a) for a in self.rotation_deg))
 
 
 class RobotModel(BaseModel):
     """A robot class.
 
-    The body frame's origin is amidships, ``origin_height`` above the floor.
+    The origin of the body frame is in the middle of the hull, ``origin_height`` above
+    the floor.
 
     Attributes:
-        name: The class, as clients name it.
-        length: Of the hull, m, bumpers included; centred on the origin.
-        width: Of the hull, m; centred on the origin.
-        height: Of the hull, m, from the floor to the top of what it carries.
-        origin_height: Of the body frame's origin above the floor, m.
-        wheel_radius: m.
-        wheel_separation: Between the left and the right wheels, m.
-        wheel_base: Between the front and the rear axle, m.
-        track: The separation that turns obey, m; more than ``wheel_separation`` lets
-            the robot turn less than its wheels say.
-        wheels: The side that each wheel is on, in the order of the wire.
-        mass: kg.
-        max_torque: As reported, in the units of the original.
-        cog: Centre of gravity, body frame, m.
-        items: What it carries, in mounting order.
+        name: Name of the class, as clients use it.
+        length: Length of the hull with its bumpers, centred on the origin, m.
+        width: Width of the hull, centred on the origin, m.
+        height: Height from the floor to the top of what the hull carries, m.
+        origin_height: Height of the body frame's origin above the floor, m.
+        wheel_radius: Radius of the wheels, m.
+        wheel_separation: Distance between the left and the right wheels, m.
+        wheel_base: Distance between the front and the rear axle, m.
+        track: Effective separation of the wheels in turns, m; more than
+            ``wheel_separation`` makes the robot turn less than its wheels suggest.
+        wheels: Side of each wheel, in wire order.
+        mass: Mass, kg.
+        max_torque: Torque as reported to clients, in the units of the original.
+        cog: Centre of gravity in the body frame, m.
+        items: The items that it carries, in mounting order.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -113,7 +120,9 @@ class RobotModel(BaseModel):
         names = [item.name.casefold() for item in self.items]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"two items of the name {name!r}")
+                raise ValueError(
+                    f"two items have the name {name!r}, expected unique names"
+                )
         return self
 
     @property
@@ -122,36 +131,35 @@ class RobotModel(BaseModel):
         return (self.length, self.width, self.height)
 
     def items_of(self, item_type: str) -> tuple[Item, ...]:
-        """Give the items of one type, in any case, in mounting order."""
+        """Return the items of one type, in mounting order; case does not matter."""
         wanted = item_type.casefold()
         return tuple(item for item in self.items if item.type.casefold() == wanted)
 
 
 def robot_names() -> tuple[str, ...]:
-    """Give the names of all robot classes, sorted."""
-    return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
+    """Return the names of all shipped robot classes, sorted."""
+    return preset_names("robots")
 
 
 @cache
 def load_robot(class_name: str) -> RobotModel:
-    """Load a robot class by its name, in any case.
+    """Load a shipped robot class by its name; case does not matter.
 
     Raises:
         PresetError: If there is no such class.
     """
     for name in robot_names():
         if name.casefold() == class_name.casefold():
-            return read_robot(_FOLDER / f"{name}.yaml")
-    names = list(robot_names())
-    raise PresetError(f"robot class {class_name[:80]!r}, expected one of {names}")
+            return read_robot(preset_path("robots", name))
+    raise unknown_preset("robot class", class_name, robot_names())
 
 
 def read_robot(path: Path) -> RobotModel:
-    """Read the file of a robot class; what it is based on lies beside it.
+    """Read the file of a robot class; a class that it is based on is a file beside it.
 
     Raises:
-        OSError: If it, or what it is based on, cannot be read.
-        PresetError: If it is wrong; one line for each problem, with its place.
+        OSError: If one of the files cannot be read.
+        PresetError: If the file is invalid; one line for each problem, with its place.
     """
     file = read_yaml(path)
     if file.problems:
@@ -167,14 +175,14 @@ def read_robot(path: Path) -> RobotModel:
 def _with_base(data: Any, folder: Path) -> Any:
     if not isinstance(data, dict) or "based_on" not in data:
         return data
-    own = {key: value for key, value in data.items() if key != "based_on"}
+    changed = {key: value for key, value in data.items() if key != "based_on"}
     model = read_robot(folder / f"{data['based_on']}.yaml")
     base = model.model_dump(exclude_unset=True)
-    added = own.get("items", [])
+    added = changed.get("items", [])
     if not _are_named(added):
-        return base | own  # for the validation to refuse
+        return base | changed  # the validation reports what is wrong
     items = {item["name"]: item for item in (*base.get("items", ()), *added)}
-    return base | own | {"items": list(items.values())}
+    return base | changed | {"items": list(items.values())}
 
 
 def _are_named(items: Any) -> bool:

@@ -1,83 +1,84 @@
-"""The bands of radars for which materials have numbers."""
+"""The settings of a scanner: values, limits, and which combinations are valid."""
 
 import math
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-BANDS_GHZ: Final = (24, 77, 94)
+BANDS_GHZ: Final = (24, 77, 94)  # the radar bands for which materials have numbers
 
-
-# Section from presets.settings.
-# What makes a scanner the one that it is: its settings, and what fits together.
-
-# The largest scene is 1 km wide; numbers far beyond it overflow somewhere.
+# The largest scene is 1 km wide; numbers far beyond that overflow in the ray casting.
 Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
 Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
-MOST_RAYS = 1_000_000  # of one scan
-MOST_POWER = 1e12  # that is not unlimited
-MOST_NODES = 100  # of a quadrature in a row; beyond it the outer weights are no numbers
+MAX_RAYS = 1_000_000  # in one scan
+MAX_FINITE_POWER = 1e12
+MAX_NODES = 100  # of a quadrature in a row; beyond it the outer weights underflow
 
 
-def _step(value: float) -> float:
-    """Take zero, or enough that ranges can be divided by it."""
+def _check_quantum(value: float) -> float:
+    """Require zero, or a step large enough to divide ranges by."""
     if 0 < value < 1e-6:
         raise ValueError("expected 0 or at least 1e-06")
     return value
 
 
 class SensorSettings(BaseModel):
-    """All numbers and choices of a scanner.
+    """All settings of a scanner.
 
     Attributes:
-        medium: Whether its beams are ``radar`` waves or ``laser`` light: which
-            densities of the materials count.
-        fov_deg: Angle between the first beam and the last.
-        resolution_deg: Angle between neighbouring beams.
-        max_range: m, inclusive.
-        min_range: m; told to clients, and applied to nothing, as in USARSim.
-        scan_rate_hz: Scans in a second on a robot, to whole hundredths of a second;
-            None leaves it to the dialect.
-        band_ghz: Of a radar: which column of the materials' dB counts.
-        margin_db: How much weaker than where nothing is in between an echo may be, out
-            and back; what makes the dB of materials penetration power.
-        max_bounces: How often mirrors reflect a ray; after that they are surfaces.
-        least_rcs_dbsm: The least radar cross section that shows 10 m away, in dB over
-            a square metre; of rain, what is above it shows.
-        echo_threshold: Share of a beam; what gives back less is neither its first nor
-            its strongest echo.
-        penetration_power: What a beam can lose to densities; infinite for one that
-            nothing but an opaque surface stops.
-        spent_reads: What a beam reads whose power runs out: the ``range`` of that
-            point, ``zero``, as USARSim's Hokuyo in smoke, or ``nothing``.
-        return_mode: Which of its echoes a beam keeps: the ``last``, at which its ray
-            ended, the ``first``, the ``strongest``, or ``all``; its range is then
-            that of the last.
-        side_mode: Where the rays of a beam are: three of them, the outer two
-            ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
-            axis, or ``divergent`` from one point; or a ``cone`` of many.
-        side_offset_uu: N, how far the side rays are beside their beam, in Unreal units
-            of 4 mm; 0 for none.
-        divergence_distance: m; how far away divergent rays are N units off.
-        ray_weights: Chances of the right, centre and left ray to give the range, or
-            their shares of the beam; in any unit.
-        ray_choice: Whether one ray is ``drawn`` to answer for its beam, or all answer
-            ``together``; None for drawn where the last echo is kept, and together
-            where another one of the whole beam is.
-        incidence_weights: Whether what a ray meets head-on counts more than what it
-            grazes.
-        beamwidth_az_deg: Of a cone, between its half-power points on one way, across.
-        beamwidth_el_deg: The same, up and down.
-        cone_rays: How many rays a cone has.
-        cone_sampling: Whether these are the nodes of a ``quadrature``, or ``random``,
-            drawn anew for each scan.
+        medium: What the beams are: ``radar`` waves or ``laser`` light; it selects
+            which properties of the materials apply.
+        fov_deg: Angle between the first and the last beam, degrees.
+        resolution_deg: Angle between neighbouring beams, degrees.
+        max_range: Maximum range, inclusive, m.
+        min_range: Minimum range reported to clients, m; as in USARSim, shorter ranges
+            are not suppressed.
+        scan_rate_hz: Scans per second on a robot, to whole hundredths of a second;
+            None for the rate of the dialect.
+        band_ghz: Frequency band of a radar, GHz; it selects which dB values of the
+            materials apply.
+        margin_db: Largest two-way loss at which an echo is still detected, dB; it
+            converts the dB of materials to penetration power.
+        max_bounces: Maximum number of mirror reflections of a ray; a mirror met after
+            that is an ordinary surface.
+        least_rcs_dbsm: Smallest radar cross section that is detected 10 m away, dBsm;
+            rain shows where it exceeds this.
+        echo_threshold: Smallest share of a beam's power that counts as its first or
+            its strongest echo, 0 to 1.
+        penetration_power: Power that a beam can lose to densities; infinite for a beam
+            that only an opaque surface stops.
+        spent_reads: Reading of a beam whose power runs out: the ``range`` of that
+            point, ``zero``, as of USARSim's Hokuyo in smoke, or ``nothing``.
+        return_mode: Which echoes of a beam are kept: the ``last``, at which its ray
+            ended, the ``first``, the ``strongest``, or ``all``; with ``all``, the
+            range is that of the last echo.
+        side_mode: Arrangement of the rays of a beam: three rays, of which the outer two
+            are ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
+            axis, or ``divergent`` from one point; or a ``cone`` of many rays.
+        side_offset_uu: Offset N of the side rays from their beam, Unreal units of
+            4 mm; 0 for none.
+        divergence_distance: Distance at which divergent rays are N units off, m.
+        ray_weights: Weights of the right, centre and left ray, in any unit: their
+            chances to be drawn, or their shares of the beam's power.
+        ray_choice: Whether one ray is ``drawn`` for each beam or all are evaluated
+            ``together``; None for ``drawn`` where the last echo is kept, and
+            ``together`` otherwise.
+        incidence_weights: Whether surfaces met head-on weigh more than grazed ones.
+        beamwidth_az_deg: Horizontal width of a cone between its one-way half-power
+            points, degrees.
+        beamwidth_el_deg: Vertical width of a cone between its one-way half-power
+            points, degrees.
+        cone_rays: Number of rays of a cone.
+        cone_sampling: Directions of a cone's rays: the nodes of a ``quadrature``, or
+            ``random``, drawn anew for each scan.
         range_noise: Standard deviation of ranges, m; 0 for none.
-        range_noise_share: The same as a share of the range; the greater one counts.
-        range_resolution: m; echoes of a beam that are nearer together merge; 0 for
-            never.
-        range_quantum: m; ranges are multiples of it; 0 for any number.
+        range_noise_share: Standard deviation of ranges as a share of the range; the
+            larger of both applies.
+        range_resolution: Distance below which echoes of a beam merge, m; 0 to merge
+            none.
+        range_quantum: Step to which ranges are rounded, m; 0 for no rounding.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -111,38 +112,35 @@ class SensorSettings(BaseModel):
     range_noise: NotNegative = 0.0
     range_noise_share: Annotated[float, Field(ge=0, le=1)] = 0.0
     range_resolution: NotNegative = 0.0
-    range_quantum: Annotated[NotNegative, AfterValidator(_step)] = 0.0
+    range_quantum: Annotated[NotNegative, AfterValidator(_check_quantum)] = 0.0
 
     @property
     def beams(self) -> int:
-        """How many beams a scan has."""
+        """The number of beams of a scan."""
         return round(self.fov_deg / self.resolution_deg) + 1
 
     @property
     def power_per_db(self) -> float:
-        """What a dB of a material, one way, is in penetration power.
-
-        Of unlimited power it is no share; 1 then.
-        """
+        """Penetration power that a one-way loss of 1 dB costs; 1 if it is unlimited."""
         if math.isinf(self.penetration_power):
             return 1.0
         return self.penetration_power / (self.margin_db / 2)
 
     @property
     def has_side_rays(self) -> bool:
-        """Whether its beams have more rays than one; lasers are ideal in that."""
+        """Whether beams can have several rays; those of lasers are ideally thin."""
         return self.medium == "radar"
 
     @property
     def combines_rays(self) -> bool:
-        """Whether all rays of a beam answer for it."""
+        """Whether the echoes of all rays of a beam are combined."""
         if self.ray_choice is None:
             return self.return_mode != "last"
         return self.ray_choice == "together"
 
     @property
     def rays_per_beam(self) -> int:
-        """How many rays a beam has, of which one may be drawn."""
+        """The number of rays of a beam, of which one may be drawn."""
         if not self.has_side_rays:
             return 1
         if self.side_mode == "cone":
@@ -152,7 +150,7 @@ class SensorSettings(BaseModel):
 
     @property
     def cone_grid(self) -> tuple[int, int]:
-        """How many nodes a quadrature has across, and how many up and down."""
+        """The number of quadrature nodes across, and that up and down."""
         if not self.beamwidth_el_deg:
             return self.cone_rays, 1
         if not self.beamwidth_az_deg:
@@ -163,11 +161,12 @@ class SensorSettings(BaseModel):
         return self.cone_rays // rows, rows
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Self:
+    def _check_combinations(self) -> Self:
         power = self.penetration_power
-        if math.isnan(power) or MOST_POWER < power < math.inf:
+        if math.isnan(power) or MAX_FINITE_POWER < power < math.inf:
             raise ValueError(
-                f"penetration_power {power:g}, expected 0 to {MOST_POWER:g}, or .inf"
+                f"penetration_power {power:g},"
+                f" expected 0 to {MAX_FINITE_POWER:g}, or .inf"
             )
         if sum(self.ray_weights) <= 0:
             raise ValueError(f"ray_weights {self.ray_weights}, expected one above 0")
@@ -181,14 +180,14 @@ class SensorSettings(BaseModel):
         return self
 
     def _check_number_of_rays(self) -> None:
-        if self.beams > MOST_RAYS:
-            raise ValueError(f"{self.beams} beams, expected at most {MOST_RAYS}")
+        if self.beams > MAX_RAYS:
+            raise ValueError(f"{self.beams} beams, expected at most {MAX_RAYS}")
         rays = self.beams * self.rays_per_beam
-        if rays > MOST_RAYS and self.side_mode == "cone":
-            raise ValueError(f"{rays} rays, expected at most {MOST_RAYS}")
+        if rays > MAX_RAYS and self.side_mode == "cone":
+            raise ValueError(f"{rays} rays, expected at most {MAX_RAYS}")
 
     def _check_cone(self) -> None:
-        """Refuse a cone without width, and a quadrature that is none."""
+        """Reject a cone without width, and a quadrature that cannot be computed."""
         widths = self.beamwidth_az_deg, self.beamwidth_el_deg
         if self.side_mode != "cone" or self.cone_rays == 1:
             return
@@ -199,10 +198,10 @@ class SensorSettings(BaseModel):
             )
         if self.cone_sampling == "random":
             return
-        if max(self.cone_grid) > MOST_NODES:
+        if max(self.cone_grid) > MAX_NODES:
             raise ValueError(
                 f"cone_rays {self.cone_rays}, {max(self.cone_grid)} in a row, expected"
-                f" at most {MOST_NODES}; random ones may be more"
+                f" at most {MAX_NODES}; random ones may be more"
             )
         if all(widths) and self.cone_grid[1] == 1:
             raise ValueError(

@@ -1,41 +1,28 @@
-"""Sensor presets: YAML files whose every number says where it is from."""
+"""Sensor presets: named settings of scanners."""
 
 import functools
-from importlib.resources import files
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from radarsim.errors import PresetError
+from radarsim.presets.preset_files import (
+    SourcedValue,
+    preset_names,
+    read_preset,
+    unknown_preset,
+)
 from radarsim.presets.sensor_settings import SensorSettings
 
 
-class SourcedValue(BaseModel):
-    """A setting of a preset, with its origin.
-
-    Attributes:
-        value: As in ``SensorSettings``.
-        source: Where it is from, in words.
-        confidence: ``verified`` if it was read in its source, ``nominal`` if it is
-            recalled from a data sheet, ``estimate`` if it is judged, ``choice`` if
-            this project has decided it.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    value: Any
-    source: str
-    confidence: Literal["verified", "nominal", "estimate", "choice"]
-
-
 class SensorPreset(BaseModel):
-    """A preset file.
+    """The file of a sensor preset.
 
     Attributes:
-        about: One sentence.
-        settings: The numbers by name.
+        about: Description; the first sentence names the sensor.
+        settings: Settings by name; the others have their default.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -47,37 +34,30 @@ class SensorPreset(BaseModel):
 @functools.cache
 def sensor_presets() -> dict[str, SensorPreset]:
     """Read all presets, by name, in alphabetical order."""
-    folder = files("radarsim.presets") / "sensors"
-    yaml = YAML(typ="safe", pure=True)
-    names = sorted(
-        file.name for file in folder.iterdir() if file.name.endswith(".yaml")
-    )
     return {
-        name.removesuffix(".yaml"): SensorPreset.model_validate(
-            yaml.load((folder / name).read_text(encoding="utf-8"))
-        )
-        for name in names
+        name: SensorPreset.model_validate(read_preset("sensors", name))
+        for name in preset_names("sensors")
     }
 
 
 def load_settings(name: str, /, **settings: Any) -> SensorSettings:
-    """Take a preset and change some of its settings.
+    """Return the settings of a preset, with some of them changed.
 
     Raises:
-        PresetError: If there is no such preset or setting, or a value does not fit;
-            names all that is wrong.
+        PresetError: If there is no such preset or setting, or a value is invalid; one
+            line for each problem.
     """
     presets = sensor_presets()
     if name not in presets:
-        raise PresetError(f"sensor {name[:80]!r}, expected one of {sorted(presets)}")
-    values = {key: number.value for key, number in presets[name].settings.items()}
+        raise unknown_preset("sensor", name, preset_names("sensors"))
+    values = {key: setting.value for key, setting in presets[name].settings.items()}
     try:
         return SensorSettings.model_validate({**values, **settings})
     except ValidationError as error:
-        raise PresetError(_texts(name, error)) from None
+        raise PresetError(_describe(name, error)) from None
 
 
-def _texts(name: str, error: ValidationError) -> str:
+def _describe(name: str, error: ValidationError) -> str:
     lines = []
     for problem in error.errors():
         path = ".".join(str(step) for step in problem["loc"])
@@ -87,8 +67,8 @@ def _texts(name: str, error: ValidationError) -> str:
         elif not path:
             lines.append(f"sensor {name}: {_lowered(problem['msg'])}")
         else:
-            came = repr(problem["input"])[:80]
-            lines.append(f"sensor {name}: {path}: {came}: {_lowered(problem['msg'])}")
+            value = repr(problem["input"])[:80]
+            lines.append(f"sensor {name}: {path}: {value}: {_lowered(problem['msg'])}")
     return "\n".join(lines)
 
 
@@ -98,10 +78,10 @@ def _lowered(text: str) -> str:
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
-    """Read ``KEY=VALUE``; the value is a number, a word, or numbers between commas.
+    """Parse ``KEY=VALUE``; the value is a number, a word, or a comma-separated list.
 
     Raises:
-        PresetError: If there is no key, or the value cannot be read.
+        PresetError: If there is no key, or the value is not valid YAML.
 
     >>> parse_setting("max_range=20")
     ('max_range', 20)

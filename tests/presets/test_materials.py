@@ -23,18 +23,18 @@ WALLS = ("concrete", "brick", "metal")
 WEATHER = ("smoke", "dust", "fog", "rain")
 
 
-def test_the_library_is_known() -> None:
+def test_library_holds_the_known_materials() -> None:
     names = {*PLANTS, *BOARDS, *WALLS, *WEATHER, "glass"}
     assert set(library_names()) == set(library()) == names
     assert list(library_names()) == sorted(names)
 
 
-def test_the_bands_are_those_that_a_radar_may_have() -> None:
+def test_materials_have_numbers_for_each_radar_band() -> None:
     assert get_args(SensorSettings.model_fields["band_ghz"].annotation) == BANDS_GHZ
 
 
 @pytest.mark.parametrize("name", library_names())
-def test_every_number_says_where_it_is_from(name: str) -> None:
+def test_every_number_has_a_source(name: str) -> None:
     entry = library_entry(name)
     assert entry.about
     for number in entry.numbers.values():
@@ -42,7 +42,7 @@ def test_every_number_says_where_it_is_from(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PLANTS)
-def test_plants_stop_light_and_let_radars_through(name: str) -> None:
+def test_plants_stop_light_and_attenuate_radar(name: str) -> None:
     plant = library_material(name)
     assert plant.density == 0
     assert 0 < plant.radar_db[0] < plant.radar_db[1] < plant.radar_db[2]
@@ -51,7 +51,7 @@ def test_plants_stop_light_and_let_radars_through(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_boards_are_thin_to_a_radar_and_beams_of_them_are_not(name: str) -> None:
+def test_radar_penetrates_thin_boards_but_not_thick_ones(name: str) -> None:
     board = library_material(name)
     assert 1 < 0.0125 * board.radar_db[0] < 0.0125 * board.radar_db[2] < 10
     assert 0.2 * board.radar_db[0] > 30
@@ -59,7 +59,7 @@ def test_boards_are_thin_to_a_radar_and_beams_of_them_are_not(name: str) -> None
 
 
 @pytest.mark.parametrize("name", WALLS)
-def test_walls_are_opaque(name: str) -> None:
+def test_walls_are_opaque_and_solid(name: str) -> None:
     wall = library_material(name)
     assert math.isinf(wall.density)
     assert math.isinf(wall.laser_density)
@@ -67,44 +67,44 @@ def test_walls_are_opaque(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WEATHER)
-def test_weather_stops_nobody(name: str) -> None:
+def test_weather_is_penetrable_by_beams_and_robots(name: str) -> None:
     air = library_material(name)
     assert (air.density, air.laser_density, air.solid) == (0, 0, False)
     assert min(air.radar_db) > 0
     assert air.rain == (25 if name == "rain" else 0)
 
 
-def test_mirrors() -> None:
+def test_only_glass_and_metal_are_mirrors() -> None:
     glass, metal = library_material("glass"), library_material("metal")
     assert (glass.radar_mirror, glass.laser_mirror) == (True, False)
     assert (metal.radar_mirror, metal.laser_mirror) == (True, True)
     assert math.isinf(glass.density)
     assert glass.laser_density == 0
     others = set(library_names()) - {"glass", "metal"}
-    told = [library_material(name) for name in others]
-    assert not any(each.radar_mirror or each.laser_mirror for each in told)
+    others_ = [library_material(name) for name in others]
+    assert not any(each.radar_mirror or each.laser_mirror for each in others_)
 
 
-def test_a_pane_of_6_mm_lets_nine_tenths_of_light_through() -> None:
+def test_pane_of_6_mm_transmits_90_percent_of_light() -> None:
     through = 10 ** (-library_material("glass").laser_db * 0.006 / 10)
     assert through == pytest.approx(0.9, abs=0.01)
 
 
-def test_amounts_are_taken_where_they_belong() -> None:
-    takers = {name: library_entry(name).amount for name in WEATHER}
-    assert takers == {
+def test_only_weather_has_an_amount() -> None:
+    amounts = {name: library_entry(name).amount for name in WEATHER}
+    assert amounts == {
         **dict.fromkeys(("smoke", "dust", "fog"), AMOUNTS[0]),
         "rain": AMOUNTS[1],
     }
     assert library_entry("wood").amount is None
 
 
-def test_without_an_amount_it_is_that_of_the_file() -> None:
+def test_default_amount_is_that_of_the_file() -> None:
     assert library_material("dust") == library_material("dust", g_per_m3=3)
     assert library_material("rain") == library_material("rain", mm_per_h=25)
 
 
-def test_an_amount_of_something_else_is_refused() -> None:
+def test_amount_of_the_wrong_unit_is_rejected() -> None:
     with pytest.raises(PresetError) as caught:
         library_material("rain", g_per_m3=1)
     assert str(caught.value) == "material 'rain': g_per_m3 1, expected mm_per_h"
@@ -112,12 +112,12 @@ def test_an_amount_of_something_else_is_refused() -> None:
         library_material("wood", mm_per_h=3)
 
 
-def test_an_unknown_material_is_answered_with_those_there_are() -> None:
+def test_unknown_material_is_rejected_with_the_known_names() -> None:
     with pytest.raises(PresetError, match=r"^material 'wod', expected one of \['brick"):
         library_material("wod")
 
 
-def test_a_material_has_all_that_a_scene_asks_for() -> None:
+def test_all_properties_of_a_material() -> None:
     assert library_material("brick") == MaterialProperties(
         density=math.inf,
         laser_density=math.inf,

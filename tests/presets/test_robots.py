@@ -46,18 +46,18 @@ def write(folder: Path, text: str, name: str = "Toy") -> Path:
     return path
 
 
-def test_the_shipped_classes() -> None:
+def test_shipped_classes_are_the_known_ones() -> None:
     assert robot_names() == NAMES
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_class_is_named_like_its_file_in_any_case(name: str) -> None:
+def test_class_is_named_like_its_file_in_any_case(name: str) -> None:
     assert load_robot(name).name == name
     assert load_robot(name.lower()) == load_robot(name.upper()) == load_robot(name)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_robot_covers_its_wheels_and_rests_on_them(name: str) -> None:
+def test_hull_covers_the_wheels(name: str) -> None:
     model = load_robot(name)
     assert model.width >= model.wheel_separation
     assert model.length >= model.wheel_base
@@ -66,14 +66,14 @@ def test_a_robot_covers_its_wheels_and_rests_on_them(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_class_says_where_it_is_and_what_it_sees(name: str) -> None:
+def test_every_class_has_pose_sensors_bumper_battery_and_scanner(name: str) -> None:
     model = load_robot(name)
     for item_type in ("GroundTruth", "INS", "Odometry", "Touch", "Battery"):
         assert len(model.items_of(item_type)) == 1
     assert model.items_of("rangescanner")
 
 
-def test_an_unknown_class() -> None:
+def test_unknown_class_is_rejected_with_the_known_names() -> None:
     with pytest.raises(PresetError) as caught:
         load_robot("KR6" * 50)
     names = list(NAMES)
@@ -81,7 +81,7 @@ def test_an_unknown_class() -> None:
     assert str(caught.value) == f"robot class {shown!r}, expected one of {names}"
 
 
-def test_the_p3at_is_the_originals() -> None:
+def test_p3at_has_the_dimensions_of_the_original() -> None:
     model = load_robot("P3AT")
     assert model.mass == 11.9
     assert model.max_torque == 50000
@@ -95,7 +95,7 @@ def test_the_p3at_is_the_originals() -> None:
     assert model.wheels == ("right", "left", "right", "left")
 
 
-def test_the_p3at_carries_what_clients_know_by_name() -> None:
+def test_p3at_has_the_item_names_that_clients_know() -> None:
     names = [item.name for item in load_robot("P3AT").items]
     assert names == [
         "GndTruth",
@@ -110,7 +110,7 @@ def test_the_p3at_carries_what_clients_know_by_name() -> None:
     ]
 
 
-def test_the_p3ats_scanner_looks_from_the_originals_place() -> None:
+def test_p3at_scanner_is_mounted_as_in_the_original() -> None:
     (scanner,) = load_robot("P3AT").items_of("RangeScanner")
     assert scanner.mount == Pose3(0.2085, 0, 0.2)
     assert scanner.sensor == "radar"
@@ -129,14 +129,14 @@ def test_the_p3ats_scanner_looks_from_the_originals_place() -> None:
         pytest.param("P2DX", [("Scanner1", "radar")], id="P2DX"),
     ],
 )
-def test_the_scanners_of_a_class(name: str, scanners: list[tuple[str, str]]) -> None:
+def test_scanners_of_each_class(name: str, scanners: list[tuple[str, str]]) -> None:
     found = [
         (item.name, item.sensor) for item in load_robot(name).items_of("RangeScanner")
     ]
     assert found == scanners
 
 
-def test_variants_of_the_p3at_differ_in_their_scanners_alone() -> None:
+def test_p3at_variants_differ_only_in_their_scanners() -> None:
     plain = load_robot("P3AT")
     for name in NAMES:
         if name.startswith("P3AT_"):
@@ -149,30 +149,30 @@ def test_variants_of_the_p3at_differ_in_their_scanners_alone() -> None:
             )
 
 
-def test_all_round_is_360_beams() -> None:
+def test_radar360_has_360_beams() -> None:
     (scanner,) = load_robot("P3AT_Radar360").items_of("RangeScanner")
     fov, step = scanner.settings["fov_deg"], scanner.settings["resolution_deg"]
     assert round(fov / step) + 1 == 360
 
 
-def test_a_mount_is_in_radians() -> None:
+def test_mount_is_converted_to_radians() -> None:
     item = Item(type="INS", name="I", position=(1, 2, 3), rotation_deg=(90, 0, -180))
     assert item.mount == Pose3(1, 2, 3, math.pi / 2, 0, -math.pi)
 
 
-def test_models_do_not_change() -> None:
+def test_models_are_immutable() -> None:
     with pytest.raises(ValidationError):
         load_robot("P3AT").mass = 3
 
 
-def test_a_file_on_its_own(tmp_path: Path) -> None:
+def test_file_without_base_is_read(tmp_path: Path) -> None:
     model = read_robot(write(tmp_path, BODY))
     assert isinstance(model, RobotModel)
     assert model.items == ()
     assert model.cog == (0, 0, 0)
 
 
-def test_a_file_based_on_another_replaces_and_adds(tmp_path: Path) -> None:
+def test_based_on_inherits_replaces_and_adds_items(tmp_path: Path) -> None:
     items = "items: [{type: INS, name: A}, {type: Touch, name: B}]\n"
     write(tmp_path, BODY + items)
     text = """\
@@ -183,11 +183,11 @@ items: [{type: Touch, name: C}, {type: Odometry, name: A}]
 """
     model = read_robot(write(tmp_path, text, "Toy2"))
     assert (model.name, model.mass, model.length) == ("Toy2", 5, 0.4)
-    kinds = [(item.type, item.name) for item in model.items]
-    assert kinds == [("Odometry", "A"), ("Touch", "B"), ("Touch", "C")]
+    types = [(item.type, item.name) for item in model.items]
+    assert types == [("Odometry", "A"), ("Touch", "B"), ("Touch", "C")]
 
 
-def test_a_file_may_add_items_to_one_that_has_none(tmp_path: Path) -> None:
+def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None:
     write(tmp_path, BODY)
     text = "based_on: Toy\nname: Toy2\nitems: [{type: Touch, name: C}]\n"
     assert [item.name for item in read_robot(write(tmp_path, text, "T")).items] == ["C"]
@@ -216,7 +216,9 @@ def test_a_file_may_add_items_to_one_that_has_none(tmp_path: Path) -> None:
         pytest.param("mass: 2\n", ":13:1: mass: ", id="a key twice"),
     ],
 )
-def test_a_wrong_file_says_where(tmp_path: Path, text: str, place: str) -> None:
+def test_invalid_file_is_reported_with_its_place(
+    tmp_path: Path, text: str, place: str
+) -> None:
     path = write(tmp_path, BODY + text)
     with pytest.raises(PresetError) as caught:
         read_robot(path)
@@ -229,19 +231,19 @@ def test_a_wrong_file_says_where(tmp_path: Path, text: str, place: str) -> None:
     ["3", "[3]", "[{type: INS}]", "{name: A}"],
     ids=["number", "3", "nameless", "map"],
 )
-def test_items_that_are_none_are_refused(tmp_path: Path, items: str) -> None:
+def test_invalid_items_are_rejected(tmp_path: Path, items: str) -> None:
     write(tmp_path, BODY + "items: []\n")
     text = f"based_on: Toy\nname: Toy2\nitems: {items}\n"
     with pytest.raises(PresetError, match="items"):
         read_robot(write(tmp_path, text, "Toy2"))
 
 
-def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
+def test_file_that_is_not_a_mapping_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(PresetError, match=r"Toy\.yaml:1:1: "):
         read_robot(write(tmp_path, "[1, 2]\n"))
 
 
-def test_the_models_data_is_what_the_file_says(tmp_path: Path) -> None:
+def test_model_dump_holds_only_keys_of_the_file(tmp_path: Path) -> None:
     data: dict[str, Any] = read_robot(write(tmp_path, BODY)).model_dump(
         exclude_unset=True
     )

@@ -1,210 +1,197 @@
+"""The shipped sensor presets: their values and sources."""
+
 import math
-from typing import Any
 
 import pytest
 
-from radarsim.errors import PresetError
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import load_settings, parse_setting
+from radarsim.presets.sensors import SensorPreset, load_settings, sensor_presets
+
+THESIS = {"radar", "thesis"}
+NAVTECH = {
+    "navtech_cir204h",
+    "navtech_cir304h",
+    "navtech_cts350x",
+    "navtech_cts350x_radiate",
+}
+ANTENNAS = NAVTECH | {"hss94_marulan", "k2pi"}
+REAL_LASERS = {"hokuyo_urg04lx", "hokuyo_utm30lx", "sick_lms200", "sick_lms291"}
+USARSIM = {"usarsim_hokuyo", "usarsim_rangescanner", "usarsim_sick"}
+ALL = (
+    THESIS | ANTENNAS | REAL_LASERS | USARSIM | {"hokuyo", "laser", "physical", "sick"}
+)
+
+presets = pytest.mark.parametrize("name", sorted(ALL))
+
+
+def preset(name: str) -> SensorPreset:
+    return sensor_presets()[name]
+
+
+def test_shipped_presets_are_the_known_ones() -> None:
+    assert set(sensor_presets()) == ALL
+
+
+@presets
+def test_preset_loads_and_uses_known_settings(name: str) -> None:
+    load_settings(name)
+    assert set(preset(name).settings) <= set(SensorSettings.model_fields)
+
+
+@presets
+def test_every_value_has_a_source(name: str) -> None:
+    for setting, number in preset(name).settings.items():
+        assert len(number.source) > 4, setting
+        assert number.source == number.source.strip(), setting
+
+
+@presets
+def test_recalled_value_has_nominal_confidence(name: str) -> None:
+    for setting, number in preset(name).settings.items():
+        recalled = "recalled" in number.source and number.confidence != "choice"
+        assert not recalled or number.confidence == "nominal", setting
+
+
+@pytest.mark.parametrize("name", sorted(ALL - {"radar"}))
+def test_description_mentions_values_that_are_not_verified(name: str) -> None:
+    confidences = {number.confidence for number in preset(name).settings.values()}
+    for word in ("nominal", "estimate"):
+        assert word not in confidences or word in preset(name).about
 
 
 @pytest.mark.parametrize(
-    ("name", "beams", "reach", "power"),
+    ("name", "band"),
     [
-        pytest.param("radar", 181, 80, 1.0, id="radar"),
-        pytest.param("hokuyo", 228, 4, 0.00575, id="hokuyo"),
-        pytest.param("sick", 181, 80, math.inf, id="sick"),
-        pytest.param("laser", 181, 80, math.inf, id="laser"),
+        pytest.param("k2pi", "24.125 GHz", id="k2pi"),
+        pytest.param("hss94_marulan", "94 GHz", id="hss94_marulan"),
+        *(pytest.param(name, "76-77 GHz", id=name) for name in sorted(NAVTECH)),
+        pytest.param("hokuyo_urg04lx", "785 nm", id="hokuyo_urg04lx"),
+        pytest.param("hokuyo_utm30lx", "905 nm", id="hokuyo_utm30lx"),
+        pytest.param("sick_lms200", "905 nm", id="sick_lms200"),
+        pytest.param("sick_lms291", "905 nm", id="sick_lms291"),
     ],
 )
-def test_what_the_presets_promise(
-    name: str, beams: int, reach: float, power: float
+def test_description_names_band_or_wavelength(name: str, band: str) -> None:
+    assert band in preset(name).about
+
+
+@pytest.mark.parametrize(
+    ("name", "beams", "step"),
+    [
+        pytest.param("thesis", 360, 1.0, id="thesis"),
+        pytest.param("k2pi", 360, 1.0, id="k2pi"),
+        pytest.param("hss94_marulan", 180, 2.0, id="hss94_marulan"),
+        *(pytest.param(name, 400, 0.9, id=name) for name in sorted(NAVTECH)),
+    ],
+)
+def test_full_circle_has_no_duplicate_direction(
+    name: str, beams: int, step: float
 ) -> None:
     settings = load_settings(name)
-    assert (settings.beams, settings.max_range) == (beams, reach)
-    assert settings.penetration_power == power
+    assert (settings.beams, settings.resolution_deg) == (beams, step)
+    assert settings.fov_deg + step == pytest.approx(360)
 
 
 @pytest.mark.parametrize(
-    ("fov", "step", "beams"),
+    ("name", "beams", "fov", "max_range"),
     [
-        pytest.param(180, 1, 181, id="half a circle"),
-        pytest.param(359, 1, 360, id="a full circle"),
-        pytest.param(270, 0.25, 1081, id="quarter degrees"),
-        pytest.param(10, 3, 4, id="a step that does not divide it"),
-        pytest.param(1, 1, 2, id="two beams"),
+        pytest.param("hokuyo_urg04lx", 682, 239.4140625, 5.6, id="steps 44 to 725"),
+        pytest.param("hokuyo_utm30lx", 1081, 270.0, 30, id="steps 0 to 1080"),
+        pytest.param("sick_lms200", 181, 180, 81.92, id="8192 centimetres"),
+        pytest.param("sick_lms291", 181, 180, 80, id="sick_lms291"),
+        pytest.param("usarsim_sick", 181, 180, 20, id="usarsim_sick"),
+        pytest.param("usarsim_hokuyo", 228, 239.4140625, 4, id="usarsim_hokuyo"),
+        pytest.param("usarsim_rangescanner", 21, 179.846, 4, id="usarsim_rangescanner"),
     ],
 )
-def test_a_scan_has_one_beam_more_than_steps(
-    fov: float, step: float, beams: int
+def test_beams_and_range_of_the_lasers(
+    name: str, beams: int, fov: float, max_range: float
 ) -> None:
-    settings = load_settings("radar", fov_deg=fov, resolution_deg=step)
-    assert settings.beams == beams
+    settings = load_settings(name)
+    assert (settings.beams, settings.max_range) == (beams, max_range)
+    assert settings.fov_deg == pytest.approx(fov, abs=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("settings", "text"),
+    ("name", "bins", "bin_size", "max_range"),
     [
-        pytest.param(
-            {"fov_deg": -3},
-            "sensor radar: fov_deg: -3: input should be greater than or equal to"
-            " 0.0001",
-            id="negative",
-        ),
-        pytest.param(
-            {"max_range": math.nan},
-            "sensor radar: max_range: nan: input should be a finite number",
-            id="nan",
-        ),
-        pytest.param(
-            {"side_mode": "both"},
-            "sensor radar: side_mode: 'both': input should be 'perpendicular',"
-            " 'lateral', 'divergent' or 'cone'",
-            id="unknown word",
-        ),
-        pytest.param(
-            {"ray_weights": (0, 0, 0)},
-            "sensor radar: ray_weights (0.0, 0.0, 0.0), expected one above 0",
-            id="no chance at all",
-        ),
-        pytest.param(
-            {"resolution_deg": 300},
-            "sensor radar: resolution_deg 300, expected at most fov_deg 180",
-            id="a step wider than the view",
-        ),
-        pytest.param(
-            {"resolution_deg": 1e-320},
-            "sensor radar: resolution_deg: 1e-320: input should be greater than or"
-            " equal to 0.0001",
-            id="next to nothing",
-        ),
-        pytest.param(
-            {"side_offset_uu": 1e308},
-            "sensor radar: side_offset_uu: 1e+308: input should be less than or equal"
-            " to 100000",
-            id="overflowing",
-        ),
-        pytest.param(
-            {"resolution_deg": 1.1e-4},
-            "sensor radar: 1636365 beams, expected at most 1000000",
-            id="too many beams",
-        ),
-        pytest.param(
-            {"penetration_power": math.nan},
-            "sensor radar: penetration_power: nan: input should be greater than or"
-            " equal to 0",
-            id="power nan",
-        ),
-        pytest.param(
-            {"range_quantum": 1e-9},
-            "sensor radar: range_quantum: 1e-09: expected 0 or at least 1e-06",
-            id="a step that nothing can be divided by",
-        ),
-        pytest.param(
-            {"side_mode": "cone", "cone_rays": 10_000, "cone_sampling": "random"},
-            "sensor radar: 1810000 rays, expected at most 1000000",
-            id="too many rays",
-        ),
-        pytest.param(
-            {"side_mode": "cone", "cone_rays": 371, "beamwidth_az_deg": 4},
-            "sensor radar: cone_rays 371, 371 in a row, expected at most 100; random"
-            " ones may be more",
-            id="too many nodes in a row",
-        ),
-        pytest.param(
-            {"side_mode": "cone"},
-            "sensor radar: a cone of 9 rays, expected a beamwidth_az_deg or a"
-            " beamwidth_el_deg above 0",
-            id="a cone without width",
-        ),
-        pytest.param(
-            {"name": "radar"},
-            "sensor radar: no setting 'name', expected one of "
-            + str(sorted(SensorSettings.model_fields)),
-            id="a name that is an argument too",
-        ),
-        pytest.param(
-            {
-                "side_mode": "cone",
-                "cone_rays": 7,
-                "beamwidth_az_deg": 2,
-                "beamwidth_el_deg": 2,
-            },
-            "sensor radar: cone_rays 7 over two widths, expected a product of two"
-            " numbers above 1, such as 9 or 16",
-            id="all nodes in one row",
-        ),
+        pytest.param("navtech_cts350x", 3768, 0.0438, 165.0, id="Oxford"),
+        pytest.param("navtech_cir204h", 3360, 0.0595238, 200.0, id="MulRan"),
+        pytest.param("navtech_cts350x_radiate", 576, 0.173611, 100.0, id="RADIATE"),
+        pytest.param("navtech_cir304h", 3360, 0.0596, 200.256, id="Boreas"),
     ],
 )
-def test_a_setting_that_does_not_fit_is_refused(
-    settings: dict[str, Any], text: str
+def test_range_bins_of_a_data_set_add_up_to_its_range(
+    name: str, bins: int, bin_size: float, max_range: float
 ) -> None:
-    with pytest.raises(PresetError) as caught:
-        load_settings("radar", **settings)
-    assert str(caught.value) == text
+    settings = load_settings(name)
+    assert settings.range_quantum == bin_size
+    assert settings.max_range == pytest.approx(bins * bin_size, rel=1e-12)
+    assert settings.max_range == pytest.approx(max_range, abs=0.05)
+
+
+@pytest.mark.parametrize("name", sorted(THESIS))
+def test_thesis_presets_have_no_noise_or_later_features(name: str) -> None:
+    settings = load_settings(name)
+    assert settings.range_noise == settings.range_noise_share == 0
+    assert settings.range_resolution == settings.range_quantum == 0
+    assert not settings.incidence_weights
+    assert (settings.return_mode, settings.combines_rays) == ("last", False)
+    assert len(set(settings.ray_weights)) == 1
+
+
+def test_thesis_radar_has_the_largest_recommended_offset() -> None:
+    assert load_settings("thesis").side_offset_uu == 50
+
+
+@pytest.mark.parametrize("name", sorted(ANTENNAS))
+def test_radar_with_an_antenna_has_a_cone_of_rays(name: str) -> None:
+    settings = load_settings(name)
+    assert (settings.side_mode, settings.ray_choice) == ("cone", "together")
+    assert settings.beamwidth_az_deg > 0
+    across, up = settings.cone_grid
+    assert across * up == settings.rays_per_beam
+    assert (up > 1) == (settings.beamwidth_el_deg > 0)
+
+
+@pytest.mark.parametrize("name", sorted(ANTENNAS | THESIS))
+def test_radars_have_a_penetration_power_of_1(name: str) -> None:
+    assert load_settings(name).penetration_power == 1.0
+
+
+@pytest.mark.parametrize("name", sorted(REAL_LASERS))
+def test_real_lasers_have_noise_and_unlimited_power(name: str) -> None:
+    settings = load_settings(name)
+    assert settings.medium == "laser"
+    assert settings.penetration_power == math.inf
+    assert settings.range_noise > 0
 
 
 @pytest.mark.parametrize(
-    ("widths", "rays", "grid"),
+    ("distance", "deviation"),
     [
-        pytest.param((2, 2), 9, (3, 3), id="square"),
-        pytest.param((4, 20), 15, (5, 3), id="more across than up"),
-        pytest.param((2, 0), 5, (5, 1), id="across alone"),
-        pytest.param((0, 2), 5, (1, 5), id="up alone"),
-        pytest.param((2, 2), 1, (1, 1), id="one ray"),
+        pytest.param(1, 0.01, id="near"),
+        pytest.param(10, 0.01, id="10 m"),
+        pytest.param(30, 0.03, id="far"),
     ],
 )
-def test_a_quadrature_has_rows_and_columns(
-    widths: tuple[float, float], rays: int, grid: tuple[int, int]
+def test_noise_of_the_utm30lx_grows_beyond_10_m(
+    distance: float, deviation: float
 ) -> None:
-    settings = load_settings(
-        "radar",
-        side_mode="cone",
-        beamwidth_az_deg=widths[0],
-        beamwidth_el_deg=widths[1],
-        cone_rays=rays,
-    )
-    assert settings.cone_grid == grid
-    assert settings.rays_per_beam == rays
-
-
-def test_lasers_have_one_ray_a_beam() -> None:
-    assert (
-        load_settings("laser", side_mode="cone", beamwidth_az_deg=2).rays_per_beam == 1
-    )
-    assert load_settings("radar").rays_per_beam == 3
-
-
-def test_all_wrong_settings_are_named_at_once() -> None:
-    with pytest.raises(PresetError) as caught:
-        load_settings("radar", fov_deg=0, max_rnge=5)
-    lines = str(caught.value).splitlines()
-    assert len(lines) == 2
-    assert lines[1].startswith("sensor radar: no setting 'max_rnge', expected one of [")
-
-
-def test_an_unknown_sensor_is_answered_with_those_there_are() -> None:
-    with pytest.raises(PresetError, match=r"sensor 'rader', expected one of \['hok"):
-        load_settings("rader")
+    settings = load_settings("hokuyo_utm30lx")
+    of_range = settings.range_noise_share * distance
+    assert max(settings.range_noise, of_range) == pytest.approx(deviation)
 
 
 @pytest.mark.parametrize(
-    ("text", "value"),
+    ("name", "of", "changed"),
     [
-        pytest.param("max_range=20", 20, id="integer"),
-        pytest.param("max_range=2.5", 2.5, id="decimal"),
-        pytest.param("penetration_power=.inf", math.inf, id="infinity"),
-        pytest.param("side_mode=lateral", "lateral", id="word"),
-        pytest.param("ray_weights=1,2,1", [1, 2, 1], id="between commas"),
-        pytest.param("ray_weights=[1, 2, 1]", [1, 2, 1], id="list"),
+        pytest.param("usarsim_sick", "sick", {"max_range", "scan_rate_hz"}, id="SICK"),
+        pytest.param("usarsim_hokuyo", "hokuyo", {"scan_rate_hz"}, id="Hokuyo"),
     ],
 )
-def test_a_setting_on_the_command_line(text: str, value: object) -> None:
-    key = text.partition("=")[0]
-    assert parse_setting(text) == (key, value)
-
-
-@pytest.mark.parametrize("text", ["max_range", "=3", "  =3", "a=[1", "a=!!python/x 1"])
-def test_a_text_that_is_no_setting_is_refused(text: str) -> None:
-    with pytest.raises(PresetError, match="expected KEY=VALUE"):
-        parse_setting(text)
+def test_usarsim_variants_differ_only_in_known_settings(
+    name: str, of: str, changed: set[str]
+) -> None:
+    own, shipped = load_settings(name).model_dump(), load_settings(of).model_dump()
+    assert {key for key in own if own[key] != shipped[key]} == changed

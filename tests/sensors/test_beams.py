@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracles.gaussian_beam import side_ray_angle
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.divergence import offset_units, side_ray_at, two_way_deviation
+from radarsim.presets.divergence import offset_units, two_way_deviation
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
@@ -214,7 +215,7 @@ def test_three_divergent_rays_can_be_the_quadrature_of_three() -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": 3}
     three = {
         "side_mode": "divergent",
-        "side_offset_uu": offset_units(side_ray_at(width), distance),
+        "side_offset_uu": offset_units(side_ray_angle(width), distance),
         "divergence_distance": distance,
         "ray_weights": (1, 4, 1),
     }

@@ -1,15 +1,15 @@
-"""What building materials reflect and take, from their permittivity.
+"""What building materials reflect and absorb, computed from their permittivity.
 
 Theory of operation
 ===================
 ITU-R P.2040-3 gives the relative permittivity of a material as ``a f^b`` and its
-conductivity as ``c f^d`` S/m, with f in GHz. Both together are one complex number,
-whose imaginary part is 17.98 times the conductivity over f. Fresnel's equations give
-from it what a smooth and endlessly thick block reflects; its square root, the complex
-index of refraction, what is lost in a metre of it.
+conductivity as ``c f^d`` S/m, with f in GHz. Together they form one complex number,
+whose imaginary part is 17.98 times the conductivity over f. From it, Fresnel's
+equations give the reflectance of a smooth, infinitely thick block, and its square root,
+the complex refractive index, gives the loss per metre.
 
-The numbers hold up to 100 GHz, but for brick, which was measured up to 40: what they
-give for it beyond that is far too transparent.
+The numbers hold up to 100 GHz, except for brick, which was measured up to 40 GHz:
+beyond that the law makes it far too transparent.
 
 Source: ITU-R P.2040-3, effects of building materials and structures on radiowave
 propagation above about 100 MHz.
@@ -43,7 +43,7 @@ P2040: Final = {
 
 
 def permittivity(medium: Medium, f_ghz: float) -> complex:
-    """Give the complex relative permittivity; losses are its negative imaginary part.
+    """Return the complex relative permittivity; losses are its negative imaginary part.
 
     >>> permittivity(P2040["metal"], 17.98)
     (1-10000000j)
@@ -52,17 +52,18 @@ def permittivity(medium: Medium, f_ghz: float) -> complex:
     return complex(medium.a * f_ghz**medium.b, -17.98 * conductivity / f_ghz)
 
 
-def reflected(
+def reflectance(
     relative: complex, angle: float = 0.0, polarisation: Literal["te", "tm"] = "te"
 ) -> float:
-    """Give the share of power that a smooth block reflects.
+    """Return the share of power that a smooth block reflects.
 
     Args:
-        relative: Its permittivity.
-        angle: Between the beam and the surface's normal, rad.
-        polarisation: The electric field is across the plane of incidence, or in it.
+        relative: Relative permittivity of the block.
+        angle: Angle between the beam and the surface normal, rad.
+        polarisation: ``te`` if the electric field is perpendicular to the plane of
+            incidence, ``tm`` if it lies in it.
 
-    >>> round(reflected(4.0), 4)
+    >>> round(reflectance(4.0), 4)
     0.1111
     """
     cosine = math.cos(angle)
@@ -72,10 +73,10 @@ def reflected(
 
 
 def bulk_loss(relative: complex, f_ghz: float) -> float:
-    """Give the loss in a metre of it, one way, dB.
+    """Return the one-way loss inside the block, dB/m.
 
     >>> round(bulk_loss(permittivity(P2040["wood"], 24), 24))
     164
     """
-    waves = 2 * math.pi * f_ghz * 1e9 / SPEED_OF_LIGHT  # rad/m
-    return 20 / math.log(10) * waves * abs(cmath.sqrt(relative).imag)
+    wavenumber = 2 * math.pi * f_ghz * 1e9 / SPEED_OF_LIGHT  # rad/m
+    return 20 / math.log(10) * wavenumber * abs(cmath.sqrt(relative).imag)

@@ -7,15 +7,15 @@ from types import ModuleType
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracles.hydrometeors import PowerLaw, fog_attenuation, polarised
 
-from radarsim.presets.hydrometeors import PowerLaw, fog_attenuation, polarised
 from radarsim.presets.materials import library_entry, library_material
 
 BANDS = (24, 77, 94)
 
 
 def _models() -> tuple[ModuleType, ModuleType]:
-    with warnings.catch_warnings():  # of what it imports
+    with warnings.catch_warnings():  # from its imports
         warnings.simplefilter("ignore")
         from itur.models import itu838, itu840
     return itu838, itu840
@@ -32,41 +32,43 @@ def law(f_ghz: float, tilt_deg: float, elevation_deg: float = 0.0) -> PowerLaw:
 
 
 @pytest.mark.parametrize("band", BANDS)
-def test_the_law_of_rain_is_that_of_p838(band: int) -> None:
+def test_rain_law_of_the_library_is_that_of_p838(band: int) -> None:
     numbers = library_entry("rain").numbers
-    told = [numbers[key].value[band] for key in ("rain_k", "rain_alpha")]
-    assert told == pytest.approx(law(band, 45), rel=2e-5)
+    loss = [numbers[key].value[band] for key in ("rain_k", "rain_alpha")]
+    assert loss == pytest.approx(law(band, 45), rel=2e-5)
 
 
 @pytest.mark.parametrize("rate", [0.25, 5, 25, 150])
-def test_rain_takes_what_p838_says(rate: float) -> None:
-    told = library_material("rain", mm_per_h=rate).radar_db
+def test_attenuation_in_rain_is_that_of_p838(rate: float) -> None:
+    loss = library_material("rain", mm_per_h=rate).radar_db
     expected = [
         float(RAIN.rain_specific_attenuation(rate, band, 0, 45).value) / 1000
         for band in BANDS
     ]
-    assert told == pytest.approx(expected, rel=1e-4)
+    assert loss == pytest.approx(expected, rel=1e-4)
 
 
 @given(st.sampled_from(BANDS), st.floats(0, 90), st.floats(0, 90))
-def test_waves_between_flat_and_upright_are_as_in_p838(
+def test_tilted_polarisation_is_as_in_p838(
     band: int, tilt: float, elevation: float
 ) -> None:
-    mine = polarised(
+    computed = polarised(
         law(band, 0), law(band, 90), math.radians(tilt), math.radians(elevation)
     )
-    assert mine == pytest.approx(law(band, tilt, elevation), abs=1e-6)
+    assert computed == pytest.approx(law(band, tilt, elevation), abs=1e-6)
 
 
 @given(st.floats(5, 200), st.floats(-8, 40))
-def test_fog_takes_what_p840_says(f_ghz: float, celsius: float) -> None:
+def test_attenuation_in_fog_is_that_of_p840(f_ghz: float, celsius: float) -> None:
     expected = float(FOG.specific_attenuation_coefficients(f_ghz, celsius))
     assert 1000 * fog_attenuation(f_ghz, celsius) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(("band", "db"), [(77, 3.14726), (94, 4.23755)])
-def test_a_gramme_of_fog_of_the_library(band: int, db: float) -> None:
-    told = library_material("fog", g_per_m3=1).radar_db[BANDS.index(band)]
-    assert 1000 * told == pytest.approx(db, abs=1e-3)
-    told_by = float(FOG.specific_attenuation_coefficients(band, 10))
-    assert told_by == pytest.approx(db, abs=1e-4)
+def test_library_loss_of_one_gramme_of_fog_is_that_of_p840(
+    band: int, db: float
+) -> None:
+    loss = library_material("fog", g_per_m3=1).radar_db[BANDS.index(band)]
+    assert 1000 * loss == pytest.approx(db, abs=1e-3)
+    published = float(FOG.specific_attenuation_coefficients(band, 10))
+    assert published == pytest.approx(db, abs=1e-4)

@@ -1,9 +1,9 @@
-"""Measurements that others published, from 28.8 to 80 GHz, one way."""
+"""Vegetation of the library, against published one-way losses at 28.8 to 80 GHz."""
 
 import pytest
+from oracles.vegetation import convert_band, weissberger
 
 from radarsim.presets.materials import library_material
-from radarsim.presets.vegetation import in_band, weissberger
 
 
 @pytest.mark.parametrize(
@@ -16,11 +16,13 @@ from radarsim.presets.vegetation import in_band, weissberger
         pytest.param(94, 10, 16.4, id="10 m at 94 GHz"),
     ],
 )
-def test_weissbergers_law(f_ghz: float, depth: float, db: float) -> None:
+def test_weissbergers_law_matches_published_values(
+    f_ghz: float, depth: float, db: float
+) -> None:
     assert weissberger(f_ghz, depth) == pytest.approx(db, abs=0.05)
 
 
-def test_the_two_branches_of_weissbergers_law_meet_within_a_percent() -> None:
+def test_branches_of_weissbergers_law_meet_within_1_percent() -> None:
     assert weissberger(77, 14) == pytest.approx(weissberger(77, 13.999), rel=0.01)
 
 
@@ -36,21 +38,21 @@ def test_the_two_branches_of_weissbergers_law_meet_within_a_percent() -> None:
         pytest.param("wet_foliage", 38, (6.0, 8.0), id="wet leaves"),
     ],
 )
-def test_the_library_is_within_half_of_what_was_measured(
+def test_library_is_within_50_percent_of_measurements(
     name: str, at_ghz: float, measured: tuple[float, float]
 ) -> None:
     for band, db in zip((24, 77, 94), library_material(name).radar_db, strict=True):
-        there = in_band(db, band, at_ghz)
-        assert 0.5 * measured[0] <= there <= 1.5 * measured[1]
+        converted = convert_band(db, band, at_ghz)
+        assert 0.5 * measured[0] <= converted <= 1.5 * measured[1]
 
 
-def test_leaves_take_what_they_were_seen_to_at_80_ghz() -> None:
+def test_leaves_add_the_loss_measured_at_80_ghz() -> None:
     leafy, bare = (library_material(name) for name in ("foliage", "twigs"))
-    more = in_band(leafy.radar_db[1] - bare.radar_db[1], 77, 80)
+    more = convert_band(leafy.radar_db[1] - bare.radar_db[1], 77, 80)
     assert more == pytest.approx(2.16, rel=0.1)
 
 
-def test_the_library_follows_weissberger_in_each_band() -> None:
+def test_woodland_follows_weissbergers_law_in_each_band() -> None:
     law = [weissberger(band, 1) for band in (24, 77, 94)]
     assert library_material("woodland").radar_db == pytest.approx(law, abs=0.005)
 
@@ -66,8 +68,8 @@ def test_the_library_follows_weissberger_in_each_band() -> None:
         pytest.param("hedge", 8, 38, id="hedge"),
     ],
 )
-def test_the_library_has_what_its_sources_say(
+def test_library_has_the_losses_of_its_sources(
     name: str, db: float, at_ghz: float
 ) -> None:
-    law = [in_band(db, at_ghz, band) for band in (24, 77, 94)]
+    law = [convert_band(db, at_ghz, band) for band in (24, 77, 94)]
     assert library_material(name).radar_db == pytest.approx(law, abs=0.006)

@@ -1,4 +1,4 @@
-"""Fresnel's equations, with reflectances and losses that others have computed."""
+"""Boards and mirrors of the library, against Fresnel's equations and ITU-R P.2040."""
 
 import cmath
 import math
@@ -6,9 +6,9 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracles.permittivity import P2040, bulk_loss, permittivity, reflectance
 
 from radarsim.presets.materials import library_entry, library_material
-from radarsim.presets.permittivity import P2040, bulk_loss, permittivity, reflected
 
 BANDS = (24, 77, 94)
 INDEX = st.floats(1.1, 10)
@@ -26,11 +26,11 @@ ANGLE = st.floats(0, 1.5)
         pytest.param("chipboard", (0.0548, 0.0545, 0.0545), (264, 654, 765)),
     ],
 )
-def test_what_building_materials_reflect_and_take(
+def test_reflectance_and_loss_of_building_materials(
     name: str, shares: tuple[float, ...], losses: tuple[float, ...]
 ) -> None:
     media = [permittivity(P2040[name], band) for band in BANDS]
-    assert [reflected(medium) for medium in media] == pytest.approx(shares, abs=1e-3)
+    assert [reflectance(medium) for medium in media] == pytest.approx(shares, abs=1e-3)
     taken = [bulk_loss(m, band) for m, band in zip(media, BANDS, strict=True)]
     assert taken == pytest.approx(losses, abs=0.6)
 
@@ -46,53 +46,51 @@ def test_what_building_materials_reflect_and_take(
         pytest.param("chipboard", 0.118, 0.014, id="chipboard"),
     ],
 )
-def test_what_is_reflected_at_45_degrees(
-    name: str, across: float, within: float
-) -> None:
+def test_reflectance_at_45_degrees(name: str, across: float, within: float) -> None:
     medium = permittivity(P2040[name], 94)
-    assert reflected(medium, math.pi / 4, "te") == pytest.approx(across, abs=1e-3)
-    assert reflected(medium, math.pi / 4, "tm") == pytest.approx(within, abs=1e-3)
+    assert reflectance(medium, math.pi / 4, "te") == pytest.approx(across, abs=1e-3)
+    assert reflectance(medium, math.pi / 4, "tm") == pytest.approx(within, abs=1e-3)
 
 
 @pytest.mark.parametrize(("band", "share"), [(24, 0.999), (77, 0.9982), (94, 0.998)])
-def test_metal_reflects_all_and_takes_what_enters(band: int, share: float) -> None:
+def test_metal_reflects_nearly_all_power(band: int, share: float) -> None:
     metal = permittivity(P2040["metal"], band)
-    assert reflected(metal) == pytest.approx(share, abs=1e-4)
+    assert reflectance(metal) == pytest.approx(share, abs=1e-4)
     assert bulk_loss(metal, band) > 1e6
 
 
 @given(INDEX)
-def test_at_brewsters_angle_a_wave_in_the_plane_of_incidence_is_not_reflected(
+def test_tm_waves_are_not_reflected_at_brewsters_angle(
     index: float,
 ) -> None:
-    assert reflected(index**2, math.atan(index), "tm") == pytest.approx(0, abs=1e-12)
+    assert reflectance(index**2, math.atan(index), "tm") == pytest.approx(0, abs=1e-12)
 
 
-def test_glass_is_darkest_at_68_degrees() -> None:
+def test_glass_reflects_tm_waves_least_at_68_degrees() -> None:
     medium = permittivity(P2040["glass"], 24)
     angles = [math.radians(tenth / 10) for tenth in range(900)]
-    darkest = min(angles, key=lambda angle: reflected(medium, angle, "tm"))
+    darkest = min(angles, key=lambda angle: reflectance(medium, angle, "tm"))
     assert math.degrees(darkest) == pytest.approx(68.3, abs=0.1)
-    assert reflected(medium, darkest, "tm") < 1e-3
+    assert reflectance(medium, darkest, "tm") < 1e-3
 
 
 @given(INDEX)
-def test_at_45_degrees_the_one_share_is_the_square_of_the_other(index: float) -> None:
-    across = reflected(index**2, math.pi / 4, "te")
-    assert reflected(index**2, math.pi / 4, "tm") == pytest.approx(across**2)
+def test_tm_reflectance_at_45_degrees_is_the_square_of_te(index: float) -> None:
+    across = reflectance(index**2, math.pi / 4, "te")
+    assert reflectance(index**2, math.pi / 4, "tm") == pytest.approx(across**2)
 
 
 @given(INDEX, st.floats(0, 5), ANGLE)
-def test_no_more_is_reflected_than_came(
+def test_reflectance_is_at_most_1_and_tm_at_most_te(
     index: float, losses: float, angle: float
 ) -> None:
     medium = complex(index**2, -losses)
-    within, across = reflected(medium, angle, "tm"), reflected(medium, angle, "te")
+    within, across = reflectance(medium, angle, "tm"), reflectance(medium, angle, "te")
     assert within <= across * (1 + 1e-9) <= 1 + 1e-9
 
 
 @given(st.floats(1.5, 10), st.floats(1, 100))
-def test_small_losses_are_those_of_the_loss_tangent(real: float, f_ghz: float) -> None:
+def test_small_loss_follows_the_loss_tangent(real: float, f_ghz: float) -> None:
     medium = complex(real, -1e-4 * real)
     wavelength = 0.299792458 / f_ghz
     expected = math.pi / wavelength * math.sqrt(real) * 1e-4 * 20 / math.log(10)
@@ -107,7 +105,7 @@ def test_small_losses_are_those_of_the_loss_tangent(real: float, f_ghz: float) -
         pytest.param("chipboard", 0.018, (-5.3, -12.2, -14.2), id="chipboard"),
     ],
 )
-def test_boards_pass_what_a_coherent_sum_over_all_reflections_does(
+def test_boards_transmit_nearly_what_a_slab_with_internal_reflections_does(
     name: str, thickness: float, passed: tuple[float, ...]
 ) -> None:
     for band, db, inside in zip(
@@ -123,14 +121,14 @@ def test_boards_pass_what_a_coherent_sum_over_all_reflections_does(
 
 
 @pytest.mark.parametrize("name", ["wood", "plasterboard", "chipboard"])
-def test_the_library_has_what_the_table_gives(name: str) -> None:
+def test_boards_of_the_library_have_the_loss_of_p2040(name: str) -> None:
     law = [bulk_loss(permittivity(P2040[name], band), band) for band in BANDS]
     assert library_material(name).radar_db == pytest.approx(law, abs=0.6)
 
 
-def test_mirrors_of_the_library_keep_what_the_table_says() -> None:
+def test_mirrors_of_the_library_absorb_what_p2040_says() -> None:
     for name in ("glass", "metal"):
-        kept = library_entry(name).numbers["absorption_db"].value
+        absorbed = library_entry(name).numbers["absorption_db"].value
         for band in BANDS:
-            share = reflected(permittivity(P2040[name], band))
-            assert -10 * math.log10(share) == pytest.approx(kept, abs=0.02)
+            share = reflectance(permittivity(P2040[name], band))
+            assert -10 * math.log10(share) == pytest.approx(absorbed, abs=0.02)

@@ -1,0 +1,58 @@
+"""The YAML files of the shipped presets.
+
+The folders ``sensors``, ``materials`` and ``robots`` hold one file for each preset,
+named after it. Every number of a sensor or a material states its source.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict
+from ruamel.yaml import YAML
+
+from radarsim.errors import PresetError
+
+Folder: TypeAlias = Literal["sensors", "materials", "robots"]
+
+_PACKAGE: Final = Path(__file__).parent
+
+
+class SourcedValue(BaseModel):
+    """A value with its origin.
+
+    Attributes:
+        value: The value itself.
+        source: Where the value comes from, in words.
+        confidence: ``verified`` if it was read in its source, ``nominal`` if it is
+            recalled from a data sheet, ``estimate`` if it is an engineering judgement,
+            ``choice`` if this project decided it.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: Any
+    source: str
+    confidence: Literal["verified", "nominal", "estimate", "choice"]
+
+
+@cache
+def preset_names(folder: Folder) -> tuple[str, ...]:
+    """Return the names of the presets in a folder, sorted."""
+    return tuple(sorted(path.stem for path in (_PACKAGE / folder).glob("*.yaml")))
+
+
+def preset_path(folder: Folder, name: str) -> Path:
+    """Return the path of a preset's file, whether it exists or not."""
+    return _PACKAGE / folder / f"{name}.yaml"
+
+
+def read_preset(folder: Folder, name: str) -> Any:
+    """Read the file of a preset that exists."""
+    text = preset_path(folder, name).read_text(encoding="utf-8")
+    return YAML(typ="safe", pure=True).load(text)
+
+
+def unknown_preset(label: str, name: str, known: tuple[str, ...]) -> PresetError:
+    """Create the error for a name that no preset has."""
+    return PresetError(f"{label} {name[:80]!r}, expected one of {list(known)}")

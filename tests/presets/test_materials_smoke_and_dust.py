@@ -1,0 +1,64 @@
+"""Smoke and dust of the library, against scattering by small particles."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracles.particles import (
+    extinction_in_db,
+    grain_absorption,
+    grain_extinction,
+)
+
+from radarsim.presets.materials import library_material
+
+SOIL = 4.5 - 0.25j, 2.65  # permittivity, g/cm^3
+BANDS = (24, 77, 94)
+
+
+@pytest.mark.parametrize(
+    ("f_ghz", "bound"),
+    [pytest.param(94, 0.02, id="94 GHz"), pytest.param(217, 0.08, id="217 GHz")],
+)
+def test_loss_in_dust_is_below_the_measurable_bound(f_ghz: float, bound: float) -> None:
+    assert 3 * grain_absorption(f_ghz, *SOIL) < bound
+    assert max(library_material("dust", g_per_m3=3).radar_db) < 0.02
+
+
+def test_dust_of_the_library_has_the_loss_of_soil() -> None:
+    law = [grain_absorption(band, *SOIL) for band in BANDS]
+    material = library_material("dust", g_per_m3=1)
+    assert material.radar_db == pytest.approx(law, rel=0.01)
+    assert material.laser_db == pytest.approx(
+        extinction_in_db(grain_extinction(15e-6, 2.65)), rel=0.01
+    )
+
+
+def test_loss_of_light_in_smoke_is_inversely_proportional_to_wavelength() -> None:
+    material = library_material("smoke", g_per_m3=1)
+    assert material.laser_db == pytest.approx(
+        extinction_in_db(7.6 * 633 / 905), rel=0.01
+    )
+
+
+@pytest.mark.parametrize("name", ["smoke", "dust", "fog"])
+def test_light_loses_over_100_times_as_much_as_radar(name: str) -> None:
+    material = library_material(name)
+    assert material.laser_db > 100 * max(material.radar_db)
+
+
+@given(st.floats(0, 100), st.sampled_from(["smoke", "dust", "fog"]))
+def test_loss_is_proportional_to_the_amount(amount: float, name: str) -> None:
+    one, several = (library_material(name, g_per_m3=g) for g in (1.0, amount))
+    assert several.laser_db == pytest.approx(amount * one.laser_db)
+    assert several.radar_db == pytest.approx([amount * db for db in one.radar_db])
+
+
+@given(st.floats(1e-6, 1e-3), st.floats(0.5, 5))
+def test_grains_extinguish_twice_the_area_of_their_discs(
+    diameter: float, g_per_cm3: float
+) -> None:
+    grammes = g_per_cm3 * 1e6 * math.pi / 6 * diameter**3
+    disc = math.pi / 4 * diameter**2
+    assert grain_extinction(diameter, g_per_cm3) == pytest.approx(2 * disc / grammes)

@@ -1,0 +1,206 @@
+import math
+from typing import Any
+
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.presets.sensors import load_settings, parse_setting
+
+
+@pytest.mark.parametrize(
+    ("name", "beams", "max_range", "power"),
+    [
+        pytest.param("radar", 181, 80, 1.0, id="radar"),
+        pytest.param("hokuyo", 228, 4, 0.00575, id="hokuyo"),
+        pytest.param("sick", 181, 80, math.inf, id="sick"),
+        pytest.param("laser", 181, 80, math.inf, id="laser"),
+    ],
+)
+def test_beams_range_and_power_of_presets(
+    name: str, beams: int, max_range: float, power: float
+) -> None:
+    settings = load_settings(name)
+    assert (settings.beams, settings.max_range) == (beams, max_range)
+    assert settings.penetration_power == power
+
+
+@pytest.mark.parametrize(
+    ("fov", "step", "beams"),
+    [
+        pytest.param(180, 1, 181, id="half a circle"),
+        pytest.param(359, 1, 360, id="a full circle"),
+        pytest.param(270, 0.25, 1081, id="quarter degrees"),
+        pytest.param(10, 3, 4, id="a step that does not divide it"),
+        pytest.param(1, 1, 2, id="two beams"),
+    ],
+)
+def test_scan_has_one_beam_more_than_steps(fov: float, step: float, beams: int) -> None:
+    settings = load_settings("radar", fov_deg=fov, resolution_deg=step)
+    assert settings.beams == beams
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        pytest.param(
+            {"fov_deg": -3},
+            "sensor radar: fov_deg: -3: input should be greater than or equal to"
+            " 0.0001",
+            id="negative",
+        ),
+        pytest.param(
+            {"max_range": math.nan},
+            "sensor radar: max_range: nan: input should be a finite number",
+            id="nan",
+        ),
+        pytest.param(
+            {"side_mode": "both"},
+            "sensor radar: side_mode: 'both': input should be 'perpendicular',"
+            " 'lateral', 'divergent' or 'cone'",
+            id="unknown word",
+        ),
+        pytest.param(
+            {"ray_weights": (0, 0, 0)},
+            "sensor radar: ray_weights (0.0, 0.0, 0.0), expected one above 0",
+            id="all weights zero",
+        ),
+        pytest.param(
+            {"resolution_deg": 300},
+            "sensor radar: resolution_deg 300, expected at most fov_deg 180",
+            id="a step wider than the field of view",
+        ),
+        pytest.param(
+            {"resolution_deg": 1e-320},
+            "sensor radar: resolution_deg: 1e-320: input should be greater than or"
+            " equal to 0.0001",
+            id="denormal",
+        ),
+        pytest.param(
+            {"side_offset_uu": 1e308},
+            "sensor radar: side_offset_uu: 1e+308: input should be less than or equal"
+            " to 100000",
+            id="overflowing",
+        ),
+        pytest.param(
+            {"resolution_deg": 1.1e-4},
+            "sensor radar: 1636365 beams, expected at most 1000000",
+            id="too many beams",
+        ),
+        pytest.param(
+            {"penetration_power": math.nan},
+            "sensor radar: penetration_power: nan: input should be greater than or"
+            " equal to 0",
+            id="power nan",
+        ),
+        pytest.param(
+            {"range_quantum": 1e-9},
+            "sensor radar: range_quantum: 1e-09: expected 0 or at least 1e-06",
+            id="too small to divide by",
+        ),
+        pytest.param(
+            {"side_mode": "cone", "cone_rays": 10_000, "cone_sampling": "random"},
+            "sensor radar: 1810000 rays, expected at most 1000000",
+            id="too many rays",
+        ),
+        pytest.param(
+            {"side_mode": "cone", "cone_rays": 371, "beamwidth_az_deg": 4},
+            "sensor radar: cone_rays 371, 371 in a row, expected at most 100; random"
+            " ones may be more",
+            id="too many nodes in a row",
+        ),
+        pytest.param(
+            {"side_mode": "cone"},
+            "sensor radar: a cone of 9 rays, expected a beamwidth_az_deg or a"
+            " beamwidth_el_deg above 0",
+            id="a cone without width",
+        ),
+        pytest.param(
+            {"name": "radar"},
+            "sensor radar: no setting 'name', expected one of "
+            + str(sorted(SensorSettings.model_fields)),
+            id="the name of an argument",
+        ),
+        pytest.param(
+            {
+                "side_mode": "cone",
+                "cone_rays": 7,
+                "beamwidth_az_deg": 2,
+                "beamwidth_el_deg": 2,
+            },
+            "sensor radar: cone_rays 7 over two widths, expected a product of two"
+            " numbers above 1, such as 9 or 16",
+            id="all nodes in one row",
+        ),
+    ],
+)
+def test_invalid_setting_is_rejected(settings: dict[str, Any], text: str) -> None:
+    with pytest.raises(PresetError) as caught:
+        load_settings("radar", **settings)
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("widths", "rays", "grid"),
+    [
+        pytest.param((2, 2), 9, (3, 3), id="square"),
+        pytest.param((4, 20), 15, (5, 3), id="more across than up"),
+        pytest.param((2, 0), 5, (5, 1), id="across alone"),
+        pytest.param((0, 2), 5, (1, 5), id="up alone"),
+        pytest.param((2, 2), 1, (1, 1), id="one ray"),
+    ],
+)
+def test_quadrature_forms_a_grid(
+    widths: tuple[float, float], rays: int, grid: tuple[int, int]
+) -> None:
+    settings = load_settings(
+        "radar",
+        side_mode="cone",
+        beamwidth_az_deg=widths[0],
+        beamwidth_el_deg=widths[1],
+        cone_rays=rays,
+    )
+    assert settings.cone_grid == grid
+    assert settings.rays_per_beam == rays
+
+
+def test_lasers_have_one_ray_per_beam() -> None:
+    assert (
+        load_settings("laser", side_mode="cone", beamwidth_az_deg=2).rays_per_beam == 1
+    )
+    assert load_settings("radar").rays_per_beam == 3
+
+
+def test_all_invalid_settings_are_reported_at_once() -> None:
+    with pytest.raises(PresetError) as caught:
+        load_settings("radar", fov_deg=0, max_rnge=5)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 2
+    assert lines[1].startswith("sensor radar: no setting 'max_rnge', expected one of [")
+
+
+def test_unknown_sensor_is_rejected_with_the_known_names() -> None:
+    with pytest.raises(PresetError, match=r"sensor 'rader', expected one of \['hok"):
+        load_settings("rader")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        pytest.param("max_range=20", 20, id="integer"),
+        pytest.param("max_range=2.5", 2.5, id="decimal"),
+        pytest.param("penetration_power=.inf", math.inf, id="infinity"),
+        pytest.param("side_mode=lateral", "lateral", id="word"),
+        pytest.param("ray_weights=1,2,1", [1, 2, 1], id="between commas"),
+        pytest.param("ray_weights=[1, 2, 1]", [1, 2, 1], id="list"),
+    ],
+)
+def test_setting_on_the_command_line_is_parsed(text: str, value: object) -> None:
+    key = text.partition("=")[0]
+    assert parse_setting(text) == (key, value)
+
+
+@pytest.mark.parametrize("text", ["max_range", "=3", "  =3", "a=[1", "a=!!python/x 1"])
+def test_invalid_setting_text_is_rejected(text: str) -> None:
+    with pytest.raises(PresetError, match="expected KEY=VALUE"):
+        parse_setting(text)
