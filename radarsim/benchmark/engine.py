@@ -30,9 +30,13 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
+from radarsim.sensors.range_scanner import (
+    RangeScanner,
+    load_sensor,
+    scan_batch,
+    sensor_pose,
+)
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.simulation import Simulation
 
 BATCH = 100

@@ -1,1 +1,1 @@
-"""Robots on the floor: how they drive, what stops them, what they carry along."""
+"""Robots on the floor: kinematics, collisions, and their state."""

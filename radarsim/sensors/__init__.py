@@ -1,1 +1,1 @@
-"""Sensors: a pose, a scene and a generator give readings; no protocol, no clock."""
+"""Simulated sensors: radars, lasers, INS, odometry and wheel sensors; no protocol."""

@@ -1,22 +1,22 @@
-"""From what happened to rays to the echoes of beams.
+"""Turn the events along rays into the echoes of beams.
 
 Theory of operation
 ===================
-What a ray meets answers: each boundary of a volume that it crosses, each sheet, and the
-surface or the point at which it ends. An echo is as strong as what is lost to it: an
-opaque surface gives back all that is left, the near side of a volume what the volume
-takes, its far side nothing, a sheet its loss; where volumes overlap, each takes its
-share of what is lost, by density. So the strengths of a ray that ends within reach add
-up to 1, the whole of its power; smoke that takes nothing gives nothing back; and of a
-bush before a wall the stronger one is what took more. A beam of unlimited power is
-given back whole by what it hits. What is lost to the air, or to a volume around the
-ray's start, nobody gives back: there is no boundary.
+Everything that a ray meets returns an echo: each boundary of a volume that it crosses,
+each sheet, and the surface or the point at which it ends. The strength of an echo is
+the share of power that is lost there: an opaque surface returns all that is left, the
+near side of a volume what the volume absorbs, its far side nothing, a sheet its loss.
+Where volumes overlap, each is credited with its share of the loss, in proportion to
+density. So the strengths of a ray that ends within range add up to 1, its whole power;
+smoke that absorbs nothing returns nothing; and of a bush in front of a wall, the one
+that takes more power is the stronger echo. A beam of unlimited power is returned whole
+by what it hits. Power lost to the air, or to a volume around the ray's start, returns
+no echo: there is no boundary.
 
-Where several rays answer together, each carries its share of the beam, and the echoes
-of all of them are sorted by range. With incidence weights an echo is multiplied by
-what a rough surface sends back the way that it came: cos^2 of the angle between ray
-and normal, by Lambert's law. What is met in foliage has all directions: 1/3, the mean
-of cos^2 over them.
+Where the rays of a beam are combined, each carries its share of the beam, and the
+echoes of all of them are sorted by range. With incidence weights an echo is multiplied
+by the backscatter of a rough surface: cos^2 of the angle between ray and normal, by
+Lambert's law. Leaves face all directions: 1/3, the mean of cos^2 over them.
 """
 
 from typing import Any, Final, NamedTuple
@@ -30,22 +30,22 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import Traces
 
-LEAVES: Final = 1 / 3  # mean of cos^2 over all directions of leaves
+LEAF_BACKSCATTER: Final = 1 / 3  # mean of cos^2 over all directions of leaves
 START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT = map(int, list(EventKind)[:6])
-ANSWERING = (ENTER, LEAVE, SHEET, HIT, SPENT)
+RETURN_ECHO: Final = (ENTER, LEAVE, SHEET, HIT, SPENT)
 
 
 class EchoColumns(NamedTuple):
-    """Echoes, a row each, beam by beam.
+    """Echoes, one row each, beam by beam.
 
     Attributes:
-        beam: (E,) int64.
+        beam: (E,) int64, the number of the beam.
         row: (E,) int64, the ray, counted over all beams.
-        t: (E,) m.
+        t: (E,) distance from the start of the ray, m.
         kind: (E,) uint8, an ``EventKind``.
         part: (E,) int64, as in ``Traces``.
-        power: (E,) left on arrival; of a hit, what comes back.
-        strength: (E,) share of the beam.
+        power: (E,) power left on arrival, for a hit without what the surface absorbs.
+        strength: (E,) share of the beam's power.
         ends: (E,) uint8, whether a ray ends there.
     """
 
@@ -59,41 +59,89 @@ class EchoColumns(NamedTuple):
     ends: NDArray[np.uint8]
 
     def take(self, rows: Any) -> "EchoColumns":
-        """Give some of the rows, by their numbers or as a slice."""
+        """Return some of the rows, selected by index, mask or slice."""
         columns: Any = [column[rows] for column in self]
         return EchoColumns(*columns)
 
 
-def backscatter(traces: Traces) -> Floats:
-    """Give what the end of each ray sends back of what arrives, (N,), 0 to 1.
+class Densities(NamedTuple):
+    """Power that rays lose per metre.
 
-    Where the incidence was not asked for, everything; of what is nowhere, nothing.
+    Attributes:
+        parts: (P,) in each part of the scene.
+        air: In the air.
+    """
+
+    parts: Floats
+    air: float
+
+
+class EnclosingVolumes(NamedTuple):
+    """Work space for the volumes around the current point of a ray.
+
+    Attributes:
+        part: (P + 1,) int64, their parts.
+        entry: (P + 1,) int64, the event at which the ray entered each; -1 if it
+            started inside.
+    """
+
+    part: NDArray[np.int64]
+    entry: NDArray[np.int64]
+
+
+class RayReturns(NamedTuple):
+    """How much of what happens to rays comes back.
+
+    Attributes:
+        weights: (M,) the share of each ray in its beam.
+        rays_per_beam: How many consecutive rays form a beam.
+        strengths: (V,) the share of its ray's power that each event returns.
+        incidence: (M,) cosine of the angle of incidence, as in ``Traces``.
+    """
+
+    weights: Floats
+    rays_per_beam: int
+    strengths: Floats
+    incidence: Floats
+
+
+def backscatter(traces: Traces) -> Floats:
+    """Return the share of arriving power that the end of each ray returns, (N,).
+
+    It is 1 for every end without incidence angles, and 0 for a ray without end.
     """
     if not traces.incidence.size:
         return np.isfinite(traces.ranges).astype(np.float64)
-    leaves = np.where(np.isfinite(traces.ranges), LEAVES, 0.0)
+    leaves = np.where(np.isfinite(traces.ranges), LEAF_BACKSCATTER, 0.0)
     return np.where(np.isnan(traces.incidence), leaves, traces.incidence**2)
 
 
 def extract_echoes(
     traces: Traces,
     weights: Floats,
-    of_a_beam: int,
+    rays_per_beam: int,
     densities: tuple[Floats, float],
     settings: SensorSettings,
 ) -> EchoColumns:
-    """Make echoes of what happened to rays.
+    """Extract the echoes from the events along rays.
 
     Args:
-        traces: With events.
-        weights: (M,) the share of each ray in its beam; what comes of a ray without
-            any is left out.
-        of_a_beam: How many rays each beam has.
-        densities: (P,) power that the rays lose per metre in each part, and what they
-            lose in the air.
-        settings: Of the sensor.
+        traces: The traced rays, with events.
+        weights: (M,) the share of each ray in its beam; a ray of weight 0 has no echo.
+        rays_per_beam: How many consecutive rays form a beam.
+        densities: (P,) power that the rays lose per metre in each part, and in the air.
+        settings: Settings of the sensor.
+
+    Returns:
+        The echoes, beam by beam, sorted by range; of equal ranges, in the order of the
+        rays and along them.
     """
     n = len(traces.events)
+    strengths = np.zeros(n)
+    size = len(densities[0]) + 1
+    volumes = EnclosingVolumes(np.zeros(size, np.int64), np.zeros(size, np.int64))
+    full = settings.penetration_power
+    _compute_strengths(traces.events, Densities(*densities), full, volumes, strengths)
     columns = EchoColumns(
         np.zeros(n, np.int64),
         np.zeros(n, np.int64),
@@ -104,17 +152,13 @@ def extract_echoes(
         np.zeros(n),
         np.zeros(n, np.uint8),
     )
-    strengths = np.zeros(n)
-    full = settings.penetration_power
-    around = np.zeros((2, len(densities[0]) + 1), np.int64)
-    _give_back(traces.events, densities, full, around, strengths)
-    how = (weights, of_a_beam, strengths, traces.incidence)
-    return columns.take(slice(_gather(traces.events, how, columns)))
+    returns = RayReturns(weights, rays_per_beam, strengths, traces.incidence)
+    return columns.take(slice(_fill_columns(traces.events, returns, columns)))
 
 
 @njit_inline
-def _share(event: Any, full: Any) -> Any:
-    """Give the share of its power that a ray has left on arrival."""
+def _share_left(event: Any, full: Any) -> Any:
+    """Return the share of its power that a ray has left on arrival."""
     if event.kind == SPENT:
         return 0.0
     if full == 0.0 or np.isinf(full):
@@ -123,49 +167,60 @@ def _share(event: Any, full: Any) -> Any:
 
 
 @njit_inline
-def _share_kept(event: Any, full: Any) -> Any:
-    """Give the share that is lost at a place."""
+def _share_absorbed(event: Any, full: Any) -> Any:
+    """Return the share of a ray's power that a sheet or a surface absorbs."""
     if full == 0.0 or np.isinf(full):
         return 0.0
     return event.absorbed / full
 
 
 @njit_inline
-def _split(lost: Any, densities: Any, around: Any, count: Any, strengths: Any) -> None:
-    """Give each volume around a ray its share of what is lost, at where it begins."""
-    of_parts, total = densities
+def _credit_volumes(
+    loss: Any, densities: Any, volumes: Any, count: Any, strengths: Any
+) -> None:
+    """Add a loss to the echoes of the volumes around a ray, in proportion to density.
+
+    The echo of a volume is that of its near side.
+    """
+    total = densities.air
     for k in range(count):
-        total += of_parts[around[0, k]]
-    if lost <= 0.0 or total <= 0.0:
+        total += densities.parts[volumes.part[k]]
+    if loss <= 0.0 or total <= 0.0:
         return
     for k in range(count):
-        entry = around[1, k]
+        entry = volumes.entry[k]
         if entry >= 0:
-            strengths[entry] += lost * of_parts[around[0, k]] / total
+            strengths[entry] += loss * densities.parts[volumes.part[k]] / total
 
 
 @njit_inline
-def _note(events: Any, i: Any, around: Any, count: Any) -> Any:
-    """Keep the account of the parts around a ray; give how many they are."""
+def _update_volumes(events: Any, i: Any, volumes: Any, count: Any) -> Any:
+    """Enter or leave the volume of an event; return how many enclose the ray."""
     event = events[i]
     if event.kind in (ENTER, START_INSIDE):
-        around[0, count] = event.part
-        around[1, count] = i if event.kind == ENTER else -1
+        volumes.part[count] = event.part
+        volumes.entry[count] = i if event.kind == ENTER else -1
         return count + 1
-    return _leave(around, count, event.part) if event.kind == LEAVE else count
+    if event.kind == LEAVE:
+        for k in range(count):
+            if volumes.part[k] == event.part:
+                volumes.part[k] = volumes.part[count - 1]
+                volumes.entry[k] = volumes.entry[count - 1]
+                return count - 1
+    return count
 
 
 @njit_cached
-def _give_back(
-    events: Any, densities: Any, full: Any, around: Any, strengths: Any
+def _compute_strengths(
+    events: Any, densities: Any, full: Any, volumes: Any, strengths: Any
 ) -> None:
-    """Work out what share of its beam each event gives back.
+    """Compute the share of its ray's power that each event returns.
 
     Args:
-        events: Of all rays.
-        densities: (P,) of the parts, and of the air.
-        full: The power that a ray starts with.
-        around: (2, P + 1) room for the parts around a ray, and where it entered them.
+        events: (V,) EVENT of all rays, ray by ray.
+        densities: Densities of the parts and of the air.
+        full: Power with which a ray starts.
+        volumes: Work space.
         strengths: (V,) zeros, to be filled.
     """
     ray, count, left = np.int64(-1), 0, 0.0
@@ -173,106 +228,65 @@ def _give_back(
         event = events[i]
         if event.ray != ray:
             ray, count, left = event.ray, 0, 1.0
-        arriving, kept = _share(event, full), _share_kept(event, full)
-        _split(left - arriving, densities, around, count, strengths)
+        arriving, absorbed = _share_left(event, full), _share_absorbed(event, full)
+        # what is missing since the previous event was lost inside the volumes
+        _credit_volumes(left - arriving, densities, volumes, count, strengths)
         if event.kind == HIT:
-            strengths[i] = arriving - kept
+            strengths[i] = arriving - absorbed
         elif event.kind == SHEET:
-            strengths[i] = kept
-        left = arriving - kept
-        count = _note(events, i, around, count)
-
-
-@njit_inline
-def _leave(around: Any, count: Any, part: Any) -> Any:
-    """Take a part out of those around a ray; give how many are left."""
-    for k in range(count):
-        if around[0, k] == part:
-            around[0, k], around[1, k] = around[0, count - 1], around[1, count - 1]
-            return count - 1
-    return count
-
-
-@njit_inline
-def _sent_back(event: Any, incidence: Any) -> Any:
-    """Give what is sent back at an event of what arrives there."""
-    if not incidence.size:
-        return 1.0
-    return incidence[event.ray] ** 2 if event.kind == HIT else LEAVES
-
-
-@njit_inline
-def _sort(keys: Any, picked: Any, count: Any) -> None:
-    """Sort events by range, of equal ones the first first: Shell's sort.
-
-    Args:
-        keys: Ranges, m.
-        picked: The events that they are of.
-        count: How many of both.
-    """
-    gap = 1
-    while gap < count // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for start in range(gap, count):
-            i, key, event = start, keys[start], picked[start]
-            while i >= gap and (
-                keys[i - gap] > key
-                or (keys[i - gap] == key and picked[i - gap] > event)
-            ):
-                keys[i], picked[i] = keys[i - gap], picked[i - gap]
-                i -= gap
-            keys[i], picked[i] = key, event
-        gap //= 3
-
-
-@njit_inline
-def _fill(columns: Any, place: Any, events: Any, i: Any, how: Any) -> None:
-    weights, of_a_beam, strengths, incidence = how
-    event = events[i]
-    kind, ray = event.kind, event.ray
-    columns.beam[place] = ray // of_a_beam
-    columns.row[place] = ray
-    columns.t[place] = event.t
-    columns.kind[place] = kind
-    columns.part[place] = event.part
-    kept = event.absorbed if kind == HIT else 0.0
-    columns.power[place] = event.power - kept
-    strength = strengths[i] * _sent_back(event, incidence)
-    columns.strength[place] = min(weights[ray] * strength, 1.0)
-    columns.ends[place] = kind in (HIT, SPENT)
+            strengths[i] = absorbed
+        left = arriving - absorbed
+        count = _update_volumes(events, i, volumes, count)
 
 
 @njit_cached
-def _gather(events: Any, how: Any, columns: Any) -> Any:
-    """Fill columns, beam by beam; give how many rows there are."""
-    weights, of_a_beam, _, _ = how
-    keys, picked = np.zeros(len(events)), np.zeros(len(events), np.int64)
+def _fill_columns(events: Any, returns: Any, columns: Any) -> Any:
+    """Fill columns with echoes, beam by beam; return how many there are."""
+    of_beam = returns.rays_per_beam
+    ranges, rows = np.zeros(len(events)), np.zeros(len(events), np.int64)
     total = i = 0
     while i < len(events):
-        beam, count = events[i].ray // of_a_beam, 0
-        while i < len(events) and events[i].ray // of_a_beam == beam:
-            answers = events[i].kind in ANSWERING
-            if answers and weights[events[i].ray] > 0.0:
-                picked[count] = i
-                keys[count] = events[i].t
+        beam, count = events[i].ray // of_beam, 0
+        while i < len(events) and events[i].ray // of_beam == beam:
+            if events[i].kind in RETURN_ECHO and returns.weights[events[i].ray] > 0.0:
+                ranges[count], rows[count] = events[i].t, i
                 count += 1
             i += 1
-        if of_a_beam > 1:
-            _sort(keys, picked, count)
+        if of_beam > 1:  # the events of a single ray are sorted already
+            rows[:count] = rows[np.argsort(ranges[:count], kind="mergesort")]  # stable
         for k in range(count):
-            _fill(columns, total + k, events, picked[k], how)
+            _fill_row(columns, total + k, events, rows[k], returns)
         total += count
     return total
 
 
-def ray_ends(traces: Traces, rows: NDArray[np.int64], full: float) -> EchoColumns:
-    """Make echoes of the ends of rays alone.
+@njit_inline
+def _fill_row(columns: Any, row: Any, events: Any, i: Any, returns: Any) -> None:
+    event = events[i]
+    kind, ray = event.kind, event.ray
+    strength = returns.strengths[i]
+    if returns.incidence.size:
+        hit = kind == HIT
+        strength *= returns.incidence[ray] ** 2 if hit else LEAF_BACKSCATTER
+    columns.beam[row] = ray // returns.rays_per_beam
+    columns.row[row] = ray
+    columns.t[row] = event.t
+    columns.kind[row] = kind
+    columns.part[row] = event.part
+    columns.power[row] = event.power - (event.absorbed if kind == HIT else 0.0)
+    columns.strength[row] = min(returns.weights[ray] * strength, 1.0)
+    columns.ends[row] = kind in (HIT, SPENT)
+
+
+def extract_ray_ends(
+    traces: Traces, rows: NDArray[np.int64], full: float
+) -> EchoColumns:
+    """Extract only the echoes at the ends of rays, for which no events are needed.
 
     Args:
-        traces: Of rays.
-        rows: (N,) the ray that answers for each beam.
-        full: The power that a ray starts with.
+        traces: The traced rays.
+        rows: (N,) the ray that stands for each beam.
+        full: Power with which a ray starts.
     """
     beams = np.flatnonzero(np.isfinite(traces.ranges[rows]))
     rows = rows[beams]

@@ -1,10 +1,11 @@
-"""Which echoes a beam keeps, and which it cannot tell apart.
+"""Merge the echoes that a beam cannot resolve, and select those that it keeps.
 
-Echoes of a beam that are too near together to be told apart merge: from the nearest
-one that gives something back on, all that is less than the range resolution behind it,
-and what gives nothing back as near before it. What is left has the sum of their
-strengths and their mean range, weighted by strength. It is of the kind and the object
-of the strongest end of a ray among them; if no ray ends there, of the strongest echo.
+Echoes of a beam that are closer together than the range resolution merge: starting from
+the nearest one that returns power, all that is less than the range resolution behind
+it, and echoes without strength as close in front of it. The merged echo has the sum of
+their strengths and their mean range, weighted by strength. Its kind and object are
+those of the strongest end of a ray among them; if no ray ends there, those of the
+strongest echo.
 """
 
 from typing import Any, Final
@@ -15,102 +16,102 @@ from radarsim.jit import njit_cached, njit_inline
 from radarsim.sensors.echo_extraction import EchoColumns
 
 LAST, FIRST, STRONGEST = 0, 1, 2
-ROUNDING: Final = 1e-12  # strengths that differ by less are the same
+ROUNDING: Final = 1e-12  # relative difference below which strengths are equal
 
 
-def merge(columns: EchoColumns, cell: float) -> EchoColumns:
-    """Merge echoes of a beam that are nearer together than a cell, m."""
-    if cell <= 0 or not len(columns.t):
-        return columns
-    merged = columns.take(np.arange(len(columns.t)))
-    return merged.take(slice(_merge(merged, cell)))
+def merge_echoes(echoes: EchoColumns, resolution: float) -> EchoColumns:
+    """Merge echoes of a beam that are closer together than a resolution, m."""
+    if resolution <= 0 or not len(echoes.t):
+        return echoes
+    merged = echoes.take(np.arange(len(echoes.t)))
+    return merged.take(slice(_merge_in_place(merged, resolution)))
 
 
 @njit_inline
-def _first_giving(columns: Any, i: Any) -> Any:
-    """Give the first echo of a beam from ``i`` on that gives back, or is an end."""
-    n, beam = len(columns.t), columns.beam[i]
-    while i < n and columns.beam[i] == beam:
-        if columns.strength[i] > 0.0 or columns.ends[i]:
+def _first_with_power(echoes: Any, i: Any) -> Any:
+    """Return the first echo of a beam from ``i`` on that has strength or is an end."""
+    n, beam = len(echoes.t), echoes.beam[i]
+    while i < n and echoes.beam[i] == beam:
+        if echoes.strength[i] > 0.0 or echoes.ends[i]:
             return i
         i += 1
     return n
 
 
 @njit_inline
-def _is_better(columns: Any, one: Any, other: Any) -> Any:
-    """Say whether an echo rather than another tells what a merged one is."""
-    if columns.ends[one] != columns.ends[other]:
-        return columns.ends[one] > columns.ends[other]
-    return columns.strength[one] > columns.strength[other] * (1.0 + ROUNDING)
+def _represents(echoes: Any, one: Any, other: Any) -> Any:
+    """Return whether one echo rather than another gives a merged echo its kind."""
+    if echoes.ends[one] != echoes.ends[other]:
+        return echoes.ends[one] > echoes.ends[other]
+    return echoes.strength[one] > echoes.strength[other] * (1.0 + ROUNDING)
 
 
 @njit_cached
-def _merge(columns: Any, cell: Any) -> Any:
-    """Merge in place; give how many are left."""
-    left, i, n = 0, 0, len(columns.t)
+def _merge_in_place(echoes: Any, resolution: Any) -> Any:
+    """Merge echoes in place; return how many are left."""
+    left, i, n = 0, 0, len(echoes.t)
     while i < n:
-        first = _first_giving(columns, i)
-        if first < n and columns.t[first] - columns.t[i] < cell:
-            end = columns.t[first] + cell
+        first = _first_with_power(echoes, i)
+        if first < n and echoes.t[first] - echoes.t[i] < resolution:
+            end = echoes.t[first] + resolution
         else:
-            first, end = i, columns.t[i]  # nothing is near: it stays as it is
-        beam, near = columns.beam[i], columns.t[first]
+            first, end = i, echoes.t[i]  # nothing to merge with
+        beam, nearest = echoes.beam[i], echoes.t[first]
         best, total, mean = i, 0.0, 0.0
-        at = i
-        while at == i or (at < n and columns.beam[at] == beam and columns.t[at] < end):
-            strength = columns.strength[at]
+        j = i
+        while j == i or (j < n and echoes.beam[j] == beam and echoes.t[j] < end):
+            strength = echoes.strength[j]
             total += strength
-            mean += strength * (columns.t[at] - near)
-            if _is_better(columns, at, best):
-                best = at
-            at += 1
-        t = near + mean / total if total > 0.0 else near
-        _move(columns, best, left)
-        columns.t[left] = t
-        columns.strength[left] = min(total, 1.0)
+            mean += strength * (echoes.t[j] - nearest)
+            if _represents(echoes, j, best):
+                best = j
+            j += 1
+        t = nearest + mean / total if total > 0.0 else nearest
+        _copy_row(echoes, best, left)
+        echoes.t[left] = t
+        echoes.strength[left] = min(total, 1.0)
         left += 1
-        i = at
+        i = j
     return left
 
 
 @njit_inline
-def _move(columns: Any, source: Any, target: Any) -> None:
-    columns.beam[target] = columns.beam[source]
-    columns.row[target] = columns.row[source]
-    columns.kind[target] = columns.kind[source]
-    columns.part[target] = columns.part[source]
-    columns.power[target] = columns.power[source]
-    columns.ends[target] = columns.ends[source]
+def _copy_row(echoes: Any, source: Any, target: Any) -> None:
+    """Copy what a merged echo takes over unchanged."""
+    echoes.beam[target] = echoes.beam[source]
+    echoes.row[target] = echoes.row[source]
+    echoes.kind[target] = echoes.kind[source]
+    echoes.part[target] = echoes.part[source]
+    echoes.power[target] = echoes.power[source]
+    echoes.ends[target] = echoes.ends[source]
 
 
 @njit_cached
-def choose(columns: Any, mode: Any, beams: Any, threshold: Any) -> Any:
-    """Choose the echo that gives each beam's range.
+def select_echoes(echoes: Any, mode: Any, beams: Any, threshold: Any) -> Any:
+    """Select the echo that gives each beam its range.
 
-    What gives nothing back is neither first nor strongest, unless there is nothing
-    else: then it is where the ray ends.
+    A beam in which no echo is above the threshold has the range at which its ray ends.
 
     Args:
-        columns: Of all echoes.
+        echoes: EchoColumns of all beams.
         mode: ``LAST``, ``FIRST`` or ``STRONGEST``; of equally strong ones the nearest.
-        beams: N.
-        threshold: What gives back no more than that is as good as nothing.
+        beams: N, the number of beams.
+        threshold: Strength up to which an echo is neither first nor strongest.
 
     Returns:
-        (N,) int64, rows of the columns; -1 for a beam without.
+        (N,) int64, rows of the echoes; -1 for a beam without echo.
     """
-    chosen = np.full(beams, -1, np.int64)
-    given = np.zeros(beams)
-    for i in range(len(columns.t)):
-        beam, strength = columns.beam[i], columns.strength[i]
+    selected = np.full(beams, -1, np.int64)
+    best = np.zeros(beams)  # strength of the selected echo
+    for i in range(len(echoes.t)):
+        beam, strength = echoes.beam[i], echoes.strength[i]
         if mode == LAST:
-            if columns.ends[i]:
-                chosen[beam] = i
+            if echoes.ends[i]:
+                selected[beam] = i
         elif strength > threshold:
-            if given[beam] == 0.0 or (mode == STRONGEST and strength > given[beam]):
-                chosen[beam] = i
-                given[beam] = strength
-        elif given[beam] == 0.0 and columns.ends[i]:
-            chosen[beam] = i
-    return chosen
+            if best[beam] == 0.0 or (mode == STRONGEST and strength > best[beam]):
+                selected[beam] = i
+                best[beam] = strength
+        elif best[beam] == 0.0 and echoes.ends[i]:
+            selected[beam] = i
+    return selected

@@ -1,4 +1,4 @@
-"""What a scan got back: echoes, and what each of them came from."""
+"""The echoes of a scan, and the objects that they came from."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.sensors.beams import ray_class_of
 
-ROBOT = Material("robot")  # opaque to everything
+ROBOT = Material("robot")  # opaque to radar and light
 KINDS = {
     EventKind.ENTER: "enter",
     EventKind.LEAVE: "leave",
@@ -29,16 +29,16 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What an echo came from, as far as a sensor can tell.
+    """The object that an echo came from, as the sensor perceives it.
 
     Attributes:
-        object: Its name in the map; of a robot, its name.
+        object: Name of the object in the map, or name of the robot.
         material: Name of the material.
         density: Penetration power that the sensor's beams lose per metre in it;
-            ``math.inf`` for what they do not enter.
-        transparency: Share of a beam's full power that a metre of it lets through, or
-            of a sheet one layer: 1 for what costs nothing, 0 for what is opaque.
-        laser_passes: Whether light gets into it.
+            ``math.inf`` if they cannot enter it.
+        transparency: Share of a beam's full power that passes through one metre of it,
+            or through one layer of a sheet: 1 if nothing is lost, 0 if it is opaque.
+        laser_passes: Whether light can enter it.
         robot_passes: Whether robots can drive through it.
     """
 
@@ -51,7 +51,7 @@ class Target:
 
     @classmethod
     def of(cls, name: str, material: Material, settings: SensorSettings) -> "Target":
-        """Tell what a sensor can know of an object."""
+        """Describe an object of a material to a sensor."""
         radar = settings.medium == "radar"
         density = attenuation_of(material, ray_class_of(settings))
         loss = density
@@ -67,7 +67,7 @@ class Target:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Give what JSON can hold; a density of None is opaque."""
+        """Return the target as JSON types; a density of None is opaque."""
         return {
             "object": self.object,
             "material": self.material,
@@ -79,7 +79,7 @@ class Target:
 
 
 def _share_left(loss: float, power: float) -> float:
-    """Give the share of a power that is left after a loss."""
+    """Return the share of a power that is left after a loss."""
     if loss == 0:
         return 1.0
     if math.isinf(loss) or power == 0:
@@ -89,21 +89,22 @@ def _share_left(loss: float, power: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Echoes:
-    """A row for each echo: beam by beam, the nearest first.
+    """Echoes as columns, one row each: beam by beam, the nearest first.
 
     Attributes:
-        beams: (E,) int64, the beam's number, counted from the right.
-        sides: (E,) int8, the ray that it came on: -1 right, 0 centre, 1 left.
-        ranges: (E,) m from the start of its ray.
+        beams: (E,) int64, number of the beam, counted from the right.
+        sides: (E,) int8, ray of the beam: -1 right, 0 centre, 1 left.
+        ranges: (E,) distance from the start of the ray, m.
         kinds: (E,) uint8, an ``EventKind`` each: the ray enters or leaves a volume,
-            crosses a sheet, hits what is opaque, or is spent, or drops answer.
-        power: (E,) penetration power left on arrival, of what is hit without what it
-            keeps; inf if it is unlimited.
-        strength: (E,) share of the beam that it gives back, 0 to 1: see ``gathering``.
-        parts: (E,) int64, the index of the part in the scene; of a robot, the number
-            of parts + the robot's number.
-        scene_parts: Of the scene.
-        settings: Of the sensor.
+            crosses a sheet, hits an opaque surface, has no power left, or rain shows.
+        power: (E,) penetration power left on arrival, for a hit without what the
+            surface absorbs; inf if it is unlimited.
+        strength: (E,) share of the beam's power that the echo returns, 0 to 1; see
+            ``echo_extraction``.
+        parts: (E,) int64, index of the part in the scene; for a robot, the number of
+            parts + the id of the robot.
+        scene_parts: The parts of the scene.
+        settings: Settings of the sensor.
     """
 
     beams: NDArray[np.int64]
@@ -121,19 +122,19 @@ class Echoes:
 
     @property
     def targets(self) -> dict[int, Target]:
-        """What the echoes came from, by the numbers in ``parts``."""
+        """The objects that the echoes came from, by their values in ``parts``."""
         return {part: self._target(part) for part in np.unique(self.parts).tolist()}
 
     def _target(self, part: int) -> Target:
         count = len(self.scene_parts)
         if part >= count:
             return Target.of(f"robot {part - count}", ROBOT, self.settings)
-        found = self.scene_parts[part]
-        return Target.of(found.object_name, found.material, self.settings)
+        scene_part = self.scene_parts[part]
+        return Target.of(scene_part.object_name, scene_part.material, self.settings)
 
     def to_lists(self) -> list[list[dict[str, Any]]]:
-        """Give a list for each beam of what JSON can hold."""
-        told = {part: target.to_dict() for part, target in self.targets.items()}
+        """Return a list of echoes for each beam, as JSON types."""
+        targets = {part: target.to_dict() for part, target in self.targets.items()}
         lists: list[list[dict[str, Any]]] = [[] for _ in range(self.settings.beams)]
         for i, beam in enumerate(self.beams.tolist()):
             power = float(self.power[i])
@@ -144,7 +145,7 @@ class Echoes:
                     "ray": int(self.sides[i]) if self.settings.has_side_rays else None,
                     "power": power if math.isfinite(power) else None,
                     "strength": float(self.strength[i]),
-                    **told[int(self.parts[i])],
+                    **targets[int(self.parts[i])],
                 }
             )
         return lists

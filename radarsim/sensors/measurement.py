@@ -1,15 +1,15 @@
-"""What rays met, made into the readings of a sensor.
+"""Build scans from traced rays: select echoes, add range errors, quantise.
 
 Theory of operation
 ===================
-A sensor that reads where its rays end takes that from the traces as it is. One that
-keeps other echoes, or has many rays to a beam, needs to know all that happened to them.
-With incidence weights, one ray of each beam is chosen here, after all of them are cast:
-its chance is its weight times what its end sends back, and a ray that met nothing has
-none, unless none of them met anything.
+A sensor that reads only where its rays end takes that from the traces directly. One
+that keeps other echoes, or combines many rays per beam, needs the events along them.
+With incidence weights, one ray of each beam is drawn after all of them are traced: its
+probability is its weight times the backscatter at its end, and a ray that met nothing
+has none, unless no ray of the beam met anything.
 
-The errors of a sensor come last: a beam has one error, by which all its echoes move,
-so that they keep their order; then ranges are rounded to whole steps.
+The range errors of a sensor come last: a beam has one error, which moves all its
+echoes, so that they keep their order; then ranges are rounded to whole steps.
 """
 
 import math
@@ -31,11 +31,17 @@ from radarsim.sensors.echo_extraction import (
     EchoColumns,
     backscatter,
     extract_echoes,
-    ray_ends,
+    extract_ray_ends,
 )
-from radarsim.sensors.echo_selection import FIRST, LAST, STRONGEST, choose, merge
+from radarsim.sensors.echo_selection import (
+    FIRST,
+    LAST,
+    STRONGEST,
+    merge_echoes,
+    select_echoes,
+)
 from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.rain import speckle, with_rain
+from radarsim.sensors.rain import add_rain, find_speckle
 from radarsim.sensors.scan import Scan
 
 MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGEST}
@@ -43,41 +49,42 @@ Rows = NDArray[np.int64]
 
 
 class PlannedScan(NamedTuple):
-    """A scan that waits to be cast.
+    """A scan whose rays are chosen but not yet traced.
 
     Attributes:
-        tracer: Of the scene.
-        pose: Of the sensor, map frame.
-        sides: (M,) on which side of its beam each ray is.
-        rays: M of them, as many for each beam.
-        chance: (N,) 0 to 1, what chooses a ray once all are cast; empty if nothing
-            is to be chosen.
-        error: (N,) of the ranges, in standard deviations; empty for none.
-        rain: (2, N) what decides where rain shows, and how much of it; empty where
-            none falls.
-        events: Whether all that happens to the rays is to be written down.
-        incidence: Whether the angles at which they hit are.
+        tracer: Tracer of the scene.
+        pose: Pose of the sensor, map frame.
+        sides: (M,) side of its beam on which each ray is.
+        rays: The M rays, as many for each beam.
+        ray_draw: (N,) 0 to 1, random numbers that select one ray of each beam after
+            tracing; empty if none is selected.
+        range_error: (N,) errors of the ranges, in standard deviations; empty for none.
+        rain_draw: (2, N) random numbers that decide where rain shows, and how strongly;
+            empty where no rain falls.
+        events: Whether tracing must record the events along the rays.
+        incidence: Whether tracing must record the angles of incidence.
     """
 
     tracer: Tracer
     pose: Pose3
     sides: Sides
     rays: Rays
-    chance: Floats
-    error: Floats
-    rain: Floats
+    ray_draw: Floats
+    range_error: Floats
+    rain_draw: Floats
     events: bool
     incidence: bool
 
 
 class ScanBuilder:
-    """Makes scans of traces.
+    """Builds the scans of one scanner.
 
     Attributes:
-        chooses: Whether one ray of each beam is chosen when all are cast.
-        needs_incidence: Whether it has to know at which angle rays hit.
-        needs_events: Whether it has to know all that happens to rays.
-        noisy: Whether ranges have errors.
+        selects_ray: Whether one ray of each beam is selected after all are traced.
+        needs_incidence: Whether it needs the angles of incidence.
+        needs_events: Whether it needs the events along the rays.
+        is_noisy: Whether ranges have random errors.
+        is_random: Whether it needs random numbers for either.
     """
 
     def __init__(
@@ -86,62 +93,87 @@ class ScanBuilder:
         self._name = name
         self._settings = settings
         self._pattern = pattern
-        several = pattern.rays > 1
-        self.chooses = several and not settings.combines_rays
+        many_rays = pattern.rays > 1
+        self.selects_ray = many_rays and not settings.combines_rays
         self.needs_incidence = settings.incidence_weights
         self.needs_events = (
             settings.return_mode != "last"
             or settings.range_resolution > 0
-            or (several and not self.chooses)
+            or (many_rays and not self.selects_ray)
         )
-        self.noisy = settings.range_noise > 0 or settings.range_noise_share > 0
+        self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
+        self.is_random = self.selects_ray or self.is_noisy
         self._shares = np.tile(pattern.weights, len(pattern.angles))
 
-    def read(self, plan: PlannedScan, traces: Traces) -> Scan:
-        """Make a scan of what came of its rays.
+    def build(self, plan: PlannedScan, traces: Traces) -> Scan:
+        """Build a scan from its traced rays.
 
         Args:
-            plan: Of this scanner.
-            traces: Of its rays, with events and incidence where this scanner needs
+            plan: A scan planned by this scanner.
+            traces: Its traced rays, with events and incidence if the plan asks for
                 them.
         """
-        rows = self._chosen_rows(plan, traces)
+        rows = self._select_rays(plan, traces)
         if plan.events:
-            return self._read_echoes(plan, traces, rows)
+            return self._build_from_events(plan, traces, rows)
         outcomes, ranges = traces.outcomes, traces.ranges
         if rows is None:
             ranges = ranges.copy()
         else:
             outcomes, ranges = outcomes[rows], ranges[rows]
-        self._measure(ranges, plan.error)
+        self._add_errors(ranges, plan.range_error)
         if self._settings.spent_reads != "range":
             ranges[outcomes == Outcome.SPENT] = self._spent_range()
-        return self._scan(plan, ranges, rows, partial(self._ends, plan, traces, rows))
+        return self._scan(
+            plan, ranges, rows, partial(self._end_echoes, plan, traces, rows)
+        )
 
     def _spent_range(self) -> float:
         return 0.0 if self._settings.spent_reads == "zero" else math.inf
 
-    def _chosen_rows(self, plan: PlannedScan, traces: Traces) -> Rows | None:
-        """Choose among the rays of each beam; None where there is only one.
+    def _select_rays(self, plan: PlannedScan, traces: Traces) -> Rows | None:
+        """Select one ray of each beam at random; None where there is only one.
 
         Returns:
-            (N,) rows of the rays.
+            (N,) indices of the selected rays.
         """
-        if not self.chooses:
+        if not self.selects_ray:
             return None
-        several = self._pattern.rays
-        weights = self._shares.reshape(-1, several)
-        chances = weights * backscatter(traces).reshape(-1, several)
-        nowhere = ~(chances.sum(axis=1) > 0)
-        chances[nowhere] = weights[nowhere]
+        per_beam = self._pattern.rays
+        weights = self._shares.reshape(-1, per_beam)
+        chances = weights * backscatter(traces).reshape(-1, per_beam)
+        empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam met anything
+        chances[empty] = weights[empty]
         edges = np.cumsum(chances, axis=1)
-        wanted = plan.chance * edges[:, -1]
-        node = (edges[:, :-1] <= wanted[:, None]).sum(axis=1)
-        return np.asarray(np.arange(len(node)) * several + node)
+        drawn = plan.ray_draw * edges[:, -1]
+        node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
+        return np.asarray(np.arange(len(node)) * per_beam + node)
 
-    def _read_echoes(
+    def _build_from_events(
         self, plan: PlannedScan, traces: Traces, rows: Rows | None
     ) -> Scan:
+        settings = self._settings
+        columns = self._all_echoes(plan, traces, rows)
+        mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
+        selected = select_echoes(columns, mode, beams, settings.echo_threshold)
+        if settings.spent_reads == "nothing":
+            spent = np.flatnonzero(columns.kind == SPENT)
+            selected[np.isin(selected, spent)] = -1
+        found = np.flatnonzero(selected >= 0)
+        ranges = np.full(len(selected), np.inf)
+        ranges[found] = columns.t[selected[found]]
+        rays = self._middle_rows() if rows is None else rows.copy()
+        rays[found] = columns.row[selected[found]]
+        if settings.spent_reads == "zero":
+            ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
+        if settings.return_mode != "all":
+            columns = columns.take(selected[found])
+        return self._scan(plan, ranges, rays, partial(self._echoes, plan, columns))
+
+    def _all_echoes(
+        self, plan: PlannedScan, traces: Traces, rows: Rows | None
+    ) -> EchoColumns:
+        """Return all echoes, rain included, merged and with range errors."""
         settings = self._settings
         weights = self._shares if self._pattern.rays > 1 else np.ones(len(plan.sides))
         if rows is not None:
@@ -151,50 +183,40 @@ class ScanBuilder:
         columns = extract_echoes(
             traces, weights, self._pattern.rays, densities, settings
         )
-        if plan.rain.size:
-            stand = self._middle_rows() if rows is None else rows
-            shown = speckle(plan.tracer, traces.events, stand, plan.rain, settings)
-            columns = with_rain(columns, shown, stand)
-        columns = merge(columns, settings.range_resolution)
-        self._measure(columns.t, plan.error[columns.beam] if self.noisy else None)
-        mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
-        chosen = choose(columns, mode, beams, settings.echo_threshold)
-        if settings.spent_reads == "nothing":
-            spent = np.flatnonzero(columns.kind == SPENT)
-            chosen[np.isin(chosen, spent)] = -1
-        found = np.flatnonzero(chosen >= 0)
-        ranges = np.full(len(chosen), np.inf)
-        ranges[found] = columns.t[chosen[found]]
-        rays = self._middle_rows() if rows is None else rows.copy()
-        rays[found] = columns.row[chosen[found]]
-        if settings.spent_reads == "zero":
-            ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
-        if settings.return_mode != "all":
-            columns = columns.take(chosen[found])
-        return self._scan(plan, ranges, rays, partial(self._echoes, plan, columns))
+        if plan.rain_draw.size:
+            stand_ins = self._middle_rows() if rows is None else rows
+            speckle = find_speckle(
+                plan.tracer, traces.events, stand_ins, plan.rain_draw, settings
+            )
+            columns = add_rain(columns, speckle, stand_ins)
+        columns = merge_echoes(columns, settings.range_resolution)
+        error = plan.range_error[columns.beam] if self.is_noisy else None
+        self._add_errors(columns.t, error)
+        return columns
 
     def _middle_rows(self) -> Rows:
-        """Give a ray of each beam that stands for it where no one was chosen."""
-        several = self._pattern.rays
-        return np.arange(len(self._pattern.angles)) * several + several // 2
+        """Return the ray of each beam that represents it where none was selected."""
+        per_beam = self._pattern.rays
+        return np.arange(len(self._pattern.angles)) * per_beam + per_beam // 2
 
-    def _measure(self, ranges: Floats, error: Floats | None) -> None:
-        """Make ranges as uncertain and as coarse as the sensor is, in place."""
+    def _add_errors(self, ranges: Floats, error: Floats | None) -> None:
+        """Add the sensor's random errors to ranges and quantise them, in place."""
         settings = self._settings
-        if not (self.noisy or settings.range_quantum):
+        if not (self.is_noisy or settings.range_quantum):
             return
-        there = np.isfinite(ranges)
+        finite = np.isfinite(ranges)
         if error is not None and error.size:
-            found = ranges[there]
+            exact = ranges[finite]
             deviation = np.maximum(
-                settings.range_noise, settings.range_noise_share * found
+                settings.range_noise, settings.range_noise_share * exact
             )
-            moved = found + error[there] * deviation
-            ranges[there] = np.clip(moved, 0.0, settings.max_range)
+            moved = exact + error[finite] * deviation
+            ranges[finite] = np.clip(moved, 0.0, settings.max_range)
         if settings.range_quantum:
-            most = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
-            whole = np.rint(ranges[there] / settings.range_quantum)
-            ranges[there] = np.minimum(whole, most) * settings.range_quantum
+            # the last whole step within range; 1e-12 absorbs rounding of the quotient
+            last = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
+            steps = np.rint(ranges[finite] / settings.range_quantum)
+            ranges[finite] = np.minimum(steps, last) * settings.range_quantum
 
     def _scan(
         self,
@@ -232,12 +254,14 @@ class ScanBuilder:
             settings=self._settings,
         )
 
-    def _ends(self, plan: PlannedScan, traces: Traces, rows: Rows | None) -> Echoes:
-        """Give the last echoes alone, for which nothing else need be known."""
+    def _end_echoes(
+        self, plan: PlannedScan, traces: Traces, rows: Rows | None
+    ) -> Echoes:
+        """Return the echoes at the ends of the rays, for which no events are needed."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
-        columns = ray_ends(traces, rows, self._settings.penetration_power)
+        columns = extract_ray_ends(traces, rows, self._settings.penetration_power)
         if self._settings.spent_reads == "nothing":
             columns = columns.take(columns.kind != SPENT)
-        error = plan.error[columns.beam] if self.noisy else None
-        self._measure(columns.t, error)
+        error = plan.range_error[columns.beam] if self.is_noisy else None
+        self._add_errors(columns.t, error)
         return self._echoes(plan, columns)

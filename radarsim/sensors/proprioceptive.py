@@ -1,8 +1,8 @@
-"""Sensors of where the robot is and of how its wheels turn.
+"""Sensors of the robot's own motion: INS, odometry, tachometer and encoder.
 
-Ground truth needs nothing here: it is the pose of the robot's body. All the others take
-true poses and true wheel angles and give what they make of them. They know no clock and
-no robot; whoever steps the simulation asks them when they are due.
+They convert true poses and true wheel angles to readings. Ground truth needs no code
+here: it is the pose of the robot's body. The simulation calls the sensors when they are
+due; they know neither the clock nor the robot.
 """
 
 import math
@@ -15,20 +15,21 @@ import numpy as np
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Pose2, Pose3
 
-INS_DRAW_INTERVAL = 0.2  # s of simulated time between two draws of the drift
+INS_DRIFT_INTERVAL = 0.2  # s of simulated time between two updates of the drift
 ENCODER_RESOLUTION = 0.01745  # rad per tick
-MOST_NOISE = 10.0  # times the way itself; more than that overflows in time
-ENCODER_NOISE = 0.005  # largest error, as a part of the whole angle
+MAX_NOISE = 10.0  # times the motion itself; more overflows after a while
+ENCODER_NOISE = 0.005  # largest error, as a fraction of the total angle
 
 
 @dataclass(frozen=True, slots=True)
 class InsNoise:
-    """How an inertial navigation system drifts; all zero: not at all.
+    """Drift of an inertial navigation system; all zero for none.
 
     Attributes:
-        sigma: Standard deviation of the error of a stretch, as a part of the stretch.
-        position_bias: Largest mean of that error on each axis, drawn once per run.
-        angle_bias: The same for each angle.
+        sigma: Standard deviation of the error of a motion, as a fraction of it.
+        position_bias: Largest mean of the relative error on each axis; the mean is
+            drawn once per run.
+        angle_bias: Largest mean of the relative error of each angle, drawn likewise.
     """
 
     sigma: float = 0.05
@@ -37,32 +38,33 @@ class InsNoise:
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Take the noise from an item's settings.
+        """Create the noise from the settings of an item.
 
         Raises:
-            PresetError: If a setting is unknown, negative or no finite number.
+            PresetError: If a setting is unknown, negative or not a finite number.
         """
         known = [field.name for field in fields(cls)]
         for name, value in settings.items():
             if name not in known:
                 raise PresetError(f"INS setting {name[:80]!r}, expected one of {known}")
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not 0 <= value <= MOST_NOISE:
+            if not number or not 0 <= value <= MAX_NOISE:
                 text = repr(value)[:80]
-                limits = f"expected 0 to {MOST_NOISE:g}"
+                limits = f"expected 0 to {MAX_NOISE:g}"
                 raise PresetError(f"INS setting {name}: {text}, {limits}")
         return cls(**settings)
 
 
 class Ins:
-    """Dead reckoning that drifts with the way made and with the angles turned.
+    """Dead reckoning that drifts with the distance driven and the angles turned.
 
-    The estimate begins at the sensor's true pose. A draw adds the body's true motion
-    since the draw before, with an error: on each axis the distance times a normal
-    number, on each angle the turn times another. Between draws the true motion is added
-    as it is, so that readings may come oftener than draws.
+    The estimate starts at the sensor's true pose. An update of the drift adds the
+    body's true motion since the previous one, with an error: on each axis the distance
+    times a normal random number, on each angle the turn times another. Between updates
+    the true motion is added without error, so that readings can be more frequent.
 
-    Source: the original server's INS, whose deviation is 5 % whatever its settings say.
+    Source: the original server's INS, whose deviation is 5 % regardless of its
+    settings.
     """
 
     def __init__(
@@ -72,13 +74,13 @@ class Ins:
         rng: np.random.Generator,
         noise: InsNoise | None = None,
     ) -> None:
-        """Begin at the spawn.
+        """Start at the pose of the spawn.
 
         Args:
-            sensor: The sensor's own pose, map frame.
-            body: The robot's pose, map frame.
-            rng: Where all of the drift comes from.
-            noise: How it drifts; None for the original's drift.
+            sensor: Pose of the sensor, map frame.
+            body: Pose of the robot's body, map frame.
+            rng: Source of the drift.
+            noise: Size of the drift; None for that of the original.
         """
         self._noise = noise or InsNoise()
         self._rng = rng
@@ -87,8 +89,11 @@ class Ins:
         self._estimate = np.array(sensor.numbers())
         self._body = body
 
-    def draw(self, body: Pose3) -> None:
-        """Take in the motion since the last draw; due every ``INS_DRAW_INTERVAL``."""
+    def drift(self, body: Pose3) -> None:
+        """Add the motion since the last call, with drift.
+
+        It is due every ``INS_DRIFT_INTERVAL``.
+        """
         motion = _motion(self._body, body)
         scale = np.concatenate([np.full(3, np.linalg.norm(motion[:3])), motion[3:]])
         error = self._bias + self._noise.sigma * self._rng.standard_normal(6)
@@ -96,29 +101,29 @@ class Ins:
         self._body = body
 
     def reading(self, body: Pose3) -> Pose3:
-        """Give the estimate, map frame; its angles are not brought into a range."""
+        """Return the estimated pose, map frame; its angles are not wrapped."""
         estimate = self._estimate + _motion(self._body, body)
         return Pose3.from_numbers(estimate.tolist())
 
     def overwrite(self, pose: Pose3, body: Pose3) -> None:
-        """Set the estimate by hand, which also ends the bias."""
+        """Set the estimate, which also removes the bias."""
         self._estimate = np.array(pose.numbers())
         self._bias = np.zeros(6)
         self._body = body
 
 
 def _motion(start: Pose3, end: Pose3) -> Floats:
-    """Give the way and the turns, the shorter way round, from one pose to another."""
+    """Return the translation and the wrapped rotations between two poses, (6,)."""
     motion = np.subtract(end.numbers(), start.numbers())
     motion[3:] = [math.remainder(angle, 2 * math.pi) for angle in motion[3:]]
     return motion
 
 
 class Odometry:
-    """Where the robot would be if its wheels never slipped, from where it spawned.
+    """Wheel odometry: the pose if the wheels never slipped.
 
     Attributes:
-        pose: x and y in m along the axes of the spawn pose; yaw in rad, not wrapped.
+        pose: Pose relative to the spawn pose, m and rad; the yaw is not wrapped.
     """
 
     def __init__(self, *, wheel_radius: float, wheel_separation: float) -> None:
@@ -128,16 +133,17 @@ class Odometry:
         self._left = self._right = 0.0
 
     def update(self, left: float, right: float) -> None:
-        """Take in how far the wheels turned since the spawn, rad.
+        """Advance the pose to new wheel angles, rad since the spawn.
 
-        The way since the last update is taken as one arc, which is exact as long as the
-        wheels keep their speeds in between.
+        The motion since the last update is one circular arc, which is exact as long as
+        the wheel speeds are constant in between.
         """
-        ahead_left = self._radius * (left - self._left)
-        ahead_right = self._radius * (right - self._right)
-        turn = (ahead_right - ahead_left) / self._separation
+        left_distance = self._radius * (left - self._left)
+        right_distance = self._radius * (right - self._right)
+        turn = (right_distance - left_distance) / self._separation
         half = turn / 2
-        chord = (ahead_left + ahead_right) / 2 * (math.sin(half) / half if half else 1)
+        chord = (left_distance + right_distance) / 2
+        chord *= math.sin(half) / half if half else 1
         heading = self.pose.yaw + half
         self.pose = Pose2(
             self.pose.x + chord * math.cos(heading),
@@ -147,17 +153,17 @@ class Odometry:
         self._left, self._right = left, right
 
     def reset(self) -> None:
-        """Begin again at the place of the last update."""
+        """Make the pose of the last update the new origin."""
         self.pose = Pose2(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class WheelReading:
-    """What a tachometer says, wheel by wheel.
+    """Reading of a tachometer, wheel by wheel.
 
     Attributes:
-        velocities: rad/s, averaged since the scan before.
-        positions: rad turned since the spawn or the last reset.
+        velocities: Mean speeds since the previous reading, rad/s.
+        positions: Angles turned since the spawn or the last reset, rad.
     """
 
     velocities: tuple[float, ...]
@@ -165,19 +171,20 @@ class WheelReading:
 
 
 class Tachometer:
-    """Speeds and angles of all wheels, without noise."""
+    """Measures speeds and angles of all wheels, without noise."""
 
     def __init__(self, time: float, angles: Sequence[float]) -> None:
         self._time = time
         self._angles = self._zero = tuple(angles)
         self._velocities = (0.0,) * len(self._angles)
 
-    def scan(self, time: float, angles: Sequence[float]) -> WheelReading:
+    def read(self, time: float, angles: Sequence[float]) -> WheelReading:
         """Read the wheels.
 
         Args:
-            time: s; a second scan at the same time repeats the velocities of the first.
-            angles: How far each wheel turned since the spawn, rad.
+            time: s; a second reading at the same time repeats the first one's
+                velocities.
+            angles: Angle that each wheel turned since the spawn, rad.
         """
         elapsed = time - self._time
         if elapsed > 1e-6:
@@ -188,14 +195,14 @@ class Tachometer:
         return WheelReading(self._velocities, tuple(now - zero for now, zero in pairs))
 
     def reset(self, angles: Sequence[float]) -> None:
-        """Count positions from here on."""
+        """Set the zero of the positions."""
         self._zero = tuple(angles)
 
 
 class Encoder:
-    """Ticks of the wheels that the encoder's name mentions: ``W1`` is wheel 1.
+    """Counts ticks of the wheels in the encoder's name: ``W1`` is wheel 1.
 
-    The error is a part of the whole angle, and the ticks begin again with every turn.
+    The error is a fraction of the total angle, and the count restarts with every turn.
 
     Source: the original server's encoder.
     """
@@ -208,13 +215,13 @@ class Encoder:
         *,
         noise: float = ENCODER_NOISE,
     ) -> None:
-        """Begin at the spawn.
+        """Start at the angles of the spawn.
 
         Args:
-            name: Of the item.
-            angles: How far each wheel turned since the spawn, rad.
-            rng: Where the error comes from.
-            noise: Largest error, as a part of the whole angle.
+            name: Name of the item.
+            angles: Angle that each wheel turned since the spawn, rad.
+            rng: Source of the error.
+            noise: Largest error, as a fraction of the total angle.
         """
         self._wheels = [wheel for wheel in range(len(angles)) if f"W{wheel}" in name]
         self._zero = tuple(angles)
@@ -222,7 +229,7 @@ class Encoder:
         self._noise = noise
 
     def ticks(self, angles: Sequence[float]) -> tuple[tuple[str, int], ...]:
-        """Give name and ticks of each wheel that it sits on; backward is negative."""
+        """Return name and ticks of each of its wheels; backward is negative."""
         errors = self._rng.uniform(-self._noise, self._noise, len(self._wheels))
         return tuple(
             (f"W{wheel}", _ticks((angles[wheel] - self._zero[wheel]) * (1 + error)))
@@ -230,7 +237,7 @@ class Encoder:
         )
 
     def reset(self, angles: Sequence[float]) -> None:
-        """Count from here on."""
+        """Set the zero of the count."""
         self._zero = tuple(angles)
 
 

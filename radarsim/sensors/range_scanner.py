@@ -1,11 +1,12 @@
-"""Scanners: radar and lasers, alike but for their settings.
+"""Range scanners: radars and lasers, which differ only in their settings.
 
-A scan is taken in three steps, so that many scans can share one cast: ``plan`` draws
-and points the rays, a ``Tracer`` casts them, ``read`` makes readings of what came of
-them. ``scan`` does all three for one sensor.
+A scan is taken in three steps, so that many scans can be traced together: ``plan``
+draws and aims the rays, a ``Tracer`` traces them, ``read`` builds the scan.
+``RangeScanner.scan`` does all three for one sensor, ``scan_batch`` for many.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -26,18 +27,18 @@ from radarsim.sensors.beams import BeamPattern, SampledRays, Sides, ray_class_of
 from radarsim.sensors.measurement import PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
 
-NONE: Final = np.zeros(0)
+EMPTY: Final = np.zeros(0)
 NO_RAIN: Final = np.zeros((2, 0))
-SENSOR_HEIGHT = 0.346  # m above the floor, of the scanner on a P3AT
+SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
 
 
 class RangeScanner:
     """A radar or a laser.
 
     Attributes:
-        name: Of its preset.
-        settings: All its numbers.
-        angles: Of its beams, (N,) rad, counter-clockwise from the right.
+        name: Name of its preset.
+        settings: All its settings.
+        angles: (N,) directions of its beams, rad, counter-clockwise from the right.
     """
 
     def __init__(self, name: str, settings: SensorSettings) -> None:
@@ -46,27 +47,27 @@ class RangeScanner:
         self._pattern = BeamPattern(settings)
         self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
-        self._reader = ScanBuilder(name, settings, self._pattern)
+        self._builder = ScanBuilder(name, settings, self._pattern)
         nowhere = np.zeros((len(self.angles) * self._pattern.rays, 3))
-        self._alike = Rays.uniform(
+        self._template = Rays.uniform(
             nowhere,
             nowhere,
             max_range=settings.max_range,
             power=settings.penetration_power,
         )
-        self._kinds = (ray_class_of(settings),)
+        self._ray_classes = (ray_class_of(settings),)
 
     @property
     def has_side_rays(self) -> bool:
-        """Whether the sensor has more rays than one to a beam."""
+        """Whether beams can have several rays."""
         return self.settings.has_side_rays
 
     @cached_property
     def with_all_echoes(self) -> "RangeScanner":
-        """The same scanner, with all echoes where it keeps the last ones alone.
+        """The same scanner, listing all echoes where it keeps only the last ones.
 
-        It draws and reads the same. A radar that keeps the first or the strongest
-        echoes knows no others.
+        It draws the same random numbers and has the same ranges. A scanner that keeps
+        the first or the strongest echoes lists only those.
         """
         if self.settings.return_mode != "last":
             return self
@@ -87,12 +88,12 @@ class RangeScanner:
 
         Args:
             scene: From ``load_map``.
-            pose: Of the sensor in the map frame, m and rad: x, y, z, roll, pitch, yaw,
-                or x, y, yaw, which puts it 0.346 m above the floor.
-            rng: What draws rays and noise; a sensor without either needs none.
+            pose: Pose of the sensor in the map frame, m and rad: x, y, z, roll, pitch,
+                yaw; or x, y, yaw at a height of 0.346 m above the floor.
+            rng: Source of random rays and noise; None for a sensor without either.
 
         Raises:
-            ValueError: If the pose is neither, or there is no rng to draw from.
+            ValueError: If the pose is invalid, or an rng is needed and missing.
         """
         tracer = tracer_of(scene)
         plan = self.plan(tracer, sensor_pose(scene, pose), rng)
@@ -107,127 +108,164 @@ class RangeScanner:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> PlannedScan:
-        """Draw the rays of one scan and point them.
+        """Draw the rays of one scan and aim them.
 
-        What is drawn depends on nothing in the scene but whether it rains there, so
-        that nothing that drives around in it changes what is drawn next.
+        Which random numbers are drawn depends on the scene only in whether it rains
+        there, so that moving robots do not change the numbers drawn next.
 
         Args:
-            tracer: Of the scene; tells which side rays start behind something opaque,
-                so that the centre ray serves.
-            pose: Of the sensor, map frame.
-            rng: What draws.
-            boxes: Of the robots.
-            carrier_id: The number of the box that carries the sensor; -1 for none.
+            tracer: Tracer of the scene; it finds side rays that start behind an opaque
+                surface, which the centre ray replaces.
+            pose: Pose of the sensor, map frame.
+            rng: Source of randomness.
+            boxes: Boxes of the robots.
+            carrier_id: Id of the box that carries the sensor; -1 for none.
 
         Raises:
-            ValueError: If there is no rng to draw from.
+            ValueError: If an rng is needed and missing.
         """
-        reader = self._reader
-        rains = tracer.has_rain and self._medium == RADAR
-        draws = self._pattern.draws or reader.chooses or reader.noisy or rains
-        if draws and not isinstance(rng, np.random.Generator):
+        builder = self._builder
+        is_raining = tracer.has_rain and self._medium == RADAR
+        is_random = self._pattern.is_random or builder.is_random or is_raining
+        if is_random and not isinstance(rng, np.random.Generator):
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
-        drawn = self._pattern.draw(rng)
-        chance, error, rain = NONE, NONE, NO_RAIN
-        if rng is not None and reader.chooses:
-            chance = rng.random(len(self.angles))
-        if rng is not None and reader.noisy:
-            error = rng.standard_normal(len(self.angles))
-        if rng is not None and rains:
-            rain = rng.standard_exponential((2, len(self.angles)))
-        place, width = pose.position(), self._pattern.width
-        if width and not tracer.is_clear(place, width, self._medium, boxes, carrier_id):
-            hidden = self._hidden(tracer, pose, drawn, boxes, carrier_id)
-            drawn = self._pattern.centred(drawn, hidden)
-        rays = self._rays(pose, drawn, carrier_id)
+        sampled = self._pattern.sample(rng)
+        ray_draw, range_error, rain_draw = EMPTY, EMPTY, NO_RAIN
+        if rng is not None and builder.selects_ray:
+            ray_draw = rng.random(len(self.angles))
+        if rng is not None and builder.is_noisy:
+            range_error = rng.standard_normal(len(self.angles))
+        if rng is not None and is_raining:
+            rain_draw = rng.standard_exponential((2, len(self.angles)))
+        position, radius = pose.position(), self._pattern.radius
+        if radius and not tracer.is_clear(
+            position, radius, self._medium, boxes, carrier_id
+        ):
+            hidden = self._hidden_rays(tracer, pose, sampled, boxes, carrier_id)
+            sampled = self._pattern.replace_by_centre(sampled, hidden)
+        rays = self._rays(pose, sampled, carrier_id)
         return PlannedScan(
             tracer,
             pose,
-            drawn.sides,
+            sampled.sides,
             rays,
-            chance,
-            error,
-            rain,
-            reader.needs_events or rains,
-            reader.needs_incidence,
+            ray_draw,
+            range_error,
+            rain_draw,
+            builder.needs_events or is_raining,
+            builder.needs_incidence,
         )
 
     def aim_one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
-        """Point one ray of each beam, whatever it starts behind.
+        """Aim the ray on one side of each beam, even if it starts behind a surface.
 
         Args:
-            pose: Of the sensor, map frame.
+            pose: Pose of the sensor, map frame.
             side: -1 for the right one of three, 0 for the centre, 1 for the left one.
 
         Raises:
-            ValueError: If the beams have not three rays.
+            ValueError: If the beams do not have three rays.
         """
-        drawn = self._pattern.only(side)
-        return drawn.sides, self._rays(pose, drawn, -1)
+        sampled = self._pattern.one_side(side)
+        return sampled.sides, self._rays(pose, sampled, -1)
 
     def read(self, plan: PlannedScan, traces: Traces) -> Scan:
-        """Make a scan of what came of its rays.
+        """Build a scan from its traced rays.
 
         Args:
-            plan: Of this scanner.
-            traces: Of its rays, with events and incidence where the plan says so.
+            plan: A scan planned by this scanner.
+            traces: Its traced rays, with events and incidence if the plan asks for
+                them.
         """
-        return self._reader.read(plan, traces)
+        return self._builder.build(plan, traces)
 
-    def _rays(self, pose: Pose3, drawn: SampledRays, carrier_id: int) -> Rays:
-        fan = self._pattern.aim(pose, drawn)
-        same, n = self._alike, len(drawn.nodes)
-        if n < len(same.max_range):
-            same = same.take(np.arange(n))
-        carrier_ids = same.carrier_id if carrier_id < 0 else np.full(n, carrier_id)
+    def _rays(self, pose: Pose3, sampled: SampledRays, carrier_id: int) -> Rays:
+        beams = self._pattern.aim(pose, sampled)
+        template, n = self._template, len(sampled.nodes)
+        if n < len(template.max_range):
+            template = template.take(np.arange(n))
+        carrier_ids = template.carrier_id if carrier_id < 0 else np.full(n, carrier_id)
         return Rays(
-            fan.origins,
-            fan.directions,
-            same.max_range,
-            same.power,
-            same.class_index,
+            beams.origins,
+            beams.directions,
+            template.max_range,
+            template.power,
+            template.class_index,
             carrier_ids,
-            self._kinds,
+            self._ray_classes,
         )
 
-    def _hidden(
+    def _hidden_rays(
         self,
         tracer: Tracer,
         pose: Pose3,
-        drawn: SampledRays,
+        sampled: SampledRays,
         boxes: Boxes | None,
         carrier_id: int,
     ) -> NDArray[np.int64]:
-        """Find the side rays that start behind something opaque."""
-        starts = self._pattern.aim(pose, drawn).origins
-        way = starts - pose.position()
-        length = np.linalg.norm(way, axis=1)
+        """Return the indices of side rays that start behind an opaque surface."""
+        starts = self._pattern.aim(pose, sampled).origins
+        offset = starts - pose.position()
+        length = np.linalg.norm(offset, axis=1)
         moved = np.flatnonzero(length > 0)
         rays = Rays.uniform(
             np.broadcast_to(pose.position(), (len(moved), 3)),
-            way[moved] / length[moved, None],
+            offset[moved] / length[moved, None],
             max_range=0.0,
             medium=self._medium,
             carrier_id=carrier_id,
         )
         traces = tracer.trace(replace(rays, max_range=length[moved]), boxes)
-        met = traces.outcomes != Outcome.NOTHING  # also what absorbs
-        hidden: NDArray[np.int64] = moved[met]
+        blocked = traces.outcomes != Outcome.NOTHING
+        hidden: NDArray[np.int64] = moved[blocked]
         return hidden
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
-    """Make a scanner from a preset, with some of its settings changed.
+    """Create a scanner from a preset, with some of its settings changed.
 
     Raises:
-        PresetError: If there is no such preset or setting, or a value does not fit.
+        PresetError: If there is no such preset or setting, or a value is invalid.
     """
     return RangeScanner(name, load_settings(name, **settings))
 
 
+def scan_batch(
+    tracer: Tracer,
+    planned: Sequence[tuple[RangeScanner, PlannedScan]],
+    boxes: Boxes | None = None,
+) -> list[Scan]:
+    """Trace planned scans together and build them.
+
+    Scans that need events or incidence are traced apart from the others, for which
+    recording these would cost time.
+
+    Args:
+        tracer: Tracer of the scene for which the scans are planned.
+        planned: Each scanner with its plan.
+        boxes: Boxes of the robots.
+
+    Returns:
+        The scans in the same order.
+    """
+    groups: defaultdict[tuple[bool, bool], list[int]] = defaultdict(list)
+    for i, (_, plan) in enumerate(planned):
+        groups[plan.events, plan.incidence].append(i)
+    scans: dict[int, Scan] = {}
+    for (events, incidence), members in groups.items():
+        batches = [planned[i][1].rays for i in members]
+        traces = tracer.trace(
+            Rays.concatenate(batches), boxes, events=events, incidence=incidence
+        )
+        pieces = traces.split([len(rays.max_range) for rays in batches])
+        for i, piece in zip(members, pieces, strict=True):
+            scanner, plan = planned[i]
+            scans[i] = scanner.read(plan, piece)
+    return [scans[i] for i in range(len(planned))]
+
+
 def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
-    """Read a sensor's pose: x, y, z, roll, pitch, yaw, or x, y, yaw on a P3AT's height.
+    """Convert a sensor pose: x, y, z, roll, pitch, yaw, or x, y, yaw at default height.
 
     Raises:
         ValueError: If it is neither three nor six finite numbers.

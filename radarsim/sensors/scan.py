@@ -1,4 +1,4 @@
-"""One scan, as users get it."""
+"""The scan of a radar or a laser."""
 
 import math
 from collections.abc import Callable
@@ -13,21 +13,21 @@ from radarsim.sensors.echoes import Echoes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
-    """One scan.
+    """One scan of a radar or a laser.
 
     Attributes:
         sensor: Name of the preset.
-        pose: Of the sensor, map frame.
-        angles: (N,) rad from the sensor's forward axis, counter-clockwise.
-        ranges: (N,) m; inf where nothing came back, 0 where a laser is blinded.
-        rays: (N,) on which ray the range came: -1 right, 0 centre, 1 left; None for a
-            sensor without side rays.
-        range_min: m; shorter ranges are given all the same.
-        range_max: m.
+        pose: Pose of the sensor, map frame.
+        angles: (N,) directions of the beams from the sensor's forward axis, rad,
+            counter-clockwise.
+        ranges: (N,) m; inf where nothing was detected, 0 where a laser is blinded.
+        rays: (N,) ray of its beam that gave each range: -1 right, 0 centre, 1 left;
+            None for a sensor without side rays.
+        range_min: Minimum range of the sensor, m; shorter ranges are not removed.
+        range_max: Maximum range of the sensor, m.
         resolution: Angle between neighbouring beams, rad.
-        cast: The rays that gave the ranges, (N,); of a beam without range one of its
-            rays.
-        find_echoes: Gives what ``echoes`` is.
+        cast: The N rays that gave the ranges; for a beam without range one of its rays.
+        find_echoes: Computes ``echoes`` on demand.
     """
 
     sensor: str
@@ -43,11 +43,11 @@ class Scan:
 
     @property
     def echoes(self) -> Echoes:
-        """The echoes that the sensor's ``return_mode`` keeps, one of a beam or all."""
+        """The echoes that the sensor's ``return_mode`` keeps: one per beam, or all."""
         return self.find_echoes()
 
     def to_dict(self) -> dict[str, Any]:
-        """Give numbers and lists that JSON can hold; None where nothing came back."""
+        """Return the scan as JSON types; None stands for a range without echo."""
         ranges = [r if math.isfinite(r) else None for r in self.ranges.tolist()]
         return {
             "sensor": self.sensor,

@@ -14,7 +14,7 @@ from radarsim.presets.robots import Item
 from radarsim.protocol import reports
 from radarsim.robots.robot import Robot
 from radarsim.sensors.proprioceptive import (
-    INS_DRAW_INTERVAL,
+    INS_DRIFT_INTERVAL,
     Encoder,
     Ins,
     InsNoise,
@@ -23,7 +23,7 @@ from radarsim.sensors.proprioceptive import (
 )
 from radarsim.simulation.config import SimulationConfig, ticks_of
 
-DRAW_TICKS = ticks_of(INS_DRAW_INTERVAL)
+DRAW_TICKS = ticks_of(INS_DRIFT_INTERVAL)
 
 
 class SensorItem(Protocol):
@@ -108,7 +108,7 @@ class InsItem(_StatelessItem):
     def step(self, age: int) -> None:
         """Draw the drift when it is due."""
         if age % DRAW_TICKS == 0:
-            self._ins.draw(self.robot.body)
+            self._ins.drift(self.robot.body)
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""
@@ -151,7 +151,7 @@ class TachometerItem(_StatelessItem):
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""
-        reading = self._tachometer.scan(time, self.robot.wheel_angles)
+        reading = self._tachometer.read(time, self.robot.wheel_angles)
         return reports.Tachometer(
             time, self.name, reading.velocities, reading.positions
         )

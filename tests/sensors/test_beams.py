@@ -25,11 +25,11 @@ HERE = Pose3(1.0, -2.0, 0.5)
 
 def aim(settings: SensorSettings, pose: Pose3, side: int) -> BeamRays:
     pattern = BeamPattern(settings)
-    return pattern.aim(pose, pattern.only(side))
+    return pattern.aim(pose, pattern.one_side(side))
 
 
 def draw_sides(settings: SensorSettings, rng: np.random.Generator) -> Sides:
-    return BeamPattern(settings).draw(rng).sides
+    return BeamPattern(settings).sample(rng).sides
 
 
 def test_beams_go_counter_clockwise_from_the_right() -> None:
@@ -110,7 +110,7 @@ CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 
 def cone_offsets(pattern: BeamPattern, drawn: SampledRays, beam: int) -> Floats:
     """Give how far each ray of one beam is off it, (K, 2) rad to the left and up."""
-    ways = drawn.ways[:, beam]
+    ways = drawn.directions[:, beam]
     across = np.arctan2(ways[:, 1], ways[:, 0]) - pattern.angles[beam]
     return np.column_stack([across, np.arcsin(ways[:, 2])])
 
@@ -139,7 +139,7 @@ def test_nodes_across_are_those_of_gauss_and_hermite(
 ) -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": count}
     pattern = BeamPattern(load_settings("radar", **cone, ray_choice="together"))
-    offsets = cone_offsets(pattern, pattern.draw(None), 40) / math.radians(4)
+    offsets = cone_offsets(pattern, pattern.sample(None), 40) / math.radians(4)
     assert offsets[:, 0] == pytest.approx(nodes, abs=6e-5)
     assert offsets[:, 1] == pytest.approx(np.zeros(count))
     assert pattern.weights == pytest.approx(weights, abs=6e-5)
@@ -149,7 +149,7 @@ def test_a_cone_that_is_wide_both_ways_has_a_grid_of_nodes() -> None:
     settings = load_settings("radar", **CONE, cone_rays=12, ray_choice="together")
     pattern = BeamPattern(settings)
     assert settings.cone_grid == (4, 3)
-    offsets = cone_offsets(pattern, pattern.draw(None), 100)
+    offsets = cone_offsets(pattern, pattern.sample(None), 100)
     assert len(np.unique(offsets[:, 0].round(9))) == 4
     assert len(np.unique(offsets[:, 1].round(9))) == 3
     variance = pattern.weights @ offsets**2
@@ -170,7 +170,7 @@ def test_random_rays_are_spread_like_the_beam_out_and_back() -> None:
         "radar", **CONE, cone_rays=500, cone_sampling="random", ray_choice="together"
     )
     pattern = BeamPattern(settings)
-    drawn = pattern.draw(generator_for(3, "cone"))
+    drawn = pattern.sample(generator_for(3, "cone"))
     offsets = np.concatenate(
         [cone_offsets(pattern, drawn, i) for i in range(0, 181, 9)]
     )
@@ -186,16 +186,16 @@ def test_random_rays_are_spread_like_the_beam_out_and_back() -> None:
 def test_a_random_ray_that_is_drawn_is_one_of_them() -> None:
     settings = load_settings("radar", **CONE, cone_rays=500, cone_sampling="random")
     pattern = BeamPattern(settings)
-    drawn = pattern.draw(generator_for(3, "cone"))
+    drawn = pattern.sample(generator_for(3, "cone"))
     assert pattern.rays == 1
-    assert drawn.ways.shape == (1, 181, 3)
+    assert drawn.directions.shape == (1, 181, 3)
     assert set(drawn.sides.tolist()) == {-1, 1}
 
 
 def test_the_side_of_a_ray_of_a_cone_is_where_it_is() -> None:
     settings = load_settings("radar", **CONE, cone_rays=9, ray_choice="together")
     pattern = BeamPattern(settings)
-    drawn = pattern.draw(None)
+    drawn = pattern.sample(None)
     offsets = cone_offsets(pattern, drawn, 0)[:, 0]
     assert drawn.sides[:9].tolist() == np.sign(offsets.round(9)).tolist()
     assert sorted(drawn.sides[:9].tolist()) == [-1] * 3 + [0] * 3 + [1] * 3
@@ -204,7 +204,7 @@ def test_the_side_of_a_ray_of_a_cone_is_where_it_is() -> None:
 def test_nodes_of_a_cone_are_drawn_by_their_weights() -> None:
     settings = load_settings("radar", fov_deg=359, resolution_deg=0.01, **CONE)
     pattern = BeamPattern(settings)
-    nodes = pattern.draw(generator_for(1, "nodes")).nodes
+    nodes = pattern.sample(generator_for(1, "nodes")).nodes
     for node, wanted in enumerate(pattern.weights.tolist()):
         error = math.sqrt(wanted * (1 - wanted) / len(nodes))
         assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
@@ -225,18 +225,18 @@ def test_three_divergent_rays_can_be_the_quadrature_of_three() -> None:
     )
     assert one.weights == pytest.approx(other.weights)
     ways = [
-        pattern.aim(HERE, pattern.draw(None)).directions for pattern in (one, other)
+        pattern.aim(HERE, pattern.sample(None)).directions for pattern in (one, other)
     ]
     assert ways[0] == pytest.approx(ways[1])
 
 
 def test_rays_of_a_beam_stand_together() -> None:
     pattern = BeamPattern(load_settings("radar", ray_choice="together"))
-    drawn = pattern.draw(None)
+    drawn = pattern.sample(None)
     assert drawn.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
     fan = pattern.aim(HERE, drawn)
     for node, side in enumerate((-1, 0, 1)):
-        alone = pattern.aim(HERE, pattern.only(side))
+        alone = pattern.aim(HERE, pattern.one_side(side))
         assert fan.origins[node::3].tolist() == alone.origins.tolist()
         assert fan.directions[node::3].tolist() == alone.directions.tolist()
 
@@ -250,13 +250,13 @@ def test_rays_of_a_beam_stand_together() -> None:
 )
 def test_a_cone_has_no_ray_that_is_the_right_one(settings: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="ray -1, expected a beam of three rays"):
-        BeamPattern(load_settings("radar", **settings)).only(-1)
+        BeamPattern(load_settings("radar", **settings)).one_side(-1)
 
 
 def test_a_laser_has_one_ray_whatever_its_settings_say() -> None:
     settings = load_settings("laser", **CONE, side_offset_uu=50, ray_choice="together")
     pattern = BeamPattern(settings)
-    assert (pattern.rays, pattern.width, pattern.draws) == (1, 0.0, False)
+    assert (pattern.rays, pattern.radius, pattern.is_random) == (1, 0.0, False)
 
 
 @given(
@@ -277,6 +277,6 @@ def test_every_ray_has_length_one(
         ray_choice="together",
     )
     pattern = BeamPattern(settings)
-    drawn = pattern.draw(generator_for(seed, "any"))
+    drawn = pattern.sample(generator_for(seed, "any"))
     ways = pattern.aim(Pose3(0, 0, 0, 0.1, pitch, 1.0), drawn).directions
     assert np.linalg.norm(ways, axis=1) == pytest.approx(np.ones(16), abs=1e-12)

@@ -18,13 +18,19 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
-    LEAVES,
+    LEAF_BACKSCATTER,
     EchoColumns,
     backscatter,
     extract_echoes,
-    ray_ends,
+    extract_ray_ends,
 )
-from radarsim.sensors.echo_selection import FIRST, LAST, STRONGEST, choose, merge
+from radarsim.sensors.echo_selection import (
+    FIRST,
+    LAST,
+    STRONGEST,
+    merge_echoes,
+    select_echoes,
+)
 
 WALL = Material("wall")
 SMOKE = Material("smoke", density=0.0, solid=False)
@@ -247,7 +253,7 @@ def test_with_incidence_a_tilted_wall_gives_back_less_and_leaves_a_third() -> No
     parts = [layer("bush", leaf(0.2), 2, 4), wall]
     traces = traced(parts, incidence=True)
     found = gathered(parts, traces)
-    assert found.strength == pytest.approx([0.4 * LEAVES, 0, 0.6 * 0.25])
+    assert found.strength == pytest.approx([0.4 * LEAF_BACKSCATTER, 0, 0.6 * 0.25])
 
 
 @pytest.mark.parametrize(
@@ -256,7 +262,7 @@ def test_with_incidence_a_tilted_wall_gives_back_less_and_leaves_a_third() -> No
         pytest.param(1.0, 1, 1.0, id="head-on"),
         pytest.param(0.0, 1, 0.0, id="grazing"),
         pytest.param(0.5, 1, 0.25, id="at 60 degrees"),
-        pytest.param(math.nan, 2, LEAVES, id="in foliage"),
+        pytest.param(math.nan, 2, LEAF_BACKSCATTER, id="in foliage"),
         pytest.param(math.nan, 0, 0.0, id="nowhere"),
     ],
 )
@@ -280,8 +286,8 @@ def test_the_ends_alone_are_the_last_echoes() -> None:
         there = parts if last else parts[:1]
         traces = traced(there, power, incidence=last)
         found = gathered(there, traces, power)
-        ends = ray_ends(traces, np.zeros(1, np.int64), power)
-        rows = choose(found, LAST, 1, 0.0)
+        ends = extract_ray_ends(traces, np.zeros(1, np.int64), power)
+        rows = select_echoes(found, LAST, 1, 0.0)
         for name in EchoColumns._fields:
             wanted = getattr(found, name)[rows[rows >= 0]]
             assert getattr(ends, name).tolist() == wanted.tolist(), name
@@ -350,7 +356,7 @@ def test_echoes_within_a_cell_merge_from_the_nearest_on(
     for _, group in groupby(rows, key=lambda row: row.beam):
         beam = list(group)
         wanted += merged_by_hand(beam, cell) if cell else beam
-    found = merge(columns_of(rows), cell)
+    found = merge_echoes(columns_of(rows), cell)
     for name in Row._fields:
         assert getattr(found, name).tolist() == pytest.approx(
             [getattr(row, name) for row in wanted]
@@ -360,14 +366,14 @@ def test_echoes_within_a_cell_merge_from_the_nearest_on(
 def test_merging_leaves_what_it_is_given_as_it_is() -> None:
     rows = [Row(0, i, 1 + i / 10, HIT, i, 1.0, 0.5, 1) for i in range(3)]
     given_ = columns_of(rows)
-    merge(given_, 1.0)
+    merge_echoes(given_, 1.0)
     assert given_.t.tolist() == pytest.approx([1.0, 1.1, 1.2])
 
 
 @given(sorted_rows())
 def test_one_echo_of_a_beam_is_chosen(rows: list[Row]) -> None:
     found = {
-        mode: choose(columns_of(rows), mode, 3, 0.0)
+        mode: select_echoes(columns_of(rows), mode, 3, 0.0)
         for mode in (LAST, FIRST, STRONGEST)
     }
     for beam in range(3):

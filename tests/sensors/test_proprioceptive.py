@@ -51,7 +51,7 @@ def test_it_begins_at_the_sensors_own_pose() -> None:
 def test_without_noise_it_keeps_its_offset_from_the_truth(path: list[Pose3]) -> None:
     calm = ins()
     for body in path:
-        calm.draw(body)
+        calm.drift(body)
         above = Pose3(body.x, body.y, body.z + 0.2, yaw=body.yaw)
         assert close(calm.reading(body), above)
 
@@ -59,7 +59,7 @@ def test_without_noise_it_keeps_its_offset_from_the_truth(path: list[Pose3]) -> 
 @given(path=st.lists(places, min_size=1))
 def test_between_draws_true_motion_is_added(path: list[Pose3]) -> None:
     drifting = ins(InsNoise())
-    drifting.draw(moved([1, 0, 0, 0, 0, 1]))
+    drifting.drift(moved([1, 0, 0, 0, 0, 1]))
     last = drifting.reading(moved([1, 0, 0, 0, 0, 1]))
     drift = np.subtract(last.numbers(), moved([1, 0, 0, 0, 0, 1]).numbers())
     for body in path:
@@ -70,7 +70,7 @@ def test_between_draws_true_motion_is_added(path: list[Pose3]) -> None:
 def test_standing_still_does_not_drift() -> None:
     drifting = ins(InsNoise(sigma=0.5, position_bias=0.5, angle_bias=0.5))
     for _ in range(100):
-        drifting.draw(SPAWN)
+        drifting.drift(SPAWN)
     assert drifting.reading(SPAWN) == MOUNTED
 
 
@@ -79,7 +79,7 @@ def test_the_deviation_is_a_part_of_the_way_on_every_axis() -> None:
     errors = []
     for seed in range(2000):
         drifting = ins(InsNoise(), seed=seed)
-        drifting.draw(moved(motion))
+        drifting.drift(moved(motion))
         reading = drifting.reading(moved(motion))
         errors.append(np.subtract(reading.numbers(), MOUNTED.numbers()) - motion)
     spread = np.std(errors, axis=0)
@@ -93,7 +93,7 @@ def test_the_deviation_of_an_angle_is_a_part_of_the_turn() -> None:
     errors = []
     for seed in range(2000):
         drifting = ins(InsNoise(), seed=seed)
-        drifting.draw(moved(motion))
+        drifting.drift(moved(motion))
         errors.append(drifting.reading(moved(motion)).yaw - MOUNTED.yaw - 2)
     assert np.std(errors) == pytest.approx(0.1, rel=0.06)
 
@@ -106,7 +106,7 @@ def test_the_bias_is_constant_within_a_run_and_bounded() -> None:
         errors = []
         for k in range(1, 4):
             body = moved([k, 0, 0, 0, 0, k / 2])
-            drifting.draw(body)
+            drifting.drift(body)
             error = np.subtract(drifting.reading(body).numbers(), body.numbers())
             errors.append(error - [0, 0, 0.2, 0, 0, 0])
         assert errors[2] == pytest.approx(3 * errors[0])
@@ -119,7 +119,7 @@ def test_the_bias_is_constant_within_a_run_and_bounded() -> None:
 def test_the_same_generator_gives_the_same_drift() -> None:
     def track(one: Ins) -> Pose3:
         for k in range(20):
-            one.draw(moved([k, 0, 0, 0, 0, k / 9]))
+            one.drift(moved([k, 0, 0, 0, 0, k / 9]))
         return one.reading(SPAWN)
 
     first, again = track(ins(InsNoise())), track(ins(InsNoise()))
@@ -129,19 +129,19 @@ def test_the_same_generator_gives_the_same_drift() -> None:
 
 def test_overwriting_sets_the_estimate_and_ends_the_bias() -> None:
     drifting = ins(InsNoise(sigma=0, position_bias=0.5, angle_bias=0.5))
-    drifting.draw(moved([1, 1, 0, 0, 0, 1]))
+    drifting.drift(moved([1, 1, 0, 0, 0, 1]))
     here = moved([2, 2, 0, 0, 0, 1])
     drifting.overwrite(Pose3(0, 0, 0), here)
     assert drifting.reading(here) == Pose3(0, 0, 0)
     there = moved([5, 6, 0, 0, 0, 1.5])
-    drifting.draw(there)
+    drifting.drift(there)
     assert close(drifting.reading(there), Pose3(3, 4, 0, yaw=0.5))
 
 
 def test_turning_past_half_a_turn_takes_the_short_way() -> None:
     calm = ins()
-    calm.draw(Pose3(1, 2, 0.146, yaw=3.0))
-    calm.draw(Pose3(1, 2, 0.146, yaw=-3.0))
+    calm.drift(Pose3(1, 2, 0.146, yaw=3.0))
+    calm.drift(Pose3(1, 2, 0.146, yaw=-3.0))
     turned = 2.5 + 2 * math.pi - 6.0
     assert calm.reading(Pose3(1, 2, 0.146, yaw=-3.0)).yaw == pytest.approx(0.5 + turned)
 
@@ -233,24 +233,24 @@ def test_odometry_begins_again_after_a_reset() -> None:
 
 def test_the_tachometer_averages_since_its_last_scan() -> None:
     tachometer = Tachometer(10.0, (0, 0))
-    reading = tachometer.scan(10.2, (0.4, -0.2))
+    reading = tachometer.read(10.2, (0.4, -0.2))
     assert reading.velocities == pytest.approx((2, -1))
     assert reading.positions == pytest.approx((0.4, -0.2))
-    assert tachometer.scan(10.4, (0.4, -0.2)).velocities == pytest.approx((0, 0))
+    assert tachometer.read(10.4, (0.4, -0.2)).velocities == pytest.approx((0, 0))
 
 
 def test_a_second_scan_at_the_same_time_repeats_the_first() -> None:
     tachometer = Tachometer(0.0, (0,))
-    assert tachometer.scan(0.0, (0,)).velocities == (0,)
-    first = tachometer.scan(0.5, (1,))
-    assert tachometer.scan(0.5, (1,)) == first
+    assert tachometer.read(0.0, (0,)).velocities == (0,)
+    first = tachometer.read(0.5, (1,))
+    assert tachometer.read(0.5, (1,)) == first
 
 
 def test_a_reset_sets_the_positions_to_zero_and_leaves_the_velocities() -> None:
     tachometer = Tachometer(0.0, (0, 0))
-    tachometer.scan(1.0, (5, 6))
+    tachometer.read(1.0, (5, 6))
     tachometer.reset((5, 6))
-    reading = tachometer.scan(2.0, (6, 8))
+    reading = tachometer.read(2.0, (6, 8))
     assert reading.positions == (1, 2)
     assert reading.velocities == (1, 2)
 
