@@ -1,15 +1,15 @@
-"""Moving a footprint among obstacles and other robots without ever entering them.
+"""Move a robot among obstacles and other robots without collision.
 
 Theory of operation
 ===================
-A move that is free is made as it is. One that would enter something is pushed out again
-along the shortest way, so that the robot slides; where that leads nowhere it turns on
-the spot, and where that is blocked too it stays. A pose that is taken is always free,
-so the way back out of a contact is open.
+A move that is free is made as it is. One that would penetrate something is pushed out
+along the shortest direction, so that the robot slides; where that fails the robot turns
+on the spot, and where that is blocked too it stays. Every pose that is taken is free,
+so a robot can always back out of a contact.
 
-Rule 1: no point of the robot travels farther in a move than its ``sweep``. Whoever
-knows the gap to the nearest wall need not look at walls again before the sweeps add up
-to it; that makes the open floor cheap.
+Rule 1: no point of the robot travels farther in a move than its ``sweep``. So once the
+gap to the nearest wall is known, walls need not be checked again before the sweeps add
+up to it; that makes moves on the open floor cheap.
 Rule 2: a move displaces the centre by at most ``MAX_DISPLACEMENT_RATIO`` sweeps, so the
 same holds for the gap to the other robots, which move as well.
 """
@@ -23,13 +23,13 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
 from radarsim.robots.obstacles import Body, Obstacles
 
-CONTACT_GAP = 1e-3  # m that is left when something is run into
-TOUCH_RANGE = 2e-3  # m; what is nearer than this touches
+CONTACT_GAP = 1e-3  # m left between the robot and what it runs into
+TOUCH_RANGE = 2e-3  # m; anything closer touches the robot
 MAX_DISPLACEMENT_RATIO = 2.0
 
-_REACH = 0.5  # m beyond the robot's circle within which walls are kept at hand
-_MEETING = 0.1  # m between two robots' circles below which their outlines count
-_PUSHES = 8  # most of them between two walls; more would not get out of a wedge
+_CACHE_RANGE = 0.5  # m beyond the robot's circle within which walls are cached
+_OUTLINE_RANGE = 0.1  # m between two robots' circles below which their outlines matter
+_MAX_PUSHES = 8  # out of two walls in turn; more would not get out of a wedge
 
 
 class MovingBody(Body, Protocol):
@@ -37,15 +37,15 @@ class MovingBody(Body, Protocol):
 
     @property
     def top_speed(self) -> float:
-        """The farthest that its centre gets in a second, pushes included, m."""
+        """The highest speed of its centre, pushes included, m/s."""
         ...
 
 
 class CollisionResolver:
-    """Moves one robot; remembers how much room it has.
+    """Moves one robot; keeps lower bounds of its clearance between moves.
 
     Attributes:
-        hindered: Whether the last move did not end where it was to end.
+        blocked: Whether the last move did not end at the wanted pose.
     """
 
     def __init__(self, robot: MovingBody, obstacles: Obstacles) -> None:
@@ -53,15 +53,13 @@ class CollisionResolver:
         self._robot = robot
         self._footprint: Footprint = robot.footprint
         self._obstacles = obstacles
-        self._walls = (
-            NO_SEGMENTS  # all within reach of the place where they were asked for
-        )
-        self._asked_at = (math.inf, math.inf)
-        self._room = 0.0  # m; no wall is nearer
-        self._apart = 0.0  # m; no other robot is nearer
+        self._walls = NO_SEGMENTS  # those near ``_cache_centre``
+        self._cache_centre = (math.inf, math.inf)
+        self._wall_gap = 0.0  # m; no wall is closer
+        self._robot_gap = 0.0  # m; no other robot is closer
         self._others: tuple[MovingBody, ...] = ()
-        self._closing = 0.0  # m/s; the fastest of the others
-        self._refused: tuple[Pose2, Pose2] | None = None  # from where, where to
+        self._closing_speed = 0.0  # m/s; of the fastest of the others
+        self._rejected: tuple[Pose2, Pose2] | None = None  # start and wanted pose
 
     def move(
         self,
@@ -71,124 +69,128 @@ class CollisionResolver:
         sweep: float,
         dt: float,
     ) -> Pose2:
-        """Give the pose that the robot gets when it wants another.
+        """Return the pose that the robot reaches when it moves towards another.
 
         Args:
-            wanted: The pose where its wheels would take it.
-            others: All robots, in any order; the robot itself may be one of them. The
-                same tuple at every move is the cheapest.
-            sweep: The farthest that any point of the robot travels, m; at most a
-                fraction of its width, or it could jump over things.
-            dt: What the move takes, s.
+            wanted: Pose to which its wheels would take it.
+            others: All robots, in any order; the robot itself may be one of them. It is
+                fastest to pass the same tuple at every move.
+            sweep: Largest distance that any point of the robot travels, m; at most a
+                fraction of its width, or it could pass through obstacles.
+            dt: Duration of the move, s.
         """
-        self._room -= sweep
-        self._apart -= sweep + self._closing * dt
-        if self._apart > MARGIN and others is self._others:
-            if self._room > MARGIN:
+        self._wall_gap -= sweep
+        self._robot_gap -= sweep + self._closing_speed * dt
+        if self._robot_gap > MARGIN and others is self._others:
+            if self._wall_gap > MARGIN:
                 self.blocked = False
                 return wanted
             pose = self._robot.pose
-            if (pose, wanted) == self._refused:  # it pushes on against the same wall
+            if (pose, wanted) == self._rejected:  # still pushing against the same wall
                 self.blocked = True
                 return pose
-        return self._look(wanted, others, sweep)
+        return self._move_checked(wanted, others, sweep)
 
     def rest(self, others: tuple[MovingBody, ...]) -> None:
-        """Stand for one step while others move."""
+        """Stand still for one step while others move."""
         self._others = others
-        self._apart = 0.0
+        self._robot_gap = 0.0
 
     def touching(self) -> bool:
-        """Tell whether something solid is as near as after a contact."""
-        if min(self._room, self._apart) > TOUCH_RANGE:
+        """Return whether something solid is as close as after a contact."""
+        if min(self._wall_gap, self._robot_gap) > TOUCH_RANGE:
             return False
         pose = self._robot.pose
-        return self._measure(pose, self._around(pose, self._others)) <= TOUCH_RANGE
+        return self._measure(pose, self._lines_near(pose, self._others)) <= TOUCH_RANGE
 
-    def _look(
+    def _move_checked(
         self, wanted: Pose2, others: tuple[MovingBody, ...], sweep: float
     ) -> Pose2:
-        """Move with a look at what is there."""
+        """Move with a check of all obstacles."""
         self._others = others
-        around = self._around(wanted, others)
-        self.blocked = self._measure(wanted, around) <= MARGIN
+        lines = self._lines_near(wanted, others)
+        self.blocked = self._measure(wanted, lines) <= MARGIN
         if not self.blocked:
             return wanted
         pose = self._robot.pose
-        reached = self._hindered(wanted, around, sweep)
+        reached = self._avoid(wanted, lines, sweep)
         if _is_same(reached, pose):
             reached = pose
-            self._refused = (pose, wanted) if around is self._walls else None
-        self._measure(reached, around)
+            self._rejected = (pose, wanted) if lines is self._walls else None
+        self._measure(reached, lines)
         return reached
 
-    def _measure(self, pose: Pose2, around: Floats) -> float:
-        """Give the gap at a pose, and remember how much room it leaves."""
-        gap = self._gap(pose, around)
-        beyond = math.dist((pose.x, pose.y), self._asked_at)
-        self._room = min(gap, _REACH - beyond)
-        if around is not self._walls:  # it holds outlines of others too
-            self._apart = min(gap, self._apart)
+    def _measure(self, pose: Pose2, lines: Floats) -> float:
+        """Return the gap at a pose, and update the known gaps."""
+        gap = self._gap(pose, lines)
+        offset = math.dist((pose.x, pose.y), self._cache_centre)
+        self._wall_gap = min(gap, _CACHE_RANGE - offset)
+        if lines is not self._walls:  # the lines include outlines of others
+            self._robot_gap = min(gap, self._robot_gap)
         return gap
 
-    def _around(self, pose: Pose2, others: tuple[MovingBody, ...]) -> Floats:
-        """Give the lines that matter near a pose; those left out set ``_apart``."""
-        place = (pose.x, pose.y)
-        if math.dist(place, self._asked_at) > _REACH / 2:
-            self._asked_at = place
-            self._walls = self._obstacles.near(*place, self._footprint.radius + _REACH)
-        outlines = self._meet(pose, others)
+    def _lines_near(self, pose: Pose2, others: tuple[MovingBody, ...]) -> Floats:
+        """Return the lines near a pose; robots farther away set ``_robot_gap``."""
+        position = (pose.x, pose.y)
+        if math.dist(position, self._cache_centre) > _CACHE_RANGE / 2:
+            self._cache_centre = position
+            self._walls = self._obstacles.near(
+                *position, self._footprint.radius + _CACHE_RANGE
+            )
+        outlines = self._outlines_near(pose, others)
         return np.concatenate([self._walls, *outlines]) if outlines else self._walls
 
-    def _meet(self, pose: Pose2, others: tuple[MovingBody, ...]) -> list[Floats]:
-        """Give the outlines of the others that are close."""
-        self._apart, self._closing = math.inf, 0.0
+    def _outlines_near(
+        self, pose: Pose2, others: tuple[MovingBody, ...]
+    ) -> list[Floats]:
+        """Return the outlines of the other robots that are close."""
+        self._robot_gap, self._closing_speed = math.inf, 0.0
         outlines = []
         for other in others:
             if other is self._robot:
                 continue
-            self._closing = max(self._closing, other.top_speed)
-            place, footprint = other.pose, other.footprint
-            apart = math.hypot(place.x - pose.x, place.y - pose.y)
-            apart -= footprint.radius + self._footprint.radius
-            if apart < _MEETING:
-                outlines.append(footprint.outline(place))
+            self._closing_speed = max(self._closing_speed, other.top_speed)
+            footprint = other.footprint
+            gap = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
+            gap -= footprint.radius + self._footprint.radius
+            if gap < _OUTLINE_RANGE:
+                outlines.append(footprint.outline(other.pose))
             else:
-                self._apart = min(self._apart, apart)
+                self._robot_gap = min(self._robot_gap, gap)
         return outlines
 
-    def _hindered(self, wanted: Pose2, around: Floats, sweep: float) -> Pose2:
-        """Choose where to go instead of a pose that is not free."""
+    def _avoid(self, wanted: Pose2, lines: Floats, sweep: float) -> Pose2:
+        """Return the pose to take instead of a wanted pose that is not free."""
         pose = self._robot.pose
-        gap = self._gap(pose, around)
-        keep = max(2 * MARGIN, min(CONTACT_GAP, gap))
-        for aim in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
-            freed = self._pushed_out(aim, around, keep)
+        gap = self._gap(pose, lines)
+        clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
+        for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
+            freed = self._push_out(target, lines, clearance)
             moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0
             if freed is not None and moved <= MAX_DISPLACEMENT_RATIO * sweep:
                 return freed
         turned = Pose2(pose.x, pose.y, wanted.yaw)
-        if self._gap(turned, around) > MARGIN:
+        if self._gap(turned, lines) > MARGIN:
             return turned
-        # a robot that was put into something may leave it
-        return wanted if self._gap(wanted, around) > gap else pose
+        # a robot that was placed inside an obstacle may leave it
+        return wanted if self._gap(wanted, lines) > gap else pose
 
-    def _pushed_out(self, pose: Pose2, around: Floats, keep: float) -> Pose2 | None:
-        """Push a pose out of everything; None if that does not succeed."""
-        for _ in range(_PUSHES):
-            contact = self._footprint.contact(pose, around)
+    def _push_out(self, pose: Pose2, lines: Floats, clearance: float) -> Pose2 | None:
+        """Push a pose out of all obstacles; return None if that fails."""
+        for _ in range(_MAX_PUSHES):
+            contact = self._footprint.contact(pose, lines)
             if contact.gap > MARGIN:
                 return pose
-            push = keep - contact.gap
+            push = clearance - contact.gap
             x, y = pose.x + push * contact.away_x, pose.y + push * contact.away_y
             pose = Pose2(x, y, pose.yaw)
         return None
 
-    def _gap(self, pose: Pose2, around: Floats) -> float:
-        return self._footprint.contact(pose, around).gap
+    def _gap(self, pose: Pose2, lines: Floats) -> float:
+        return self._footprint.contact(pose, lines).gap
 
 
 def _is_same(one: Pose2, other: Pose2) -> bool:
-    """Tell whether two poses differ by no more than rounding."""
-    apart = abs(one.x - other.x) + abs(one.y - other.y) + abs(one.yaw - other.yaw)
-    return apart < 1e-9
+    """Return whether two poses differ by no more than rounding."""
+    difference = abs(one.x - other.x) + abs(one.y - other.y) + abs(one.yaw - other.yaw)
+    return difference < 1e-9

@@ -1,12 +1,13 @@
-"""How far a rectangle on the floor is from line segments, and which way is out.
+"""The distance between a robot's rectangle and line segments, and the direction out.
 
 Theory of operation
 ===================
 In the frame of the rectangle three axes can separate a segment from it: x, y and the
-segment's own normal (separating axes of two convex shapes). On each axis the distance
-between the two shadows is a lower bound of the distance between the shapes, and the
-largest of the three is negative only if they overlap; then it is the shortest way out,
-along that axis. One number so serves as test, as clearance and as depth.
+segment's own normal (separating axis theorem for two convex shapes). On each axis the
+distance between the two projections is a lower bound of the distance between the
+shapes, and the largest of the three is negative only if they overlap; then it is the
+smallest displacement that separates them, along that axis. One number so serves as
+collision test, as clearance and as penetration depth.
 """
 
 import math
@@ -17,20 +18,20 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2
 
-MARGIN = 1e-6  # m; a gap below it counts as none, far above what rounding does
+MARGIN = 1e-6  # m; a smaller gap counts as contact; far above rounding errors
 NO_SEGMENTS: Floats = np.zeros((0, 2, 2))
 NO_SEGMENTS.setflags(write=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """What is nearest to a footprint, or deepest in it.
+    """The segment closest to a footprint, or deepest in it.
 
     Attributes:
-        gap: m; at most the distance to the nearest segment, and below 0 where one
-            reaches into the footprint: minus the depth.
-        away_x: Unit vector, map frame, along which the gap grows.
-        away_y: Its other component.
+        gap: Lower bound of the distance to the segment, m; negative, minus the
+            penetration depth, if the segment reaches into the footprint.
+        away_x: x of the unit vector along which the gap grows, map frame.
+        away_y: y of that vector.
     """
 
     gap: float
@@ -40,11 +41,11 @@ class Contact:
 
 @dataclass(frozen=True)
 class Footprint:
-    """The rectangle that a robot covers, centred on its origin.
+    """The rectangle that a robot occupies, centred on its origin.
 
     Attributes:
-        length: Along x of the robot, m.
-        width: Along y of the robot, m.
+        length: Extent along x of the robot, m.
+        width: Extent along y of the robot, m.
     """
 
     length: float
@@ -52,7 +53,7 @@ class Footprint:
 
     @cached_property
     def radius(self) -> float:
-        """From the centre to a corner, m."""
+        """Distance from the centre to a corner, m."""
         return math.hypot(self.length, self.width) / 2
 
     @cached_property
@@ -62,28 +63,28 @@ class Footprint:
         return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
     def outline(self, pose: Pose2) -> Floats:
-        """Give the four sides as segments, (4, 2, 2) m, map frame."""
+        """Return the four sides as segments, (4, 2, 2) m, map frame."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         sides: Floats = self._sides @ np.array([[c, s], [-s, c]])
         centre: Floats = np.array([pose.x, pose.y])
         return sides + centre
 
     def covers(self, pose: Pose2, x: float, y: float) -> bool:
-        """Tell whether a point of the map lies inside."""
+        """Return whether a point of the map lies inside."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         dx, dy = x - pose.x, y - pose.y
-        ahead, aside = c * dx + s * dy, c * dy - s * dx
-        return abs(ahead) <= self.length / 2 and abs(aside) <= self.width / 2
+        along, across = c * dx + s * dy, c * dy - s * dx
+        return abs(along) <= self.length / 2 and abs(across) <= self.width / 2
 
     def contact(self, pose: Pose2, segments: Floats) -> Contact:
-        """Find what is nearest, or deepest inside.
+        """Find the segment that is closest, or deepest inside.
 
         Args:
-            pose: Of the robot.
+            pose: Pose of the robot.
             segments: (S, 2, 2) m, map frame, none of them of length 0.
 
         Returns:
-            The contact with the smallest gap; of equals, that of the first segment.
+            The contact with the smallest gap; of equal ones, that of the first segment.
         """
         if not len(segments):
             return Contact(math.inf)
@@ -101,18 +102,18 @@ class Footprint:
         return Contact(float(gaps[axis, nearest]), c * x - s * y, s * x + c * y)
 
     def _gaps(self, middle: Floats, half: Floats) -> Floats:
-        """Give the distances of the shadows on x, y and the normals, (3, S) m."""
+        """Return the gaps of the projections on x, y and the normals, (3, S) m."""
         x, y = self.length / 2, self.width / 2
-        reach = np.abs(half)
-        along = np.abs(middle) - reach - (x, y)
+        extent = np.abs(half)
+        along = np.abs(middle) - extent - (x, y)
         across = np.abs(middle[:, 0] * half[:, 1] - middle[:, 1] * half[:, 0])
-        across -= x * reach[:, 1] + y * reach[:, 0]
+        across -= x * extent[:, 1] + y * extent[:, 0]
         across /= np.hypot(half[:, 0], half[:, 1])
         return np.stack([along[:, 0], along[:, 1], across])
 
 
 def _axis(axis: int, half: Floats) -> tuple[float, float]:
-    """Give the unit vector of one of the three axes, footprint frame."""
+    """Return the unit vector of one of the three axes, footprint frame."""
     if axis < 2:
         return (1.0, 0.0) if axis == 0 else (0.0, 1.0)
     length = math.hypot(half[0], half[1])

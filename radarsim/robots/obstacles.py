@@ -1,4 +1,4 @@
-"""Cutting triangles with level planes."""
+"""The obstacles on a floor: horizontal slices through everything solid."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,26 +13,34 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
 from radarsim.scene.scene import Part, Scene
 
+# m above the floor: the lowest is that of a P3AT's bumpers, the highest the top of what
+# it carries. A thin horizontal object between two of them is missed.
+BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
+
+_MIN_LENGTH = 1e-9  # m; a shorter segment has no direction
+_SEARCH_STEP = 0.05  # m between candidate positions
+_CLEARANCE = 0.01  # m around the footprint at such a position
+
 
 def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
-    """Cut a mesh at one height.
+    """Slice a mesh at one height.
 
     Args:
         vertices: (V, 3) m.
         faces: (F, 3) rows of vertex numbers.
         height: z of the plane, m. A vertex in the plane counts as above it, so that
-            the section of a closed mesh is closed, and a mesh that stands on the plane
-            leaves no line.
+            the slice of a closed mesh is closed, and a mesh that stands on the plane
+            has none.
 
     Returns:
-        Line segments, (S, 2, 2) m: x and y of both ends; where the plane only grazes
-        a corner, the ends are the same.
+        Line segments, (S, 2, 2) m: x and y of both ends; where the plane only touches
+        a corner, the ends are equal.
     """
     corners = vertices[faces]  # (F, 3, 3)
     above = corners[:, :, 2] >= height
     cut = above.any(axis=1) & ~above.all(axis=1)
     corners, above = corners[cut], above[cut]
-    # the corner that is alone on its side goes first
+    # the corner that is alone on its side of the plane comes first
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
     order = (alone[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)
@@ -43,74 +51,61 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
 
 
 def slice_parts(parts: Iterable[Part], height: float) -> Floats:
-    """Cut parts of a scene at one height.
+    """Slice parts of a scene at one height.
 
     Args:
-        parts: All of them, solid or not.
+        parts: Parts to slice, solid or not.
         height: z of the plane, m, map frame.
 
     Returns:
-        The sections one after the other, (S, 2, 2) m: x and y of both ends.
+        All slices together, (S, 2, 2) m: x and y of both ends.
     """
     cuts = [slice_mesh(part.vertices, part.faces, height) for part in parts]
     return np.concatenate([NO_SEGMENTS, *cuts])
 
 
-# Section from robots.obstacles.
-# The lines on the floor that a robot cannot cross: sections of all solid things.
-
-# m above the floor: the lowest is that of a P3AT's bumpers, the highest the top of what
-# it carries. Something level and thin between two of them is not met.
-BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
-
-_SHORTEST = 1e-9  # m; a shorter line has no direction
-_SEARCH_STEP = 0.05  # m between the places that are tried
-_ELBOW_ROOM = 0.01  # m that such a place leaves around the footprint
-
-
-def _all_open(places: Floats) -> NDArray[np.bool_]:
-    return np.ones(len(places), np.bool_)
+def _all_open(positions: Floats) -> NDArray[np.bool_]:
+    return np.ones(len(positions), np.bool_)
 
 
 class Body(Protocol):
-    """Something with a footprint that stands on the floor, such as a robot."""
+    """An object with a footprint on the floor, such as a robot."""
 
     @property
     def pose(self) -> Pose2:
-        """Where it stands."""
+        """Pose on the floor, map frame."""
         ...
 
     @property
     def footprint(self) -> Footprint:
-        """What it covers of the floor."""
+        """Rectangle that it occupies on the floor."""
         ...
 
 
 class Obstacles:
-    """Everything solid on one floor.
+    """The slices of everything solid above one floor.
 
-    These are surfaces: a footprint that fits between them is clear, be it inside a box.
+    They are surfaces: a footprint that fits between them is free, even inside a box.
 
     Attributes:
-        segments: (S, 2, 2) m, x and y of both ends, map frame; those that are mere
-            points are left out.
-        floor: Height of the floor that they are met on, m.
+        segments: (S, 2, 2) m, x and y of both ends, map frame; none of length 0.
+        floor: Height of the floor, m.
     """
 
     def __init__(self, segments: Floats = NO_SEGMENTS, *, floor: float = 0.0) -> None:
         lengths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
-        self.segments = segments[lengths > _SHORTEST]
+        self.segments = segments[lengths > _MIN_LENGTH]
         self.floor = floor
         self._tree = shapely.STRtree(shapely.linestrings(self.segments))
 
     @classmethod
     def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":
-        """Cut the solid parts of a scene at the bumpers' heights above a floor."""
+        """Slice the solid parts of a scene at the bumper heights above a floor."""
         return cls.from_parts(scene.parts, floor=floor)
 
     @classmethod
     def from_parts(cls, parts: Iterable[Part], *, floor: float = 0.0) -> "Obstacles":
-        """Cut the solid ones of some parts at the bumpers' heights above a floor."""
+        """Slice the solid ones among some parts at the bumper heights above a floor."""
         cuts = [
             slice_mesh(part.vertices, part.faces, floor + height)
             for part in parts
@@ -119,17 +114,17 @@ class Obstacles:
         ]
         return cls(np.concatenate([NO_SEGMENTS, *cuts]), floor=floor)
 
-    def near(self, x: float, y: float, reach: float) -> Floats:
-        """Give the segments within ``reach`` m of a point, in their own order."""
+    def near(self, x: float, y: float, distance: float) -> Floats:
+        """Return the segments within a distance of a point, in their stored order."""
         point = shapely.Point(x, y)
-        found = self._tree.query(point, predicate="dwithin", distance=reach)
-        near: Floats = self.segments[np.sort(found)]
+        rows = self._tree.query(point, predicate="dwithin", distance=distance)
+        near: Floats = self.segments[np.sort(rows)]
         return near
 
     def clear(
         self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
     ) -> bool:
-        """Tell whether a footprint fits at a pose, free of obstacles and of others."""
+        """Return whether a footprint overlaps no obstacle and no other body."""
         walls = self.near(pose.x, pose.y, footprint.radius)
         return _fits(footprint, pose, walls, others)
 
@@ -145,31 +140,33 @@ class Obstacles:
         """Find the nearest pose of the same yaw at which a footprint fits.
 
         Args:
-            footprint: What is to be placed.
-            pose: The pose asked for; it is the answer if it is clear.
-            others: What stands there already.
-            within: How far to look, m.
-            is_open: Asked which of (N, 2) places, m, are such as to stand in.
+            footprint: Footprint to be placed.
+            pose: Requested pose, returned if it is free.
+            others: Bodies that are already there.
+            within: Radius of the search, m.
+            is_open: Returns which of (N, 2) positions, m, are permitted.
 
         Returns:
-            The pose, to 0.05 m, touching nothing; None if there is none. Of places
-            equally far away it is the first counter-clockwise from the map's x axis.
+            The pose, to 0.05 m, touching nothing; None if there is none. Of positions
+            at equal distance it is the first counter-clockwise from the map's x axis.
         """
         here = np.array([[pose.x, pose.y]])
         if self.clear(footprint, pose, others) and is_open(here)[0]:
             return pose
-        roomy = Footprint(
-            footprint.length + 2 * _ELBOW_ROOM, footprint.width + 2 * _ELBOW_ROOM
+        enlarged = Footprint(
+            footprint.length + 2 * _CLEARANCE, footprint.width + 2 * _CLEARANCE
         )
-        walls = self.near(pose.x, pose.y, roomy.radius + within)
-        places = here + _outward(within)
+        walls = self.near(pose.x, pose.y, enlarged.radius + within)
+        positions = here + _search_positions(within)
         outlines = [other.footprint.outline(other.pose) for other in others]
         lines = np.concatenate([walls, *outlines])
-        places = places[~_meet_any(roomy.outline(pose)[:, 0] - here, places, lines)]
-        for x, y in places[is_open(places)].tolist():
-            place = Pose2(x, y, pose.yaw)
-            if _fits(roomy, place, walls, others):
-                return place
+        positions = positions[
+            ~_overlaps_any(enlarged.outline(pose)[:, 0] - here, positions, lines)
+        ]
+        for x, y in positions[is_open(positions)].tolist():
+            candidate = Pose2(x, y, pose.yaw)
+            if _fits(enlarged, candidate, walls, others):
+                return candidate
         return None
 
 
@@ -182,41 +179,43 @@ def _fits(
 
 
 def _overlap(footprint: Footprint, pose: Pose2, other: Body) -> bool:
-    apart = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
-    if apart > footprint.radius + other.footprint.radius:
+    distance = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
+    if distance > footprint.radius + other.footprint.radius:
         return False
     sides = other.footprint.outline(other.pose)
-    # no side of the other reaches in: it is apart, or all around
+    # no side of the other reaches in: it is either apart or surrounds the footprint
     return footprint.contact(pose, sides).gap <= MARGIN or other.footprint.covers(
         other.pose, pose.x, pose.y
     )
 
 
-def _meet_any(corners: Floats, places: Floats, walls: Floats) -> NDArray[np.bool_]:
-    """Tell at which of many places a shape meets a wall; quicker than one by one.
+def _overlaps_any(
+    corners: Floats, positions: Floats, walls: Floats
+) -> NDArray[np.bool_]:
+    """Return at which of many positions a shape overlaps a wall, all at once.
 
     Args:
-        corners: (C, 2) m, of the shape around its place.
-        places: (N, 2) m.
+        corners: (C, 2) m, corners of the shape relative to its position.
+        positions: (N, 2) m.
         walls: (S, 2, 2) m.
     """
-    shapes = shapely.polygons(places[:, None] + corners)
+    shapes = shapely.polygons(positions[:, None] + corners)
     lines = shapely.STRtree(shapely.linestrings(walls))
-    meeting = np.zeros(len(places), np.bool_)
-    meeting[lines.query(shapes, predicate="intersects")[0]] = True
-    return meeting
+    overlapping = np.zeros(len(positions), np.bool_)
+    overlapping[lines.query(shapes, predicate="intersects")[0]] = True
+    return overlapping
 
 
 @cache
-def _outward(within: float) -> Floats:
-    """Give places in rings around (0, 0), the innermost first, (N, 2) m."""
+def _search_positions(within: float) -> Floats:
+    """Return positions in rings around (0, 0), the innermost first, (N, 2) m."""
     return np.array(list(_rings(within))).reshape(-1, 2)
 
 
 def _rings(within: float) -> Iterator[tuple[float, float]]:
     for ring in range(1, int(within / _SEARCH_STEP + 1e-9) + 1):
         radius = ring * _SEARCH_STEP
-        places = math.ceil(2 * math.pi * ring)
-        for k in range(places):
-            angle = 2 * math.pi * k / places
+        count = math.ceil(2 * math.pi * ring)
+        for k in range(count):
+            angle = 2 * math.pi * k / count
             yield radius * math.cos(angle), radius * math.sin(angle)

@@ -1,4 +1,4 @@
-"""The battery: it drains with time alone, whatever the robot does."""
+"""One robot on the floor: its commands, its pose, its wheels and its battery."""
 
 import math
 from dataclasses import dataclass
@@ -15,13 +15,17 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.skid_steer import WheelDrive, advance
 
+Others: TypeAlias = tuple[MovingBody, ...]
+
+_MAX_SWEEP = 0.05  # m; a longer step is split, so that no obstacle is jumped over
+
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """A charge that falls by one second of life a second.
+    """A battery that drains with time only, whatever the robot does.
 
     Attributes:
-        life: Full charge, s.
+        life: Time that a full charge lasts, s.
         runs_out: Whether it ever gets empty. One that does not stays at its last
             second, because clients pause a robot whose battery reads 0.
     """
@@ -30,38 +34,30 @@ class Battery:
     runs_out: bool = False
 
     def seconds_left(self, elapsed: float) -> int:
-        """Give what is left ``elapsed`` s after the spawn, whole s, rounded down."""
-        # rounded first: a sum of ticks that is a hair too long must not cost a second
+        """Return what is left ``elapsed`` s after the spawn, whole s, rounded down."""
+        # rounded first: the rounding error of a sum of ticks must not cost a second
         left = int(max(0.0, self.life - round(elapsed, 6)))
         return left if self.runs_out else max(1, left)
 
     def is_empty(self, elapsed: float) -> bool:
-        """Tell whether the robot is dead ``elapsed`` s after the spawn."""
+        """Return whether the battery is empty ``elapsed`` s after the spawn."""
         return self.seconds_left(elapsed) == 0
 
 
-# Section from robots.robot.
-# One robot on the floor: what it was told, where it is, how far its wheels turned.
-
-Others: TypeAlias = tuple[MovingBody, ...]
-
-_LONGEST_SWEEP = 0.05  # m; a longer step is made in parts, so that nothing is jumped
-
-
 class Robot:
-    """A robot that drives by its latched wheel speeds.
+    """A robot that drives at its latched wheel speeds.
 
-    The wheels turn at their set-points even while something holds the robot, as those
+    The wheels turn at their set-points even while something blocks the robot, as those
     of the original do, whose motors are stronger than their grip: odometry then counts
-    a way that was not made.
+    a distance that was not driven.
 
     Attributes:
-        name: As its client calls it.
-        model: Its class.
-        wheel_drive: What the numbers of drive commands mean.
+        name: Name given by its client.
+        model: Robot class.
+        wheel_drive: Conversion of drive commands to wheel speeds.
         light: Whether its headlight is on.
-        footprint: What it covers of the floor.
-        top_speed: The farthest that its centre gets in a second, pushes included, m.
+        footprint: Rectangle that it occupies on the floor.
+        top_speed: Highest speed of its centre, pushes included, m/s.
     """
 
     def __init__(
@@ -91,29 +87,29 @@ class Robot:
 
     @property
     def pose(self) -> Pose2:
-        """Where it stands."""
+        """Pose on the floor, map frame."""
         return self._pose
 
     @property
     def body(self) -> Pose3:
-        """Where the origin of its body is, map frame."""
+        """Pose of the body frame, map frame."""
         pose = self._pose
         z = self._floor + self.model.origin_height
         return Pose3(pose.x, pose.y, z, 0.0, 0.0, pose.yaw)
 
     @property
     def touched(self) -> bool:
-        """Whether the last step ran into something, or something touches it."""
+        """Whether the last step was blocked, or something touches the robot."""
         return self._resolver.blocked or self._resolver.touching()
 
     @property
     def side_angles(self) -> tuple[float, float]:
-        """How far the left and the right wheels turned forward since the spawn, rad."""
+        """Angles that the left and right wheels turned forward since the spawn, rad."""
         return (self._left_angle, self._right_angle)
 
     @property
     def wheel_angles(self) -> tuple[float, ...]:
-        """How far each wheel turned forward since the spawn, rad, in wire order."""
+        """Angle that each wheel turned forward since the spawn, rad, in wire order."""
         left, right = self.side_angles
         return tuple(left if side == "left" else right for side in self.model.wheels)
 
@@ -125,14 +121,14 @@ class Robot:
         normalized: bool | None = None,
         light: bool | None = None,
     ) -> None:
-        """Take a drive command; what it leaves out stays as it is.
+        """Apply a drive command; values that it omits stay unchanged.
 
         Args:
-            left: Speed of the left wheels, in the drive's unit, forward positive. One
-                side alone changes neither.
-            right: Speed of the right wheels.
-            normalized: Whether this command and those after it are percentages.
-            light: Whether the headlight is to be on.
+            left: Speed of the left wheels in the unit of ``wheel_drive``, forward
+                positive. A command for one side only changes neither.
+            right: Speed of the right wheels, likewise.
+            normalized: Whether this command and later ones are percentages.
+            light: Whether the headlight is on.
 
         Raises:
             ValueError: If a speed is not finite.
@@ -157,9 +153,9 @@ class Robot:
         """Drive for one time step.
 
         Args:
-            dt: s.
-            others: All robots on the floor, this one among them or not, each stepped
-                once by the same ``dt``; a new tuple whenever they are not the same.
+            dt: Time step, s.
+            others: All robots on the floor, with or without this one, each stepped
+                once by the same ``dt``; a new tuple whenever the robots change.
         """
         if not self._left and not self._right:
             self._resolver.rest(others)
@@ -169,16 +165,16 @@ class Robot:
         left = self._left * self.model.wheel_radius
         right = self._right * self.model.wheel_radius
         sweep = self._sweep_rate(left, right) * dt
-        parts = max(1, math.ceil(sweep / _LONGEST_SWEEP))
-        for _ in range(parts):
+        substeps = max(1, math.ceil(sweep / _MAX_SWEEP))
+        for _ in range(substeps):
             wanted = advance(
-                self._pose, left, right, track=self.model.track, dt=dt / parts
+                self._pose, left, right, track=self.model.track, dt=dt / substeps
             )
             self._pose = self._resolver.move(
-                wanted, others, sweep=sweep / parts, dt=dt / parts
+                wanted, others, sweep=sweep / substeps, dt=dt / substeps
             )
 
     def _sweep_rate(self, left: float, right: float) -> float:
-        """Give a bound of the speed of the robot's fastest point, m/s."""
+        """Return an upper bound of the speed of the robot's fastest point, m/s."""
         turn = abs(right - left) / self.model.track
         return abs(left + right) / 2 + turn * self.footprint.radius

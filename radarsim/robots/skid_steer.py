@@ -1,7 +1,7 @@
-"""Kinematics of a robot that steers by the speeds of its left and right wheels.
+"""Kinematics of skid steering: motion from the speeds of the left and right wheels.
 
-Speeds of wheels are taken as reached at once: the set-point of a tick is the speed of
-the tick. What stops the robot (walls, other robots) is not known here.
+Wheels reach their set-points at once: the set-point of a tick is the speed during that
+tick. Collisions are not modelled here.
 """
 
 import math
@@ -14,25 +14,24 @@ from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 def advance(
     pose: Pose2, left: float, right: float, *, track: float, dt: float
 ) -> Pose2:
-    """Drive along the exact circular arc for one time step.
+    """Return the pose after one time step along the exact circular arc.
 
     Args:
-        pose: Where the robot is at the start of the step.
+        pose: Pose at the start of the step.
         left: Ground speed of the left wheels, m/s.
         right: Ground speed of the right wheels, m/s.
         track: Effective distance between the wheel pairs, m; wider than the real one
-            if the wheels are to slip sideways in a turn.
-        dt: Step, s. Two half steps land where one whole step does.
+            if the wheels slip sideways in a turn.
+        dt: Time step, s; two half steps give the same pose as one whole step.
 
     Returns:
-        Where the robot is at the end of it, with its yaw in (-pi, pi].
+        The pose at the end of the step, with its yaw in (-pi, pi].
 
     Source: geometry of an arc; its chord is 2 (distance / turn) sin(turn / 2), and
     points half a turn off the heading at its start.
     """
-    turn = (
-        (right - left) / track * dt
-    )  # y points left: right faster = counter-clockwise
+    # y points left, so faster right wheels turn the robot counter-clockwise
+    turn = (right - left) / track * dt
     half = turn / 2
     chord = (left + right) / 2 * dt * (math.sin(half) / half if half else 1.0)
     return Pose2(
@@ -44,11 +43,11 @@ def advance(
 
 @dataclass(frozen=True, slots=True)
 class WheelDrive:
-    """What a number in a drive command means.
+    """Conversion of drive commands to wheel speeds.
 
     Attributes:
-        max_spin: The fastest that a wheel spins either way, in ``unit``.
-        unit: Of ``max_spin`` and of the commands.
+        max_spin: Highest speed of a wheel in either direction, in ``unit``.
+        unit: Unit of ``max_spin`` and of the commands.
     """
 
     max_spin: float
@@ -56,15 +55,16 @@ class WheelDrive:
 
     @property
     def max_spin_rad_s(self) -> float:
-        """The fastest that a wheel spins, rad/s."""
+        """The highest speed of a wheel, rad/s."""
         return self.max_spin * RAD_PER_S[self.unit]
 
     def spin(self, value: float, *, normalized: bool = False) -> float:
-        """Turn a commanded number into the speed that the wheel gets, rad/s.
+        """Convert a commanded value to the wheel speed, limited, rad/s.
 
         Args:
-            value: In ``unit``; forward is positive.
-            normalized: The value is a percentage of ``max_spin`` instead.
+            value: Commanded speed in ``unit``; forward is positive.
+            normalized: Whether the value is a percentage of ``max_spin`` instead.
         """
-        wanted = value * self.max_spin / 100 if normalized else value
-        return max(-self.max_spin, min(self.max_spin, wanted)) * RAD_PER_S[self.unit]
+        speed = value * self.max_spin / 100 if normalized else value
+        speed = max(-self.max_spin, min(self.max_spin, speed))
+        return speed * RAD_PER_S[self.unit]
