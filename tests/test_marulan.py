@@ -49,22 +49,22 @@ def cloud_bounds(variant: str) -> tuple[Floats, Floats]:
     return cloud.vertices.min(axis=0), cloud.vertices.max(axis=0)
 
 
-def way_through_dust(angles: Floats) -> tuple[Floats, Floats]:
-    """Give where beams enter the box of dust, and how far they go in it, m.
+def path_through_dust(angles: Floats) -> tuple[Floats, Floats]:
+    """Return where beams enter the box of dust, and how far they go in it, m.
 
     Those that miss it enter it at inf.
     """
     low, high = (corner[:2] - SENSOR[:2] for corner in cloud_bounds("dust"))
-    ways = np.column_stack([np.cos(angles), np.sin(angles)])
-    ways[np.abs(ways) < 1e-12] = 1e-12
-    near, far = np.sort([low / ways, high / ways], axis=0)
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    directions[np.abs(directions) < 1e-12] = 1e-12
+    near, far = np.sort([low / directions, high / directions], axis=0)
     enter, leave = near.max(axis=1), far.min(axis=1)
     missed = (enter >= leave) | (enter < 0)
     return np.where(missed, np.inf, enter), np.where(missed, 0.0, leave - enter)
 
 
-def way_in_smoke(angles: Floats) -> Floats:
-    """Give how far beams go inside the column of smoke, m."""
+def path_in_smoke(angles: Floats) -> Floats:
+    """Return how far beams go inside the column of smoke, m."""
     low, high = cloud_bounds("smoke")
     middle, radius = (low + high)[:2] / 2 - SENSOR[:2], (high - low)[0] / 2
     beside = middle[0] * np.sin(angles) - middle[1] * np.cos(angles)
@@ -73,25 +73,25 @@ def way_in_smoke(angles: Floats) -> Floats:
     return np.where(ahead, 2 * half, 0.0)
 
 
-def kept(clear: Scan, other: Scan) -> Mask:
+def unchanged(clear: Scan, other: Scan) -> Mask:
     """Tell which of the readings in clear air are the same to within a cell."""
     found = np.isfinite(clear.ranges)
     with np.errstate(invalid="ignore"):  # inf - inf, of beams that are left out
         return np.asarray((np.abs(other.ranges - clear.ranges) <= CELL)[found])
 
 
-def test_all_variants_hold_the_same_things() -> None:
-    things = radarsim.load_map(NAME).parts
+def test_all_variants_hold_the_same_objects() -> None:
+    objects = radarsim.load_map(NAME).parts
     more = {"clear": [], "dust": ["cloud"], "smoke": ["cloud"], "rain": []}
     for variant, added in more.items():
         parts = scene(variant).parts
-        assert [p.object_name for p in parts[len(things) :]] == added
-        for one, other in zip(things, parts, strict=False):
+        assert [p.object_name for p in parts[len(objects) :]] == added
+        for one, other in zip(objects, parts, strict=False):
             assert one.object_name == other.object_name
             assert np.array_equal(one.vertices, other.vertices)
 
 
-def test_the_dust_is_10_m_deep_and_stands_between_sensor_and_things() -> None:
+def test_dust_is_10_m_deep_between_sensor_and_objects() -> None:
     low, high = cloud_bounds("dust")
     assert high[0] - low[0] == 10
     assert low[0] > SENSOR[0]
@@ -103,10 +103,10 @@ def test_the_dust_is_10_m_deep_and_stands_between_sensor_and_things() -> None:
 
 
 @pytest.mark.parametrize("sensor", ["sick", "hss94_marulan"])
-def test_every_thing_is_seen_and_nothing_else(sensor: str) -> None:
+def test_every_object_is_seen_and_nothing_else(sensor: str) -> None:
     one = scan(sensor)
-    things = {part.object_name for part in scene().parts} - {"ground"}
-    assert seen_by(one) == things
+    objects = {part.object_name for part in scene().parts} - {"ground"}
+    assert seen_by(one) == objects
     found = np.isfinite(one.ranges)
     assert one.ranges[found].min() > 8
     assert one.ranges[found].max() < 25
@@ -114,7 +114,7 @@ def test_every_thing_is_seen_and_nothing_else(sensor: str) -> None:
 
 
 @pytest.mark.parametrize("variant", ["clear", "dust", "smoke", "rain"])
-def test_the_starts_are_free(variant: str) -> None:
+def test_start_poses_are_free(variant: str) -> None:
     simulation = Simulation(scene(variant))
     for start in scene(variant).starts:
         wanted = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
@@ -125,29 +125,27 @@ def test_the_starts_are_free(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", ["dust", "smoke", "rain"])
 @pytest.mark.parametrize("sensor", RADARS)
-def test_a_radar_reads_things_as_in_clear_air(sensor: str, variant: str) -> None:
-    same = kept(scan(sensor), scan(sensor, variant))
+def test_radar_measures_as_in_clear_air(sensor: str, variant: str) -> None:
+    same = unchanged(scan(sensor), scan(sensor, variant))
     assert len(same) > 30
     assert same.mean() >= 0.99
 
 
 @pytest.mark.parametrize("variant", ["dust", "smoke"])
 @pytest.mark.parametrize("sensor", RADARS)
-def test_a_radar_with_a_threshold_reads_nothing_of_a_cloud(
-    sensor: str, variant: str
-) -> None:
+def test_radar_with_a_threshold_ignores_clouds(sensor: str, variant: str) -> None:
     clear = scan(sensor, echo_threshold=0.001).ranges
     cloudy = scan(sensor, variant, echo_threshold=0.001).ranges
     assert (np.isfinite(cloudy) == np.isfinite(clear)).all()
 
 
-def test_in_dust_a_laser_reads_the_edge_of_the_cloud_instead() -> None:
+def test_laser_measures_the_edge_of_the_dust() -> None:
     clear, dusty = scan("physical"), scan("physical", "dust")
-    enter, depth = way_through_dust(clear.angles)
+    enter, depth = path_through_dust(clear.angles)
     found = np.isfinite(clear.ranges)
     behind = np.isfinite(enter[found])
     assert depth[found][behind].min() >= 10
-    wrong = ~kept(clear, dusty)
+    wrong = ~unchanged(clear, dusty)
     assert np.count_nonzero(behind) > 30
     assert wrong[behind].mean() > 0.5
     assert not wrong[~behind].any()
@@ -156,15 +154,15 @@ def test_in_dust_a_laser_reads_the_edge_of_the_cloud_instead() -> None:
 
 
 @pytest.mark.parametrize("variant", ["dust", "smoke"])
-def test_a_sick_reads_the_same_through_every_cloud(variant: str) -> None:
+def test_sick_measures_the_same_through_every_cloud(variant: str) -> None:
     clear = scan("sick").ranges
     assert scan("sick", variant).ranges == pytest.approx(clear, abs=1e-9)
 
 
-def test_smoke_blinds_a_hokuyo_where_it_is_thick_and_nowhere_else() -> None:
+def test_hokuyo_is_blinded_only_where_smoke_is_thick() -> None:
     clear = scan("hokuyo", **FAR_HOKUYO)
     smoky = scan("hokuyo", "smoke", **FAR_HOKUYO).ranges
-    inside = way_in_smoke(clear.angles)
+    inside = path_in_smoke(clear.angles)
     budget = 25 / SMOKE_DB  # m; half of its 50 dB, on one way
     blind = inside > budget + 0.1
     assert np.count_nonzero(blind) > 40
@@ -174,19 +172,17 @@ def test_smoke_blinds_a_hokuyo_where_it_is_thick_and_nowhere_else() -> None:
     assert np.isfinite(smoky[thin]).any()
 
 
-def test_smoke_is_thick_enough_to_blind_a_laser_that_loses_light() -> None:
+def test_smoke_absorbs_the_light_of_a_physical_laser() -> None:
     clear = scan("physical")
     last = scan("physical", "smoke", return_mode="last").ranges
-    blind = way_in_smoke(clear.angles) > 20 / SMOKE_DB + 0.1  # m; half of its 40 dB
+    blind = path_in_smoke(clear.angles) > 20 / SMOKE_DB + 0.1  # m; half of its 40 dB
     assert np.count_nonzero(blind & np.isfinite(clear.ranges)) > 20
     assert np.isinf(last[blind]).all()
 
 
 @pytest.mark.parametrize("mode", ["first", "strongest"])
 @pytest.mark.parametrize("sensor", RADARS)
-def test_rain_shows_as_speckle_that_is_not_there_in_clear_air(
-    sensor: str, mode: str
-) -> None:
+def test_rain_shows_as_speckle_absent_in_clear_air(sensor: str, mode: str) -> None:
     empty = np.isinf(scan(sensor, return_mode=mode).ranges)
     near = 5.0  # m; nearer than any thing
     for one in scans(sensor, "clear", 10, return_mode=mode):

@@ -22,13 +22,13 @@ commands = st.lists(st.tuples(speeds, speeds, st.integers(1, 60)), max_size=8)
 
 
 def ring(x0: float, y0: float, x1: float, y1: float) -> Floats:
-    """Give the four sides of a rectangle."""
+    """Return the four sides of a rectangle."""
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
 def wall(*ends: tuple[float, float]) -> Floats:
-    """Give the lines from each point to the next."""
+    """Return the lines from each point to the next."""
     points = np.array(ends, dtype=np.float64)
     return np.stack([points[:-1], points[1:]], axis=1)
 
@@ -53,7 +53,7 @@ def lines(obstacles: Obstacles) -> shapely.MultiLineString:
 
 @st.composite
 def clutter(draw: st.DrawFn) -> Obstacles:
-    """Give a closed room of 6 by 6 m with boxes, posts and thin walls in it."""
+    """Return a closed room of 6 by 6 m with boxes, posts and thin walls in it."""
     place = st.floats(-3, 3).map(lambda number: round(number, 2))
     size = st.floats(0.01, 1).map(lambda number: round(number, 2))
     found = [ring(-3, -3, 3, 3)]
@@ -85,7 +85,7 @@ def test_no_drive_ends_inside_an_obstacle(
 
 @settings(deadline=None, max_examples=25)
 @given(orders=st.lists(st.lists(st.tuples(speeds, speeds), min_size=4, max_size=4)))
-def test_robots_never_enter_each_other(orders: list[list[tuple[float, float]]]) -> None:
+def test_robots_never_overlap(orders: list[list[tuple[float, float]]]) -> None:
     obstacles = Obstacles(ring(-1.5, -1.5, 1.5, 1.5))
     places = [(-0.7, -0.7), (0.7, -0.7), (-0.7, 0.7), (0.7, 0.7)]
     robots = tuple(robot(obstacles, Pose2(x, y, x * y)) for x, y in places)
@@ -108,7 +108,7 @@ def test_robots_never_enter_each_other(orders: list[list[tuple[float, float]]]) 
     right=st.floats(1, 8),
     ticks=st.integers(1, 300),
 )
-def test_backing_off_from_a_wall_always_works(
+def test_robot_can_always_back_off_from_a_wall(
     yaw: float, left: float, right: float, ticks: int
 ) -> None:
     driven = robot(Obstacles(wall((1, -50), (1, 50))), Pose2(0, 0, yaw))
@@ -121,7 +121,7 @@ def test_backing_off_from_a_wall_always_works(
     assert driven.pose.x < before.x + 1e-9
 
 
-def test_it_runs_up_to_a_wall_and_stops_there() -> None:
+def test_robot_stops_at_a_wall() -> None:
     driven = robot(Obstacles(wall((1, -5), (1, 5))), Pose2(0, 0))
     drive(driven, FULL, FULL, 100)
     assert driven.pose.x == pytest.approx(1 - P3AT.length / 2 - CONTACT_GAP)
@@ -132,7 +132,7 @@ def test_it_runs_up_to_a_wall_and_stops_there() -> None:
     assert driven.pose.x == pytest.approx(stopped.x, abs=1e-9)
 
 
-def test_it_slides_along_a_wall_that_it_meets_at_an_angle() -> None:
+def test_robot_slides_along_a_wall_met_at_an_angle() -> None:
     driven = robot(Obstacles(wall((1, -50), (1, 50))), Pose2(0, 0, math.pi / 4))
     drive(driven, 5, 5, 400)
     before = driven.pose
@@ -143,7 +143,7 @@ def test_it_slides_along_a_wall_that_it_meets_at_an_angle() -> None:
     assert driven.pose.y - before.y == pytest.approx(way * math.sin(math.pi / 4))
 
 
-def test_it_slides_into_a_corner_and_comes_out_again() -> None:
+def test_robot_slides_into_a_corner_and_leaves_it() -> None:
     corner = Obstacles(wall((1, -5), (1, 1), (-5, 1)))
     driven = robot(corner, Pose2(0, 0, 0.6))
     drive(driven, FULL, FULL, 500)
@@ -156,7 +156,7 @@ def test_it_slides_into_a_corner_and_comes_out_again() -> None:
     assert not driven.touched
 
 
-def test_it_does_not_squeeze_into_a_wedge_and_is_not_caught_there() -> None:
+def test_robot_is_not_stuck_in_a_wedge() -> None:
     wedge = Obstacles(wall((0, 1), (2, 0.1), (2, -0.1), (0, -1)))
     driven = robot(wedge, Pose2(0, 0, 0.05))
     drive(driven, FULL, FULL, 500)
@@ -166,7 +166,7 @@ def test_it_does_not_squeeze_into_a_wedge_and_is_not_caught_there() -> None:
     assert caught.x - driven.pose.x > 0.35
 
 
-def test_turning_beside_a_wall_pushes_it_off() -> None:
+def test_turning_beside_a_wall_pushes_the_robot_away() -> None:
     beside = P3AT.width / 2 + 0.002
     driven = robot(Obstacles(wall((-5, beside), (5, beside))), Pose2(0, 0))
     drive(driven, -2, 2, 100)
@@ -174,7 +174,7 @@ def test_turning_beside_a_wall_pushes_it_off() -> None:
     assert driven.pose.y < -0.02
 
 
-def test_turning_in_a_narrow_place_stops_at_its_walls() -> None:
+def test_turning_in_a_narrow_corridor_stops_at_its_walls() -> None:
     half = P3AT.width / 2 + 0.02
     corridor = np.concatenate(
         [wall((-5, half), (5, half)), wall((-5, -half), (5, -half))]
@@ -188,28 +188,28 @@ def test_turning_in_a_narrow_place_stops_at_its_walls() -> None:
 
 @pytest.mark.parametrize("thickness", [0.0, 1e-4, 0.01])
 @pytest.mark.parametrize("speed", [pytest.param(1, id="slow"), FULL])
-def test_nothing_is_jumped_however_thin(thickness: float, speed: float) -> None:
+def test_thin_wall_is_not_passed_through(thickness: float, speed: float) -> None:
     post = wall((1, 0), (1 + thickness, 0.005), (1, 0.005), (1, 0))
     driven = robot(Obstacles(post), Pose2(0, 0))
     drive(driven, speed, speed, round(2000 / speed))
     assert driven.pose.x < 1 - P3AT.length / 2
 
 
-def test_a_step_of_a_whole_second_jumps_nothing_either() -> None:
+def test_step_of_one_second_passes_through_nothing() -> None:
     driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
     driven.drive(FULL, FULL)
     driven.step(1.0)
     assert driven.pose.x < 0.5 - P3AT.length / 2
 
 
-def test_wheels_turn_on_while_a_wall_holds_the_robot() -> None:
+def test_wheels_keep_turning_while_a_wall_blocks_the_robot() -> None:
     driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
     drive(driven, 5, 5, 200)
     assert driven.pose.x < 0.3
     assert driven.side_angles == pytest.approx((10, 10))
 
 
-def test_creeping_up_to_a_wall_does_not_bounce() -> None:
+def test_slow_approach_to_a_wall_does_not_bounce() -> None:
     driven = robot(Obstacles(wall((0.3, -5), (0.3, 5))), Pose2(0, 0))
     seen = []
     for _ in range(400):
@@ -219,7 +219,7 @@ def test_creeping_up_to_a_wall_does_not_bounce() -> None:
     assert np.diff(seen).min() > -1e-9
 
 
-def test_touch_ends_when_it_backs_off_and_lasts_while_it_stands() -> None:
+def test_touch_lasts_until_the_robot_backs_off() -> None:
     driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
     assert not driven.touched
     drive(driven, 5, 5, 200)
@@ -229,7 +229,7 @@ def test_touch_ends_when_it_backs_off_and_lasts_while_it_stands() -> None:
     assert not driven.touched
 
 
-def test_a_robot_that_is_run_into_is_touched_too_and_keeps_its_place() -> None:
+def test_robot_that_is_hit_is_touched_and_does_not_move() -> None:
     nothing = Obstacles()
     parked, moving = robot(nothing, Pose2(2, 0)), robot(nothing, Pose2(0, 0))
     both = (parked, moving)
@@ -246,7 +246,7 @@ def test_a_robot_that_is_run_into_is_touched_too_and_keeps_its_place() -> None:
     assert moving.pose.x == pytest.approx(2 - P3AT.length - CONTACT_GAP)
 
 
-def test_a_robot_that_appears_is_met_and_one_that_leaves_is_not() -> None:
+def test_robots_that_appear_or_leave_are_noticed() -> None:
     nothing = Obstacles()
     moving = robot(nothing, Pose2(0, 0))
     drive(moving, 5, 5, 10)
@@ -262,7 +262,7 @@ def test_a_robot_that_appears_is_met_and_one_that_leaves_is_not() -> None:
     assert moving.pose.x > 1
 
 
-def test_a_robot_that_drives_up_from_afar_is_met_where_it_is() -> None:
+def test_robot_approaching_from_afar_is_met_where_it_is() -> None:
     nothing = Obstacles()
     robots = (robot(nothing, Pose2(-6, 0)), robot(nothing, Pose2(6, 0, math.pi)))
     for driven in robots:
@@ -275,7 +275,7 @@ def test_a_robot_that_drives_up_from_afar_is_met_where_it_is() -> None:
     assert P3AT.length < apart < P3AT.length + 0.02
 
 
-def test_a_robot_that_was_put_into_a_wall_can_leave_it() -> None:
+def test_robot_placed_inside_a_wall_can_leave_it() -> None:
     driven = robot(Obstacles(wall((0.2, -5), (0.2, 5))), Pose2(0, 0))
     assert driven.touched
     drive(driven, -5, -5, 100)
@@ -283,7 +283,7 @@ def test_a_robot_that_was_put_into_a_wall_can_leave_it() -> None:
     assert driven.pose.x == pytest.approx(-5 * 0.098, abs=0.02)
 
 
-def test_a_robot_that_was_put_into_a_wall_cannot_go_deeper() -> None:
+def test_robot_placed_inside_a_wall_cannot_go_deeper() -> None:
     driven = robot(Obstacles(wall((0.2, -5), (0.2, 5))), Pose2(0, 0))
     drive(driven, 5, 5, 100)
     assert driven.pose.x == pytest.approx(0)
@@ -291,7 +291,7 @@ def test_a_robot_that_was_put_into_a_wall_cannot_go_deeper() -> None:
 
 @settings(deadline=None, max_examples=20)
 @given(obstacles=clutter(), orders=commands)
-def test_looking_seldom_changes_nothing(
+def test_cached_gaps_do_not_change_the_motion(
     obstacles: Obstacles, orders: list[Command]
 ) -> None:
     start = Pose2(0, 0, 0.3)
@@ -300,17 +300,17 @@ def test_looking_seldom_changes_nothing(
     )
     if free is None:
         return
-    seldom, always = robot(obstacles, free), robot(obstacles, free)
+    cached, uncached = robot(obstacles, free), robot(obstacles, free)
     for left, right, ticks in orders:
-        drive(seldom, left, right, ticks)
-        always.drive(left, right)
+        drive(cached, left, right, ticks)
+        uncached.drive(left, right)
         for _ in range(ticks):
-            always.step(TICK, (always,))  # a tuple of its own each time
-    assert always.pose == seldom.pose
+            uncached.step(TICK, (uncached,))  # a tuple of its own each time
+    assert uncached.pose == cached.pose
 
 
-class Asked(Obstacles):
-    """Obstacles that count how often they are asked."""
+class CountingObstacles(Obstacles):
+    """Obstacles that count how often they are counting."""
 
     times = 0
 
@@ -319,9 +319,9 @@ class Asked(Obstacles):
         return super().near(x, y, reach)
 
 
-def test_on_open_floor_walls_are_seldom_asked_for() -> None:
-    asked = Asked(ring(-50, -50, 50, 50))
-    driven = robot(asked, Pose2(0, 0))
+def test_walls_are_rarely_queried_on_open_floor() -> None:
+    counting = CountingObstacles(ring(-50, -50, 50, 50))
+    driven = robot(counting, Pose2(0, 0))
     drive(driven, FULL, FULL, 1000)
     assert driven.pose.x > 7.9
-    assert asked.times < 20
+    assert counting.times < 20

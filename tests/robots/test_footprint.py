@@ -24,7 +24,7 @@ def polygon(pose: Pose2) -> shapely.Polygon:
 
 
 @given(pose=poses, pairs=segments)
-def test_the_gap_is_a_lower_bound_of_the_distance_and_its_sign_is_exact(
+def test_gap_is_a_lower_bound_of_the_distance_with_exact_sign(
     pose: Pose2, pairs: Ends
 ) -> None:
     gap = ROBOT.contact(pose, np.array(pairs)).gap
@@ -35,7 +35,7 @@ def test_the_gap_is_a_lower_bound_of_the_distance_and_its_sign_is_exact(
 
 
 @given(pose=poses, others=segments, end=ends)
-def test_moving_away_by_the_depth_leaves_what_was_deepest(
+def test_moving_by_the_depth_ends_the_deepest_contact(
     pose: Pose2, others: Ends, end: tuple[float, float]
 ) -> None:
     assume(end != (pose.x, pose.y))
@@ -54,9 +54,7 @@ def test_moving_away_by_the_depth_leaves_what_was_deepest(
 
 
 @given(pose=poses, turn=st.floats(-3, 3), pairs=segments)
-def test_turning_robot_and_lines_together_changes_no_gap(
-    pose: Pose2, turn: float, pairs: Ends
-) -> None:
+def test_gap_is_invariant_under_rotation(pose: Pose2, turn: float, pairs: Ends) -> None:
     c, s = math.cos(turn), math.sin(turn)
     matrix = np.array([[c, s], [-s, c]])
     x, y = np.array([pose.x, pose.y]) @ matrix
@@ -80,7 +78,7 @@ def test_turning_robot_and_lines_together_changes_no_gap(
         ),
     ],
 )
-def test_contacts_worked_out_by_hand(
+def test_known_contacts(
     segment: list[list[float]], gap: float, away: tuple[float, float]
 ) -> None:
     contact = ROBOT.contact(Pose2(0, 0), np.array([segment]))
@@ -88,11 +86,11 @@ def test_contacts_worked_out_by_hand(
     assert (contact.away_x, contact.away_y) == pytest.approx(away, abs=1e-12)
 
 
-def test_where_nothing_is_the_gap_is_infinite() -> None:
+def test_gap_without_segments_is_infinite() -> None:
     assert ROBOT.contact(Pose2(1, 2, 3), NO_SEGMENTS).gap == math.inf
 
 
-def test_the_outline_goes_round_the_robot_as_it_is_turned() -> None:
+def test_outline_follows_the_pose() -> None:
     outline = ROBOT.outline(Pose2(10, 20, math.pi / 2))
     corners = [[9.8, 20.3], [9.8, 19.7], [10.2, 19.7], [10.2, 20.3]]
     assert outline[:, 0] == pytest.approx(np.array(corners))
@@ -100,7 +98,7 @@ def test_the_outline_goes_round_the_robot_as_it_is_turned() -> None:
 
 
 @given(pose=poses, x=coordinates, y=coordinates)
-def test_it_covers_what_is_inside_its_outline(pose: Pose2, x: float, y: float) -> None:
+def test_covers_agrees_with_the_outline(pose: Pose2, x: float, y: float) -> None:
     point = shapely.Point(x, y)
     near_the_edge = polygon(pose).exterior.distance(point) < 1e-9
     assert near_the_edge or ROBOT.covers(pose, x, y) == polygon(pose).contains(point)

@@ -15,19 +15,19 @@ SMALL = Footprint(0.1, 0.1)
 
 
 @dataclass(frozen=True)
-class Statue:
+class StandingBody:
     pose: Pose2
     footprint: Footprint = ROBOT
 
 
 def ring(x0: float, y0: float, x1: float, y1: float) -> Floats:
-    """Give the four sides of a rectangle."""
+    """Return the four sides of a rectangle."""
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
 def sheet(low: float, high: float, *, x: float = 1.0, solid: bool = True) -> Part:
-    """Give an upright sheet across x, 4 m wide."""
+    """Return an upright sheet across x, 4 m wide."""
     corners = [[x, -2, low], [x, 2, low], [x, 2, high], [x, -2, high]]
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     return Part("sheet", Material("stuff", solid=solid), np.array(corners), faces)
@@ -44,13 +44,13 @@ def sheet(low: float, high: float, *, x: float = 1.0, solid: bool = True) -> Par
         pytest.param(sheet(0, 3, solid=False), False, id="smoke"),
     ],
 )
-def test_what_blocks_a_robot(part: Part, blocks: bool) -> None:
+def test_which_parts_are_obstacles(part: Part, blocks: bool) -> None:
     obstacles = Obstacles.from_parts([part])
     assert obstacles.clear(ROBOT, Pose2(0, 0))
     assert obstacles.clear(ROBOT, Pose2(1, 0)) is not blocks
 
 
-def test_heights_count_from_the_floor() -> None:
+def test_bumper_heights_count_from_the_floor() -> None:
     scene = Scene("hall", "DM-Hall", parts=(sheet(0, 3), sheet(4.9, 5.2, x=2)))
     upstairs = Obstacles.from_scene(scene, floor=5.0)
     assert upstairs.floor == 5.0
@@ -58,20 +58,20 @@ def test_heights_count_from_the_floor() -> None:
     assert not upstairs.clear(ROBOT, Pose2(2, 0))
 
 
-def test_nothing_solid_leaves_everything_clear() -> None:
+def test_floor_without_solid_parts_is_clear() -> None:
     obstacles = Obstacles.from_scene(Scene("void", "DM-Void"))
     assert obstacles.clear(ROBOT, Pose2(3, 4, 5))
     assert obstacles.near(0, 0, 1000).shape == (0, 2, 2)
 
 
-def test_surfaces_are_not_filled_but_footprints_are() -> None:
+def test_obstacles_are_surfaces_and_bodies_are_filled() -> None:
     room = Obstacles(ring(-1, -1, 1, 1))
     assert room.clear(ROBOT, Pose2(0, 0))
     post = Obstacles(ring(-0.01, -0.01, 0.01, 0.01))
     assert not post.clear(ROBOT, Pose2(0, 0))
 
 
-def test_near_segments_come_in_their_own_order() -> None:
+def test_near_segments_keep_their_order() -> None:
     walls = np.array([[[x, -1.0], [x, 1.0]] for x in range(20, 0, -1)])
     near = Obstacles(walls).near(10, 0.5, 1.5)
     assert near[:, 0, 0].tolist() == [11, 10, 9]
@@ -80,26 +80,28 @@ def test_near_segments_come_in_their_own_order() -> None:
 @pytest.mark.parametrize(
     ("other", "free"),
     [
-        pytest.param(Statue(Pose2(0.61, 0)), True, id="ahead"),
-        pytest.param(Statue(Pose2(0.59, 0)), False, id="too near ahead"),
-        pytest.param(Statue(Pose2(0, 0.41)), True, id="beside"),
-        pytest.param(Statue(Pose2(0, 0.39)), False, id="too near beside"),
-        pytest.param(Statue(Pose2(0.51, 0, math.pi / 2)), True, id="across"),
-        pytest.param(Statue(Pose2(0.1, 0), SMALL), False, id="under it"),
-        pytest.param(Statue(Pose2(0.1, 0), Footprint(3, 3)), False, id="around it"),
-        pytest.param(Statue(Pose2(9, 9)), True, id="far away"),
+        pytest.param(StandingBody(Pose2(0.61, 0)), True, id="ahead"),
+        pytest.param(StandingBody(Pose2(0.59, 0)), False, id="too near ahead"),
+        pytest.param(StandingBody(Pose2(0, 0.41)), True, id="beside"),
+        pytest.param(StandingBody(Pose2(0, 0.39)), False, id="too near beside"),
+        pytest.param(StandingBody(Pose2(0.51, 0, math.pi / 2)), True, id="across"),
+        pytest.param(StandingBody(Pose2(0.1, 0), SMALL), False, id="under it"),
+        pytest.param(
+            StandingBody(Pose2(0.1, 0), Footprint(3, 3)), False, id="around it"
+        ),
+        pytest.param(StandingBody(Pose2(9, 9)), True, id="far away"),
     ],
 )
-def test_robots_do_not_stand_in_each_other(other: Statue, free: bool) -> None:
+def test_bodies_do_not_overlap(other: StandingBody, free: bool) -> None:
     assert Obstacles().clear(ROBOT, Pose2(0, 0), [other]) is free
 
 
-def test_a_clear_pose_is_its_own_nearest() -> None:
+def test_free_pose_is_its_own_nearest() -> None:
     pose = Pose2(0, 0, 0.3)
     assert Obstacles(ring(-1, -1, 1, 1)).nearest_free_pose(ROBOT, pose) == pose
 
 
-def test_the_nearest_free_place_keeps_the_yaw_and_is_the_nearest() -> None:
+def test_nearest_free_pose_keeps_the_yaw() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
     pose = obstacles.nearest_free_pose(ROBOT, Pose2(-0.2, 7, 0))
     assert pose is not None
@@ -108,15 +110,15 @@ def test_the_nearest_free_place_keeps_the_yaw_and_is_the_nearest() -> None:
     assert math.hypot(pose.x + 0.2, pose.y - 7) < 0.1 + 0.06
 
 
-def test_the_nearest_free_place_is_not_where_another_stands() -> None:
+def test_nearest_free_pose_avoids_other_bodies() -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
-    statue = Statue(Pose2(-0.35, 7))
+    statue = StandingBody(Pose2(-0.35, 7))
     pose = obstacles.nearest_free_pose(ROBOT, Pose2(-0.2, 7), [statue])
     assert pose is not None
     assert obstacles.clear(ROBOT, pose, [statue])
 
 
-def test_there_may_be_no_free_place_within_reach() -> None:
+def test_no_free_pose_within_the_radius_is_none() -> None:
     grid = [ring(x, y, x + 0.3, y + 0.3) for x in range(-3, 3) for y in range(-3, 3)]
     shifted = [rectangle + 0.5 for rectangle in grid]
     obstacles = Obstacles(np.concatenate(grid + shifted))
@@ -127,7 +129,7 @@ def test_there_may_be_no_free_place_within_reach() -> None:
     ("within", "found"),
     [pytest.param(0.3, False, id="too short"), pytest.param(0.4, True, id="enough")],
 )
-def test_the_search_goes_as_far_as_it_is_told(within: float, found: bool) -> None:
+def test_search_radius_limits_the_search(within: float, found: bool) -> None:
     obstacles = Obstacles(np.array([[[0, -50], [0, 50]]], dtype=float))
     pose = obstacles.nearest_free_pose(ROBOT, Pose2(0, 0), within=within)
     assert (pose is not None) is found

@@ -5,7 +5,7 @@ import pytest
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Robot
+from radarsim.robots.robot import Battery, Robot
 from radarsim.robots.skid_steer import WheelDrive
 
 TICK = 0.01
@@ -18,7 +18,7 @@ def robot(
     wheel_drive: WheelDrive | None = None,
     floor: float = 0.0,
 ) -> Robot:
-    """Put a robot on an open floor."""
+    """Create a robot on an open floor."""
     return Robot(
         "R1",
         load_robot(class_name),
@@ -33,7 +33,7 @@ def run(driven: Robot, seconds: float) -> None:
         driven.step(TICK)
 
 
-def test_it_stands_until_it_is_driven() -> None:
+def test_robot_stands_until_it_is_driven() -> None:
     driven = robot(Pose2(1, 2, 3))
     run(driven, 1)
     assert driven.pose == Pose2(1, 2, 3)
@@ -42,7 +42,7 @@ def test_it_stands_until_it_is_driven() -> None:
     assert not driven.touched
 
 
-def test_full_speed_is_that_of_the_real_robot() -> None:
+def test_full_speed_is_that_of_the_real_p3at() -> None:
     driven = robot()
     driven.drive(100, 100)
     run(driven, 10)
@@ -51,7 +51,7 @@ def test_full_speed_is_that_of_the_real_robot() -> None:
     assert driven.pose.y == pytest.approx(0)
 
 
-def test_the_right_wheels_faster_turn_it_left_by_the_wheel_separation() -> None:
+def test_faster_right_wheels_turn_the_robot_left() -> None:
     driven = robot()
     driven.drive(-1, 1)
     run(driven, 1)
@@ -67,7 +67,7 @@ def test_the_right_wheels_faster_turn_it_left_by_the_wheel_separation() -> None:
         pytest.param(None, None, id="neither"),
     ],
 )
-def test_set_points_hold_until_both_sides_are_given(
+def test_set_points_change_only_when_both_sides_are_given(
     left: float | None, right: float | None
 ) -> None:
     driven = robot()
@@ -77,7 +77,7 @@ def test_set_points_hold_until_both_sides_are_given(
     assert driven.side_angles == pytest.approx((2, 2))
 
 
-def test_percentages_stay_percentages_until_told_otherwise() -> None:
+def test_normalized_holds_for_later_commands() -> None:
     driven = robot()
     driven.drive(50, 50, normalized=True)
     driven.drive(1, 1)
@@ -88,14 +88,14 @@ def test_percentages_stay_percentages_until_told_otherwise() -> None:
     assert driven.side_angles == pytest.approx((1.0817, 1.0817))
 
 
-def test_turns_per_second_turn_the_wheels_so_often() -> None:
+def test_speeds_in_revolutions_per_second() -> None:
     driven = robot(wheel_drive=WheelDrive(1.3, "rev_per_s"))
     driven.drive(1, 1)
     run(driven, 1)
     assert driven.side_angles == pytest.approx((2 * math.pi, 2 * math.pi))
 
 
-def test_the_light_is_independent_of_the_wheels() -> None:
+def test_light_is_independent_of_the_wheels() -> None:
     driven = robot()
     driven.drive(light=True)
     driven.drive(1, 1)
@@ -114,7 +114,7 @@ def test_halt_stops_the_wheels() -> None:
     assert driven.pose == Pose2(0, 0)
 
 
-def test_wheels_are_told_in_the_order_of_the_wire() -> None:
+def test_wheel_angles_are_in_wire_order() -> None:
     driven = robot()
     driven.drive(-1, 2)
     run(driven, 1)
@@ -124,7 +124,7 @@ def test_wheels_are_told_in_the_order_of_the_wire() -> None:
 
 
 @pytest.mark.parametrize("speed", [math.nan, math.inf, -math.inf])
-def test_a_speed_that_is_no_number_is_refused_and_changes_nothing(speed: float) -> None:
+def test_speed_that_is_not_finite_is_rejected_without_effect(speed: float) -> None:
     driven = robot()
     with pytest.raises(ValueError, match="expected finite numbers"):
         driven.drive(speed, 1, light=True)
@@ -135,12 +135,12 @@ def test_a_speed_that_is_no_number_is_refused_and_changes_nothing(speed: float) 
     assert not driven.light
 
 
-def test_the_body_is_above_the_floor_by_its_height() -> None:
+def test_body_frame_is_above_the_floor_by_its_height() -> None:
     upstairs = robot(Pose2(1, 2, 0.5), floor=3.0)
     assert upstairs.body == Pose3(1, 2, 3.146, 0, 0, 0.5)
 
 
-def test_a_long_step_lands_where_short_ones_do() -> None:
+def test_long_step_equals_many_short_ones() -> None:
     short, long = robot(), robot()
     for driven in (short, long):
         driven.drive(3, 5)
@@ -151,9 +151,33 @@ def test_a_long_step_lands_where_short_ones_do() -> None:
     assert long.pose.yaw == pytest.approx(short.pose.yaw)
 
 
-def test_no_more_than_its_top_speed_is_reached() -> None:
+def test_top_speed_is_never_exceeded() -> None:
     driven = robot()
     assert driven.top_speed >= 0.8
     driven.drive(8.17, 8.17)
     driven.step(TICK)
     assert driven.pose.x <= driven.top_speed * TICK
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "endless", "mortal"),
+    [
+        pytest.param(0.0, 1200, 1200, id="full"),
+        pytest.param(0.1, 1199, 1199, id="a tenth later"),
+        pytest.param(0.1 + 0.2 + 0.7, 1199, 1199, id="a second later"),
+        pytest.param(sum([0.01] * 100), 1199, 1199, id="a hundred ticks later"),
+        pytest.param(1199.0, 1, 1, id="last second"),
+        pytest.param(1199.5, 1, 0, id="last half second"),
+        pytest.param(1200.0, 1, 0, id="empty"),
+        pytest.param(5000.0, 1, 0, id="long after"),
+    ],
+)
+def test_battery_seconds_left(elapsed: float, endless: int, mortal: int) -> None:
+    assert Battery(1200.0).seconds_left(elapsed) == endless
+    assert Battery(1200.0, runs_out=True).seconds_left(elapsed) == mortal
+
+
+def test_battery_gets_empty_only_if_it_runs_out() -> None:
+    assert not Battery(3600.0).is_empty(1e6)
+    assert Battery(1200.0, runs_out=True).is_empty(1200.0)
+    assert not Battery(1200.0, runs_out=True).is_empty(1198.9)

@@ -18,7 +18,7 @@ def same(one: Pose2, other: Pose2) -> bool:
 
 
 @given(pose=poses, left=speeds, right=speeds, dt=st.floats(0, 5))
-def test_two_half_steps_land_where_one_whole_step_does(
+def test_two_half_steps_equal_one_whole_step(
     pose: Pose2, left: float, right: float, dt: float
 ) -> None:
     half = advance(pose, left, right, track=0.36, dt=dt / 2)
@@ -27,15 +27,15 @@ def test_two_half_steps_land_where_one_whole_step_does(
 
 
 @given(pose=poses, left=speeds, right=speeds)
-def test_driving_back_undoes_driving(pose: Pose2, left: float, right: float) -> None:
+def test_driving_backward_undoes_driving_forward(
+    pose: Pose2, left: float, right: float
+) -> None:
     there = advance(pose, left, right, track=0.36, dt=1)
     assert same(advance(there, -left, -right, track=0.36, dt=1), pose)
 
 
 @given(pose=poses, left=speeds, right=speeds)
-def test_the_step_begins_along_the_heading(
-    pose: Pose2, left: float, right: float
-) -> None:
+def test_step_starts_along_the_heading(pose: Pose2, left: float, right: float) -> None:
     step = advance(pose, left, right, track=0.36, dt=1e-6)
     speed = (left + right) / 2 * 1e-6
     assert step.x - pose.x == pytest.approx(speed * math.cos(pose.yaw), abs=1e-11)
@@ -56,11 +56,11 @@ def test_the_step_begins_along_the_heading(
         ),
     ],
 )
-def test_arcs_worked_out_by_hand(left: float, right: float, end: Pose2) -> None:
+def test_known_arcs(left: float, right: float, end: Pose2) -> None:
     assert same(advance(Pose2(0, 0), left, right, track=0.36, dt=2), end)
 
 
-def test_a_wider_track_turns_less() -> None:
+def test_wider_track_turns_less() -> None:
     narrow = advance(Pose2(0, 0), -0.1, 0.1, track=0.36, dt=1)
     wide = advance(Pose2(0, 0), -0.1, 0.1, track=0.72, dt=1)
     assert wide.yaw == pytest.approx(narrow.yaw / 2)
@@ -78,14 +78,14 @@ def test_a_wider_track_turns_less() -> None:
         pytest.param("rev_per_s", 1.3, 100, True, 2.6 * math.pi, id="turns percent"),
     ],
 )
-def test_what_a_commanded_number_means(
+def test_conversion_of_commanded_speeds(
     unit: DriveUnit, limit: float, value: float, normalized: bool, spin: float
 ) -> None:
     drive = WheelDrive(limit, unit)
     assert drive.spin(value, normalized=normalized) == pytest.approx(spin)
 
 
-def test_both_units_allow_the_real_robots_top_speed() -> None:
+def test_both_units_reach_the_top_speed_of_the_real_robot() -> None:
     tops = [
         WheelDrive(8.17).max_spin_rad_s,
         WheelDrive(1.3, "rev_per_s").max_spin_rad_s,

@@ -32,12 +32,12 @@ def draw_sides(settings: SensorSettings, rng: np.random.Generator) -> Sides:
     return BeamPattern(settings).sample(rng).sides
 
 
-def test_beams_go_counter_clockwise_from_the_right() -> None:
+def test_beams_run_counter_clockwise_from_the_right() -> None:
     angles = beam_angles(load_settings("radar"))
     assert np.degrees(angles) == pytest.approx(np.arange(-90, 91))
 
 
-def test_the_first_beam_points_right_and_the_last_left() -> None:
+def test_first_beam_points_right_and_last_left() -> None:
     settings = load_settings("radar")
     fan = aim(settings, HERE, 0)
     assert fan.directions[0] == pytest.approx([0, -1, 0])
@@ -46,7 +46,7 @@ def test_the_first_beam_points_right_and_the_last_left() -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_perpendicular_ray_is_parallel_and_n_units_beside(side: int) -> None:
+def test_perpendicular_ray_is_parallel_and_n_units_off(side: int) -> None:
     settings = load_settings("radar", side_offset_uu=50)
     middle = aim(settings, HERE, 0)
     beside = aim(settings, HERE, side)
@@ -58,7 +58,7 @@ def test_a_perpendicular_ray_is_parallel_and_n_units_beside(side: int) -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_lateral_ray_starts_on_the_left_right_axis(side: int) -> None:
+def test_lateral_ray_starts_on_the_left_right_axis(side: int) -> None:
     settings = load_settings("radar", side_offset_uu=100, side_mode="lateral")
     pose = Pose3(1, 2, 3, 0, 0, math.pi / 2)
     middle = aim(settings, pose, 0)
@@ -71,7 +71,7 @@ def test_a_lateral_ray_starts_on_the_left_right_axis(side: int) -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_divergent_ray_is_n_units_off_at_its_distance(side: int) -> None:
+def test_divergent_ray_is_n_units_off_at_its_distance(side: int) -> None:
     settings = load_settings(
         "radar", side_offset_uu=100, side_mode="divergent", divergence_distance=5
     )
@@ -93,13 +93,13 @@ def test_rays_are_drawn_by_their_weights() -> None:
         assert share == pytest.approx(wanted, abs=3 * error)
 
 
-def test_a_ray_of_weight_zero_is_never_drawn() -> None:
+def test_ray_of_weight_zero_is_never_drawn() -> None:
     settings = load_settings("radar", ray_weights=(0, 1, 0))
     rng = generator_for(0, "never")
     assert not any(draw_sides(settings, rng).any() for _ in range(100))
 
 
-def test_a_tilted_sensor_scans_its_own_plane() -> None:
+def test_tilted_sensor_scans_its_own_plane() -> None:
     fan = aim(load_settings("radar"), Pose3(0, 0, 0, 0, 0.3, 0), 0)
     assert fan.directions[90] == pytest.approx([math.cos(0.3), 0, -math.sin(0.3)])
     assert fan.directions[0] == pytest.approx([0, -1, 0])
@@ -109,7 +109,7 @@ CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 
 
 def cone_offsets(pattern: BeamPattern, drawn: SampledRays, beam: int) -> Floats:
-    """Give how far each ray of one beam is off it, (K, 2) rad to the left and up."""
+    """Return how far each ray of one beam is off it, (K, 2) rad to the left and up."""
     ways = drawn.directions[:, beam]
     across = np.arctan2(ways[:, 1], ways[:, 0]) - pattern.angles[beam]
     return np.column_stack([across, np.arcsin(ways[:, 2])])
@@ -134,7 +134,7 @@ def cone_offsets(pattern: BeamPattern, drawn: SampledRays, beam: int) -> Floats:
         ),
     ],
 )
-def test_nodes_across_are_those_of_gauss_and_hermite(
+def test_nodes_across_are_those_of_gauss_hermite_quadrature(
     count: int, nodes: list[float], weights: list[float]
 ) -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": count}
@@ -145,7 +145,7 @@ def test_nodes_across_are_those_of_gauss_and_hermite(
     assert pattern.weights == pytest.approx(weights, abs=6e-5)
 
 
-def test_a_cone_that_is_wide_both_ways_has_a_grid_of_nodes() -> None:
+def test_cone_with_two_widths_has_a_grid_of_nodes() -> None:
     settings = load_settings("radar", **CONE, cone_rays=12, ray_choice="together")
     pattern = BeamPattern(settings)
     assert settings.cone_grid == (4, 3)
@@ -159,13 +159,13 @@ def test_a_cone_that_is_wide_both_ways_has_a_grid_of_nodes() -> None:
     assert pattern.weights.sum() == pytest.approx(1.0)
 
 
-def test_a_narrow_direction_has_no_nodes() -> None:
+def test_cone_with_one_width_has_nodes_in_one_direction() -> None:
     flat = load_settings("radar", **{**CONE, "beamwidth_el_deg": 0}, cone_rays=5)
     tall = load_settings("radar", **{**CONE, "beamwidth_az_deg": 0}, cone_rays=5)
     assert (flat.cone_grid, tall.cone_grid) == ((5, 1), (1, 5))
 
 
-def test_random_rays_are_spread_like_the_beam_out_and_back() -> None:
+def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
     settings = load_settings(
         "radar", **CONE, cone_rays=500, cone_sampling="random", ray_choice="together"
     )
@@ -183,7 +183,7 @@ def test_random_rays_are_spread_like_the_beam_out_and_back() -> None:
     assert np.corrcoef(offsets.T)[0, 1] == pytest.approx(0, abs=4 / math.sqrt(n))
 
 
-def test_a_random_ray_that_is_drawn_is_one_of_them() -> None:
+def test_random_cone_draws_one_ray_per_beam() -> None:
     settings = load_settings("radar", **CONE, cone_rays=500, cone_sampling="random")
     pattern = BeamPattern(settings)
     drawn = pattern.sample(generator_for(3, "cone"))
@@ -192,7 +192,7 @@ def test_a_random_ray_that_is_drawn_is_one_of_them() -> None:
     assert set(drawn.sides.tolist()) == {-1, 1}
 
 
-def test_the_side_of_a_ray_of_a_cone_is_where_it_is() -> None:
+def test_side_of_a_cone_ray_follows_its_offset() -> None:
     settings = load_settings("radar", **CONE, cone_rays=9, ray_choice="together")
     pattern = BeamPattern(settings)
     drawn = pattern.sample(None)
@@ -201,7 +201,7 @@ def test_the_side_of_a_ray_of_a_cone_is_where_it_is() -> None:
     assert sorted(drawn.sides[:9].tolist()) == [-1] * 3 + [0] * 3 + [1] * 3
 
 
-def test_nodes_of_a_cone_are_drawn_by_their_weights() -> None:
+def test_cone_nodes_are_drawn_by_their_weights() -> None:
     settings = load_settings("radar", fov_deg=359, resolution_deg=0.01, **CONE)
     pattern = BeamPattern(settings)
     nodes = pattern.sample(generator_for(1, "nodes")).nodes
@@ -210,7 +210,7 @@ def test_nodes_of_a_cone_are_drawn_by_their_weights() -> None:
         assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
 
 
-def test_three_divergent_rays_can_be_the_quadrature_of_three() -> None:
+def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
     distance, width = 20.0, math.radians(4)
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": 3}
     three = {
@@ -230,7 +230,7 @@ def test_three_divergent_rays_can_be_the_quadrature_of_three() -> None:
     assert ways[0] == pytest.approx(ways[1])
 
 
-def test_rays_of_a_beam_stand_together() -> None:
+def test_rays_of_a_beam_are_consecutive() -> None:
     pattern = BeamPattern(load_settings("radar", ray_choice="together"))
     drawn = pattern.sample(None)
     assert drawn.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
@@ -248,12 +248,12 @@ def test_rays_of_a_beam_stand_together() -> None:
         pytest.param({**CONE, "cone_sampling": "random"}, id="random rays"),
     ],
 )
-def test_a_cone_has_no_ray_that_is_the_right_one(settings: dict[str, Any]) -> None:
+def test_cone_has_no_side_rays_to_select(settings: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="ray -1, expected a beam of three rays"):
         BeamPattern(load_settings("radar", **settings)).one_side(-1)
 
 
-def test_a_laser_has_one_ray_whatever_its_settings_say() -> None:
+def test_laser_has_one_ray_whatever_its_settings() -> None:
     settings = load_settings("laser", **CONE, side_offset_uu=50, ray_choice="together")
     pattern = BeamPattern(settings)
     assert (pattern.rays, pattern.radius, pattern.is_random) == (1, 0.0, False)
@@ -262,7 +262,7 @@ def test_a_laser_has_one_ray_whatever_its_settings_say() -> None:
 @given(
     st.floats(-0.5, 0.5), st.floats(0.01, 30), st.floats(0, 30), st.integers(0, 2**32)
 )
-def test_every_ray_has_length_one(
+def test_every_direction_is_a_unit_vector(
     pitch: float, az: float, el: float, seed: int
 ) -> None:
     settings = load_settings(

@@ -55,7 +55,7 @@ def objects(echoes: Echoes, beam: int) -> list[str]:
 POLES = scene(pole("near", 5, 0.15), pole("far", 8, 0.0, 0.05))
 
 
-def test_two_poles_half_hidden_give_two_echoes_in_one_direction() -> None:
+def test_two_partly_hidden_poles_are_two_echoes_of_one_beam() -> None:
     scan = take(POLES, return_mode="all", side_offset_uu=25)
     assert objects(scan.echoes, 1) == ["near", "far"]
     assert scan.echoes.ranges[scan.echoes.beams == 1] == pytest.approx(
@@ -71,7 +71,7 @@ def test_two_poles_half_hidden_give_two_echoes_in_one_direction() -> None:
         pytest.param((1, 1, 1), "near", id="the nearer of equal ones"),
     ],
 )
-def test_strongest_keeps_one_of_them(
+def test_strongest_mode_keeps_the_echo_of_most_weight(
     weights: tuple[float, float, float], kept: str
 ) -> None:
     scan = take(POLES, return_mode="strongest", ray_weights=weights)
@@ -79,7 +79,7 @@ def test_strongest_keeps_one_of_them(
     assert scan.ranges[1] == scan.echoes.ranges[scan.echoes.beams == 1][0]
 
 
-def test_each_mode_keeps_its_own() -> None:
+def test_each_return_mode_keeps_its_echoes() -> None:
     bush, wall = block("bush", LEAF, (1, 4, 4), (3, 0, 0)), pole("pole", 7, 0.0, 0.5)
     kept = {
         mode: objects(take(scene(bush, wall), return_mode=mode).echoes, 1)
@@ -93,7 +93,7 @@ def test_each_mode_keeps_its_own() -> None:
     assert every.ranges[1] == pytest.approx(6.5, abs=1e-3)
 
 
-def test_first_and_strongest_are_not_misled_by_smoke() -> None:
+def test_smoke_is_neither_first_nor_strongest_echo() -> None:
     world = scene(block("cloud", SMOKE, (2, 4, 4), (3, 0, 0)), pole("pole", 7, 0, 0.5))
     for mode in ("first", "strongest"):
         assert objects(take(world, return_mode=mode).echoes, 1) == ["pole"]
@@ -101,7 +101,7 @@ def test_first_and_strongest_are_not_misled_by_smoke() -> None:
     assert objects(every.echoes, 1) == ["cloud", "cloud", "pole"]
 
 
-def test_a_shrub_and_smoke_are_told_apart() -> None:
+def test_targets_describe_shrub_smoke_and_wall() -> None:
     world = scene(
         block("cloud", SMOKE, (1, 4, 4), (3, 0, 0)),
         block("shrub", LEAF, (1, 4, 4), (5, 0, 0)),
@@ -140,7 +140,7 @@ def test_a_shrub_and_smoke_are_told_apart() -> None:
         ),
     ],
 )
-def test_transparency_is_the_share_that_a_metre_lets_through(
+def test_transparency_is_the_share_passed_by_one_metre(
     material: Material, sensor: str, density: float, transparency: float
 ) -> None:
     target = Target.of("it", material, load_settings(sensor))
@@ -148,13 +148,13 @@ def test_transparency_is_the_share_that_a_metre_lets_through(
     assert target.transparency == pytest.approx(transparency)
 
 
-def test_a_sensor_without_power_is_let_through_by_what_costs_nothing() -> None:
+def test_transparency_for_a_sensor_without_power() -> None:
     settings = load_settings("radar", penetration_power=0)
     assert Target.of("it", SMOKE, settings).transparency == 1.0
     assert Target.of("it", LEAF, settings).transparency == 0.0
 
 
-def test_a_spent_beam_is_told_from_a_hit() -> None:
+def test_spent_beam_has_its_own_echo_kind() -> None:
     bush = block("bush", LEAF, (4, 0.2, 4), (4, 0.0, 0))
     wall = block("wall", WALL, (1, 9, 4), (7, 0, 0))
     scan = take(scene(bush, wall), side_offset_uu=0)
@@ -164,7 +164,7 @@ def test_a_spent_beam_is_told_from_a_hit() -> None:
     assert scan.echoes.power[1] == 0.0
 
 
-def test_a_robot_is_a_target_too() -> None:
+def test_robot_is_a_target() -> None:
     world = scene(block("wall", WALL, (1, 9, 4), (7, 0, 0)))
     radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2)
     tracer = tracer_of(world)
@@ -176,7 +176,7 @@ def test_a_robot_is_a_target_too() -> None:
     }
 
 
-def test_echoes_as_lists_are_what_json_can_hold() -> None:
+def test_echoes_convert_to_json_types() -> None:
     world = scene(block("bush", LEAF, (1, 4, 4), (3, 0, 0)))
     told = take(world, return_mode="all", side_offset_uu=0, ray_choice="drawn")
     first, second = told.to_dict()["echoes"][1]
@@ -197,7 +197,7 @@ def test_echoes_as_lists_are_what_json_can_hold() -> None:
     assert first["ray"] in (-1, 0, 1)
 
 
-def test_what_is_infinite_is_null() -> None:
+def test_infinite_values_become_null() -> None:
     world = scene(block("wall", WALL, (1, 9, 4), (7, 0, 0)))
     told = radarsim.load_sensor("laser").scan(world, (0, 0, 0)).to_dict()["echoes"]
     assert told[0] == []
@@ -205,7 +205,7 @@ def test_what_is_infinite_is_null() -> None:
     assert (echo["power"], echo["density"], echo["ray"]) == (None, None, None)
 
 
-def test_the_last_echo_is_the_reading(foliage_room: Scene) -> None:
+def test_range_is_that_of_the_last_echo(foliage_room: Scene) -> None:
     for mode in ("last", "all"):
         radar = radarsim.load_sensor("radar", return_mode=mode)
         scan = radar.scan(foliage_room, (-7, 0.4, 0), generator_for(3))

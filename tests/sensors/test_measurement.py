@@ -48,7 +48,7 @@ def scans(scanner: RangeScanner, world: Scene, count: int, seed: int = 0) -> lis
 
 
 def shares(found: list[Scan], beam: int) -> list[float]:
-    """Give how often the right, centre and left ray gave the range."""
+    """Return how often the right, centre and left ray gave the range."""
     rays = np.array([scan.rays[beam] for scan in found if scan.rays is not None])
     return [float(np.mean(rays == side)) for side in (-1, 0, 1)]
 
@@ -62,7 +62,7 @@ AHEAD = {"fov_deg": 4, "resolution_deg": 2}
 
 
 @pytest.mark.parametrize("weights", [(1, 1, 1), (1, 4, 1), (3, 2, 1)])
-def test_the_shares_of_ten_thousand_scans_near_an_edge(
+def test_rays_near_an_edge_are_drawn_by_their_weights(
     weights: tuple[float, float, float],
 ) -> None:
     found = scans(radar(**AHEAD, ray_weights=weights), EDGE, 10_000, seed=7)
@@ -73,7 +73,7 @@ def test_the_shares_of_ten_thousand_scans_near_an_edge(
     assert abs(near - wanted[2]) < 3 * error[2]
 
 
-def test_without_an_offset_nothing_is_noise(foliage_room: Scene) -> None:
+def test_scan_without_offset_is_deterministic(foliage_room: Scene) -> None:
     still = radar(side_offset_uu=0)
     rng = generator_for(0)
     first, *others = [still.scan(foliage_room, (-7, 0, 0), rng) for _ in range(5)]
@@ -82,15 +82,17 @@ def test_without_an_offset_nothing_is_noise(foliage_room: Scene) -> None:
     assert all(scan.ranges.tolist() == first.ranges.tolist() for scan in others)
 
 
-def frayed(scanner: RangeScanner, world: Scene) -> float:
-    """Give the share of beams whose readings are more than 20 cm apart in 60 scans."""
+def uncertain_share(scanner: RangeScanner, world: Scene) -> float:
+    """Return the share of beams whose ranges differ by over 20 cm in 60 scans."""
     rng = generator_for(2, "fray")
     found = [scanner.scan(world, (-7.8, 0, 0), rng).ranges for _ in range(60)]
     return float(np.mean(np.ptp(np.array(found), axis=0) > 0.2))
 
 
-def test_the_more_units_the_more_edges_fray(foliage_room: Scene) -> None:
-    found = [frayed(radar(side_offset_uu=n), foliage_room) for n in (0, 25, 50, 100)]
+def test_larger_offset_makes_more_beams_uncertain(foliage_room: Scene) -> None:
+    found = [
+        uncertain_share(radar(side_offset_uu=n), foliage_room) for n in (0, 25, 50, 100)
+    ]
     assert found[0] == 0.0
     assert found == sorted(found)
     assert found[2] > 0.2
@@ -100,27 +102,27 @@ def test_the_more_units_the_more_edges_fray(foliage_room: Scene) -> None:
 # The law of weights by incidence: ray weight times cos^2 of the angle to the normal.
 
 
-def test_a_ray_that_grazes_is_never_chosen() -> None:
+def test_grazing_ray_is_never_selected() -> None:
     grazed = board("grazed", (20, 0.04, 4), (6, 0.12, 0), yaw_deg=-0.3)
     world = scene(grazed, board("back", (1, 0.15, 4), (12.5, 0.0, 0)))
     found = scans(radar(**AHEAD, incidence_weights=True), world, 500)
     assert shares(found, 1) == [0, 1, 0]
 
 
-def test_of_rays_that_met_nothing_the_weights_decide() -> None:
+def test_weights_decide_among_rays_that_met_nothing() -> None:
     found = scans(radar(**AHEAD, incidence_weights=True), scene(), 3000)
     wanted, error = 1 / 3, math.sqrt(2 / 9 / 3000)
     assert shares(found, 1) == pytest.approx([wanted] * 3, abs=4 * error)
 
 
-def test_a_ray_that_met_nothing_leaves_it_to_the_others() -> None:
+def test_ray_that_met_nothing_is_not_selected_beside_a_hit() -> None:
     world = scene(board("post", (1, 4, 4), (5.5, 2.05, 0)))
     found = scans(radar(**AHEAD, incidence_weights=True), world, 300)
     assert shares(found, 1) == [0, 0, 1]
 
 
 @pytest.mark.parametrize("weights", [(1, 1, 1), (1, 2, 0), (0, 1, 3)])
-def test_a_surface_at_sixty_degrees_counts_a_quarter(
+def test_surface_at_60_degrees_weighs_a_quarter(
     weights: tuple[float, float, float],
 ) -> None:
     slanted = board("slanted", (0.01, 0.16, 4), (4, 0.08 + 0.02, 0), yaw_deg=60)
@@ -133,14 +135,14 @@ def test_a_surface_at_sixty_degrees_counts_a_quarter(
     assert (np.abs(np.array(shares(found, 1)) - wanted) <= 4 * error).all()
 
 
-def test_head_on_the_weights_alone_decide() -> None:
+def test_weights_alone_decide_at_normal_incidence() -> None:
     world = scene(board("back", (1, 40, 4), (8.5, 0, 0)))
     found = scans(radar(**AHEAD, incidence_weights=True), world, 3000)
     error = math.sqrt(2 / 9 / 3000)
     assert shares(found, 1) == pytest.approx([1 / 3] * 3, abs=4 * error)
 
 
-def test_a_ray_of_weight_zero_is_never_chosen_after_all_are_cast() -> None:
+def test_ray_of_weight_zero_is_never_selected_by_incidence() -> None:
     scanner = radar(**AHEAD, incidence_weights=True, ray_weights=(0, 0, 1))
     assert shares(scans(scanner, EDGE, 200), 1) == [0, 0, 1]
 
@@ -148,7 +150,7 @@ def test_a_ray_of_weight_zero_is_never_chosen_after_all_are_cast() -> None:
 # All together.
 
 
-def test_together_the_last_is_the_farthest_and_the_first_the_nearest() -> None:
+def test_combined_rays_have_farthest_last_and_nearest_first_echo() -> None:
     for mode, wanted in (("last", 8.0), ("first", 3.0), ("strongest", 8.0)):
         scanner = radar(
             **AHEAD, return_mode=mode, ray_choice="together", range_resolution=0.1
@@ -160,7 +162,7 @@ def test_together_the_last_is_the_farthest_and_the_first_the_nearest() -> None:
     assert scan.rays[1] in (-1, 0)
 
 
-def test_what_needs_no_draw_needs_nothing_to_draw_from() -> None:
+def test_rng_is_required_only_for_random_settings() -> None:
     world, here = EDGE, Pose3(0, 0, 0)
     cone = {"side_mode": "cone", "beamwidth_az_deg": 2, "ray_choice": "together"}
     radar(**cone).scan(world, here)
@@ -184,7 +186,7 @@ def slanted_wall() -> Scene:
 
 
 def mean_range(scanner: RangeScanner, world: Scene) -> tuple[float, float]:
-    """Give the mean range of a beam's echoes by strength, and their deviation."""
+    """Return the mean range of a beam's echoes by strength, and their deviation."""
     echoes = scanner.scan(world, Pose3(0, 0, 0), generator_for(5, "mean")).echoes
     mine = echoes.beams == 1
     weights, ranges = echoes.strength[mine], echoes.ranges[mine]
@@ -198,7 +200,9 @@ def beam(width: float, **settings: Any) -> RangeScanner:
 
 
 @pytest.mark.parametrize("width", [0.5, 2.0, 4.0])
-def test_three_rays_measure_a_slanted_wall_as_a_thousand_do(width: float) -> None:
+def test_three_quadrature_rays_measure_a_slanted_wall_like_a_thousand(
+    width: float,
+) -> None:
     three, _ = mean_range(beam(width, cone_rays=3), slanted_wall())
     many = beam(width, cone_rays=1000, cone_sampling="random")
     thousand, deviation = mean_range(many, slanted_wall())
@@ -208,14 +212,14 @@ def test_three_rays_measure_a_slanted_wall_as_a_thousand_do(width: float) -> Non
 
 
 def near_share(scanner: RangeScanner, world: Scene) -> float:
-    """Give the share of a beam that the nearest part gives back."""
+    """Return the share of a beam that the nearest part gives back."""
     echoes = scanner.scan(world, Pose3(0, 0, 0), generator_for(5, "share")).echoes
     mine = (echoes.beams == 1) & (echoes.parts == 0)
     return float(echoes.strength[mine].sum())
 
 
 def slanted_edge(angle: float) -> Scene:
-    """Make a screen at 10 m that hides what is left of a line, 30 degrees from upright.
+    """Create a screen at 10 m left of a line that is 30 degrees from vertical.
 
     Args:
         angle: How far to the left of the beam the line is, rad.
@@ -235,7 +239,7 @@ def slanted_edge(angle: float) -> Scene:
         pytest.param(49, 0.16, 0.05, id="a grid of forty-nine"),
     ],
 )
-def test_over_a_slanted_edge_nodes_are_off_by_no_more_than_is_said(
+def test_quadrature_error_over_a_slanted_edge_is_within_its_bound(
     rays: int, worst: float, middle: float
 ) -> None:
     width = 3.0
@@ -261,7 +265,7 @@ def test_over_a_slanted_edge_nodes_are_off_by_no_more_than_is_said(
 # Errors of measurement.
 
 
-def test_noise_has_its_deviation_and_one_draw_for_a_beam() -> None:
+def test_noise_has_its_deviation_and_is_independent_per_beam() -> None:
     world = scene(board("back", (1, 400, 4), (8.5, 0, 0)))
     noisy = radar(**AHEAD, side_offset_uu=0, range_noise=0.05)
     found = np.array([scan.ranges for scan in scans(noisy, world, 4000)])
@@ -275,7 +279,7 @@ def test_noise_has_its_deviation_and_one_draw_for_a_beam() -> None:
     assert np.abs(correlation - np.eye(3)).max() < 4 / math.sqrt(len(found))
 
 
-def test_the_greater_of_two_deviations_counts() -> None:
+def test_larger_of_two_deviations_applies() -> None:
     world = scene(board("back", (1, 400, 4), (8.5, 0, 0)))
     laser = radarsim.load_sensor(
         "laser", **AHEAD, range_noise=0.01, range_noise_share=0.01
@@ -290,7 +294,7 @@ def test_the_greater_of_two_deviations_counts() -> None:
         assert np.std(found) == pytest.approx(deviation, rel=0.06)
 
 
-def test_noise_makes_no_range_negative_too_long_or_of_nothing() -> None:
+def test_noise_keeps_ranges_within_limits_and_adds_none() -> None:
     world = scene(board("back", (1, 0.5, 4), (8.5, 0, 0)))
     noisy = radar(**AHEAD, side_offset_uu=0, range_noise=50, max_range=9)
     found = np.array([scan.ranges for scan in scans(noisy, world, 300)])
@@ -298,7 +302,7 @@ def test_noise_makes_no_range_negative_too_long_or_of_nothing() -> None:
     assert (found[:, 1].min(), found[:, 1].max()) == (0.0, 9.0)
 
 
-def test_the_echoes_of_a_beam_move_together() -> None:
+def test_echoes_of_a_beam_share_one_range_error() -> None:
     leaf = Material("leaf", density=0.1)
     bush = board("bush", (1, 9, 4), (3, 0, 0), material=leaf)
     world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
@@ -322,13 +326,13 @@ def test_ranges_are_multiples_of_the_quantum(mode: str, foliage_room: Scene) -> 
     assert np.abs(found - exact[there]).max() <= 0.125 + 1e-12
 
 
-def test_the_greatest_range_may_be_no_multiple_and_no_range_exceeds_it() -> None:
+def test_quantised_range_does_not_exceed_the_maximum() -> None:
     world = scene(board("back", (1, 40, 4), (19.9, 0, 0)))  # its face is at 19.4 m
     laser = radarsim.load_sensor("laser", **AHEAD, range_quantum=0.7, max_range=19.5)
     assert laser.scan(world, Pose3(0, 0, 0)).ranges[1] == pytest.approx(18.9)
 
 
-def test_two_objects_within_a_cell_are_one() -> None:
+def test_objects_within_the_resolution_merge() -> None:
     leaf = Material("leaf", density=0.2)
     bush = board("bush", (1, 9, 4), (7.4, 0, 0), material=leaf)
     world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
@@ -345,7 +349,7 @@ def test_two_objects_within_a_cell_are_one() -> None:
     assert scan.ranges[1] == pytest.approx(0.2 * 6.9 + 0.8 * 8.0)
 
 
-def test_resolution_holds_for_the_last_echo_too() -> None:
+def test_resolution_applies_to_the_last_echo() -> None:
     leaf = Material("leaf", density=0.2)
     bush = board("bush", (1, 9, 4), (7.4, 0, 0), material=leaf)
     world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
@@ -355,14 +359,14 @@ def test_resolution_holds_for_the_last_echo_too() -> None:
 
 
 @pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
-def test_a_blinded_laser_reads_zero_in_every_mode(mode: str) -> None:
+def test_blinded_laser_reads_zero_in_every_mode(mode: str) -> None:
     cloud = board("cloud", (2, 9, 4), (3, 0, 0), material=SMOKE)
     world = scene(cloud, board("back", (1, 40, 4), (8.5, 0, 0)))
     hokuyo = radarsim.load_sensor("hokuyo", return_mode=mode, max_range=20, **AHEAD)
     assert hokuyo.scan(world, Pose3(0, 0, 0)).ranges.tolist() == [0.0] * 3
 
 
-def test_what_a_ray_without_weight_meets_blinds_nobody() -> None:
+def test_ray_without_weight_does_not_blind() -> None:
     """The centre ray is spent in a twig, the side rays see nothing."""
     leaf = Material("twig", density=9.0)
     twig = board("twig", (1, 0.1, 4), (5, 0, 0), material=leaf)
@@ -379,7 +383,7 @@ def test_what_a_ray_without_weight_meets_blinds_nobody() -> None:
         assert math.isinf(scan.ranges[1]), mode
 
 
-def test_a_merged_echo_tells_how_the_ray_ended() -> None:
+def test_merged_echo_keeps_the_kind_of_the_ray_end() -> None:
     leaf = Material("leaf", density=2.0)
     bush = board("bush", (3, 9, 4), (4.5, 0, 0), material=leaf)
     settings = {**AHEAD, "side_offset_uu": 0, "return_mode": "all"}
@@ -390,7 +394,7 @@ def test_a_merged_echo_tells_how_the_ray_ended() -> None:
     assert lists[1][0]["object"] == "bush"
 
 
-def test_what_gives_nothing_back_begins_no_cell() -> None:
+def test_echo_without_strength_starts_no_merge() -> None:
     pole = board("pole", (0.04, 0.3, 4), (5.17, 0.2, 0))
     world = [pole, board("wall", (1, 40, 4), (5.75, 0, 0))]
     cloud = board("cloud", (3, 40, 4), (6.5, 0, 0), material=SMOKE)
@@ -405,7 +409,9 @@ def test_what_gives_nothing_back_begins_no_cell() -> None:
 # What scans share.
 
 
-def test_a_listing_scanner_draws_and_reads_the_same(foliage_room: Scene) -> None:
+def test_with_all_echoes_has_the_same_ranges_and_random_numbers(
+    foliage_room: Scene,
+) -> None:
     for settings in (
         {},
         {"incidence_weights": True},
@@ -424,12 +430,12 @@ def test_a_listing_scanner_draws_and_reads_the_same(foliage_room: Scene) -> None
 
 
 @pytest.mark.parametrize("mode", ["first", "strongest", "all"])
-def test_a_radar_that_keeps_other_echoes_lists_those(mode: str) -> None:
+def test_with_all_echoes_is_itself_unless_last_echoes_are_kept(mode: str) -> None:
     scanner = radar(return_mode=mode)
     assert scanner.with_all_echoes is scanner
 
 
-def test_scans_taken_together_are_those_taken_alone(foliage_room: Scene) -> None:
+def test_batched_scans_equal_single_scans(foliage_room: Scene) -> None:
     tracer, poses = tracer_of(foliage_room), [Pose3(-7, y, 0.4) for y in range(-2, 3)]
     scanners = [
         radar(),
@@ -461,7 +467,7 @@ def test_scans_taken_together_are_those_taken_alone(foliage_room: Scene) -> None
         ),
     ],
 )
-def test_a_second_robot_changes_none_of_the_first_ones_numbers(
+def test_second_robot_does_not_change_the_first_ones_scans(
     settings: dict[str, Any], foliage_room: Scene
 ) -> None:
     """The second one drives before the first, which draws the same all the same."""
@@ -486,7 +492,7 @@ def test_a_second_robot_changes_none_of_the_first_ones_numbers(
 
 
 @pytest.mark.parametrize("name", list(sensor_presets()))
-def test_every_preset_makes_a_working_sensor(name: str, foliage_room: Scene) -> None:
+def test_every_preset_scans(name: str, foliage_room: Scene) -> None:
     scanner = radarsim.load_sensor(name)
     first, again = (
         scanner.scan(foliage_room, (-8.5, 4, 1), generator_for(1)) for _ in range(2)
@@ -520,7 +526,7 @@ def dusty(depth: float) -> Scene:
         pytest.param(30.0, 5.0, id="all light is lost"),
     ],
 )
-def test_a_physical_laser_returns_the_edge_of_a_cloud(
+def test_physical_laser_measures_the_edge_of_a_cloud(
     depth: float, wanted: float
 ) -> None:
     laser = radarsim.load_sensor("physical", **AHEAD)
@@ -530,7 +536,7 @@ def test_a_physical_laser_returns_the_edge_of_a_cloud(
 
 
 @pytest.mark.parametrize("mode", ["first", "last", "all", "strongest"])
-def test_light_that_is_lost_within_a_cloud_does_not_come_back(mode: str) -> None:
+def test_light_absorbed_in_a_cloud_gives_no_range(mode: str) -> None:
     laser = radarsim.load_sensor("physical", **AHEAD, return_mode=mode)
     inside = laser.scan(dusty(30), Pose3(8, 0, 0))
     assert np.isinf(inside.ranges).all()
@@ -540,7 +546,7 @@ def test_light_that_is_lost_within_a_cloud_does_not_come_back(mode: str) -> None
     assert np.isinf(laser.scan(scene(), Pose3(0, 0, 0)).ranges).all()
 
 
-def test_the_original_hokuyos_budget_is_spent_after_its_metres() -> None:
+def test_usarsim_hokuyo_is_blinded_by_its_depth_of_smoke() -> None:
     """A budget of 0.00575 in a density of 0.001 ends after 5.75 m."""
     fog = Material("fog", density=0.0, laser_density=0.001, solid=False)
     back = board("back", (1, 90, 9), (40.5, 0, 0))
@@ -556,7 +562,7 @@ def test_the_original_hokuyos_budget_is_spent_after_its_metres() -> None:
         assert end == pytest.approx(10.75 if blind else 40.0)
 
 
-def test_a_side_ray_behind_what_absorbs_gives_way_to_the_centre() -> None:
+def test_side_ray_behind_an_absorber_is_replaced_by_the_centre_ray() -> None:
     black = Material("black", absorption_db=math.inf)
     screen = board("screen", (4, 0.02, 2), (1, 0.1, 0), material=black)
     pole = board("pole", (0.2, 0.2, 2), (6, 0.2, 0))

@@ -33,7 +33,7 @@ def ins(noise: InsNoise = CALM, *, seed: int = 0) -> Ins:
 
 
 def moved(by: Sequence[float]) -> Pose3:
-    """Give the body's pose after a motion from the spawn."""
+    """Return the body's pose after a motion from the spawn."""
     return Pose3.from_numbers(np.add(SPAWN.numbers(), by).tolist())
 
 
@@ -43,12 +43,12 @@ def close(one: Pose3, other: Pose3) -> bool:
     return bool(np.abs(apart).max() < 1e-9)
 
 
-def test_it_begins_at_the_sensors_own_pose() -> None:
+def test_ins_starts_at_the_pose_of_the_sensor() -> None:
     assert ins(InsNoise()).reading(SPAWN) == MOUNTED
 
 
 @given(path=st.lists(places))
-def test_without_noise_it_keeps_its_offset_from_the_truth(path: list[Pose3]) -> None:
+def test_ins_without_noise_keeps_its_offset_from_the_body(path: list[Pose3]) -> None:
     calm = ins()
     for body in path:
         calm.drift(body)
@@ -57,7 +57,7 @@ def test_without_noise_it_keeps_its_offset_from_the_truth(path: list[Pose3]) -> 
 
 
 @given(path=st.lists(places, min_size=1))
-def test_between_draws_true_motion_is_added(path: list[Pose3]) -> None:
+def test_true_motion_is_added_between_drift_updates(path: list[Pose3]) -> None:
     drifting = ins(InsNoise())
     drifting.drift(moved([1, 0, 0, 0, 0, 1]))
     last = drifting.reading(moved([1, 0, 0, 0, 0, 1]))
@@ -67,14 +67,14 @@ def test_between_draws_true_motion_is_added(path: list[Pose3]) -> None:
         assert close(drifting.reading(body), expected)
 
 
-def test_standing_still_does_not_drift() -> None:
+def test_ins_does_not_drift_at_standstill() -> None:
     drifting = ins(InsNoise(sigma=0.5, position_bias=0.5, angle_bias=0.5))
     for _ in range(100):
         drifting.drift(SPAWN)
     assert drifting.reading(SPAWN) == MOUNTED
 
 
-def test_the_deviation_is_a_part_of_the_way_on_every_axis() -> None:
+def test_position_deviation_is_a_fraction_of_the_distance() -> None:
     motion = [3, 4, 0, 0, 0, 0]
     errors = []
     for seed in range(2000):
@@ -88,7 +88,7 @@ def test_the_deviation_is_a_part_of_the_way_on_every_axis() -> None:
     assert np.mean(errors, axis=0)[:3] == pytest.approx([0] * 3, abs=0.02)
 
 
-def test_the_deviation_of_an_angle_is_a_part_of_the_turn() -> None:
+def test_angle_deviation_is_a_fraction_of_the_turn() -> None:
     motion = [0, 0, 0, 0, 0, 2]
     errors = []
     for seed in range(2000):
@@ -98,7 +98,7 @@ def test_the_deviation_of_an_angle_is_a_part_of_the_turn() -> None:
     assert np.std(errors) == pytest.approx(0.1, rel=0.06)
 
 
-def test_the_bias_is_constant_within_a_run_and_bounded() -> None:
+def test_bias_is_constant_within_a_run_and_bounded() -> None:
     biased = InsNoise(sigma=0, position_bias=0.5, angle_bias=0.1)
     seen = []
     for seed in range(300):
@@ -116,7 +116,7 @@ def test_the_bias_is_constant_within_a_run_and_bounded() -> None:
     assert largest[5] == pytest.approx(0.05, rel=0.05)
 
 
-def test_the_same_generator_gives_the_same_drift() -> None:
+def test_same_generator_gives_the_same_drift() -> None:
     def track(one: Ins) -> Pose3:
         for k in range(20):
             one.drift(moved([k, 0, 0, 0, 0, k / 9]))
@@ -127,7 +127,7 @@ def test_the_same_generator_gives_the_same_drift() -> None:
     assert first != track(ins(InsNoise(), seed=1))
 
 
-def test_overwriting_sets_the_estimate_and_ends_the_bias() -> None:
+def test_overwriting_sets_the_estimate_and_removes_the_bias() -> None:
     drifting = ins(InsNoise(sigma=0, position_bias=0.5, angle_bias=0.5))
     drifting.drift(moved([1, 1, 0, 0, 0, 1]))
     here = moved([2, 2, 0, 0, 0, 1])
@@ -138,7 +138,7 @@ def test_overwriting_sets_the_estimate_and_ends_the_bias() -> None:
     assert close(drifting.reading(there), Pose3(3, 4, 0, yaw=0.5))
 
 
-def test_turning_past_half_a_turn_takes_the_short_way() -> None:
+def test_turn_across_180_degrees_is_the_short_one() -> None:
     calm = ins()
     calm.drift(Pose3(1, 2, 0.146, yaw=3.0))
     calm.drift(Pose3(1, 2, 0.146, yaw=-3.0))
@@ -146,7 +146,7 @@ def test_turning_past_half_a_turn_takes_the_short_way() -> None:
     assert calm.reading(Pose3(1, 2, 0.146, yaw=-3.0)).yaw == pytest.approx(0.5 + turned)
 
 
-def test_noise_comes_from_settings() -> None:
+def test_noise_is_read_from_settings() -> None:
     assert InsNoise.from_settings({}) == InsNoise(0.05, 0.5e-3, 0.5e-6)
     assert InsNoise.from_settings({"sigma": 0, "position_bias": 1.5}) == InsNoise(
         sigma=0, position_bias=1.5
@@ -185,7 +185,7 @@ def test_noise_comes_from_settings() -> None:
         ),
     ],
 )
-def test_wrong_settings_are_refused(settings: dict[str, Any], message: str) -> None:
+def test_invalid_settings_are_rejected(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(PresetError) as caught:
         InsNoise.from_settings(settings)
     assert str(caught.value) == message
@@ -205,7 +205,9 @@ def test_odometry_of_a_quarter_turn_to_the_left() -> None:
 
 
 @given(left=angles, right=angles, parts=st.integers(2, 9))
-def test_odometry_sums_up_an_arc_exactly(left: float, right: float, parts: int) -> None:
+def test_odometry_integrates_an_arc_exactly(
+    left: float, right: float, parts: int
+) -> None:
     whole, piecewise = odometry(), odometry()
     whole.update(left, right)
     for k in range(1, parts + 1):
@@ -221,7 +223,7 @@ def test_odometry_does_not_wrap_its_angle() -> None:
     assert wheels.pose.yaw == pytest.approx(20)
 
 
-def test_odometry_begins_again_after_a_reset() -> None:
+def test_odometry_restarts_at_a_reset() -> None:
     wheels = odometry()
     wheels.update(3, 4)
     wheels.reset()
@@ -231,7 +233,7 @@ def test_odometry_begins_again_after_a_reset() -> None:
     assert wheels.pose.y == pytest.approx(0)
 
 
-def test_the_tachometer_averages_since_its_last_scan() -> None:
+def test_tachometer_averages_since_its_last_reading() -> None:
     tachometer = Tachometer(10.0, (0, 0))
     reading = tachometer.read(10.2, (0.4, -0.2))
     assert reading.velocities == pytest.approx((2, -1))
@@ -239,14 +241,14 @@ def test_the_tachometer_averages_since_its_last_scan() -> None:
     assert tachometer.read(10.4, (0.4, -0.2)).velocities == pytest.approx((0, 0))
 
 
-def test_a_second_scan_at_the_same_time_repeats_the_first() -> None:
+def test_second_reading_at_the_same_time_repeats_the_first() -> None:
     tachometer = Tachometer(0.0, (0,))
     assert tachometer.read(0.0, (0,)).velocities == (0,)
     first = tachometer.read(0.5, (1,))
     assert tachometer.read(0.5, (1,)) == first
 
 
-def test_a_reset_sets_the_positions_to_zero_and_leaves_the_velocities() -> None:
+def test_tachometer_reset_zeroes_positions_but_not_velocities() -> None:
     tachometer = Tachometer(0.0, (0, 0))
     tachometer.read(1.0, (5, 6))
     tachometer.reset((5, 6))
@@ -268,9 +270,7 @@ def encoder(name: str, *, noise: float = 0.0, seed: int = 0) -> Encoder:
         pytest.param("Encoder", [], id="none"),
     ],
 )
-def test_an_encoder_sits_on_the_wheels_that_its_name_mentions(
-    name: str, wheels: list[str]
-) -> None:
+def test_encoder_counts_the_wheels_in_its_name(name: str, wheels: list[str]) -> None:
     assert [wheel for wheel, _ in encoder(name).ticks((0,) * 4)] == wheels
 
 
@@ -289,7 +289,7 @@ def test_ticks_without_noise(angle: float, ticks: int) -> None:
     assert encoder("W1").ticks((9, angle, 9, 9)) == (("W1", ticks),)
 
 
-def test_the_encoders_error_is_a_part_of_the_angle() -> None:
+def test_encoder_error_is_a_fraction_of_the_angle() -> None:
     noisy = encoder("W1", noise=0.005)
     seen = [noisy.ticks((0, 3.0, 0, 0))[0][1] for _ in range(500)]
     assert min(seen) == int(3.0 * 0.995 / ENCODER_RESOLUTION)
@@ -297,7 +297,7 @@ def test_the_encoders_error_is_a_part_of_the_angle() -> None:
     assert noisy.ticks((0, 0, 0, 0)) == (("W1", 0),)
 
 
-def test_an_encoder_counts_from_its_reset() -> None:
+def test_encoder_counts_from_its_reset() -> None:
     counted = encoder("W2")
     counted.reset((1, 1, 1, 1))
     assert counted.ticks((1, 1, 1 + 3.5 * ENCODER_RESOLUTION, 1)) == (("W2", 3),)

@@ -36,19 +36,19 @@ def take(world: Scene, seed: int = 0, **settings: Any) -> Scan:
     return radar.scan(world, Pose3(0, 0, 0), generator_for(seed, "rain"))
 
 
-def raining(*parts: Part) -> Scene:
+def rainy_scene(*parts: Part) -> Scene:
     return Scene("rain", "Rain", parts, air=POURING)
 
 
 def chances(q: float, cell: float, reach: float, from_: float = 1.0) -> Floats:
-    """Give the probability that the nearest cell that shows is this one, by cell."""
+    """Return the probability that the nearest cell that shows is this one, by cell."""
     middles = np.arange(from_ + cell, reach, cell)
     shows = np.exp(-(middles**2) / q)
     before = np.cumprod(np.concatenate([[1.0], 1 - shows[:-1]]))
     return np.asarray(shows * before)
 
 
-def test_reflectivity_is_that_of_the_table_and_a_power_in_between() -> None:
+def test_reflectivity_interpolates_its_table_by_power_laws() -> None:
     for band, row in enumerate(REFLECTIVITY_DB):
         for rate, decibels in zip(RATES, row, strict=True):
             found = 10 * math.log10(rain_reflectivity(band, rate))
@@ -61,7 +61,7 @@ def test_reflectivity_is_that_of_the_table_and_a_power_in_between() -> None:
     assert rain_reflectivity(2, 200) > rain_reflectivity(2, 100)
 
 
-def test_the_contrast_is_that_of_the_cells_volume() -> None:
+def test_contrast_follows_the_volume_of_the_cell() -> None:
     """At 77 GHz, 25 mm/h, 1.8 by 1.8 degrees and 0.25 m: -47.5 dBsm at 10 m."""
     settings = load_settings(
         "radar",
@@ -79,9 +79,11 @@ def test_the_contrast_is_that_of_the_cells_volume() -> None:
 
 
 @pytest.mark.parametrize("least", [-35.0, -25.0, -15.0])
-def test_the_nearest_cell_that_shows_is_as_far_as_chance_says(least: float) -> None:
+def test_distance_of_the_nearest_cell_has_the_expected_distribution(
+    least: float,
+) -> None:
     settings: dict[str, Any] = {"least_rcs_dbsm": least, "max_range": 30}
-    ranges = take(raining(), **settings).ranges
+    ranges = take(rainy_scene(), **settings).ranges
     wanted = chances(contrast(load_settings("radar", **settings), 100), 0.25, 30)
     n = len(ranges)
     shown = ranges[np.isfinite(ranges)]
@@ -92,8 +94,8 @@ def test_the_nearest_cell_that_shows_is_as_far_as_chance_says(least: float) -> N
     assert (np.abs(counts / n - wanted) <= 4.5 * error + 1e-3).all()
 
 
-def test_walls_are_stronger_than_rain_and_farther_than_it() -> None:
-    world = raining(block(WALL, (20, 20, 9), (0, 0, 0)))
+def test_wall_is_stronger_and_farther_than_rain() -> None:
+    world = rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0)))
     clear = Scene("clear", "Clear", world.parts)
     for mode in ("last", "strongest"):
         wet = take(world, return_mode=mode)
@@ -102,8 +104,8 @@ def test_walls_are_stronger_than_rain_and_farther_than_it() -> None:
     assert 0.05 < np.mean(first < 9) < 0.95
 
 
-def test_rain_is_an_echo_of_the_air() -> None:
-    scan = take(raining(block(WALL, (20, 20, 9), (0, 0, 0))), return_mode="all")
+def test_rain_is_an_echo_from_the_air() -> None:
+    scan = take(rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0))), return_mode="all")
     lists = scan.to_dict()["echoes"]
     drops = [echo for beam in lists for echo in beam if echo["kind"] == "rain"]
     assert len(drops) > 20
@@ -114,7 +116,7 @@ def test_rain_is_an_echo_of_the_air() -> None:
     assert ordered == [sorted(beam) for beam in ordered]
 
 
-def test_a_shower_is_seen_where_it_is() -> None:
+def test_shower_shows_only_where_it_is() -> None:
     shower = block(POURING, (2, 40, 9), (3, 0, 0))  # from x = 2 to 4
     world = Scene("shower", "Shower", (shower,))
     scan = take(world, least_rcs_dbsm=-35, fov_deg=20, resolution_deg=0.01)
@@ -130,8 +132,8 @@ def test_a_shower_is_seen_where_it_is() -> None:
     assert seen.mean() == pytest.approx(wanted, abs=0.08)
 
 
-def test_the_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
-    world = raining(block(WALL, (20, 20, 9), (0, 0, 0)))
+def test_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
+    world = rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0)))
     one, again, other = (
         take(world, seed, return_mode="first").ranges for seed in (1, 1, 2)
     )
@@ -142,14 +144,14 @@ def test_the_same_seed_gives_the_same_rain_and_lasers_see_none() -> None:
     assert laser.scan(world, Pose3(0, 0, 0)).ranges.min() > 9
 
 
-def test_rain_has_to_be_drawn_from_something() -> None:
+def test_rain_requires_an_rng() -> None:
     still = radarsim.load_sensor("radar", ray_choice="together")
     with pytest.raises(ValueError, match="no rng, expected a Generator"):
-        still.scan(raining(), Pose3(0, 0, 0))
+        still.scan(rainy_scene(), Pose3(0, 0, 0))
 
 
-def test_rain_falls_on_every_kind_of_beam() -> None:
-    world = raining(block(WALL, (20, 20, 9), (0, 0, 0)))
+def test_rain_shows_for_every_arrangement_of_rays() -> None:
+    world = rainy_scene(block(WALL, (20, 20, 9), (0, 0, 0)))
     for settings in (
         {"incidence_weights": True},
         {"side_mode": "cone", "beamwidth_az_deg": 2, "cone_rays": 3},
@@ -161,16 +163,16 @@ def test_rain_falls_on_every_kind_of_beam() -> None:
 
 @pytest.mark.parametrize("quantum", [0.1, 0.2, 0.25])
 def test_rain_shows_at_every_multiple_of_the_quantum(quantum: float) -> None:
-    ranges = take(raining(), range_quantum=quantum, least_rcs_dbsm=-30).ranges
+    ranges = take(rainy_scene(), range_quantum=quantum, least_rcs_dbsm=-30).ranges
     steps = np.rint(ranges[np.isfinite(ranges)] / quantum).astype(int)
     first = math.floor(1 / quantum) + 1
     assert set(range(first, first + 4)) <= set(steps.tolist())
 
 
-def test_rain_knows_what_the_beam_has_lost_before_it() -> None:
+def test_power_at_rain_accounts_for_losses_before_it() -> None:
     """In foliage of 0.1 per metre R metres take 0.1 R of the power."""
     leaf = Material("leaf", density=0.1)
-    world = raining(block(leaf, (60, 60, 9), (0, 0, 0)))
+    world = rainy_scene(block(leaf, (60, 60, 9), (0, 0, 0)))
     scan = take(world, return_mode="all", least_rcs_dbsm=-40)
     echoes = scan.echoes
     drops = echoes.kinds == radarsim.EventKind.RAIN
@@ -180,7 +182,7 @@ def test_rain_knows_what_the_beam_has_lost_before_it() -> None:
     assert (echoes.strength[drops] > 0).all()
 
 
-def test_a_second_robot_changes_no_drop_of_the_first_ones(empty_room: Scene) -> None:
+def test_second_robot_does_not_change_the_rain_of_the_first(empty_room: Scene) -> None:
     """It stands behind the first one, and draws from a generator of its own."""
     settings = {"lms200": {"return_mode": "first", "least_rcs_dbsm": -28}}
     config = SimulationConfig(item_settings=settings)

@@ -26,7 +26,7 @@ def block(
 
 
 def room(*parts: Part) -> Scene:
-    """Give a room of 10 m by 10 m around the origin, with parts in it."""
+    """Return a room of 10 m by 10 m around the origin, with parts in it."""
     return Scene("room", "Room", (block("room", WALL, (10, 10, 4), (0, 0, 1)), *parts))
 
 
@@ -35,46 +35,46 @@ def wall_distances(angles: Floats) -> Floats:
     return reach
 
 
-def test_an_ideal_laser_measures_a_square_room() -> None:
+def test_ideal_laser_measures_a_square_room() -> None:
     scan = radarsim.load_sensor("laser").scan(room(), (0, 0, 0))
     assert scan.ranges == pytest.approx(wall_distances(scan.angles), abs=1e-6)
     assert scan.rays is None
 
 
-def test_a_radar_without_side_rays_measures_the_same() -> None:
+def test_radar_without_side_rays_measures_a_square_room() -> None:
     radar = radarsim.load_sensor("radar", side_offset_uu=0)
     scan = radar.scan(room(), (0, 0, 0), generator_for(0))
     assert scan.ranges == pytest.approx(wall_distances(scan.angles), abs=1e-6)
 
 
-def test_a_beam_is_spent_at_power_over_density() -> None:
+def test_beam_is_spent_at_power_over_density() -> None:
     bush = block("bush", LEAF, (4, 6, 2), (3, 0, 1))  # from x = 1 to the wall
     radar = radarsim.load_sensor("radar", side_offset_uu=0, penetration_power=1)
     scan = radar.scan(room(bush), (0, 0, 0), generator_for(0))
     assert scan.ranges[90] == pytest.approx(1 + 1 / 0.5, abs=1e-6)
 
 
-def test_a_beam_that_is_strong_enough_sees_the_wall_behind() -> None:
+def test_strong_beam_measures_the_wall_behind_a_bush() -> None:
     bush = block("bush", LEAF, (2, 6, 2), (3, 0, 1))
     radar = radarsim.load_sensor("radar", side_offset_uu=0, penetration_power=1.001)
     scan = radar.scan(room(bush), (0, 0, 0), generator_for(0))
     assert scan.ranges[90] == pytest.approx(5, abs=1e-6)
 
 
-def test_nothing_within_reach_is_no_return() -> None:
+def test_no_surface_within_range_gives_inf() -> None:
     laser = radarsim.load_sensor("laser", max_range=4.9)
     scan = laser.scan(room(), (0, 0, 0))
     assert np.isinf(scan.ranges).all()
 
 
-def test_the_greatest_range_is_still_a_return() -> None:
+def test_surface_at_the_maximum_range_is_measured() -> None:
     laser = radarsim.load_sensor("laser", max_range=5)
     scan = laser.scan(room(), (0, 0, 0))
     assert scan.ranges[90] == 5.0
     assert math.isinf(scan.ranges[89])
 
 
-def test_ranges_below_the_least_range_pass() -> None:
+def test_ranges_below_the_minimum_range_are_kept() -> None:
     near = block("near", WALL, (0.1, 2, 2), (0.09, 0, 1))
     scan = radarsim.load_sensor("sick").scan(room(near), (0, 0, 0))
     assert scan.ranges[90] == pytest.approx(0.04, abs=1e-6)
@@ -90,7 +90,7 @@ def test_ranges_below_the_least_range_pass() -> None:
         pytest.param("hokuyo", 0.0, id="hokuyo is blinded"),
     ],
 )
-def test_smoke_blinds_the_hokuyo_alone(sensor: str, expected: float) -> None:
+def test_smoke_blinds_only_the_hokuyo(sensor: str, expected: float) -> None:
     cloud = block("cloud", SMOKE, (2, 2, 2), (2, 0, 1))
     settings = {"max_range": 80.0}
     if sensor == "radar":
@@ -102,7 +102,7 @@ def test_smoke_blinds_the_hokuyo_alone(sensor: str, expected: float) -> None:
     assert scan.ranges[ahead] == pytest.approx(expected * along, abs=1e-6)
 
 
-def test_a_hokuyo_sees_through_less_smoke_than_its_budget() -> None:
+def test_hokuyo_penetrates_smoke_within_its_power() -> None:
     thin = block("thin", SMOKE, (0.011, 2, 2), (2, 0, 1))  # 0.0055 of 0.00575
     thick = block("thick", SMOKE, (0.012, 2, 2), (2, 0, 1))
     hokuyo = radarsim.load_sensor("hokuyo", fov_deg=2, resolution_deg=1, max_range=9)
@@ -110,14 +110,14 @@ def test_a_hokuyo_sees_through_less_smoke_than_its_budget() -> None:
     assert hokuyo.scan(room(thick), (0, 0, 0)).ranges[1] == 0.0
 
 
-def test_foliage_stops_every_laser_at_its_face() -> None:
+def test_foliage_stops_every_laser_at_its_surface() -> None:
     bush = block("bush", LEAF, (2, 6, 2), (3, 0, 1))
     for name in ("laser", "sick"):
         scan = radarsim.load_sensor(name).scan(room(bush), (0, 0, 0))
         assert scan.ranges[90] == pytest.approx(2, abs=1e-6)
 
 
-def test_the_range_of_a_side_ray_counts_from_its_own_start() -> None:
+def test_range_of_a_side_ray_counts_from_its_own_start() -> None:
     step = block("step", WALL, (1, 5, 2), (3.5, 2.55, 1))  # face at x = 3 from y = 0.05
     radar = radarsim.load_sensor("radar", fov_deg=2, resolution_deg=1)
     scene, rng = room(step), generator_for(7)
@@ -129,7 +129,7 @@ def test_the_range_of_a_side_ray_counts_from_its_own_start() -> None:
     assert found == {-1: {5.0}, 0: {5.0}, 1: {3.0}}
 
 
-def test_a_side_ray_behind_something_opaque_gives_way_to_the_centre() -> None:
+def test_side_ray_behind_a_surface_is_replaced_by_the_centre_ray() -> None:
     fence = block("fence", WALL, (4, 0.02, 2), (1, 0.05, 1))  # 5 cm to the left
     scene = room(fence)
     radar = radarsim.load_sensor("radar", ray_weights=(0, 0, 1), side_mode="lateral")
@@ -143,7 +143,7 @@ def test_a_side_ray_behind_something_opaque_gives_way_to_the_centre() -> None:
     )
 
 
-def test_a_side_ray_behind_foliage_stays() -> None:
+def test_side_ray_behind_foliage_is_kept() -> None:
     hedge = block("hedge", LEAF, (4, 0.02, 2), (1, 0.05, 1))
     radar = radarsim.load_sensor("radar", ray_weights=(0, 0, 1), side_mode="lateral")
     scan = radar.scan(room(hedge), (0, 0, 0), generator_for(0))
@@ -151,7 +151,7 @@ def test_a_side_ray_behind_foliage_stays() -> None:
     assert set(scan.rays.tolist()) == {1}
 
 
-def test_the_same_seed_gives_the_same_scan_and_another_another() -> None:
+def test_same_seed_gives_the_same_scan() -> None:
     radar, scene = radarsim.load_sensor("radar"), room()
     first = radar.scan(scene, (0, 0, 0), generator_for(1, "a"))
     again = radar.scan(scene, (0, 0, 0), generator_for(1, "a"))
@@ -160,12 +160,12 @@ def test_the_same_seed_gives_the_same_scan_and_another_another() -> None:
     assert first.ranges.tolist() != other.ranges.tolist()
 
 
-def test_a_radar_needs_something_to_draw_from() -> None:
+def test_radar_requires_an_rng() -> None:
     with pytest.raises(ValueError, match="no rng, expected a Generator"):
         radarsim.load_sensor("radar").scan(room(), (0, 0, 0))
 
 
-def test_three_numbers_stand_a_sensor_on_the_floor_that_is_there() -> None:
+def test_pose_of_three_numbers_is_above_the_floor() -> None:
     scene = Scene("s", "S", (), (StartPose("RobotStart1", Pose3(0, 0, 2)),))
     assert sensor_pose(scene, (1, 2, 0.5)) == Pose3(1, 2, 2.346, 0, 0, 0.5)
     assert sensor_pose(scene, (1, 2, 3, 0.1, 0.2, 0.3)).z == 3
@@ -180,12 +180,12 @@ def test_three_numbers_stand_a_sensor_on_the_floor_that_is_there() -> None:
         pytest.param((1, 2, 3, 4, 5, math.inf), id="infinite"),
     ],
 )
-def test_a_pose_is_three_or_six_finite_numbers(pose: tuple[float, ...]) -> None:
+def test_invalid_pose_is_rejected(pose: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="expected three or six finite numbers"):
         sensor_pose(room(), pose)
 
 
-def test_a_scan_as_a_dict_tells_no_return_from_blindness() -> None:
+def test_scan_as_dict_distinguishes_no_return_from_blindness() -> None:
     cloud = block("cloud", SMOKE, (2, 0.2, 2), (2, 0, 1))
     hokuyo = radarsim.load_sensor("hokuyo", fov_deg=90, resolution_deg=45, max_range=5)
     told = hokuyo.scan(room(cloud), (0, 0, 0)).to_dict()
@@ -197,7 +197,7 @@ def test_a_scan_as_a_dict_tells_no_return_from_blindness() -> None:
     assert told["pose"] == [0, 0, 0.346, 0, 0, 0]
 
 
-def test_a_scene_keeps_its_tracer_only_while_it_lives() -> None:
+def test_tracer_is_freed_with_its_scene() -> None:
     import gc
     import weakref
 
@@ -211,7 +211,7 @@ def test_a_scene_keeps_its_tracer_only_while_it_lives() -> None:
     assert tracer() is None
 
 
-def test_a_sphere_of_foliage_is_open_at_its_rim_and_closed_in_its_middle() -> None:
+def test_sphere_of_foliage_is_penetrated_only_near_its_rim() -> None:
     vertices, faces = sphere(1.0)
     bush = Part("bush", LEAF, vertices + np.array([3, 0, 0.346]), faces)
     radar = radarsim.load_sensor("radar", side_offset_uu=0, penetration_power=0.8)

@@ -19,7 +19,7 @@ corners = st.lists(
 
 
 def cube() -> tuple[Floats, NDArray[np.int32]]:
-    """Give the cube from 0 to 1, each side two triangles."""
+    """Return the cube from 0 to 1, each side two triangles."""
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     vertices = np.array([[*corner, z] for z in (0, 1) for corner in square], float)
     sides = [[0, 3, 2, 1], [4, 5, 6, 7], *([k, (k + 1) % 4] for k in range(4))]
@@ -33,7 +33,7 @@ def length(segments: Floats) -> float:
 
 
 @pytest.mark.parametrize("height", [1e-6, 0.3, 0.5, 1.0])
-def test_the_section_of_a_cube_is_its_outline(height: float) -> None:
+def test_slice_of_a_cube_is_its_outline(height: float) -> None:
     segments = slice_mesh(*cube(), height)
     lines = shapely.multilinestrings(shapely.linestrings(segments))
     outline = shapely.box(0, 0, 1, 1).exterior
@@ -49,12 +49,12 @@ def test_the_section_of_a_cube_is_its_outline(height: float) -> None:
         pytest.param(1.1, id="above"),
     ],
 )
-def test_a_plane_beside_the_cube_cuts_nothing(height: float) -> None:
+def test_plane_beside_a_cube_gives_no_slice(height: float) -> None:
     assert slice_mesh(*cube(), height).shape == (0, 2, 2)
 
 
 @given(points=corners, height=st.floats(-5, 5))
-def test_every_end_of_a_closed_meshs_section_is_shared(
+def test_slice_of_a_closed_mesh_is_closed(
     points: list[tuple[float, float, float]], height: float
 ) -> None:
     segments = slice_mesh(np.array(points), TETRAHEDRON, height)
@@ -64,12 +64,12 @@ def test_every_end_of_a_closed_meshs_section_is_shared(
     assert (apart.min(axis=1, initial=np.inf) < 1e-6).all()
 
 
-def test_no_faces_no_lines() -> None:
+def test_mesh_without_faces_has_an_empty_slice() -> None:
     empty = np.zeros((0, 3), dtype=np.int32)
     assert slice_mesh(np.zeros((0, 3)), empty, 0.5).shape == (0, 2, 2)
 
 
-def test_outlines_are_the_sections_of_all_parts_in_order() -> None:
+def test_slices_of_parts_are_joined_in_order() -> None:
     vertices, faces = cube()
     stone, away = Material("stone"), np.array([3.0, 0.0, 0.0])
     parts = [Part("cube", stone, vertices + k * away, faces) for k in (0, 1)]

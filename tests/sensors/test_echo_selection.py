@@ -1,0 +1,115 @@
+"""Merging and selection of echoes, against the same rules in plain Python."""
+
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.raycast.attenuation import EventKind
+from radarsim.sensors.echo_extraction import EchoColumns
+from radarsim.sensors.echo_selection import (
+    FIRST,
+    LAST,
+    STRONGEST,
+    merge_echoes,
+    select_echoes,
+)
+
+ENTER, HIT = EventKind.ENTER, EventKind.HIT
+
+
+class Row(NamedTuple):
+    """An echo in plain Python."""
+
+    beam: int
+    row: int
+    t: float
+    kind: int
+    part: int
+    power: float
+    strength: float
+    ends: int
+
+
+def columns_of(rows: list[Row]) -> EchoColumns:
+    names = ("i8", "i8", "f8", "u1", "i8", "f8", "f8", "u1")
+    columns = zip(*rows, strict=True) if rows else [()] * 8
+    arrays: list[Any] = [
+        np.array(column, name) for column, name in zip(columns, names, strict=True)
+    ]
+    return EchoColumns(*arrays)
+
+
+@st.composite
+def sorted_rows(draw: st.DrawFn) -> list[Row]:
+    rows = []
+    for i in range(draw(st.integers(0, 12))):
+        t = draw(st.one_of(st.floats(0, 3), st.integers(0, 6).map(lambda n: n / 2)))
+        strength = draw(st.sampled_from([0.0, 0.1, 0.1, 0.3, 1.0]))
+        ends = draw(st.integers(0, 1))
+        beam = draw(st.integers(0, 2))
+        rows.append(
+            Row(beam, 10 * beam + i, t, ENTER + i % 5, i, 1.0 / (i + 1), strength, ends)
+        )
+    return sorted(rows, key=lambda row: (row.beam, row.t, row.row))
+
+
+def merge_in_python(beam: list[Row], cell: float) -> list[Row]:
+    """Merge the echoes of one beam, sorted by range."""
+    merged = []
+    while beam:
+        giving = [row for row in beam if row.strength > 0 or row.ends]
+        if giving and giving[0].t - beam[0].t < cell:
+            near = [row for row in beam if row.t < giving[0].t + cell]
+        else:
+            near = beam[:1]
+        beam = beam[len(near) :]
+        total = sum(row.strength for row in near)
+        best = max(near, key=lambda r: (r.ends, r.strength, -near.index(r)))
+        t = giving[0].t if giving and giving[0] in near else near[0].t
+        if total > 0:
+            t = sum(row.strength * row.t for row in near) / total
+        merged.append(best._replace(t=t, strength=min(total, 1.0)))
+    return merged
+
+
+@given(sorted_rows(), st.sampled_from([0.0, 0.25, 0.5, 1.0]))
+def test_echoes_within_the_resolution_merge_from_the_nearest_on(
+    rows: list[Row], cell: float
+) -> None:
+    wanted: list[Row] = []
+    for _, group in groupby(rows, key=lambda row: row.beam):
+        beam = list(group)
+        wanted += merge_in_python(beam, cell) if cell else beam
+    found = merge_echoes(columns_of(rows), cell)
+    for name in Row._fields:
+        assert getattr(found, name).tolist() == pytest.approx(
+            [getattr(row, name) for row in wanted]
+        ), name
+
+
+def test_merging_does_not_change_its_input() -> None:
+    rows = [Row(0, i, 1 + i / 10, HIT, i, 1.0, 0.5, 1) for i in range(3)]
+    given_ = columns_of(rows)
+    merge_echoes(given_, 1.0)
+    assert given_.t.tolist() == pytest.approx([1.0, 1.1, 1.2])
+
+
+@given(sorted_rows())
+def test_each_mode_selects_its_echo(rows: list[Row]) -> None:
+    found = {
+        mode: select_echoes(columns_of(rows), mode, 3, 0.0)
+        for mode in (LAST, FIRST, STRONGEST)
+    }
+    for beam in range(3):
+        mine = [(i, row) for i, row in enumerate(rows) if row.beam == beam]
+        ends = [i for i, row in mine if row.ends]
+        giving = [i for i, row in mine if row.strength > 0]
+        last = ends[-1] if ends else -1
+        assert found[LAST][beam] == last
+        assert found[FIRST][beam] == (giving[0] if giving else last)
+        strongest = max(giving, key=lambda i: (rows[i].strength, -i), default=last)
+        assert found[STRONGEST][beam] == strongest
