@@ -1,12 +1,12 @@
-"""Trees and shrubs of numbers alone, and what radar beams make of their shapes.
+"""Procedural trees and shrubs, and the effect of their shapes on radar beams.
 
 Theory of operation
 ===================
-``forms`` says what a plant looks like, ``growth`` lets its wood reach for places all
-over the crown, ``tubes`` gives the wood a bark, ``leaves`` hangs leaves around the ends
-of the twigs. ``shrub`` fills one crown in three ways; ``calibration`` finds what each
-of them has to take from a beam so that they let the same share of power through.
-``readings`` and ``figure`` show what is different all the same.
+`parameters` defines the shapes of plants. `growth` grows the wood towards the ends of
+the twigs, `mesh` turns it into closed tubes and places leaves around the ends. `plant`
+joins them, creates one shrub with foliage in three shapes, and writes mesh files.
+`calibration` finds the loss of each shape at which all three let the same share of
+power through; `range_profile` and `figure` show the differences that remain.
 
-``python -m radarsim.plants maps/meshes`` makes the mesh files of the shipped maps.
+``python -m radarsim.plants maps/meshes`` writes the mesh files of the shipped maps.
 """

@@ -1,6 +1,6 @@
-"""``python -m radarsim.plants OUT``: mesh files of plants, and the figure of a shrub.
+"""``python -m radarsim.plants OUT``: write mesh files of plants, and a figure.
 
-With the seed that is the default, these are the files of the shipped maps.
+With the default seed these are the files of the shipped maps.
 """
 
 from pathlib import Path
@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 
+from radarsim.atomic_write import write_atomically
 from radarsim.plants.calibration import (
     RAYS,
     Comparison,
     compare_shapes,
-    wanted_transmission,
+    target_transmission,
 )
-from radarsim.plants.plant import SEED, plant_files, write_all
+from radarsim.plants.plant import SEED, plant_files
 
 
 def make(
@@ -34,25 +35,27 @@ def make(
         int, typer.Option(min=1, help="That calibrate a shape, from each side.")
     ] = RAYS,
 ) -> None:
-    """Make the mesh files of plants, whole or not at all."""
+    """Write the mesh files of plants, all or none."""
     files = plant_files(seed)
     shapes: list[Comparison] = []
     if calibrate or figure is not None:
         shapes = list(compare_shapes(seed, rays=rays))
-    drawn = _draw(shapes) if figure is not None else b""
+    written = {out / name: content for name, content in files.items()}
+    if figure is not None:
+        written[figure] = _draw(shapes)
     try:
-        write_all(out, files)
-        if figure is not None:
-            write_all(figure.parent, {figure.name: drawn})
+        for folder in {path.parent for path in written}:
+            folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(written)
     except OSError as error:
         text = f"cannot write {error.filename}: {(error.strerror or '').lower()}"
         raise typer.BadParameter(text) from None
     for name, content in files.items():
         typer.echo(f"{out / name}: {len(content)} bytes")
     if shapes:
-        typer.echo(f"wanted: mean transmission {wanted_transmission():.4f}")
+        typer.echo(f"wanted: mean transmission {target_transmission():.4f}")
     for shape in shapes:
-        typer.echo(_told(shape))
+        typer.echo(_describe(shape))
 
 
 def _draw(shapes: list[Comparison]) -> bytes:
@@ -61,20 +64,20 @@ def _draw(shapes: list[Comparison]) -> bytes:
     return draw_shapes(shapes)
 
 
-def _told(shape: Comparison) -> str:
-    spread = shape.reading.spread()
-    low, middle, high = spread.percentiles
+def _describe(shape: Comparison) -> str:
+    ranges = shape.ranges.statistics()
+    low, median, high = ranges.percentiles
     return (
         f"{shape.title}: mean transmission {shape.transmission:.4f}; ranges: mean "
-        f"{spread.mean:.2f} m, deviation {spread.deviation:.2f} m, 5, 50, 95 %: "
-        f"{low:.2f}, {middle:.2f}, {high:.2f} m, deviation at one offset "
-        f"{spread.at_one_offset:.2f} m, where spent {spread.spent:.2f} m, "
-        f"through {spread.through:.3f}"
+        f"{ranges.mean:.2f} m, deviation {ranges.deviation:.2f} m, 5, 50, 95 %: "
+        f"{low:.2f}, {median:.2f}, {high:.2f} m, deviation at one offset "
+        f"{ranges.at_one_offset:.2f} m, where spent {ranges.spent:.2f} m, "
+        f"through {ranges.through:.3f}"
     )
 
 
 def main() -> None:
-    """Run, and exit with the code."""
+    """Run the program and exit with its code."""
     typer.run(make)
 
 

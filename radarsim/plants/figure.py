@@ -1,4 +1,4 @@
-"""The figure of the three shapes: how they look, where rays end, how ranges spread."""
+"""Figure of the three shapes: side views, ends of rays, histograms of ranges."""
 
 import io
 from collections.abc import Sequence
@@ -12,37 +12,38 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Floats
-from radarsim.plants.calibration import BEFORE, HEIGHT, WALL, Comparison, Reading
-from radarsim.plants.growth import LEAVES, WOOD
+from radarsim.plants.calibration import Comparison
+from radarsim.plants.parameters import LEAVES, WOOD
 from radarsim.plants.plant import Plant
+from radarsim.plants.range_profile import BEFORE, HEIGHT, WALL, PlantRanges
 from radarsim.robots.obstacles import slice_mesh
 
 COLOURS: Final = {WOOD: "#7a4a21", LEAVES: "#3f8f3a"}
-SUN: Final = np.array([0.45, -0.55, 0.7])  # where light comes from
-SHADE: Final = 0.45  # light on what the sun does not shine on
+SUN: Final = np.array([0.45, -0.55, 0.7])  # direction to the light
+AMBIENT: Final = 0.45  # brightness of faces along the light
 RAY, END, WALL_END = "tab:blue", "tab:red", "black"
 BIN: Final = 0.05  # m
-EDGE: Final = 0.15  # m of the plan beyond what it shows
+MARGIN: Final = 0.15  # m, of the plan
 
 
 def draw_shapes(shapes: Sequence[Comparison]) -> bytes:
-    """Draw a row for each shape: side view, plan with rays, histogram; gives a PNG."""
+    """Draw a row for each shape, with side view, plan and histogram; return a PNG."""
     figure = Figure(figsize=(13.5, 3.7 * len(shapes)), dpi=110, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     grid = figure.subplots(len(shapes), 3, squeeze=False, width_ratios=[1, 1.55, 1.25])
-    highest = max(_shares(shape.reading)[0][:-1].max() for shape in shapes)
+    highest = max(_shares(shape.ranges)[0][:-1].max() for shape in shapes)
     for (side, plan, bars), shape in zip(grid, shapes, strict=True):
         draw_plant(side, shape.plant)
         side.set_title(shape.title, fontsize="medium")
         _draw_plan(plan, shape)
-        _draw_histogram(bars, shape.reading, highest)
-    text = io.BytesIO()
-    canvas.print_figure(text, format="png", metadata={"Software": "radarsim"})
-    return text.getvalue()
+        _draw_histogram(bars, shape.ranges, highest)
+    png = io.BytesIO()
+    canvas.print_figure(png, format="png", metadata={"Software": "radarsim"})
+    return png.getvalue()
 
 
 def draw_plant(axes: Axes, plant: Plant) -> None:
-    """Draw a plant as it is seen from the side, from -y, in sunlight."""
+    """Draw a plant in sunlight as seen from the side, from -y."""
     polygons, colours, depths = [], [], []
     for name, (vertices, faces) in plant.pieces.items():
         corners = vertices[faces]
@@ -50,12 +51,12 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
         polygons.append(corners[:, :, [0, 2]])
         colours.append(light[:, None] * np.array(to_rgb(COLOURS[name])))
         depths.append(corners[:, :, 1].mean(axis=1))
-    order = np.argsort(-np.concatenate(depths))  # what is nearer covers the rest
-    seen = np.concatenate(colours)[order]
+    order = np.argsort(-np.concatenate(depths))  # painter's algorithm: far faces first
+    sorted_colours = np.concatenate(colours)[order]
     triangles = PolyCollection(
         list(np.concatenate(polygons)[order]),
-        facecolors=seen,
-        edgecolors=seen,
+        facecolors=sorted_colours,
+        edgecolors=sorted_colours,
         linewidths=0.2,
     )
     axes.add_collection(triangles)
@@ -67,20 +68,20 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
 
 
 def brightness(corners: Floats) -> Floats:
-    """Give how bright triangles, (T, 3, 3) m, are in the sun: (T,) 0 to 1."""
+    """Return the brightness of triangles, (T, 3, 3) m, in the sun, (T,) from 0 to 1."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(SHADE + (1 - SHADE) * np.abs(normals @ SUN))
+    return np.asarray(AMBIENT + (1 - AMBIENT) * np.abs(normals @ SUN))
 
 
 def _draw_plan(axes: Axes, shape: Comparison) -> None:
-    """Draw the section at the scanner's height, and the rays from one side."""
+    """Draw the cross-section at the scanner's height, and the rays from one side."""
     for name, (vertices, faces) in shape.plant.pieces.items():
         lines = list(slice_mesh(vertices, faces, HEIGHT))
         axes.add_collection(
             LineCollection(lines, colors=COLOURS[name], linewidths=1.1, zorder=2)
         )
-    offsets, ranges = shape.reading.offsets, shape.reading.ranges[0]
+    offsets, ranges = shape.ranges.offsets, shape.ranges.ranges[0]
     ends = ranges - BEFORE
     rays = [((-BEFORE, y), (x, y)) for x, y in zip(ends, offsets, strict=True)]
     axes.add_collection(
@@ -89,9 +90,9 @@ def _draw_plan(axes: Axes, shape: Comparison) -> None:
     wall = ranges >= WALL
     axes.plot(ends[~wall], offsets[~wall], ".", color=END, markersize=4, zorder=3)
     axes.plot(ends[wall], offsets[wall], ".", color=WALL_END, markersize=4, zorder=3)
-    side = float(np.abs(offsets).max()) + EDGE
+    side = float(np.abs(offsets).max()) + MARGIN
     axes.plot([WALL - BEFORE] * 2, [-side, side], color="black", linewidth=2)
-    axes.set_xlim(-2, WALL - BEFORE + EDGE)
+    axes.set_xlim(-2, WALL - BEFORE + MARGIN)
     axes.set_ylim(-side, side)
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
@@ -101,28 +102,28 @@ def _draw_plan(axes: Axes, shape: Comparison) -> None:
     )
 
 
-def _shares(reading: Reading) -> tuple[Floats, Floats]:
-    """Give the share of ranges in each bin, the last one of the wall; and the edges."""
+def _shares(ranges: PlantRanges) -> tuple[Floats, Floats]:
+    """Return the share of ranges in each bin, the wall's last, and the bins' edges."""
     edges = np.arange(BEFORE - 1, WALL + 1.5 * BIN, BIN)
-    counts, edges = np.histogram(reading.ranges, bins=edges)
+    counts, edges = np.histogram(ranges.ranges, bins=edges)
     return counts / counts.sum(), edges
 
 
-def _draw_histogram(axes: Axes, reading: Reading, highest: float) -> None:
-    shares, edges = _shares(reading)
+def _draw_histogram(axes: Axes, ranges: PlantRanges, highest: float) -> None:
+    shares, edges = _shares(ranges)
     axes.stairs(100 * shares[:-1], edges[:-1], fill=True, color=END, alpha=0.8)
-    spread = reading.spread()
-    low, middle, high = spread.percentiles
+    statistics = ranges.statistics()
+    low, median, high = statistics.percentiles
     text = (
-        f"mean {spread.mean:.2f} m, deviation {spread.deviation:.2f} m\n"
-        f"5, 50, 95 %: {low:.2f}, {middle:.2f}, {high:.2f} m\n"
-        f"deviation at one offset {spread.at_one_offset:.2f} m,"
-        f" where spent {spread.spent:.2f} m\n"
-        f"{100 * spread.through:.0f} % read the wall, at {WALL:g} m"
+        f"mean {statistics.mean:.2f} m, deviation {statistics.deviation:.2f} m\n"
+        f"5, 50, 95 %: {low:.2f}, {median:.2f}, {high:.2f} m\n"
+        f"deviation at one offset {statistics.at_one_offset:.2f} m,"
+        f" where spent {statistics.spent:.2f} m\n"
+        f"{100 * statistics.through:.0f} % read the wall, at {WALL:g} m"
     )
     axes.text(0.97, 0.95, text, transform=axes.transAxes, ha="right", va="top")
     axes.set_xlim(BEFORE - 1, WALL)
-    axes.set_ylim(0, 145 * highest)  # with room for the text
+    axes.set_ylim(0, 145 * highest)  # with space for the text
     axes.set_xlabel("range, m")
     axes.set_ylabel(f"% of rays in {BIN:g} m")
     axes.set_title("ranges from all sides", fontsize="medium")

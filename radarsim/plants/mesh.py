@@ -1,186 +1,180 @@
-"""Meshes, and several of them as one."""
+"""Meshes of plants: closed tapered tubes for wood, balls, and leaves.
 
-from collections.abc import Sequence
-from typing import Final, TypeAlias
+A leaf is an open rhombus of two triangles that share the midrib.
+"""
+
+from typing import Final
 
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import PlantParameters, Skeleton
-from radarsim.scene.shapes import Faces
+from radarsim.plants.growth import Skeleton
+from radarsim.plants.parameters import PlantParameters
+from radarsim.scene.shapes import Faces, Mesh, concatenate
 
-Mesh: TypeAlias = tuple[Floats, Faces]  # (V, 3) m and (F, 3), wound outward if closed
-
-
-def join(meshes: Sequence[Mesh]) -> Mesh:
-    """Put meshes into one, each with vertices of its own; at least one."""
-    counts = [len(vertices) for vertices, _ in meshes]
-    starts = np.cumsum([0, *counts[:-1]])
-    moved = [faces + start for (_, faces), start in zip(meshes, starts, strict=True)]
-    vertices = np.vstack([vertices for vertices, _ in meshes])
-    return vertices, np.vstack(moved).astype(np.int32)
-
-
-# Section from plants.tubes.
-# Bark: closed tapered tubes along the middle lines of wood, and small balls.
-
-FEWEST_SIDES: Final = 4
-MOST_SIDES: Final = 10
-SIDE: Final = 0.07  # m; how wide a side of thick wood may be
+MIN_SIDES: Final = 4
+MAX_SIDES: Final = 10
+SIDE_WIDTH: Final = 0.07  # m, of the sides of thick wood
 
 
 def bark(skeleton: Skeleton) -> Mesh:
-    """Give wood a surface: a closed tube for each branch, which begins inside another.
+    """Return the surface of wood: a closed tube for each branch and each stem.
 
-    A stem's tube begins on the ground.
+    A branch's tube begins inside its parent's, a stem's on the ground.
     """
-    return join([_branch(skeleton, chain) for chain in _chains(skeleton)])
+    return concatenate([_mesh_branch(skeleton, path) for path in _branches(skeleton)])
 
 
-def tube(middle: Floats, radii: Floats, sides: int) -> Mesh:
-    """Make a closed tube that is flat at its beginning and pointed at its end.
+def tube(centre_line: Floats, radii: Floats, sides: int) -> Mesh:
+    """Create a closed tube with a flat beginning and a pointed end.
 
     Args:
-        middle: (N, 3) m, its middle line; at least two points.
-        radii: (N,) m; the last one does not count.
+        centre_line: (N, 3) m; at least two points.
+        radii: (N,) m; the last one is ignored.
         sides: At least 3.
     """
-    rings = len(middle) - 1
-    u, v = _across(middle)
+    rings = len(centre_line) - 1
+    u, v = _normals(centre_line)
     angles = 2 * np.pi * np.arange(sides) / sides
-    around = np.cos(angles)[:, None] * u[:, None] + np.sin(angles)[:, None] * v[:, None]
-    walls = middle[:-1, None] + radii[:-1, None, None] * around[:-1]
-    vertices = np.vstack([walls.reshape(-1, 3), middle[0], middle[-1]])
+    outward = (
+        np.cos(angles)[:, None] * u[:, None] + np.sin(angles)[:, None] * v[:, None]
+    )
+    walls = centre_line[:-1, None] + radii[:-1, None, None] * outward[:-1]
+    vertices = np.vstack([walls.reshape(-1, 3), centre_line[0], centre_line[-1]])
     return vertices, _tube_faces(rings, sides)
 
 
 def ball(centre: Floats, radius: float, sides: int = 8, rings: int = 5) -> Mesh:
-    """Make a small closed sphere of few faces; all its vertices are on the sphere."""
+    """Create a closed sphere of few faces; all its vertices are on the true sphere."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, rings + 2)[1:-1]
-    middle = np.zeros((rings + 1, 3))
-    middle[:-1, 2], middle[-1, 2] = radius * np.sin(angles), radius
-    vertices, faces = tube(middle, np.append(radius * np.cos(angles), 0.0), sides)
-    vertices[-2] = [0.0, 0.0, -radius]  # the flat beginning becomes round, too
+    axis = np.zeros((rings + 1, 3))
+    axis[:-1, 2], axis[-1, 2] = radius * np.sin(angles), radius
+    vertices, faces = tube(axis, np.append(radius * np.cos(angles), 0.0), sides)
+    vertices[-2] = [0.0, 0.0, -radius]  # the flat beginning becomes a pole, too
     return vertices + centre, faces
 
 
-def _chains(skeleton: Skeleton) -> list[list[int]]:
-    """Cut wood into branches: points of each, from where it leaves another one.
+def _branches(skeleton: Skeleton) -> list[list[int]]:
+    """Split a skeleton into branches: the points of each, from its parent to its end.
 
-    Where wood branches, its thickest branch goes on.
+    At a fork the thickest branch is the continuation of the parent.
     """
     count = len(skeleton.points)
     children: list[list[int]] = [[] for _ in range(count)]
     for point, parent in enumerate(skeleton.parents.tolist()):
         if parent >= 0:
             children[parent].append(point)
-    chains = []
-    begun = [[point] for point in np.flatnonzero(skeleton.parents < 0).tolist()]
-    while begun:
-        chain = begun.pop()
-        while children[chain[-1]]:
-            fork = chain[-1]
+    finished = []
+    growing = [[point] for point in np.flatnonzero(skeleton.parents < 0).tolist()]
+    while growing:
+        path = growing.pop()
+        while children[path[-1]]:
+            fork = path[-1]
             first, *others = sorted(
                 children[fork], key=lambda point: -skeleton.radii[point]
             )
-            begun += [[fork, other] for other in others]
-            chain.append(first)
-        chains.append(chain)
-    return chains
+            growing += [[fork, other] for other in others]
+            path.append(first)
+        finished.append(path)
+    return finished
 
 
-def _branch(skeleton: Skeleton, chain: list[int]) -> Mesh:
-    radii = skeleton.radii[chain]
-    if skeleton.parents[chain[0]] >= 0:
-        radii[0] = radii[1]  # as thick as the branch, not as what it leaves
-    girth = 2 * np.pi * float(radii[0])
-    sides = int(np.clip(round(girth / SIDE), FEWEST_SIDES, MOST_SIDES))
-    return tube(skeleton.points[chain], radii, sides)
+def _mesh_branch(skeleton: Skeleton, path: list[int]) -> Mesh:
+    radii = skeleton.radii[path]
+    if skeleton.parents[path[0]] >= 0:
+        radii[0] = radii[1]  # the branch's own, not its parent's
+    circumference = 2 * np.pi * float(radii[0])
+    sides = int(np.clip(round(circumference / SIDE_WIDTH), MIN_SIDES, MAX_SIDES))
+    return tube(skeleton.points[path], radii, sides)
 
 
-def _across(middle: Floats) -> tuple[Floats, Floats]:
-    """Give two directions across a line at each of its points, (N, 3) each.
+def _normals(centre_line: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors normal to a line at each of its points, (N, 3) each.
 
     Seen from its end, the second one is counter-clockwise of the first.
     """
-    ways = np.gradient(middle, axis=0)
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    least = np.abs(ways).mean(axis=0).argmin()  # an axis that it is never along
-    u = np.cross(np.eye(3)[least], ways)
+    tangents = np.gradient(centre_line, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    least = np.abs(tangents).mean(axis=0).argmin()  # an axis that it is never along
+    u = np.cross(np.eye(3)[least], tangents)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    return u, np.cross(ways, u)
+    return u, np.cross(tangents, u)
 
 
 def _tube_faces(rings: int, sides: int) -> Faces:
     here = np.arange(sides)
-    there = (here + 1) % sides
+    following = (here + 1) % sides
     foot, tip = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
     last = (rings - 1) * sides
-    triangles = [(foot, there, here), (tip, last + here, last + there)]
+    triangles = [(foot, following, here), (tip, last + here, last + following)]
     for ring in range(rings - 1):
         low, high = ring * sides, (ring + 1) * sides
-        triangles.append((low + here, low + there, high + there))
-        triangles.append((low + here, high + there, high + here))
+        triangles.append((low + here, low + following, high + following))
+        triangles.append((low + here, high + following, high + here))
     faces = np.vstack([np.column_stack(corners) for corners in triangles])
     return faces.astype(np.int32)
 
 
-# Section from plants.leaves.
-# Leaves: open rhombs of two triangles that share the midrib.
-
-
 def foliage(
-    form: PlantParameters, skeleton: Skeleton, rng: np.random.Generator
+    parameters: PlantParameters, skeleton: Skeleton, rng: np.random.Generator
 ) -> Mesh:
-    """Hang leaves around the ends of twigs, as many around each; all in the crown.
+    """Create leaves around the ends of the twigs, equally many for each, in the crown.
 
-    They point away from their twig's end, and face any way.
+    They point away from their twig's end and face in random directions.
     """
     ends = skeleton.points[skeleton.tips]
-    owners = np.arange(form.leaves) % len(ends)
-    offsets = _offsets(form, ends[owners], rng)
-    ribs = offsets / form.cluster + rng.standard_normal(offsets.shape)
-    return rhombs(form, ends[owners] + offsets, ribs, rng)
+    owners = np.arange(parameters.leaves) % len(ends)
+    offsets = _draw_offsets(parameters, ends[owners], rng)
+    midribs = offsets / parameters.cluster + rng.standard_normal(offsets.shape)
+    return rhombi(parameters, ends[owners] + offsets, midribs, rng)
 
 
-def rhombs(
-    form: PlantParameters, middles: Floats, ribs: Floats, rng: np.random.Generator
+def rhombi(
+    parameters: PlantParameters,
+    centres: Floats,
+    midribs: Floats,
+    rng: np.random.Generator,
 ) -> Mesh:
-    """Make a leaf around each of some points, turned about its rib at random.
+    """Create a leaf at each of some points, rotated about its midrib at random.
 
     Args:
-        form: Says how large leaves are.
-        middles: (N, 3) m.
-        ribs: (N, 3) where they point, of any length but none.
-        rng: What turns them.
+        parameters: The size of leaves.
+        centres: (N, 3) m.
+        midribs: (N, 3) directions from base to tip, of any length but 0.
+        rng: Draws the rotations.
 
     Returns:
-        Of each leaf base, right, tip, left: (4N, 3) m; and (2N, 3) faces, which have
-        the edge from base to tip in common.
+        Base, right, tip and left of each leaf, (4N, 3) m; and (2N, 3) faces, of which
+        two each share the edge from base to tip.
     """
-    ribs = ribs / np.linalg.norm(ribs, axis=1, keepdims=True)
-    others = rng.standard_normal(ribs.shape)
-    blades = np.cross(ribs, others)
+    midribs = midribs / np.linalg.norm(midribs, axis=1, keepdims=True)
+    others = rng.standard_normal(midribs.shape)
+    blades = np.cross(midribs, others)
     blades /= np.linalg.norm(blades, axis=1, keepdims=True)
-    rib, blade = ribs * form.leaf_length / 2, blades * form.leaf_width / 2
-    corners = [middles - rib, middles - blade, middles + rib, middles + blade]
+    rib, blade = (
+        midribs * parameters.leaf_length / 2,
+        blades * parameters.leaf_width / 2,
+    )
+    corners = [centres - rib, centres - blade, centres + rib, centres + blade]
     vertices = np.stack(corners, axis=1).reshape(-1, 3)
-    first = 4 * np.arange(len(middles))[:, None, None]
+    first = 4 * np.arange(len(centres))[:, None, None]
     faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     return vertices, faces.astype(np.int32)
 
 
-def _offsets(form: PlantParameters, ends: Floats, rng: np.random.Generator) -> Floats:
-    """Draw where leaves are, seen from their twigs' ends, until all are in the crown.
+def _draw_offsets(
+    parameters: PlantParameters, ends: Floats, rng: np.random.Generator
+) -> Floats:
+    """Draw the positions of leaves relative to the twigs' ends; all in the crown.
 
-    A leaf is in it with all its corners, whichever way it faces.
+    All corners of a leaf are in it, whatever direction the leaf faces.
     """
-    share = form.leaf_length / 2 / form.half_axes.min()
-    room = form.half_axes * (1 - share)
+    share = parameters.leaf_length / 2 / parameters.half_axes.min()
+    half_axes = parameters.half_axes * (1 - share)
     offsets = np.zeros_like(ends)
-    out = np.arange(len(ends))
-    while len(out):
-        offsets[out] = rng.normal(0, form.cluster, (len(out), 3))
-        places = (ends[out] + offsets[out] - form.centre) / room
-        out = out[np.linalg.norm(places, axis=1) > 1]
+    outside = np.arange(len(ends))
+    while len(outside):
+        offsets[outside] = rng.normal(0, parameters.cluster, (len(outside), 3))
+        positions = (ends[outside] + offsets[outside] - parameters.centre) / half_axes
+        outside = outside[np.linalg.norm(positions, axis=1) > 1]
     return offsets

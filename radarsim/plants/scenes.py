@@ -1,4 +1,4 @@
-"""Scenes of many leaves, made from numbers alone."""
+"""Procedural scenes with many leaves."""
 
 import math
 from typing import Final
@@ -6,55 +6,56 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import rotation_matrix
-from radarsim.plants.growth import SHRUB
-from radarsim.plants.mesh import Mesh
+from radarsim.plants.parameters import SHRUB
 from radarsim.plants.plant import Plant, make_shrubs
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
-from radarsim.scene.shapes import box
+from radarsim.scene.shapes import Mesh, box
 
 LEAF: Final = Material("leaf", density=0.0, sheet_loss=0.4)
 WOOD: Final = Material("wood")
 WALL: Final = Material("wall")
-STEP: Final = 2.2 * SHRUB.crown_radius  # m between neighbours
-FIRST: Final = -4.0  # m, x of the first row
-BEFORE: Final = 4.0  # m from there to the wall, and room for a sensor
+SPACING: Final = 2.2 * SHRUB.crown_radius  # m between neighbours
+FIRST_ROW: Final = -4.0  # m, x of the first row
+WALL_DISTANCE: Final = 4.0  # m from the first row to the wall, for a sensor
 
 
 def leaf_scene(triangles: int) -> Scene:
-    """Make a room full of shrubs of leaves, with so many triangles, more or less.
+    """Create a room of leafy shrubs with approximately a given number of triangles.
 
-    They stand in a square of rows from x = -4 m on, each turned in another direction,
-    so that there is room for a sensor at x = -6, y = 0. No two of them touch.
+    The shrubs stand in a square grid from x = -4 m on, each with a random yaw, with
+    space for a sensor at x = -6, y = 0. No two of them touch.
 
     Args:
-        triangles: At least one shrub is made, of some 15,000.
+        triangles: Number of triangles; at least one shrub is created, of about 15,000.
     """
     shrub = make_shrubs(0)["leaves"]
     count = max(1, round(triangles / shrub.triangles))
     rng = generator_for(0, "plants", "leaf scene")
     side = math.ceil(math.sqrt(count))
-    parts = [_room(side)]
+    parts = [_walls(side)]
     for number in range(count):
         row, column = divmod(number, side)
-        place = np.array([FIRST + STEP * row, STEP * (column - (side - 1) / 2), 0.0])
-        turned = _turned(shrub, rng.uniform(0, 2 * math.pi))
-        parts += turned.parts(f"shrub_{number + 1}", WOOD, LEAF, place)
+        position = np.array(
+            [FIRST_ROW + SPACING * row, SPACING * (column - (side - 1) / 2), 0.0]
+        )
+        rotated = _rotate(shrub, rng.uniform(0, 2 * math.pi))
+        parts += rotated.parts(f"shrub_{number + 1}", WOOD, LEAF, position)
     return Scene("leaves", "Leaves", tuple(parts))
 
 
-def _room(side: int) -> Part:
-    length, width, height = BEFORE + STEP * side, STEP * (side + 2), 6.0
+def _walls(side: int) -> Part:
+    length, width, height = WALL_DISTANCE + SPACING * side, SPACING * (side + 2), 6.0
     vertices, faces = box(length, width, height)
-    middle = [FIRST - BEFORE + length / 2, 0.0, height / 2]
-    return Part("room", WALL, vertices + np.array(middle), faces)
+    centre = [FIRST_ROW - WALL_DISTANCE + length / 2, 0.0, height / 2]
+    return Part("room", WALL, vertices + np.array(centre), faces)
 
 
-def _turned(plant: Plant, yaw: float) -> Plant:
-    turn = rotation_matrix(0.0, 0.0, yaw).T
+def _rotate(plant: Plant, yaw: float) -> Plant:
+    rotation = rotation_matrix(0.0, 0.0, yaw).T
 
-    def turned(mesh: Mesh) -> Mesh:
-        return mesh[0] @ turn, mesh[1]
+    def rotate(mesh: Mesh) -> Mesh:
+        return mesh[0] @ rotation, mesh[1]
 
-    return Plant(turned(plant.wood), turned(plant.foliage))
+    return Plant(rotate(plant.wood), rotate(plant.foliage))

@@ -1,4 +1,4 @@
-"""What is in a scene, in words."""
+"""Summarise a scene as text."""
 
 import math
 from collections import Counter
@@ -10,7 +10,7 @@ from radarsim.scene.scene import Scene, StartPose, Trial
 
 
 def summarise(scene: Scene) -> list[str]:
-    """Describe a scene in lines: what is in it, what that is made of, its starts."""
+    """Return lines that list a scene's extents, materials, objects and starts."""
     objects = len({part.object_name for part in scene.parts})
     return [
         f"map {scene.name}, level {scene.level}",
@@ -60,17 +60,17 @@ def _properties(material: Material) -> str:
 
 
 def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
-    """Tell what is lost in a metre; dB are told where there are any."""
-    told = []
+    """Return the losses per metre; dB only if there are any."""
+    losses = []
     if density or not any(decibels):
-        told.append(title + _density(density))
+        losses.append(title + _density(density))
     if len(set(decibels)) > 1:
         numbers = ", ".join(f"{db:.3g}" for db in decibels)
         bands = ", ".join(str(band) for band in BANDS_GHZ)
-        told.append(f"{numbers} dB per m at {bands} GHz")
+        losses.append(f"{numbers} dB per m at {bands} GHz")
     elif any(decibels):
-        told.append(f"{decibels[0]:.3g} dB per m")
-    return " and ".join(told)
+        losses.append(f"{decibels[0]:.3g} dB per m")
+    return " and ".join(losses)
 
 
 def _density(density: float) -> str:
@@ -78,15 +78,16 @@ def _density(density: float) -> str:
 
 
 def _surface(material: Material) -> Iterator[str]:
-    """Tell what it does beside taking power inside."""
-    for wave, mirrors, kept in (
+    """Yield the properties other than losses inside."""
+    for wave, mirrors, absorbed in (
         ("radar", material.radar_mirror, material.absorption_db),
         ("laser", material.laser_mirror, material.laser_absorption_db),
     ):
         if mirrors:
             yield f"a mirror to {wave}"
-        if kept:
-            yield f"keeps {f'{kept:g} dB' if math.isfinite(kept) else 'all'} of {wave}"
+        if absorbed:
+            amount = f"{absorbed:g} dB" if math.isfinite(absorbed) else "all"
+            yield f"keeps {amount} of {wave}"
     if material.rain:
         yield f"rain of {material.rain:g} mm/h"
 

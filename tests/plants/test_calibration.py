@@ -1,4 +1,4 @@
-"""How much gets through, against closed forms, and what calibration finds."""
+"""Transmission against closed forms, and calibration."""
 
 from itertools import pairwise
 
@@ -11,11 +11,11 @@ from radarsim.plants.calibration import (
     calibrate,
     compare_shapes,
     foliage_material,
+    target_transmission,
     transmission,
     transmission_of_ball,
-    wanted_transmission,
 )
-from radarsim.plants.growth import SHRUB
+from radarsim.plants.parameters import SHRUB
 from radarsim.plants.plant import SHAPES
 from radarsim.raycast.rays import Rays
 from radarsim.rng import generator_for
@@ -39,7 +39,7 @@ def ball_of(density: float) -> list[Part]:
     ]
 
 
-def test_rays_are_level_and_cover_the_disc_of_the_ball_evenly_from_all_sides() -> None:
+def test_rays_are_horizontal_and_uniform_over_the_disc_from_all_sides() -> None:
     rays = rays_at(2.0)
     assert np.abs(rays.directions[:, 2]).max() == 0
     assert np.abs(rays.directions.mean(axis=0)).max() < 1e-12
@@ -53,7 +53,9 @@ def test_rays_are_level_and_cover_the_disc_of_the_ball_evenly_from_all_sides() -
 
 
 @pytest.mark.parametrize("density", [0.1, 0.3, 0.5, 0.7, 1.5])
-def test_a_bare_ball_lets_through_what_its_closed_form_says(density: float) -> None:
+def test_transmission_of_a_bare_ball_agrees_with_its_closed_form(
+    density: float,
+) -> None:
     measured = transmission(ball_of(density), rays_at(1.0)).mean()
     assert measured == pytest.approx(transmission_of_ball(2 * density), abs=FACETS)
 
@@ -76,7 +78,7 @@ def test_nothing_gets_through_wood() -> None:
     assert measured.mean() == pytest.approx(1 - covered, abs=0.01)
 
 
-def test_calibration_finds_the_density_that_it_has_been_shown() -> None:
+def test_calibration_finds_a_known_density() -> None:
     rays = rays_at(1.0)
     wanted = float(transmission(ball_of(0.42), rays).mean())
     assert calibrate(ball_of, wanted, rays, 5.0) == pytest.approx(0.42, rel=2e-3)
@@ -86,11 +88,11 @@ def test_calibration_finds_the_density_that_it_has_been_shown() -> None:
     ("most", "opaque"),
     [pytest.param(0.1, False, id="too thin"), pytest.param(5.0, True, id="too thick")],
 )
-def test_what_cannot_be_reached_is_refused(most: float, opaque: bool) -> None:
-    def parts(taken: float) -> list[Part]:
+def test_unreachable_transmission_is_refused(most: float, opaque: bool) -> None:
+    def parts(loss: float) -> list[Part]:
         vertices, faces = box(9, 9, 9)
         wall = [Part("wall", Material("wall"), vertices + CENTRE, faces)]
-        return wall if opaque else ball_of(taken)
+        return wall if opaque else ball_of(loss)
 
     with pytest.raises(ValueError, match=r"expected 0\.2000 between"):
         calibrate(parts, 0.2, rays_at(1.0), most)
@@ -101,24 +103,24 @@ def compared() -> list[Comparison]:
     return list(compare_shapes(2, rays=400, azimuths=48))
 
 
-def test_the_shapes_of_any_shrub_let_the_same_share_through(
+def test_all_shapes_of_a_shrub_have_the_same_transmission(
     compared: list[Comparison],
 ) -> None:
     assert [each.shape for each in compared] == list(SHAPES)
     for each in compared:
-        assert each.transmission == pytest.approx(wanted_transmission(), rel=0.03)
-    assert wanted_transmission(SHRUB) == pytest.approx(1 / (3 * 1.4**2))
+        assert each.transmission == pytest.approx(target_transmission(), rel=0.03)
+    assert target_transmission(SHRUB) == pytest.approx(1 / (3 * 1.4**2))
 
 
-def test_the_finer_the_shape_the_wider_the_places_where_rays_are_spent(
+def test_finer_shapes_spread_the_places_where_rays_are_spent(
     compared: list[Comparison],
 ) -> None:
-    spreads = [each.reading.spread() for each in compared]
+    spreads = [each.ranges.statistics() for each in compared]
     for coarse, fine in pairwise(spreads):
         assert fine.spent > 1.5 * coarse.spent
 
 
-def test_a_title_says_what_the_foliage_takes(compared: list[Comparison]) -> None:
+def test_title_has_the_loss_of_the_foliage(compared: list[Comparison]) -> None:
     ball, _, leaves = (each.title for each in compared)
     assert ball == f"ball, takes {compared[0].foliage.density} per metre"
     assert leaves == f"leaves, each takes {compared[2].foliage.sheet_loss}"

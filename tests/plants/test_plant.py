@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from radarsim.plants.calibration import WOODEN, foliage_material
-from radarsim.plants.growth import LEAVES, SHRUB, WOOD
 from radarsim.plants.mesh import ball
-from radarsim.plants.plant import SHAPES, TUFT, make_plant, make_shrubs
+from radarsim.plants.parameters import LEAVES, SHRUB, WOOD
+from radarsim.plants.plant import SHAPES, TUFT_RADIUS, make_plant, make_shrubs
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
@@ -24,12 +24,12 @@ def test_the_wood_of_all_shapes_is_the_same() -> None:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_every_shape_fills_the_crown_to_its_border_and_no_further(shape: str) -> None:
+def test_every_shape_fills_the_crown_exactly(shape: str) -> None:
     vertices, _ = make_shrubs(3)[shape].pieces[LEAVES]
     radius = np.linalg.norm(vertices - SHRUB.centre, axis=1)
     assert radius.max() <= SHRUB.crown_radius * (1 + 1e-12)
-    ways = np.vstack([np.eye(3), -np.eye(3)])
-    extents = ((vertices - SHRUB.centre) @ ways.T).max(axis=0)
+    directions = np.vstack([np.eye(3), -np.eye(3)])
+    extents = ((vertices - SHRUB.centre) @ directions.T).max(axis=0)
     assert extents.min() > 0.9 * SHRUB.crown_radius
 
 
@@ -39,10 +39,10 @@ def test_volumes_are_closed_and_a_cloud_has_a_ball_for_each_twig() -> None:
         assert is_closed(shrubs[shape].pieces[LEAVES][1])
     _, faces = shrubs["cloud"].pieces[LEAVES]
     assert label_components(faces).max() + 1 == SHRUB.twigs
-    assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), TUFT)[1])
+    assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), TUFT_RADIUS)[1])
 
 
-def test_parts_stand_where_they_are_put() -> None:
+def test_parts_are_at_the_given_position() -> None:
     plant = make_shrubs(3)["leaves"]
     place = np.array([5.0, -2.0, 0.5])
     leaf = foliage_material("leaves", 0.3)
@@ -54,13 +54,13 @@ def test_parts_stand_where_they_are_put() -> None:
     assert plant.triangles == len(wood.faces) + len(leaves.faces)
 
 
-def test_plants_of_other_names_are_other_plants() -> None:
+def test_other_name_gives_another_plant() -> None:
     one, same, other = (make_plant(SHRUB, 1, name) for name in ("a", "a", "b"))
     assert np.array_equal(one.foliage[0], same.foliage[0])
     assert not np.array_equal(one.foliage[0], other.foliage[0])
 
 
-def test_balls_of_one_cloud_count_once_where_they_overlap() -> None:
+def test_overlapping_balls_of_one_cloud_count_once() -> None:
     mist = Material("mist", density=0.1)
     one, other = (ball(np.array([x, 0, 0]), 0.5, 64, 63) for x in (0.0, 0.5))
     faces = np.vstack([one[1], other[1] + len(one[0])])

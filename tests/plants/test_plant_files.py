@@ -1,4 +1,4 @@
-"""The mesh files: what is in them, who makes them, and how they are written."""
+"""Mesh files: their contents, and the program that writes them."""
 
 import sys
 from pathlib import Path
@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from radarsim import shipped_maps
+from radarsim.atomic_write import write_atomically
 from radarsim.plants import __main__ as program
-from radarsim.plants.growth import LEAVES, WOOD
+from radarsim.plants.parameters import LEAVES, WOOD
 from radarsim.plants.plant import (
-    GRAIN,
+    GRID,
     SEED,
-    as_glb,
+    encode_glb,
     make_shrubs,
     plant_files,
-    write_all,
 )
 from radarsim.scene.meshes import Surface, read_surfaces
 
@@ -26,7 +26,7 @@ NAMES = ["shrub_ball", "shrub_cloud", "shrub_leaves", "tree", "young_tree"]
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("meshes").resolve()
-    write_all(folder, plant_files(SEED))
+    write_atomically({folder / n: data for n, data in plant_files(SEED).items()})
     return folder
 
 
@@ -36,7 +36,7 @@ def surfaces(folder: Path, name: str) -> dict[str | None, Surface]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_shipped_meshes_are_those_that_the_program_makes(
+def test_shipped_meshes_are_those_that_the_program_writes(
     made: Path, name: str
 ) -> None:
     shipped, new = surfaces(SHIPPED, name), surfaces(made, name)
@@ -44,8 +44,8 @@ def test_the_shipped_meshes_are_those_that_the_program_makes(
     for material, surface in shipped.items():
         twin = new[material]
         assert np.array_equal(surface.faces, twin.faces)
-        # another machine may round another way, which moves a vertex by one grain
-        assert np.abs(surface.vertices - twin.vertices).max() < 1.5 * GRAIN
+        # another machine may round differently, which moves a vertex by one grid step
+        assert np.abs(surface.vertices - twin.vertices).max() < 1.5 * GRID
 
 
 def test_there_are_no_other_mesh_files_and_they_are_small() -> None:
@@ -54,34 +54,23 @@ def test_there_are_no_other_mesh_files_and_they_are_small() -> None:
     assert sum(file.stat().st_size for file in files) < 3e6
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_one_others(made: Path) -> None:
+def test_same_seed_gives_the_same_bytes_and_another_one_others(made: Path) -> None:
     for name, content in plant_files(SEED).items():
         assert (made / name).read_bytes() == content
     for name, content in plant_files(SEED + 1).items():
         assert (made / name).read_bytes() != content
 
 
-def test_a_mesh_comes_back_from_its_file_with_y_up(tmp_path: Path) -> None:
+def test_mesh_survives_the_file_with_y_up(tmp_path: Path) -> None:
     plant = make_shrubs(1)["cloud"]
     folder = tmp_path.resolve()
-    (folder / "shrub.glb").write_bytes(as_glb(plant.pieces))
+    (folder / "shrub.glb").write_bytes(encode_glb(plant.pieces))
     for name, surface in surfaces(folder, "shrub").items():
         vertices, faces = plant.pieces[name or ""]
         x, y, z = surface.vertices.T
         back = np.column_stack([x, -z, y])
-        assert np.abs(back - vertices).max() < 0.6 * GRAIN
+        assert np.abs(back - vertices).max() < 0.6 * GRID
         assert np.array_equal(surface.faces, faces)
-
-
-def test_files_are_written_whole_or_not_at_all(tmp_path: Path) -> None:
-    old = tmp_path / "a.glb"
-    old.write_bytes(b"old")
-    with pytest.raises(OSError, match="No such file"):
-        write_all(tmp_path, {"a.glb": b"new", "no/folder.glb": b"new"})
-    assert old.read_bytes() == b"old"
-    assert [file.name for file in tmp_path.iterdir()] == ["a.glb"]
-    write_all(tmp_path, {"a.glb": b"new"})
-    assert old.read_bytes() == b"new"
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
@@ -92,7 +81,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     return int(end.value.code or 0)
 
 
-def test_the_program_makes_all_files_of_a_seed(
+def test_program_writes_all_files_of_a_seed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
@@ -104,12 +93,12 @@ def test_the_program_makes_all_files_of_a_seed(
     assert capsys.readouterr().out.count("bytes\n") == len(NAMES)
 
 
-# Few rays find nearly the same; of so many as is the default, the map has its numbers.
+# Few rays give nearly the same; the map has the values of the default number.
 @pytest.mark.parametrize(
     ("rays", "accuracy"),
     [(100, 0.03), pytest.param(1600, 5e-3, marks=pytest.mark.slow)],
 )
-def test_the_program_tells_what_foliage_takes_and_draws_it(
+def test_program_prints_the_loss_of_foliage_and_draws_it(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
@@ -120,14 +109,14 @@ def test_the_program_tells_what_foliage_takes_and_draws_it(
     options = ("--figure", picture, "--rays", rays)
     assert run(monkeypatch, tmp_path / "out", *options) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     text = shipped_maps()["forest_edge"].read_text()
     for shape, word in (
         ("ball", "takes"),
         ("cloud", "takes"),
         ("leaves", "each takes"),
     ):
-        (line,) = (line for line in told.splitlines() if f"{shape}, {word}" in line)
+        (line,) = (line for line in output.splitlines() if f"{shape}, {word}" in line)
         number = float(line.split(f"{word} ")[1].split()[0].strip(":"))
         assert f"foliage_{shape}: {{" in text
         key = "sheet_loss" if shape == "leaves" else "density"
@@ -135,7 +124,7 @@ def test_the_program_tells_what_foliage_takes_and_draws_it(
         assert number == pytest.approx(float(shipped), rel=accuracy)
 
 
-def test_a_folder_that_cannot_be_made_is_named(
+def test_folder_that_cannot_be_created_is_reported(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,

@@ -1,11 +1,11 @@
 import pytest
 
 from radarsim.plants.plant import make_shrubs
-from radarsim.plants.scenes import STEP, leaf_scene
+from radarsim.plants.scenes import SPACING, leaf_scene
 
 
 @pytest.mark.parametrize("triangles", [1, 60_000, 200_000])
-def test_there_are_as_many_triangles_as_asked_for_to_half_a_shrub(
+def test_number_of_triangles_is_right_to_half_a_shrub(
     triangles: int,
 ) -> None:
     one = make_shrubs(0)["leaves"].triangles
@@ -13,21 +13,19 @@ def test_there_are_as_many_triangles_as_asked_for_to_half_a_shrub(
     assert abs(scene.triangles - max(triangles, one)) <= one / 2 + 12
 
 
-def test_the_shrubs_stand_in_the_room_apart_from_each_other_and_from_the_sensor() -> (
-    None
-):
+def test_shrubs_in_the_room_touch_neither_each_other_nor_the_sensor() -> None:
     room, *parts = leaf_scene(80_000).parts
     low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
     names = {part.object_name for part in parts}
     assert len(names) == len(parts) / 2 == 5
-    assert STEP > 2
+    assert SPACING > 2
     for part in parts:
         assert (part.vertices[:, :2] > low[:2]).all()
         assert (part.vertices < high).all()
         assert part.vertices[:, 0].min() > -5.1  # the sensor is at x = -6
 
 
-def test_the_scene_is_the_same_every_time() -> None:
+def test_scene_is_reproducible() -> None:
     one, same = leaf_scene(30_000), leaf_scene(30_000)
     for part, twin in zip(one.parts, same.parts, strict=True):
         assert part.vertices.tolist() == twin.vertices.tolist()

@@ -1,4 +1,4 @@
-"""Leaves: where they are, and what a beam pays for them."""
+"""Positions of leaves, and the loss of beams at them."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.plants.growth import LEAVES, SHRUB, TREE, YOUNG_TREE, PlantParameters
-from radarsim.plants.mesh import rhombs
+from radarsim.plants.mesh import rhombi
+from radarsim.plants.parameters import LEAVES, SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.plants.plant import make_plant
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
@@ -22,25 +22,29 @@ LEAF = Material("leaf", density=0.0, sheet_loss=LOSS)
 
 def leaves_at(middles: Floats, seed: int = 0) -> Part:
     rng = generator_for(seed, "leaves")
-    mesh = rhombs(SHRUB, middles, rng.standard_normal(middles.shape), rng)
+    mesh = rhombi(SHRUB, middles, rng.standard_normal(middles.shape), rng)
     return Part("leaves", LEAF, *mesh)
 
 
-def cast(part: Part, through: Floats, ways: Floats, medium: int = RADAR) -> Traces:
+def cast(
+    part: Part, through: Floats, directions: Floats, medium: int = RADAR
+) -> Traces:
     """Cast rays of power 1 that start 1 m before some points."""
-    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    rays = Rays.uniform(through - ways, ways, max_range=2.0, power=1.0, medium=medium)
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = Rays.uniform(
+        through - directions, directions, max_range=2.0, power=1.0, medium=medium
+    )
     return Tracer([part]).trace(rays)
 
 
 def upright_leaf() -> Part:
-    """Give a leaf across the x axis whose midrib is its diagonal y = z."""
+    """Return a leaf across the x axis whose midrib is its diagonal y = z."""
     corners = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1.0]])
     return Part("leaf", LEAF, corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 @given(st.integers(0, 2**32))
-def test_a_ray_through_the_midrib_pays_for_one_leaf(seed: int) -> None:
+def test_ray_through_the_midrib_loses_one_sheet_loss(seed: int) -> None:
     rng = generator_for(seed, "rays")
     part = leaves_at(rng.uniform(-5, 5, (1, 3)), seed)
     base, _, tip, _ = part.vertices
@@ -49,22 +53,24 @@ def test_a_ray_through_the_midrib_pays_for_one_leaf(seed: int) -> None:
     assert traces.power.tolist() == [1 - LOSS] * 50
 
 
-@pytest.mark.parametrize("way", [(1, 0, 0), (-1, 0, 0), (1, 0.5, 0.25), (1, 1, 1)])
-def test_a_ray_exactly_through_the_midrib_pays_once(
-    way: tuple[float, float, float],
+@pytest.mark.parametrize(
+    "direction", [(1, 0, 0), (-1, 0, 0), (1, 0.5, 0.25), (1, 1, 1)]
+)
+def test_ray_exactly_through_the_midrib_loses_one_sheet_loss(
+    direction: tuple[float, float, float],
 ) -> None:
     through = np.array([[0.0, share, share] for share in (0.125, 0.25, 0.5, 0.75)])
-    traces = cast(upright_leaf(), through, np.tile(np.array(way), (4, 1)))
+    traces = cast(upright_leaf(), through, np.tile(np.array(direction), (4, 1)))
     assert traces.power.tolist() == [1 - LOSS] * 4
 
 
-def test_a_ray_along_a_leaf_pays_once_at_most() -> None:
+def test_ray_along_a_leaf_loses_at_most_one_sheet_loss() -> None:
     through = np.array([[0.0, 0.5, 0.5]])
     power = cast(upright_leaf(), through, np.array([[0.0, 1.0, 1.0]])).power[0]
     assert power in (1.0, 1 - LOSS)
 
 
-def test_each_leaf_on_the_way_costs_the_same_until_the_last_takes_the_rest() -> None:
+def test_each_leaf_costs_the_same_until_the_power_is_spent() -> None:
     for count in range(1, 6):
         corners = np.concatenate(
             [upright_leaf().vertices + 0.1 * i * np.eye(3)[0] for i in range(count)]
@@ -88,21 +94,23 @@ def test_light_is_stopped_by_a_leaf() -> None:
 
 
 @pytest.mark.parametrize(
-    "form",
+    "parameters",
     [
         pytest.param(SHRUB, id="shrub"),
         pytest.param(TREE, id="tree"),
         pytest.param(YOUNG_TREE, id="young tree"),
     ],
 )
-def test_all_leaves_are_in_the_crown(form: PlantParameters) -> None:
-    vertices, faces = make_plant(form, 3, "test").pieces[LEAVES]
-    places = (vertices - form.centre) / form.half_axes
+def test_all_leaves_are_in_the_crown(parameters: PlantParameters) -> None:
+    vertices, faces = make_plant(parameters, 3, "test").pieces[LEAVES]
+    places = (vertices - parameters.centre) / parameters.half_axes
     assert np.linalg.norm(places, axis=1).max() <= 1
-    assert len(faces) == 2 * form.leaves
+    assert len(faces) == 2 * parameters.leaves
 
 
-def test_leaves_are_as_large_as_the_form_says_and_face_all_ways_alike() -> None:
+def test_leaves_have_the_size_of_the_parameters_and_face_all_directions_equally() -> (
+    None
+):
     part = leaves_at(np.zeros((4000, 3)))
     a, b, c = (part.vertices[part.faces[:, i]] for i in range(3))
     crosses = np.cross(b - a, c - a)
