@@ -1,28 +1,30 @@
-"""The law of penetration: what a ray's crossings cost it, and where it ends.
+"""The penetration model: the power that a ray loses, and where it ends.
 
 Theory of operation
 ===================
-A ray leaves with a penetration power. Inside volumes it loses, per metre, the sum of
-the densities of all volumes around the point, and of the air's. It ends at the first
-opaque surface, where its power runs out, or out of reach. What a surface keeps must be
-left on arrival, or nothing comes back.
-A ray that is mirrored has several legs: each is walked by itself, and begins with what
-is left of the one before. This module knows no scene and no Embree:
-it walks one ray's list of crossings, in order of distance, in float64.
+A ray starts with a penetration power. Inside volumes it loses, per metre, the sum of
+the densities of all volumes that enclose the point, and of the air. It ends at the
+first opaque surface, where its power runs out, or at its maximum range. An opaque
+surface absorbs power of its own; a ray that arrives with less returns nothing.
 
-A part is around the ray where its winding number is above zero: the number there at
-the start, plus one for each front of a triangle that the ray goes in by, minus one for
-each back that it comes out by. Shells that overlap count once, cavities are outside,
-and two crossings on a grazed edge add up to nothing in either order.
+A reflected ray consists of several straight segments. Each is followed separately and
+starts with the power left by the one before. This module knows neither the scene nor
+Embree: it follows one segment through its sorted list of crossings, in float64.
 
-Rule 1: the list is complete, and a surface is on it once; ``line`` sees to that.
-Rule 2: the density is summed anew after each crossing, never added to and taken from:
-a ray that has left all volumes pays nothing, exactly.
-Rule 3: a power of which rounding alone leaves something is spent.
+A part encloses the ray where its winding number is positive: the winding number at the
+start, plus one for each triangle that the ray enters by its front, minus one for each
+that it leaves by its back. Hence overlapping shells of a part count once, cavities are
+outside, and two crossings on a grazed edge cancel in either order.
 
-Source: the recursion of a thesis on a radar for USARSim, of which this is the loop;
-in that model a penetrable object costs density times length, and where the power
-runs out, that point's range is the reading.
+Rule 1: the list of crossings is complete and without duplicates; ``intersect`` ensures
+that.
+Rule 2: the density is summed anew after each crossing. Adding and subtracting would
+leave a rounding error: a ray that has left all volumes loses exactly nothing.
+Rule 3: a remaining power that is due to rounding alone counts as zero.
+
+Source: the recursion in a thesis on a radar for USARSim, written as a loop. There a
+penetrable object costs density times length, and the range that is measured is that of
+the point where the power runs out.
 """
 
 from enum import IntEnum
@@ -34,8 +36,9 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 
-ROUNDING: Final = 1e-12  # share of a power that may be left of it by rounding
+ROUNDING: Final = 1e-12  # share of the initial power that may be left by rounding
 
+# One row for each event; the fields are those of ``rays.Event``.
 EVENT: Final = np.dtype(
     [
         ("ray", "i8"),
@@ -49,7 +52,9 @@ EVENT: Final = np.dtype(
         ("z", "f8"),
     ]
 )
-BEFORE: Final = 6  # place in a leg: m that the ray has come before it
+# Indices into ``RayState.segment``, which begins with the start's x, y, z.
+DIRECTION: Final = 3
+T_START: Final = 6
 
 
 class Outcome(IntEnum):
@@ -62,7 +67,7 @@ class Outcome(IntEnum):
 
 
 class EventKind(IntEnum):
-    """What happens to a ray at one point of its way."""
+    """What happens to a ray at one point of its path."""
 
     START_INSIDE = 0
     ENTER = 1
@@ -73,23 +78,23 @@ class EventKind(IntEnum):
     OUT_OF_RANGE = 6
     MIRRORED = 7
     ABSORBED = 8
-    RAIN = 9  # no ray meets it; sensors add it
+    RAIN = 9  # added by sensors; no ray intersects rain
 
 
-# The same as plain numbers, of which compiled code makes less ado.
+# numba compiles plain integers faster than the members of an enumeration.
 _START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT, _SPENT = map(int, list(EventKind)[:6])
 _OUT_OF_RANGE, MIRRORED, _ABSORBED = map(int, list(EventKind)[6:9])
-_ENDED, _ENDED_BY_HIT, _ENDED_SPENT, _ENDED_ABSORBED = map(int, Outcome)
+_END_NOTHING, END_HIT, END_SPENT, _END_ABSORBED = map(int, Outcome)
 
 
 class RayCosts(NamedTuple):
-    """What the parts of a scene cost one kind of ray.
+    """The power that one class of rays loses in the parts of a scene.
 
     Attributes:
-        density: (P,) power per metre inside.
-        sheet_loss: (P,) power per crossed surface; nan for a volume.
-        air: Power per metre everywhere.
-        air_part: The number of the part that the air is.
+        density: (P,) power lost per metre inside.
+        sheet_loss: (P,) power lost per crossed surface; nan for a volume.
+        air: Power lost per metre everywhere.
+        air_part: The index of the part that represents the air.
     """
 
     density: Floats
@@ -99,42 +104,58 @@ class RayCosts(NamedTuple):
 
 
 class RayState(NamedTuple):
-    """Where one ray is followed, and what it met; made once for many rays.
+    """Arrays that describe one ray at one point, allocated once for many rays.
 
     Attributes:
-        crossings: (H,) CROSSING: how far a surface is, whose it is, and what it adds
-            to the winding number of that part; the first ``before`` of a ``Stop``.
+        crossings: (H,) CROSSING, the surfaces that the segment crosses.
         winding: (P,) int32, the winding number of each part.
-        touched: (P,) int32, the parts that the ray had to do with.
-        seen: (P,) uint8, which parts these are.
-        around: (P,) int32, the parts around the ray, last entered last.
-        sizes: (2,) int64, how many are touched and how many around.
-        leg: (7,) where the leg starts, m, its unit vector, and how far the ray has come
-            before it, m.
-        events: (E,) EVENT; what happened, if anybody asks: the ``ray`` of the last
-            row counts, and what does not fit is counted only. Without rows, nothing.
+        touched: (P,) int32, the parts whose winding number was changed; only these are
+            reset for the next ray.
+        seen: (P,) uint8, whether a part is among them.
+        enclosing: (P,) int32, the parts that enclose the point, last entered last.
+        sizes: (2,) int64, the number of parts that are touched and that enclose.
+        segment: (7,) start of the segment, m, its unit vector, and the distance that
+            the ray has travelled before it, m.
+        events: (E + 1,) EVENT to be filled; the ``ray`` of the last row counts them,
+            also those for which there is no row. Empty if none are requested.
     """
 
     crossings: NDArray[np.void]
     winding: NDArray[np.int32]
     touched: NDArray[np.int32]
     seen: NDArray[np.uint8]
-    around: NDArray[np.int32]
+    enclosing: NDArray[np.int32]
     sizes: NDArray[np.int64]
-    leg: Floats
+    segment: Floats
     events: NDArray[np.void]
 
 
-class Stop(NamedTuple):
-    """How far a ray can come at all.
+class Progress(NamedTuple):
+    """How far a ray has come on a segment, and in what state.
 
     Attributes:
-        before: How many surfaces it crosses before.
-        t: Where, m.
-        part: What stops it; -1 for the end of its reach.
+        t: m from the start of the segment.
+        power: Remaining power.
+        min_power: At this power or less the ray is spent.
+        spent_in: The part that took the last of the power; -1 while there is some.
     """
 
-    before: int
+    t: float
+    power: float
+    min_power: float
+    spent_in: np.int64
+
+
+class SegmentEnd(NamedTuple):
+    """Where a segment ends at the latest.
+
+    Attributes:
+        crossed: The number of surfaces crossed before.
+        t: m from the start of the segment.
+        part: The opaque part there; -1 for the maximum range.
+    """
+
+    crossed: int
     t: float
     part: int
 
@@ -143,11 +164,11 @@ class RayEnd(NamedTuple):
     """Where a ray ended.
 
     Attributes:
-        t: m from its start, over all legs.
+        t: m from the ray's origin, over all segments.
         outcome: An ``Outcome``.
-        part: What was hit, or the last entered of the volumes in which the power ran
-            out, or the sheet that took the rest of it; -1 for nothing.
-        power: What is left; of a hit, what comes back.
+        part: The part that was hit, the last entered of the volumes in which the power
+            ran out, or the sheet that took the rest of it; -1 for none.
+        power: Remaining power; of a hit, what the surface returns.
     """
 
     t: float
@@ -157,15 +178,15 @@ class RayEnd(NamedTuple):
 
 
 @njit_cached
-def new_walk(
+def new_ray_state(
     parts: int, crossings: NDArray[np.void], events: NDArray[np.void]
 ) -> RayState:
-    """Make room for walks in a scene.
+    """Allocate the state of a ray.
 
     Args:
-        parts: How many parts the scene has.
-        crossings: As many as one ray may have.
-        events: One more than all rays together may write, or none.
+        parts: Number of parts of the scene.
+        crossings: Room for the crossings of one segment.
+        events: Room for the events of all rays and the counter, or empty.
     """
     return RayState(
         crossings,
@@ -180,204 +201,186 @@ def new_walk(
 
 
 @njit_inline
-def wind(walk: Any, part: Any, turn: Any) -> Any:
-    """Add to a part's winding number; above zero, the part is around the ray.
+def update_winding(state: Any, part: Any, sign: Any) -> Any:
+    """Add to a part's winding number, and keep the list of enclosing parts.
 
     Returns:
-        1 if the ray enters the part by it, -1 if it leaves it, 0 if neither.
+        1 if the ray enters the part by that, -1 if it leaves the part, 0 if neither.
     """
-    if not walk.seen[part]:
-        walk.seen[part] = 1
-        walk.touched[walk.sizes[0]] = part
-        walk.sizes[0] += 1
-    before = walk.winding[part] > 0
-    walk.winding[part] += turn
-    after = walk.winding[part] > 0
-    n = walk.sizes[1]
-    if after and not before:
-        walk.around[n] = part
-        walk.sizes[1] = n + 1
+    if not state.seen[part]:
+        state.seen[part] = 1
+        state.touched[state.sizes[0]] = part
+        state.sizes[0] += 1
+    was_inside = state.winding[part] > 0
+    state.winding[part] += sign
+    is_inside = state.winding[part] > 0
+    n = state.sizes[1]
+    if is_inside and not was_inside:
+        state.enclosing[n] = part
+        state.sizes[1] = n + 1
         return 1
-    if before and not after:
-        place = 0
-        while walk.around[place] != part:
-            place += 1
-        for i in range(place, n - 1):
-            walk.around[i] = walk.around[i + 1]
-        walk.sizes[1] = n - 1
+    if was_inside and not is_inside:
+        index = 0
+        while state.enclosing[index] != part:
+            index += 1
+        for i in range(index, n - 1):
+            state.enclosing[i] = state.enclosing[i + 1]
+        state.sizes[1] = n - 1
         return -1
     return 0
 
 
 @njit_inline
-def forget(walk: Any) -> None:
-    """Leave all parts."""
-    for i in range(walk.sizes[0]):
-        part = walk.touched[i]
-        walk.winding[part] = 0
-        walk.seen[part] = 0
-    walk.sizes[0] = 0
-    walk.sizes[1] = 0
+def reset_winding(state: Any) -> None:
+    """Set all winding numbers to zero."""
+    for i in range(state.sizes[0]):
+        part = state.touched[i]
+        state.winding[part] = 0
+        state.seen[part] = 0
+    state.sizes[0] = 0
+    state.sizes[1] = 0
 
 
 @njit_inline
-def _density(walk: Any, toll: Any) -> Any:
-    total = toll.air
-    for i in range(walk.sizes[1]):
-        total += toll.density[walk.around[i]]
+def record_event(
+    state: Any, ray: Any, t: Any, kind: Any, part: Any, power: Any, absorbed: Any
+) -> None:
+    """Append an event if events are requested; ``t`` is m from the segment's start."""
+    last = state.events.size - 1
+    if last < 0:
+        return
+    n = state.events[last].ray
+    if n < last:
+        segment = state.segment
+        event = state.events[n]
+        event.ray = ray
+        event.t = segment[T_START] + t
+        event.kind = kind
+        event.part = part
+        event.power = power
+        event.absorbed = absorbed
+        event.x = segment[0] + t * segment[DIRECTION]
+        event.y = segment[1] + t * segment[DIRECTION + 1]
+        event.z = segment[2] + t * segment[DIRECTION + 2]
+    state.events[last].ray = n + 1
+
+
+@njit_inline
+def start_ray(ray: Any, power: Any, state: Any) -> Any:
+    """Return the ``Progress`` at the start of a ray whose winding numbers are set.
+
+    Args:
+        ray: The ray's index, for the events.
+        power: The power that it starts with.
+        state: The ray's state.
+    """
+    for i in range(state.sizes[1]):
+        record_event(state, ray, 0.0, _START_INSIDE, state.enclosing[i], power, 0.0)
+    min_power = power * ROUNDING if np.isfinite(power) else 0.0
+    return Progress(0.0, power, min_power, np.int64(-1))
+
+
+@njit_inline
+def _density(state: Any, costs: Any) -> Any:
+    total = costs.air
+    for i in range(state.sizes[1]):
+        total += costs.density[state.enclosing[i]]
     return total
 
 
 @njit_inline
-def write(walk: Any, ray: Any, t: Any, what: Any, power: Any, kept: Any) -> None:
-    """Write an event down, if anybody asks; ``what`` is its kind and its part."""
-    last = walk.events.size - 1
-    if last < 0:
-        return
-    n = walk.events[last].ray
-    if n < last:
-        event = walk.events[n]
-        event.ray = ray
-        event.t = walk.leg[BEFORE] + t
-        event.kind, event.part = what
-        event.power = power
-        event.absorbed = kept
-        event.x = walk.leg[0] + t * walk.leg[3]
-        event.y = walk.leg[1] + t * walk.leg[4]
-        event.z = walk.leg[2] + t * walk.leg[5]
-    walk.events[last].ray = n + 1
+def _innermost(state: Any, costs: Any) -> Any:
+    """Return the last entered of the enclosing parts, or the air if there is none."""
+    n = state.sizes[1]
+    return np.int64(state.enclosing[n - 1]) if n else np.int64(costs.air_part)
 
 
 @njit_inline
-def _cross(walk: Any, toll: Any, crossing: Any, power: Any) -> Any:
-    """Go through one surface.
+def _cross_surface(state: Any, costs: Any, crossing: Any, power: Any) -> Any:
+    """Pass through one surface.
 
     Returns:
-        What happens there, an ``EventKind`` or -1 for nothing, and the power behind it.
+        The ``EventKind``, -1 for none, and the power behind the surface.
     """
-    loss = toll.sheet_loss[crossing.part]
+    loss = costs.sheet_loss[crossing.part]
     if not np.isnan(loss):
         return _SHEET, max(power - loss, 0.0)
-    change = wind(walk, crossing.part, crossing.turn)
+    change = update_winding(state, crossing.part, crossing.sign)
     if change > 0:
         return _ENTER, power
     return _LEAVE if change < 0 else -1, power
 
 
 @njit_inline
-def begin(ray: Any, power: Any, walk: Any) -> Any:
-    """Start to walk a ray whose winding numbers at the start are set.
+def advance_ray(ray: Any, progress: Any, limit: Any, costs: Any, state: Any) -> Any:
+    """Go from crossing to crossing as far as the power lasts.
 
     Args:
-        ray: The ray's number, for the events.
-        power: What it starts with.
-        walk: To be used for nothing else until ``end``.
+        ray: The ray's index, for the events.
+        progress: From ``start_ray`` or the previous call.
+        limit: A ``SegmentEnd``, up to which the crossings are known.
+        costs: The ``RayCosts`` of this class of rays.
+        state: With the sorted crossings before the limit.
 
     Returns:
-        How far it is, what power it has, at what power it is spent, and the part that
-        took the last of it, -1 for none: the state that ``follow`` takes and gives.
+        The new ``Progress``.
     """
-    for i in range(walk.sizes[1]):
-        write(walk, ray, 0.0, (_START_INSIDE, walk.around[i]), power, 0.0)
-    least = power * ROUNDING if np.isfinite(power) else 0.0
-    return 0.0, power, least, np.int64(-1)
-
-
-@njit_inline
-def _innermost(walk: Any, toll: Any) -> Any:
-    """Give the last entered of the volumes around a ray; the air if there is none."""
-    n = walk.sizes[1]
-    return np.int64(walk.around[n - 1]) if n else np.int64(toll.air_part)
-
-
-@njit_inline
-def follow(ray: Any, state: Any, stop: Any, toll: Any, walk: Any) -> Any:
-    """Go on from crossing to crossing, as far as the power carries.
-
-    Args:
-        ray: The ray's number.
-        state: From ``begin``, or from the call before.
-        stop: Where the crossings that are known end.
-        toll: Of this kind of ray.
-        walk: Holds the sorted crossings before the stop.
-
-    Returns:
-        The state there.
-    """
-    at, power, least, _ = state
-    density = _density(walk, toll)
-    for i in range(stop.before + 1):
-        t = walk.crossings[i].t if i < stop.before else stop.t
+    at, power, min_power, _ = progress
+    density = _density(state, costs)
+    for i in range(limit.crossed + 1):
+        t = state.crossings[i].t if i < limit.crossed else limit.t
         if density > 0.0:
             left = power - density * (t - at)
-            if left <= least:
+            if left <= min_power:
                 at = min(at + power / density, t)
-                return at, 0.0, least, _innermost(walk, toll)
+                return Progress(at, 0.0, min_power, _innermost(state, costs))
             power = left
         at = t
-        if i == stop.before:
+        if i == limit.crossed:
             break
-        crossing = walk.crossings[i]
+        crossing = state.crossings[i]
         arriving = power
-        kind, power = _cross(walk, toll, crossing, power)
+        kind, power = _cross_surface(state, costs, crossing, power)
         if kind >= 0:
-            kept = arriving - power if power < arriving else 0.0
-            write(walk, ray, at, (kind, crossing.part), arriving, kept)
-            if kind == _SHEET and power <= least:
-                return at, 0.0, least, np.int64(crossing.part)
-            density = _density(walk, toll)
-    return at, power, least, np.int64(-1)
+            # An infinite power minus itself would be NaN.
+            absorbed = arriving - power if power < arriving else 0.0
+            record_event(state, ray, at, kind, crossing.part, arriving, absorbed)
+            if kind == _SHEET and power <= min_power:
+                return Progress(at, 0.0, min_power, np.int64(crossing.part))
+            density = _density(state, costs)
+    return Progress(at, power, min_power, np.int64(-1))
 
 
 @njit_inline
-def end(ray: Any, state: Any, stop: Any, keeps: Any, walk: Any) -> Any:
-    """Say how a ray ended; its winding numbers are forgotten.
+def end_ray(ray: Any, progress: Any, end: Any, absorption: Any, state: Any) -> Any:
+    """Return the ``RayEnd``, record it as an event, and reset the winding numbers.
 
     Args:
-        ray: Its number.
-        state: From ``follow``.
-        stop: Where it stopped.
-        keeps: Power that the surface there keeps of what arrives.
-        walk: Of the last leg.
+        ray: The ray's index.
+        progress: From ``advance_ray``.
+        end: The ``SegmentEnd`` of the last segment.
+        absorption: Power that the surface there absorbs.
+        state: The state on the last segment.
     """
-    at, left, least, spent = state
-    forget(walk)
-    t = walk.leg[BEFORE] + at
-    if spent >= 0:
-        write(walk, ray, at, (_SPENT, spent), 0.0, 0.0)
-        return RayEnd(t, _ENDED_SPENT, spent, 0.0)
-    part: Any = np.int64(stop.part)
+    at, power, min_power, spent_in = progress
+    reset_winding(state)
+    t = state.segment[T_START] + at
+    if spent_in >= 0:
+        record_event(state, ray, at, _SPENT, spent_in, 0.0, 0.0)
+        return RayEnd(t, END_SPENT, spent_in, 0.0)
+    part: Any = np.int64(end.part)
     if part < 0:
-        write(walk, ray, at, (_OUT_OF_RANGE, part), left, 0.0)
-        return RayEnd(t, _ENDED, part, left)
-    if keeps > 0.0 and is_absorbed(left, least, keeps):
-        write(walk, ray, at, (_ABSORBED, part), left, keeps)
-        return RayEnd(t, _ENDED_ABSORBED, part, 0.0)
-    kept = min(keeps, left)  # rounding may make it more
-    write(walk, ray, at, (_HIT, part), left, kept)
-    return RayEnd(t, _ENDED_BY_HIT, part, left - kept)
+        record_event(state, ray, at, _OUT_OF_RANGE, part, power, 0.0)
+        return RayEnd(t, _END_NOTHING, part, power)
+    if absorption > 0.0 and is_absorbed(power, min_power, absorption):
+        record_event(state, ray, at, _ABSORBED, part, power, absorption)
+        return RayEnd(t, _END_ABSORBED, part, 0.0)
+    absorbed = min(absorption, power)  # rounding can make it greater
+    record_event(state, ray, at, _HIT, part, power, absorbed)
+    return RayEnd(t, END_HIT, part, power - absorbed)
 
 
 @njit_inline
-def is_absorbed(left: Any, least: Any, keeps: Any) -> Any:
-    """Say whether a surface keeps all that is left of a ray."""
-    return np.isinf(keeps) or keeps - left > least
-
-
-@njit_inline
-def settle(ray: Any, power: Any, stop: Any, toll: Any, walk: Any) -> Any:
-    """Walk one ray from its start to where it ends.
-
-    Args:
-        ray: The ray's number, for the events.
-        power: What it starts with.
-        stop: A ``Stop``.
-        toll: Of this kind of ray.
-        walk: Holds the sorted crossings before the stop, and the winding numbers at
-            the start; these are forgotten afterwards.
-
-    Returns:
-        An ``RayEnd``.
-    """
-    state = follow(ray, begin(ray, power, walk), stop, toll, walk)
-    return end(ray, state, stop, 0.0, walk)
+def is_absorbed(power: Any, min_power: Any, absorption: Any) -> Any:
+    """Return whether a surface absorbs all the power of a ray."""
+    return np.isinf(absorption) or absorption - power > min_power

@@ -1,4 +1,27 @@
-"""Embree's shared library: where it is, what it must be, and its functions' types."""
+"""The only door to Embree: its shared library, and scenes built in it.
+
+Theory of operation
+===================
+embreex brings Embree 4's own shared library in its wheel; ctypes opens that file and
+builds the scene. Compiled code calls ``rtcIntersect1`` directly, with no Python between
+two rays.
+
+Embree computes in float32, which at 1 km is off by more than the thickness of a
+foliage's edge: a grazing ray would gain or lose a chord of centimetres. So Embree only
+proposes the triangles that a ray may cross: Embree knows them as user geometry, boxes
+that are wider than the triangles by more than the error of float32. For each box that
+the ray meets, a callback intersects the triangle itself in float64, see ``crossings``.
+Penetrable surfaces are collected in a list; an opaque one shortens the ray. So one
+traversal from one origin yields *all* surfaces up to the first opaque one, and no ray
+is restarted behind a hit. Restarts with an offset would lose thin parts, restarts at
+the next float would lose coincident surfaces; a list loses neither.
+
+Rule 1: a scene does not change after it is built. Embree would ignore later additions.
+Rule 2: input is checked: shapes, finite vertices, indices in range. Embree reads beyond
+the ends of arrays and drops whole meshes without an error.
+Rule 3: a ray that starts outside the scene is first advanced to the sphere around it,
+so that Embree handles no numbers larger than the scene's.
+"""
 
 import ctypes
 import functools
@@ -18,37 +41,42 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.jit import c_callback
 from radarsim.raycast.crossings import TINY
-from radarsim.raycast.intersect import meet, meet_nearby, pointer
+from radarsim.raycast.intersect import (
+    CORNERS_BYTES,
+    on_nearby_primitive,
+    on_primitive,
+    pointer,
+)
 
 PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
 
-_POINTER, _NUMBER, _COUNT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
-_TRUTH = ctypes.c_bool
+_POINTER, _INT, _UINT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
+_BOOL = ctypes.c_bool
 SIGNATURES: Final[dict[str, tuple[Any, list[Any]]]] = {
     "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
-    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _NUMBER]),
-    "rtcGetDeviceError": (_NUMBER, [_POINTER]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _INT]),
+    "rtcGetDeviceError": (_INT, [_POINTER]),
     "rtcReleaseDevice": (None, [_POINTER]),
     "rtcNewScene": (_POINTER, [_POINTER]),
     "rtcCommitScene": (None, [_POINTER]),
     "rtcReleaseScene": (None, [_POINTER]),
-    "rtcNewGeometry": (_POINTER, [_POINTER, _NUMBER]),
-    "rtcSetGeometryUserPrimitiveCount": (None, [_POINTER, _COUNT]),
+    "rtcNewGeometry": (_POINTER, [_POINTER, _INT]),
+    "rtcSetGeometryUserPrimitiveCount": (None, [_POINTER, _UINT]),
     "rtcSetGeometryUserData": (None, [_POINTER, _POINTER]),
     "rtcSetGeometryBoundsFunction": (None, [_POINTER, _POINTER, _POINTER]),
     "rtcSetGeometryIntersectFunction": (None, [_POINTER, _POINTER]),
     "rtcCommitGeometry": (None, [_POINTER]),
-    "rtcAttachGeometry": (_COUNT, [_POINTER, _POINTER]),
+    "rtcAttachGeometry": (_UINT, [_POINTER, _POINTER]),
     "rtcReleaseGeometry": (None, [_POINTER]),
-    "rtcPointQuery": (_TRUTH, [_POINTER] * 5),
+    "rtcPointQuery": (_BOOL, [_POINTER] * 5),
     "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
 }
 
 
 @functools.cache
 def open_library() -> ctypes.CDLL:
-    """Open the Embree 4 that embreex brings.
+    """Open the Embree 4 in the wheel of embreex.
 
     Raises:
         EngineError: If there is none, or one of another version or build.
@@ -61,17 +89,17 @@ def open_library() -> ctypes.CDLL:
 
 
 def load_library(paths: list[Path]) -> ctypes.CDLL:
-    """Open the one library there is to be among files, and see that it is Embree 4.
+    """Open the only file of a list, and check that it is Embree 4.
 
     Raises:
-        EngineError: If it is not.
+        EngineError: If there is not one file, or it is not Embree 4.
     """
     if len(paths) != 1:
         names = [path.name for path in paths]
         raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
     try:
         library = ctypes.CDLL(str(paths[0]))
-        # Unsaid, ctypes would cut pointers to 32 bits.
+        # Without declared types ctypes would cut pointers to 32 bits.
         for name, (result, arguments) in SIGNATURES.items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
@@ -82,10 +110,10 @@ def load_library(paths: list[Path]) -> ctypes.CDLL:
 
 
 def expect_version(library: ctypes.CDLL) -> None:
-    """Refuse another version than 4, and a build without user geometries.
+    """Check for version 4, built with user geometries.
 
     Raises:
-        EngineError: If it is one.
+        EngineError: If the library is another one.
     """
     device = library.rtcNewDevice(None)
     if not device:
@@ -99,54 +127,28 @@ def expect_version(library: ctypes.CDLL) -> None:
         )
 
 
-# Section from raycast.embree.
-# The one door to Embree: a sealed set of triangles, and all that a ray meets there.
-#
-# Theory of operation
-# ===================
-# embreex brings Embree 4's own shared library in its wheel; ctypes opens that file
-# and
-# builds the scene. Rays go from compiled code straight to ``rtcIntersect1``, with no
-# Python between two rays.
-#
-# Embree computes in float32, which at 1 km is off by more than a foliage's edge is
-# thick: a grazing ray gains or loses a chord of centimetres. So Embree only says
-# which
-# triangles a ray may meet: to Embree they are boxes, wider than the triangles by more
-# than float32 can err. For each box on its way a callback crosses the triangle
-# itself,
-# in float64, see ``line``. What is penetrable goes on a list; what is opaque shortens
-# the ray. So one traversal, from one origin, gives *all* surfaces up to the first
-# opaque
-# one, and no ray is ever restarted behind a hit. Restarts with a shifted origin lose
-# thin exits, restarts at the next float lose surfaces that coincide; a list loses
-# neither.
-#
-# Rule 1: a scene is sealed when it is made. Embree would ignore what is added later.
-# Rule 2: what goes in is checked: shapes, finite vertices, indices in range. Embree
-# reads past arrays and drops whole meshes in silence.
-# Rule 3: far from the scene nothing is cast: a ray that starts outside is taken to
-# the
-# sphere around the scene first, so that Embree sees no larger numbers than the
-# scene's.
-
 # How much wider than its triangle a box is, for each metre of the scene's radius.
-# float32 rounds what Embree compares to 6e-8 of it, some eight times over.
-WIDER: Final = 2e-6
+# Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
+# times before it compares.
+RELATIVE_MARGIN: Final = 2e-6
 
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
 
 
 @c_callback
-def _bound(call: Any) -> None:
-    """Embree asks: in which box is triangle i?"""
-    fields = carray(call, 3, np.uint64)  # the table, i, where the answer goes
-    numbers = carray(call, 3, np.uint32)
-    table = carray(pointer(fields[0]), 2, np.uint64)
-    margin = carray(pointer(fields[0]), 2, np.float64)[1]
-    place = table[0] + np.uint64(numbers[2]) * np.uint64(72)
+def _on_bounds(call: Any) -> None:
+    """Write the bounding box of a triangle; Embree calls this.
+
+    Args:
+        call: RTCBoundsFunctionArguments.
+    """
+    members = carray(call, 3, np.uint64)  # user data, triangle, box to be filled
+    triangle = np.uint64(carray(call, 3, np.uint32)[2])
+    table = carray(pointer(members[0]), 2, np.uint64)
+    margin = carray(pointer(members[0]), 2, np.float64)[1]
+    place = table[0] + triangle * np.uint64(CORNERS_BYTES)
     corners = carray(pointer(place), 9, np.float64)
-    box = carray(pointer(fields[2]), 8, np.float32)
+    box = carray(pointer(members[2]), 8, np.float32)
     for axis in range(3):
         a, b, c = corners[axis], corners[axis + 3], corners[axis + 6]
         box[axis] = min(a, b, c) - margin
@@ -157,43 +159,51 @@ class Mesh(NamedTuple):
     """The triangles of one part.
 
     Attributes:
-        vertices: (V, 3) m, of at most 1 km around the scene's middle, the origin.
-        faces: (F, 3) indices of vertices.
+        vertices: (V, 3) m, at most 1 km from the scene's centre, the origin.
+        faces: (F, 3) vertex indices.
     """
 
     vertices: ArrayLike
     faces: ArrayLike
 
 
-class Handle(NamedTuple):
-    """What ``intersect`` needs to know of a scene; valid while the scene lives.
+class SceneHandle(NamedTuple):
+    """What queries need of an ``EmbreeScene``; valid as long as that exists.
 
     Attributes:
-        numbers: (4,) uint64: addresses of Embree's function, Embree's scene, the
-            corners of the triangles, and the numbers of the parts that they are of.
-        radius: m, of a sphere around the origin that holds everything.
-        margin: m, how much wider than their triangles the boxes are.
+        intersect: Address of ``rtcIntersect1``.
+        point_query: Address of ``rtcPointQuery``.
+        on_nearby: Address of ``on_nearby_primitive``.
+        scene: Embree's scene.
+        triangles: Address of the corners of all triangles.
+        owners: Address of the indices of the parts that the triangles belong to.
+        radius: m, of a sphere around the origin that contains everything.
+        margin: m by which the boxes are wider than their triangles.
     """
 
-    numbers: NDArray[np.uint64]
+    intersect: np.uint64
+    point_query: np.uint64
+    on_nearby: np.uint64
+    scene: np.uint64
+    triangles: np.uint64
+    owners: np.uint64
     radius: float
     margin: float
 
 
 class EmbreeScene:
-    """A sealed set of triangle meshes.
+    """Triangle meshes in Embree.
 
     Attributes:
-        handle: For ``look_ahead`` and ``look_back``.
+        handle: What queries need of the scene.
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
-        asked: For ``is_anything_opaque``.
     """
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
-        """Check, copy and build.
+        """Check and copy the meshes and build the scene.
 
         Raises:
-            EngineError: If Embree cannot be opened, or a mesh is not what it has to be.
+            EngineError: If Embree cannot be opened, or a mesh is invalid.
         """
         library = open_library()
         corners = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
@@ -202,27 +212,36 @@ class EmbreeScene:
         self._owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
         points = self.triangles.reshape(-1, 3)
         radius = float(np.sqrt((points**2).sum(axis=1).max(initial=0.0)))
-        margin = WIDER * radius
+        margin = RELATIVE_MARGIN * radius
         device, scene = _build(library, self.triangles, margin)
         self._close = weakref.finalize(self, _release, library, scene, device)
-        function = ctypes.cast(library.rtcIntersect1, ctypes.c_void_p).value
-        query = ctypes.cast(library.rtcPointQuery, ctypes.c_void_p).value
-        self.asked = np.array([query, meet_nearby.address], np.uint64)
-        triangles, owners = self.triangles.ctypes.data, self._owners.ctypes.data
-        numbers = np.array([function, scene, triangles, owners], np.uint64)
-        self.handle = Handle(numbers, radius + margin, margin)
+        self.handle = SceneHandle(
+            _address_of(library.rtcIntersect1),
+            _address_of(library.rtcPointQuery),
+            np.uint64(on_nearby_primitive.address),
+            np.uint64(scene),
+            np.uint64(self.triangles.ctypes.data),
+            np.uint64(self._owners.ctypes.data),
+            radius + margin,
+            margin,
+        )
+
+
+def _address_of(function: Any) -> np.uint64:
+    address: Any = ctypes.cast(function, ctypes.c_void_p).value
+    return np.uint64(address)
 
 
 class FirstHits:
-    """The same meshes and rays through embreex's own call: a second opinion.
+    """First hits of the same rays on the same meshes by embreex itself, in float32.
 
-    It finds first hits alone, in float32. Benchmarks measure by it.
+    Tests compare with it, and benchmarks use it as their unit.
     """
 
     def __init__(
         self, meshes: Sequence[Mesh], origins: Floats, directions: Floats
     ) -> None:
-        """Build the scene, and round the rays: (N, 3) m and (N, 3) unit vectors."""
+        """Build the scene for rays of (N, 3) m origins and (N, 3) unit directions."""
         self._scene = PlainScene()
         for vertices, faces in meshes:
             corners = np.asarray(vertices, np.float32)
@@ -231,18 +250,18 @@ class FirstHits:
         self.run()  # Embree builds its tree at the first call
 
     def run(self) -> NDArray[np.int32]:
-        """Cast all rays; give the triangle that each hits in its mesh, -1 for none."""
+        """Return the index of the triangle in its mesh that each ray hits, or -1."""
         found: NDArray[np.int32] = self._scene.run(*self._rays)
         return found
 
     def everything(self) -> dict[str, NDArray[Any]]:
-        """Cast all rays; give all that embreex tells, such as geomID and tfar."""
+        """Return everything that embreex reports, such as geomID and tfar."""
         found: dict[str, NDArray[Any]] = self._scene.run(*self._rays, output=1)
         return found
 
 
 def _checked(index: int, mesh: Mesh) -> Floats:
-    """Give the corners of a mesh's triangles, (F, 9) m."""
+    """Return the corners of a mesh's triangles, (F, 9) m."""
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces)
     for name, array in (("vertices", vertices), ("faces", faces)):
@@ -269,10 +288,10 @@ def _checked(index: int, mesh: Mesh) -> Floats:
 
 
 def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int, int]:
-    """Build Embree's tree of boxes around triangles.
+    """Build Embree's hierarchy of boxes around the triangles.
 
     Returns:
-        The device and the scene, to be released.
+        The device and the scene, to be released by the caller.
     """
     device = library.rtcNewDevice(None)
     scene = library.rtcNewScene(device)
@@ -281,8 +300,8 @@ def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int,
     table.view(np.float64)[1] = margin
     library.rtcSetGeometryUserPrimitiveCount(geometry, len(triangles))
     library.rtcSetGeometryUserData(geometry, table.ctypes.data)
-    library.rtcSetGeometryBoundsFunction(geometry, _bound.address, None)
-    library.rtcSetGeometryIntersectFunction(geometry, meet.address)
+    library.rtcSetGeometryBoundsFunction(geometry, _on_bounds.address, None)
+    library.rtcSetGeometryIntersectFunction(geometry, on_primitive.address)
     library.rtcCommitGeometry(geometry)
     library.rtcAttachGeometry(scene, geometry)
     library.rtcReleaseGeometry(geometry)

@@ -1,175 +1,276 @@
-"""The loop over rays, as machine code: one after the other, leg by leg.
+"""The loop over rays, as machine code: one ray after the other, segment by segment.
 
-A leg is walked window by window: what a ray cannot reach need not be listed.
+A segment is traversed window by window, so that in dense foliage Embree does not
+collect hundreds of surfaces that the ray never reaches.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.raycast.attenuation import (
-    BEFORE,
+    END_HIT,
+    END_SPENT,
     MIRRORED,
-    Outcome,
+    T_START,
+    Progress,
     RayCosts,
-    Stop,
-    begin,
-    end,
-    follow,
-    forget,
+    RayState,
+    SegmentEnd,
+    advance_ray,
+    end_ray,
     is_absorbed,
-    new_walk,
-    wind,
-    write,
+    new_ray_state,
+    record_event,
+    reset_winding,
+    start_ray,
+    update_winding,
 )
 from radarsim.raycast.crossings import sort_crossings
 from radarsim.raycast.intersect import (
-    STOPPED_BY_FACE,
-    Span,
-    look_ahead,
-    look_back,
-    new_block,
+    STOP_TRIANGLE,
+    Interval,
+    RayBuffer,
+    intersect_backward,
+    intersect_forward,
+    new_ray_buffer,
 )
 from radarsim.raycast.rays import is_valid_ray
-from radarsim.raycast.robot_boxes import box_incidence, meet_boxes
+from radarsim.raycast.robot_boxes import box_incidence, intersect_boxes
 
-HIT: Final = int(Outcome.HIT)
-SPENT: Final = int(Outcome.SPENT)
-UNKNOWN: Final = -2  # instead of a part: nothing stops the ray where the window ends
-# The first window is as long as the way on which the densest volume takes all power,
-# times WINDOWED; each one after it is WIDENED times as long.
-WINDOWED: Final = 1.4
-WIDENED: Final = 4.0
-INCLUSIVE: Final = 1e-9  # m; a surface this far out of reach is within
-CLEAR: Final = 1e-9  # m; so far before a mirror the next leg of a ray starts
+UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
+# The first window is as long as the path on which the densest volume takes all power,
+# times FIRST_WINDOW; each one after it is WINDOW_GROWTH times as long.
+FIRST_WINDOW: Final = 1.4
+WINDOW_GROWTH: Final = 4.0
+RANGE_TOLERANCE: Final = 1e-9  # m; a surface this far beyond the range is within
+MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
+
+
+class MaterialTable(NamedTuple):
+    """The parts of a scene as each class of rays experiences them.
+
+    C is the number of ray classes, P of parts, V of volumes.
+
+    Attributes:
+        density: (C, P) power lost per metre inside.
+        sheet_loss: (C, P) power lost per crossed surface; nan for a volume.
+        absorption: (C, P) power that an opaque surface absorbs.
+        mirror: (C, P) uint8, whether an opaque surface is a mirror.
+        air: (C,) power lost per metre everywhere.
+        max_reflections: (C,) how many mirrors reflect a ray.
+        max_density: (C,) the greatest density of the volumes, or its equivalent for
+            sheets; 0 if there are neither.
+        forward_roles: (C, P) uint8, what a ray does with the parts ahead of it:
+            ``IGNORE``, ``COLLECT`` or stop at an ``OPAQUE`` one.
+        backward_roles: (C, P) uint8, the same behind its start, where only volumes
+            matter.
+        volume: (V,) int32, the parts that are penetrable volumes.
+        low: (V + 1, 3) m, the lower corners of their bounding boxes; the last row is
+            that of all volumes together.
+        high: (V + 1, 3) m, the upper corners, likewise.
+    """
+
+    density: Floats
+    sheet_loss: Floats
+    absorption: Floats
+    mirror: NDArray[np.uint8]
+    air: Floats
+    max_reflections: NDArray[np.int64]
+    max_density: Floats
+    forward_roles: NDArray[np.uint8]
+    backward_roles: NDArray[np.uint8]
+    volume: NDArray[np.int32]
+    low: Floats
+    high: Floats
+
+
+class TracedScene(NamedTuple):
+    """A scene as ``trace_rays`` takes it.
+
+    Attributes:
+        handle: Its ``SceneHandle``.
+        centre: (3,) m, map frame, the origin of all other coordinates.
+        materials: For the classes of the rays.
+        triangles: (T, 9) m, the corners of all triangles.
+        boxes: (B, 10) the robots, from ``Boxes.table``.
+    """
+
+    handle: Any
+    centre: Floats
+    materials: MaterialTable
+    triangles: Floats
+    boxes: Floats
+
+
+class Workspace(NamedTuple):
+    """Memory that serves one ray after the other.
+
+    Attributes:
+        buffer: For the queries to Embree.
+        state: Of the ray.
+        origin: (3,) m, start of the segment.
+        direction: (3,) unit vector of the segment.
+    """
+
+    buffer: RayBuffer
+    state: RayState
+    origin: Floats
+    direction: Floats
+
+
+class RayStatus(NamedTuple):
+    """What distinguishes a ray from others, apart from where it is.
+
+    Attributes:
+        row: The ray's row.
+        ray_class: The index of its class.
+        carrier_id: The robot box that does not stop it; -1 for none.
+        reflections: How many more mirrors reflect it.
+    """
+
+    row: int
+    ray_class: int
+    carrier_id: int
+    reflections: int
+
+
+class TraceColumns(NamedTuple):
+    """The columns of ``Traces`` to be filled; ``incidence`` is empty if not wanted."""
+
+    ranges: Floats
+    outcomes: NDArray[np.uint8]
+    parts: NDArray[np.int64]
+    power: Floats
+    incidence: Floats
 
 
 @njit_inline
-def _is_in_box(tolls: Any, k: Any, origin: Any, margin: Any) -> Any:
+def _is_in_bounds(materials: Any, k: Any, origin: Any, margin: Any) -> Any:
     for axis in range(3):
-        if origin[axis] < tolls.low[k, axis] - margin:
+        if origin[axis] < materials.low[k, axis] - margin:
             return False
-        if origin[axis] > tolls.high[k, axis] + margin:
+        if origin[axis] > materials.high[k, axis] + margin:
             return False
     return True
 
 
 @njit_inline
-def _is_near_volume(tolls: Any, roles: Any, origin: Any, margin: Any) -> Any:
-    """Say whether a point is in the box of a volume that the ray penetrates."""
-    count = tolls.volume.size
-    if not _is_in_box(tolls, count, origin, margin):
+def _is_near_volume(materials: Any, roles: Any, origin: Any, margin: Any) -> Any:
+    """Return whether a point is in the bounds of a volume that the ray penetrates."""
+    count = materials.volume.size
+    if not _is_in_bounds(materials, count, origin, margin):
         return False
     for k in range(count):
-        if roles[tolls.volume[k]] and _is_in_box(tolls, k, origin, margin):
+        if roles[materials.volume[k]] and _is_in_bounds(materials, k, origin, margin):
             return True
     return False
 
 
 @njit_inline
-def _wind_start(work: Any, roles: Any, origin: Any, direction: Any, walk: Any) -> Any:
-    """Set the winding numbers at a ray's start; give how many surfaces are behind."""
-    handle, block = work
-    count = look_back(handle, block, roles, origin, direction)
-    crossings = walk.crossings
+def _find_enclosing(handle: Any, roles: Any, work: Any) -> Any:
+    """Set the winding numbers at a ray's origin; return the number of crossings behind.
+
+    If that is greater than the room for them, nothing is set.
+    """
+    crossings = work.state.crossings
+    count = intersect_backward(handle, work.buffer, roles, work.origin, work.direction)
     if count <= crossings.size:
         sort_crossings(crossings, count)
         for i in range(count):
-            wind(walk, crossings[i].part, crossings[i].turn)
+            update_winding(work.state, crossings[i].part, crossings[i].sign)
     return count
 
 
 @njit_inline
-def _find_stop(work: Any, roles: Any, line: Any, span: Any, limit: Any) -> Any:
-    """Find what stops a ray, after the surfaces that it crosses before.
+def _next_opaque(handle: Any, roles: Any, interval: Any, limit: Any, work: Any) -> Any:
+    """Find what stops a ray in an interval, and the crossings before it.
 
     Args:
-        work: The scene's handle, a block, and the list of crossings.
-        roles: (P,) how the ray takes the parts.
-        line: Origin and direction, (3,) each.
-        span: What is to be looked at.
-        limit: A ``Stop`` at the latest.
+        handle: Of the scene.
+        roles: (P,) what the ray does with the parts.
+        interval: Where to search.
+        limit: A ``SegmentEnd`` at the latest.
+        work: The workspace; its crossings are replaced.
 
     Returns:
-        A ``Stop``; its count is greater than the list if that has too little room, and
-        its part is ``UNKNOWN`` if the ray may go on from there.
+        A ``SegmentEnd``. Its count exceeds the room for crossings if they did not fit,
+        and its part is ``UNKNOWN`` if the ray may go on from there.
     """
-    handle, block, crossings = work
-    origin, direction = line
-    count, t, part = look_ahead(handle, block, roles, origin, direction, span)
+    crossings = work.state.crossings
+    count, t, part = intersect_forward(
+        handle, work.buffer, roles, work.origin, work.direction, interval
+    )
     if count > crossings.size:
-        return Stop(count, t, part)
+        return SegmentEnd(count, t, part)
     if part < 0:
-        part = UNKNOWN if t < span.far else limit.part
+        part = UNKNOWN if t < interval.far else limit.part
     last = min(t, limit.t)
     sort_crossings(crossings, count)
     while count > 0 and crossings[count - 1].t > last:
         count -= 1
-    return Stop(count, last, part)
+    return SegmentEnd(count, last, part)
 
 
 @njit_inline
-def _walk_on(ray: Any, state: Any, work: Any, way: Any, limit: Any, walk: Any) -> Any:
-    """Walk a leg of a ray, window by window, from its start to where it ends.
+def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
+    """Follow a segment window by window to its end.
 
     Args:
-        ray: Its number.
-        state: At the start of the leg.
-        work: The scene's handle, a block, and the list of crossings.
-        way: How it takes the parts, what they cost, its line, the first window, and
-            the mirrors.
-        limit: A ``Stop`` at the latest.
-        walk: With the winding numbers at the start.
+        ray: The ``RayStatus``.
+        progress: At the start of the segment.
+        limit: A ``SegmentEnd`` at the latest.
+        scene: The ``TracedScene``.
+        work: With the winding numbers at the start.
 
     Returns:
-        The state at the end; a ``Stop`` there; and how many surfaces were met if these
-        were too many, else 0.
+        The ``Progress`` at the end; the ``SegmentEnd``; and the number of crossings if
+        there were too many for the list, else 0.
     """
-    roles, toll, line, window, mirrors = way
-    span = Span(0.0, limit.t + INCLUSIVE, window)
+    materials, k = scene.materials, ray.ray_class
+    density, air = materials.density[k], materials.air[k]
+    costs = RayCosts(density, materials.sheet_loss[k], air, density.size - 1)
+    roles = materials.forward_roles[k]
+    window = FIRST_WINDOW * progress.power / materials.max_density[k]
+    interval = Interval(0.0, limit.t + RANGE_TOLERANCE, window)
     while True:
-        stop = _find_stop(work, roles, line, span, limit)
-        if stop.before > walk.crossings.size:
-            return state, stop, stop.before
-        stop = _before_mirror(stop, mirrors, work, line)
-        state = follow(ray, state, stop, toll, walk)
-        if state[3] >= 0 or stop.part != UNKNOWN:
-            return state, stop, 0
-        # The same line goes on behind the last float that was looked at.
-        span = Span(np.nextafter(stop.t, np.inf), span.far, span.window * WIDENED)
+        end = _next_opaque(scene.handle, roles, interval, limit, work)
+        if end.crossed > work.state.crossings.size:
+            return progress, end, end.crossed
+        end = _before_mirror(ray, end, scene, work)
+        progress = advance_ray(ray.row, progress, end, costs, work.state)
+        if progress.spent_in >= 0 or end.part != UNKNOWN:
+            return progress, end, 0
+        # The line continues behind the last float that was searched.
+        near = np.nextafter(end.t, np.inf)
+        interval = Interval(near, interval.far, interval.window * WINDOW_GROWTH)
 
 
 @njit_inline
-def _before_mirror(stop: Any, mirrors: Any, work: Any, line: Any) -> Any:
-    """Leave out what is crossed just where a mirror turns a ray round.
+def _before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
+    """Drop the crossings that coincide with a mirror at the end of a segment.
 
-    The next leg starts a hair before the mirror, where that is not crossed yet.
-
-    Args:
-        stop: Of a leg.
-        mirrors: (P,) which parts are mirrors, the triangles, and how often the ray may
-            still be mirrored.
-        work: The scene's handle, a block, and the list of crossings.
-        line: Origin and direction, (3,) each.
+    The next segment starts a little before the mirror, and would cross them again.
     """
-    are_mirrors, triangles, bounces = mirrors
-    part, count = stop.part, stop.before
-    if bounces <= 0 or part < 0 or part >= are_mirrors.size or not are_mirrors[part]:
-        return stop
-    _, block, crossings = work
-    nx, ny, nz = _normal(triangles, block.ours[STOPPED_BY_FACE])
-    heading = line[1]
-    along = abs(nx * heading[0] + ny * heading[1] + nz * heading[2])
-    near = stop.t - CLEAR / max(along, CLEAR)
+    mirror = scene.materials.mirror[ray.ray_class]
+    part, count = end.part, end.crossed
+    if ray.reflections <= 0 or part < 0 or part >= mirror.size or not mirror[part]:
+        return end
+    nx, ny, nz = _normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
+    direction, crossings = work.direction, work.state.crossings
+    along = abs(nx * direction[0] + ny * direction[1] + nz * direction[2])
+    near = end.t - MIRROR_OFFSET / max(along, MIRROR_OFFSET)
     while count > 0 and crossings[count - 1].t >= near:
         count -= 1
-    return Stop(count, stop.t, part)
+    return SegmentEnd(count, end.t, part)
 
 
 @njit_inline
 def _normal(triangles: Any, k: Any) -> Any:
-    """Give the unit normal of a triangle."""
+    """Return the unit normal of a triangle."""
     ax, ay = triangles[k, 3] - triangles[k, 0], triangles[k, 4] - triangles[k, 1]
     bx, by = triangles[k, 6] - triangles[k, 0], triangles[k, 7] - triangles[k, 1]
     az, bz = triangles[k, 5] - triangles[k, 2], triangles[k, 8] - triangles[k, 2]
@@ -179,170 +280,166 @@ def _normal(triangles: Any, k: Any) -> Any:
 
 
 @njit_inline
-def _incidence(hit: Any, block: Any, origin: Any, heading: Any, walk: Any) -> Any:
-    """Give the cosine between a ray and the normal of what it hit; nan for nothing.
+def _incidence(end: Any, scene: Any, work: Any) -> Any:
+    """Return the cosine between a ray and the normal of the surface that it hit.
 
     Args:
-        hit: The scene's triangles, the boxes, the number of parts, and the ``RayEnd``.
-        block: Of the last look ahead.
-        origin: (3,) m, of the last leg.
-        heading: (3,) unit vector of the last leg.
-        walk: Of the last leg.
+        end: The ``RayEnd``; NaN is returned if it is no hit.
+        scene: The ``TracedScene``.
+        work: As the last segment left it.
     """
-    triangles, laid, parts, ending = hit
-    if ending.outcome != HIT:
+    if end.outcome != END_HIT:
         return np.nan
-    if ending.part >= parts:
-        t = ending.t - walk.leg[BEFORE]
-        return box_incidence(laid, ending.part - parts, origin, heading, t)
-    nx, ny, nz = _normal(triangles, block.ours[STOPPED_BY_FACE])
-    along = nx * heading[0] + ny * heading[1] + nz * heading[2]
+    direction, parts = work.direction, work.state.winding.size
+    if end.part >= parts:
+        t = end.t - work.state.segment[T_START]
+        return box_incidence(scene.boxes, end.part - parts, work.origin, direction, t)
+    nx, ny, nz = _normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
     return min(abs(along), 1.0)
 
 
 @njit_inline
-def _begin_leg(walk: Any, origin: Any, middle: Any, heading: Any, before: Any) -> None:
-    """Note where a leg starts, for the events on it."""
-    walk.leg[BEFORE] = before
-    if not walk.events.size:
+def _start_segment(scene: Any, t: Any, work: Any) -> None:
+    """Note where a segment starts, for its events; ``t`` is the distance before it."""
+    segment = work.state.segment
+    segment[T_START] = t
+    if not work.state.events.size:
         return
     for axis in range(3):
-        walk.leg[axis] = origin[axis] + middle[axis]
-        walk.leg[axis + 3] = heading[axis]
+        segment[axis] = work.origin[axis] + scene.centre[axis]
+        segment[axis + 3] = work.direction[axis]
 
 
 @njit_inline
-def _mirror(triangles: Any, k: Any, t: Any, origin: Any, heading: Any) -> None:
-    """Turn a ray round at a triangle; its next leg starts a hair before the mirror."""
-    nx, ny, nz = _normal(triangles, k)
-    along = nx * heading[0] + ny * heading[1] + nz * heading[2]
-    if along > 0.0:  # it comes from behind
+def _reflect(triangles: Any, t: Any, work: Any) -> None:
+    """Set origin and direction of the segment that follows the last one at a mirror."""
+    origin, direction = work.origin, work.direction
+    nx, ny, nz = _normal(triangles, work.buffer.fields[STOP_TRIANGLE])
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    if along > 0.0:  # the back of the triangle is hit
         nx, ny, nz, along = -nx, -ny, -nz, -along
-    origin[0] += t * heading[0] + CLEAR * nx
-    origin[1] += t * heading[1] + CLEAR * ny
-    origin[2] += t * heading[2] + CLEAR * nz
-    heading[0] -= 2.0 * along * nx
-    heading[1] -= 2.0 * along * ny
-    heading[2] -= 2.0 * along * nz
+    origin[0] += t * direction[0] + MIRROR_OFFSET * nx
+    origin[1] += t * direction[1] + MIRROR_OFFSET * ny
+    origin[2] += t * direction[2] + MIRROR_OFFSET * nz
+    direction[0] -= 2.0 * along * nx
+    direction[1] -= 2.0 * along * ny
+    direction[2] -= 2.0 * along * nz
 
 
 @njit_inline
-def _follow_leg(ray: Any, state: Any, scene: Any, leg: Any, room: Any) -> Any:
-    """Follow a ray up to what stops it.
+def _trace_segment(
+    ray: Any, progress: Any, max_range: Any, scene: Any, work: Any
+) -> Any:
+    """Follow a ray along a straight line to what stops it.
 
     Args:
-        ray: Its number, its kind, and how often it may still be mirrored.
-        state: At the start of the leg; of the first one, only its power.
-        scene: As in ``trace_rays``.
-        leg: The boxes, the one that the ray does not meet, and the reach that is left.
-        room: The block, the walk, the start of the leg, and its unit vector.
+        ray: The ``RayStatus``.
+        progress: At the start of the segment; of the first one, only its power.
+        max_range: What is left of the ray's range, m.
+        scene: The ``TracedScene``.
+        work: Without winding numbers.
 
     Returns:
-        As ``_walk_on``; where too many surfaces were met, the winding numbers are
-        forgotten.
+        As ``_march``.
     """
-    handle, _, tolls, triangles = scene
-    i, kind, bounces = ray
-    laid, carrier_id, max_range = leg
-    block, walk, origin, heading = room
-    behind = tolls.behind[kind]
-    if _is_near_volume(tolls, behind, origin, handle.margin):
-        needed = _wind_start((handle, block), behind, origin, heading, walk)
-        if needed > walk.crossings.size:
-            return state, Stop(0, 0.0, -1), needed
-    last, box = meet_boxes(laid, carrier_id, origin, heading, max_range)
-    parts = tolls.density.shape[1]
-    limit = Stop(0, last, parts + box if box >= 0 else -1)
-    air = tolls.air[kind]
-    toll = RayCosts(tolls.density[kind], tolls.sheet_loss[kind], air, parts - 1)
-    window = WINDOWED * state[1] / tolls.densest[kind]
-    mirrors = (tolls.mirror[kind], triangles, bounces)
-    way = (tolls.ahead[kind], toll, (origin, heading), window, mirrors)
-    work = (handle, block, walk.crossings)
-    if walk.leg[BEFORE] == 0.0:
-        state = begin(i, state[1], walk)
-    return _walk_on(i, state, work, way, limit, walk)
+    handle, materials, state = scene.handle, scene.materials, work.state
+    roles = materials.backward_roles[ray.ray_class]
+    if _is_near_volume(materials, roles, work.origin, handle.margin):
+        needed = _find_enclosing(handle, roles, work)
+        if needed > state.crossings.size:
+            return progress, SegmentEnd(0, 0.0, -1), needed
+    t, box = intersect_boxes(
+        scene.boxes, ray.carrier_id, work.origin, work.direction, max_range
+    )
+    limit = SegmentEnd(0, t, state.winding.size + box if box >= 0 else -1)
+    if state.segment[T_START] == 0.0:
+        progress = start_ray(ray.row, progress.power, state)
+    return _march(ray, progress, limit, scene, work)
 
 
 @njit_inline
-def _tell(i: Any, ending: Any, found: Any) -> None:
-    """Write down how a ray ended."""
-    ranges, outcomes, parts, left, _ = found
-    ranges[i] = ending.t if ending.outcome in (HIT, SPENT) else np.inf
-    outcomes[i] = ending.outcome
-    parts[i] = ending.part
-    left[i] = ending.power
+def _trace_ray(i: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
+    """Trace one ray; arguments and result as in ``trace_rays``.
 
-
-@njit_inline
-def _trace_one(i: Any, scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
-    """Follow one ray; arguments and what is given back as in ``trace_rays``.
-
-    Here, and not in the loop, rows are taken of tables: see ``jit.njit_inline``.
+    Rows of arrays are taken here and below, not in the loop of ``trace_rays``: that
+    would count references, see ``jit.njit_inline``.
     """
-    _, middle, tolls, triangles = scene
-    origins, directions, max_range, power, medium, owns = rays
-    block, walk, origin, heading = room
-    kind, carrier_id, parts = medium[i], owns[i], tolls.density.shape[1]
-    fit = is_valid_ray(origins[i], directions[i], max_range[i], power[i])
-    if not fit or kind >= len(tolls.air):
+    origin, direction, state = work.origin, work.direction, work.state
+    materials, max_range = scene.materials, rays.max_range[i]
+    ray_class, parts = rays.class_index[i], materials.density.shape[1]
+    valid = is_valid_ray(rays.origins[i], rays.directions[i], max_range, rays.power[i])
+    if not valid or ray_class >= len(materials.air):
         return -1 - i
     for axis in range(3):
-        origin[axis] = origins[i, axis] - middle[axis]
-        heading[axis] = directions[i, axis]
-    _begin_leg(walk, origin, middle, heading, 0.0)
-    state = (0.0, power[i], 0.0, np.int64(-1))
-    bounces = tolls.max_reflections[kind]
+        origin[axis] = rays.origins[i, axis] - scene.centre[axis]
+        direction[axis] = rays.directions[i, axis]
+    carrier_id, reflections = rays.carrier_id[i], materials.max_reflections[ray_class]
+    _start_segment(scene, 0.0, work)
+    progress = Progress(0.0, rays.power[i], 0.0, np.int64(-1))
     while True:
-        before = walk.leg[BEFORE]
-        leg = (laid, carrier_id, max_range[i] - before)
-        state, stop, needed = _follow_leg((i, kind, bounces), state, scene, leg, room)
+        t = state.segment[T_START]
+        ray = RayStatus(i, ray_class, carrier_id, reflections)
+        progress, end, needed = _trace_segment(
+            ray, progress, max_range - t, scene, work
+        )
         if needed:
-            forget(walk)
+            reset_winding(state)
             return needed
-        part, (at, power_left, least, spent) = stop.part, state
-        surface = spent < 0 and 0 <= part < parts
-        keeps = tolls.kept[kind, part] if surface else 0.0
-        mirrored = surface and bounces > 0 and tolls.mirror[kind, part] > 0
-        keeps *= 2.0 if mirrored else 1.0  # the wave meets a mirror out and back
-        if not mirrored or is_absorbed(power_left, least, keeps):
+        part = end.part
+        is_surface = progress.spent_in < 0 and 0 <= part < parts
+        absorption = materials.absorption[ray_class, part] if is_surface else 0.0
+        is_mirror = (
+            is_surface and reflections > 0 and materials.mirror[ray_class, part] > 0
+        )
+        # A reflected wave passes the mirror out and back.
+        absorption *= 2.0 if is_mirror else 1.0
+        left, min_power = progress.power, progress.min_power
+        if not is_mirror or is_absorbed(left, min_power, absorption):
             break
-        write(walk, i, at, (MIRRORED, part), power_left, keeps)
-        forget(walk)
-        _mirror(triangles, block.ours[STOPPED_BY_FACE], at, origin, heading)
-        _begin_leg(walk, origin, middle, heading, before + at)
-        state = (0.0, power_left - keeps, least, np.int64(-1))
-        bounces -= 1
+        record_event(state, i, progress.t, MIRRORED, part, left, absorption)
+        reset_winding(state)
+        _reflect(scene.triangles, progress.t, work)
+        _start_segment(scene, t + progress.t, work)
+        progress = Progress(0.0, left - absorption, min_power, np.int64(-1))
+        reflections -= 1
         carrier_id = -1  # in a mirror a robot sees itself
-    ending = end(i, state, stop, keeps, walk)
-    _tell(i, ending, found)
-    if found[4].size:
-        hit = (triangles, laid, parts, ending)
-        found[4][i] = _incidence(hit, block, origin, heading, walk)
+    ray_end = end_ray(i, progress, end, absorption, state)
+    _write_trace(traces, i, ray_end)
+    if traces.incidence.size:
+        traces.incidence[i] = _incidence(ray_end, scene, work)
     return 0
 
 
+@njit_inline
+def _write_trace(traces: Any, i: Any, end: Any) -> None:
+    is_seen = end.outcome in (END_HIT, END_SPENT)
+    traces.ranges[i] = end.t if is_seen else np.inf
+    traces.outcomes[i] = end.outcome
+    traces.parts[i] = end.part
+    traces.power[i] = end.power
+
+
 @njit_cached
-def trace_rays(scene: Any, rays: Any, laid: Any, room: Any, found: Any) -> Any:
-    """Follow rays one after the other.
+def trace_rays(scene: Any, rays: Any, crossings: Any, events: Any, traces: Any) -> Any:
+    """Trace rays one after the other.
 
     Args:
-        scene: Its handle, its middle, its tolls, and its triangles.
-        rays: The columns of ``Rays``.
-        laid: Boxes, laid out.
-        room: For the crossings of one ray, and for events.
-        found: The columns of ``Traces``, to be filled.
+        scene: The ``TracedScene``.
+        rays: The ``RayColumns``.
+        crossings: Room for the crossings of one segment.
+        events: As in ``RayState``.
+        traces: The ``TraceColumns`` to be filled.
 
     Returns:
-        0; or how many surfaces a ray meets that meets too many; or of an unfit ray
-        -1 minus its number.
+        0; or the number of surfaces on a segment that has more than there is room for;
+        or, for an invalid ray, -1 minus its index.
     """
-    crossings, events = room
-    walk = new_walk(scene[2].density.shape[1], crossings, events)
-    block = new_block(scene[0], crossings)
-    work = (block, walk, np.zeros(3), np.zeros(3))
-    for i in range(len(rays[0])):
-        code = _trace_one(i, scene, rays, laid, work, found)
+    state = new_ray_state(scene.materials.density.shape[1], crossings, events)
+    buffer = new_ray_buffer(scene.handle, crossings)
+    work = Workspace(buffer, state, np.zeros(3), np.zeros(3))
+    for i in range(len(rays.origins)):
+        code = _trace_ray(i, scene, rays, work, traces)
         if code:
             return code
     return 0

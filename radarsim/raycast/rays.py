@@ -35,15 +35,18 @@ class RayClass(NamedTuple):
 
 
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))
-COLUMNS: Final = (
-    "origins",
-    "directions",
-    "max_range",
-    "power",
-    "class_index",
-    "carrier_id",
-)
 UNIT_TOLERANCE: Final = 2e-9  # of the squared length of a direction
+
+
+class RayColumns(NamedTuple):
+    """The columns of ``Rays``, as kernels take them."""
+
+    origins: Floats
+    directions: Floats
+    max_range: Floats
+    power: Floats
+    class_index: NDArray[np.uint8]
+    carrier_id: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +105,7 @@ class Rays:
             batches = [batch.with_classes(classes) for batch in batches]
         columns: list[Any] = [
             np.concatenate([getattr(batch, name) for batch in batches])
-            for name in COLUMNS
+            for name in RayColumns._fields
         ]
         return cls(*[*columns, classes])
 
@@ -114,7 +117,7 @@ class Rays:
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Return the rays in the given rows."""
-        columns: list[Any] = [getattr(self, name)[rows] for name in COLUMNS]
+        columns: list[Any] = [getattr(self, name)[rows] for name in RayColumns._fields]
         return Rays(*[*columns, self.ray_classes])
 
 
@@ -183,14 +186,14 @@ class Event:
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
-    """Return the columns in the order and the memory layout that the kernels expect.
+def columns_of(rays: Rays) -> RayColumns:
+    """Return the columns in the memory layout that the kernels expect.
 
     Raises:
         EngineError: If the shape or dtype of a column is not that of ``Rays``.
     """
     n = len(rays.origins)
-    columns: list[NDArray[Any]] = []
+    columns: list[Any] = []
     for name, shape, dtype in (
         ("origins", (n, 3), np.float64),
         ("directions", (n, 3), np.float64),
@@ -207,7 +210,7 @@ def columns_of(rays: Rays) -> tuple[NDArray[Any], ...]:
         # The layout is part of an array's type: another would compile everything anew.
         plain = array.flags.c_contiguous and array.flags.writeable
         columns.append(array if plain else array.copy())
-    return tuple(columns)
+    return RayColumns(*columns)
 
 
 @njit_inline

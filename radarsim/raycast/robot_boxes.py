@@ -1,4 +1,4 @@
-"""Upright boxes that stop every ray: robots, which move while the scene is sealed."""
+"""Upright boxes that stop every ray: robots, which move while the scene is fixed."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,22 +9,22 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 
-# Columns of the boxes as they are laid out; the last but one is how far a corner is
-# from the middle, seen from above.
-X, Y, Z, COS, SIN, LENGTH, WIDTH, HEIGHT, AROUND, NUMBER = range(10)
+# Columns of a table of boxes: centre, yaw, half sizes, and half the diagonal of the
+# footprint.
+X, Y, Z, COS, SIN, LENGTH, WIDTH, HEIGHT, FOOTPRINT_RADIUS, BOX_ID = range(10)
 NO_BOXES: Final = np.zeros((0, 10))
 
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Upright boxes that stop every ray: robots.
+    """Upright boxes that stop every ray.
 
     Attributes:
         rows: (B, 8): x, y, yaw, lower and upper z, half the length, half the width
-            (m, rad), and a number that names the box.
+            (m, rad), and the id of the box.
 
     Raises:
-        EngineError: If the rows have another shape, or numbers that are not finite.
+        EngineError: If the rows have another shape, or are not finite.
     """
 
     rows: Floats
@@ -41,86 +41,89 @@ class Boxes:
         object.__setattr__(self, "rows", rows)
 
     def is_any_near(self, point: Floats, radius: float, carrier_id: int) -> bool:
-        """Say whether a box but one's own may be within ``radius`` m of a point."""
-        x, y, _, _, _, length, width, number = self.rows.T
-        apart = np.hypot(x - point[0], y - point[1])
-        near = (apart <= radius + np.hypot(length, width)) & (number != carrier_id)
-        return bool(near.any())
+        """Return whether a box other than the carrier may be within ``radius`` m."""
+        x, y, _, _, _, length, width, box_id = self.rows.T
+        distance = np.hypot(x - point[0], y - point[1])
+        near = distance <= radius + np.hypot(length, width)
+        return bool((near & (box_id != carrier_id)).any())
 
-    def laid_out(self, middle: Floats) -> Floats:
-        """Give the columns that ``meet_boxes`` reads.
+    def table(self, centre: Floats) -> Floats:
+        """Return the table that ``intersect_boxes`` reads.
 
         Args:
-            middle: (3,) m, where the coordinates of its rays count from.
+            centre: (3,) m, the origin of its coordinates.
         """
-        x, y, yaw, low, high, length, width, number = self.rows.T
-        around = np.hypot(length, width)
-        centre = x - middle[0], y - middle[1], (low + high) / 2 - middle[2]
+        x, y, yaw, low, high, length, width, box_id = self.rows.T
+        middle = x - centre[0], y - centre[1], (low + high) / 2 - centre[2]
         half = length, width, (high - low) / 2
-        columns = (*centre, np.cos(yaw), np.sin(yaw), *half, around, number)
+        radius = np.hypot(length, width)
+        columns = (*middle, np.cos(yaw), np.sin(yaw), *half, radius, box_id)
         return np.column_stack(columns)
 
 
 @njit_inline
-def _slab(at: Any, step: Any, half: Any) -> Any:
-    """Give where a ray enters and leaves the slab from -half to half along one axis."""
-    if step == 0.0:
-        return (-np.inf, np.inf) if abs(at) <= half else (np.inf, -np.inf)
-    first, second = (-half - at) / step, (half - at) / step
+def _intersect_slab(start: Any, slope: Any, half: Any) -> Any:
+    """Return where a ray enters and leaves the slab from -half to half on one axis."""
+    if slope == 0.0:
+        return (-np.inf, np.inf) if abs(start) <= half else (np.inf, -np.inf)
+    first, second = (-half - start) / slope, (half - start) / slope
     return min(first, second), max(first, second)
 
 
 @njit_inline
-def meet_boxes(
-    laid: Any, carrier_id: Any, origin: Any, direction: Any, max_range: Any
+def intersect_boxes(
+    boxes: Any, carrier_id: Any, origin: Any, direction: Any, max_range: Any
 ) -> Any:
-    """Find the nearest surface of all boxes but one's own.
+    """Find the nearest surface of all boxes but the carrier's.
 
-    A ray that starts in a box meets it from within.
+    A ray that starts in a box hits it from within.
 
     Returns:
-        How far it is, m, at most ``max_range``; and the box's number, -1 for none.
+        The distance, m, at most ``max_range``; and the box's id, -1 for none.
     """
-    nearest, name = max_range, np.int64(-1)
+    nearest, box_id = max_range, np.int64(-1)
     ex, ey = direction[0], direction[1]
-    for i in range(len(laid)):
-        dx, dy = origin[0] - laid[i, X], origin[1] - laid[i, Y]
-        if abs(ex * dy - ey * dx) > laid[i, AROUND] or laid[i, NUMBER] == carrier_id:
+    for i in range(len(boxes)):
+        dx, dy = origin[0] - boxes[i, X], origin[1] - boxes[i, Y]
+        # Most boxes are too far beside the ray, which is quickly found out.
+        distance = abs(ex * dy - ey * dx)
+        if distance > boxes[i, FOOTPRINT_RADIUS] or boxes[i, BOX_ID] == carrier_id:
             continue
-        c, s = laid[i, COS], laid[i, SIN]
-        ahead = _slab(c * dx + s * dy, c * ex + s * ey, laid[i, LENGTH])
-        beside = _slab(c * dy - s * dx, c * ey - s * ex, laid[i, WIDTH])
-        above = _slab(origin[2] - laid[i, Z], direction[2], laid[i, HEIGHT])
+        c, s = boxes[i, COS], boxes[i, SIN]
+        ahead = _intersect_slab(c * dx + s * dy, c * ex + s * ey, boxes[i, LENGTH])
+        beside = _intersect_slab(c * dy - s * dx, c * ey - s * ex, boxes[i, WIDTH])
+        above = _intersect_slab(origin[2] - boxes[i, Z], direction[2], boxes[i, HEIGHT])
         near = max(ahead[0], beside[0], above[0])
         far = min(ahead[1], beside[1], above[1])
         t = near if near >= 0.0 else far
         if near <= far and 0.0 <= t <= nearest:
-            nearest, name = t, np.int64(laid[i, NUMBER])
-    return nearest, name
+            nearest, box_id = t, np.int64(boxes[i, BOX_ID])
+    return nearest, box_id
 
 
 @njit_inline
-def box_incidence(laid: Any, name: Any, origin: Any, direction: Any, t: Any) -> Any:
-    """Give the cosine between a ray and the normal of the box face that it hit.
+def box_incidence(boxes: Any, box_id: Any, origin: Any, direction: Any, t: Any) -> Any:
+    """Return the cosine between a ray and the normal of the box face that it hit.
 
     Args:
-        laid: Boxes.
-        name: The number of the box.
+        boxes: (B, 10), from ``Boxes.table``.
+        box_id: Id of the box that was hit.
         origin: (3,) m.
         direction: (3,) unit vector.
-        t: How far away it was hit, m.
+        t: Distance of the hit, m.
     """
     cosine = 0.0
-    for i in range(len(laid)):
-        if laid[i, NUMBER] != name:
+    for i in range(len(boxes)):
+        if boxes[i, BOX_ID] != box_id:
             continue
-        c, s = laid[i, COS], laid[i, SIN]
-        x = origin[0] + t * direction[0] - laid[i, X]
-        y = origin[1] + t * direction[1] - laid[i, Y]
-        z = origin[2] + t * direction[2] - laid[i, Z]
-        ahead = abs(abs(c * x + s * y) - laid[i, LENGTH])
-        beside = abs(abs(c * y - s * x) - laid[i, WIDTH])
-        above = abs(abs(z) - laid[i, HEIGHT])
+        c, s = boxes[i, COS], boxes[i, SIN]
+        x = origin[0] + t * direction[0] - boxes[i, X]
+        y = origin[1] + t * direction[1] - boxes[i, Y]
+        z = origin[2] + t * direction[2] - boxes[i, Z]
+        # The hit point is on the face to whose plane it is nearest.
+        ahead = abs(abs(c * x + s * y) - boxes[i, LENGTH])
+        beside = abs(abs(c * y - s * x) - boxes[i, WIDTH])
+        above = abs(abs(z) - boxes[i, HEIGHT])
         if ahead <= beside and ahead <= above:
             cosine = abs(c * direction[0] + s * direction[1])
         elif beside <= above:

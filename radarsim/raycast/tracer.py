@@ -1,18 +1,19 @@
-"""Rays through a scene: what they meet, sorted and settled.
+"""Trace rays through a scene.
 
 Theory of operation
 ===================
-One compiled loop, ``following``, takes one ray after the other. ``embree`` lists the
-surfaces that the ray meets, ``penetration`` walks the sorted list.
+One compiled loop, ``propagate``, takes one ray after the other: ``intersect`` collects
+the surfaces ahead of the ray, and ``attenuation`` follows the ray through the sorted
+list.
 
-Rule 1: which volumes contain the start of a ray is not deduced from what is ahead, as
-an opaque wall may hide the exit. Where the start is in a volume's box, the same line
-is looked at backwards, through everything: what was entered there and not left again
-is around the ray. As it is the same line, no surface is counted on both sides of the
-start, or on none, and the sum of all crossings is zero, also for a ray that starts on
-a face or runs along an edge.
-Rule 2: robots are upright boxes outside Embree: they move, and the scene stays sealed.
-Rule 3: coordinates count from the middle of the scene, so that they are small.
+Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
+where an opaque wall may hide their far side. If the start is in the bounds of a volume,
+the same line is searched backwards, through everything: a part that was entered there
+and not left encloses the start. As it is the same line, each surface counts on exactly
+one side of the start, and the signs of all crossings add up to zero, also for a ray
+that starts on a face or runs along an edge.
+Rule 2: robots are upright boxes outside Embree, since they move and the scene is fixed.
+Rule 3: coordinates are relative to the centre of the scene, so that they are small.
 """
 
 import functools
@@ -27,14 +28,18 @@ from radarsim.geometry import Floats
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.embree import EmbreeScene, Mesh
-from radarsim.raycast.intersect import is_anything_opaque
+from radarsim.raycast.intersect import is_opaque_nearby
 from radarsim.raycast.material_table import (
-    MaterialTable,
+    centre_of,
     find_volumes,
-    middle_of,
-    tabulate,
+    material_table,
 )
-from radarsim.raycast.propagate import trace_rays
+from radarsim.raycast.propagate import (
+    MaterialTable,
+    TraceColumns,
+    TracedScene,
+    trace_rays,
+)
 from radarsim.raycast.rays import (
     DEFAULT_CLASSES,
     Event,
@@ -49,11 +54,11 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
 
-FIRST_ROOM: Final = 512  # surfaces on one ray; a call that meets more is made again
+INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
 
 
 class Tracer:
-    """Casts rays into a sealed scene.
+    """Traces rays through one scene, which must not change.
 
     Attributes:
         parts: Parts of the scene; the air, if any, comes last, without surfaces.
@@ -65,12 +70,12 @@ class Tracer:
         """Build the scene.
 
         Args:
-            parts: What there is.
-            air: What fills the rest, and the parts; None for nothing.
+            parts: Parts of the scene.
+            air: The material that fills everything, also the parts; None for nothing.
 
         Raises:
-            EngineError: If Embree cannot take a part, or a penetrable one encloses
-                nothing and is no sheet.
+            EngineError: If Embree cannot use a part, or a penetrable part is neither
+                closed nor a sheet.
         """
         nothing = np.zeros((0, 3), np.float64), np.zeros((0, 3), np.int32)
         filling = [] if air is None else [Part("air", air, *nothing)]
@@ -79,25 +84,25 @@ class Tracer:
             [part.material.rain for part in self.parts], np.float64
         )
         self.has_rain = bool(self.rain_rate.any())
-        self._middle = middle_of(parts)
-        self._volumes = find_volumes(parts, self._middle)
+        self._centre = centre_of(parts)
+        self._volumes = find_volumes(parts, self._centre)
         self._air = air
-        self._tolls: dict[tuple[RayClass, ...], MaterialTable] = {}
+        self._tables: dict[tuple[RayClass, ...], MaterialTable] = {}
         self._scene = EmbreeScene(
-            [Mesh(part.vertices - self._middle, part.faces) for part in parts]
+            [Mesh(part.vertices - self._centre, part.faces) for part in parts]
         )
-        self._room = FIRST_ROOM
-        self._events_of_a_ray = 4  # as many as a call has needed on average
+        self._max_crossings = INITIAL_CAPACITY
+        self._events_per_ray = 4  # the highest average of any call
 
-    def densities(self, kind: RayClass) -> tuple[Floats, float]:
-        """Give what rays of a kind lose per metre in each part, (P,), and in air."""
-        tolls = self._tolls_of((kind,))
-        density: Floats = tolls.density[0]
-        return density, float(tolls.air[0])
+    def densities(self, ray_class: RayClass) -> tuple[Floats, float]:
+        """Return the power lost per metre in each part, (P,), and in the air."""
+        table = self._table_for((ray_class,))
+        density: Floats = table.density[0]
+        return density, float(table.air[0])
 
     @property
     def air_part(self) -> int:
-        """The number of the part that the air is; -1 if there is none."""
+        """The index of the part that represents the air; -1 if there is none."""
         return -1 if self._air is None else len(self.parts) - 1
 
     def trace(
@@ -108,22 +113,22 @@ class Tracer:
         events: bool = False,
         incidence: bool = False,
     ) -> Traces:
-        """Follow rays to where they end.
+        """Trace rays to where they end.
 
         Args:
-            rays: To be cast.
-            boxes: Robots.
-            events: Whether to write down all that happens to them.
-            incidence: Whether to tell at which angle surfaces are hit.
+            rays: The rays.
+            boxes: The robots.
+            events: Whether to record everything that happens to the rays.
+            incidence: Whether to compute the angles at which surfaces are hit.
 
         Raises:
-            EngineError: If a column of the rays is not what it has to be.
+            EngineError: If a ray or a column of the rays is invalid.
         """
         n = len(rays.origins)
-        room = max(self._events_of_a_ray * n, FIRST_ROOM) if events else 0
-        traces = self._run(rays, boxes, room, incidence=incidence)
+        room = max(self._events_per_ray * n, INITIAL_CAPACITY) if events else 0
+        traces = self._trace(rays, boxes, room, incidence=incidence)
         most = len(traces.events) // max(n, 1) + 1
-        self._events_of_a_ray = max(self._events_of_a_ray, most)
+        self._events_per_ray = max(self._events_per_ray, most)
         return traces
 
     def is_clear(
@@ -134,32 +139,30 @@ class Tracer:
         boxes: Boxes | None,
         carrier_id: int,
     ) -> bool:
-        """Say whether nothing opaque is near a point, for certain.
+        """Return whether there is certainly nothing opaque near a point.
 
         Args:
             point: (3,) m, map frame.
             radius: m.
             medium: ``RADAR`` or ``LASER``.
-            boxes: Robots, of which ``carrier_id`` does not count.
-            carrier_id: Number of a box; -1 for none.
+            boxes: The robots.
+            carrier_id: Id of a box that does not count; -1 for none.
 
         Returns:
             False also if something is only a little farther away.
         """
         if boxes is not None and boxes.is_any_near(point, radius, carrier_id):
             return False
-        scene, roles = self._scene, self._tolls_of(DEFAULT_CLASSES).ahead[medium]
-        max_range = radius + scene.handle.margin
-        point = point - self._middle
-        return not is_anything_opaque(
-            scene.handle.numbers, scene.asked, roles, point, max_range
-        )
+        handle = self._scene.handle
+        roles = self._table_for(DEFAULT_CLASSES).forward_roles[medium]
+        point = point - self._centre
+        return not is_opaque_nearby(handle, roles, point, radius + handle.margin)
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
-        """Follow rays and tell everything that each of them met, in order.
+        """Trace rays and return the events of each, in order.
 
         Raises:
-            EngineError: If a column of the rays is not what it has to be.
+            EngineError: If a ray or a column of the rays is invalid.
         """
         events: list[list[Event]] = [[] for _ in range(len(rays.origins))]
         for row in self.trace(rays, boxes, events=True).events:
@@ -174,68 +177,70 @@ class Tracer:
             events[int(row["ray"])].append(event)
         return events
 
-    def _tolls_of(self, kinds: tuple[RayClass, ...]) -> MaterialTable:
-        """Give the tables for kinds of rays, made when first asked for."""
-        tolls = self._tolls.get(kinds)
-        if tolls is None:
-            tolls = tabulate(self.parts, self._volumes, kinds, self._air)
-            self._tolls[kinds] = tolls
-        return tolls
+    def _table_for(self, ray_classes: tuple[RayClass, ...]) -> MaterialTable:
+        """Return the table for classes of rays, computed when first needed."""
+        table = self._tables.get(ray_classes)
+        if table is None:
+            table = material_table(self.parts, self._volumes, ray_classes, self._air)
+            self._tables[ray_classes] = table
+        return table
 
-    def _run(
-        self, rays: Rays, boxes: Boxes | None, events: int, *, incidence: bool
+    def _trace(
+        self, rays: Rays, boxes: Boxes | None, max_events: int, *, incidence: bool
     ) -> Traces:
-        """Cast; again with more room where there was too little."""
+        """Trace rays; all of them again with more memory if it was too little."""
         columns = columns_of(rays)
         n = len(rays.origins)
-        laid = NO_BOXES if boxes is None else boxes.laid_out(self._middle)
-        tolls = self._tolls_of(rays.ray_classes)
-        scene = (self._scene.handle, self._middle, tolls, self._scene.triangles)
+        scene = TracedScene(
+            self._scene.handle,
+            self._centre,
+            self._table_for(rays.ray_classes),
+            self._scene.triangles,
+            NO_BOXES if boxes is None else boxes.table(self._centre),
+        )
         while True:
-            found = (
+            traces = TraceColumns(
                 np.zeros(n),
                 np.zeros(n, np.uint8),
                 np.zeros(n, np.int64),
                 np.zeros(n),
                 np.zeros(n if incidence else 0),
             )
-            notes = np.zeros(events + 1 if events else 0, EVENT)
-            room = (np.zeros(self._room, CROSSING), notes)
-            needed = trace_rays(scene, columns, laid, room, found)
-            written = int(notes[-1]["ray"]) if events else 0
+            events = np.zeros(max_events + 1 if max_events else 0, EVENT)
+            crossings = np.zeros(self._max_crossings, CROSSING)
+            needed = trace_rays(scene, columns, crossings, events, traces)
+            count = int(events[-1]["ray"]) if max_events else 0
             if needed < 0:
                 reject_ray(rays, -1 - int(needed))
-            if needed == 0 and written <= events:
-                return Traces(*found, notes[:written])
-            self._room = max(self._room, 2 * int(needed))
-            events = max(events, written)
+            if needed == 0 and count <= max_events:
+                return Traces(*traces, events[:count])
+            self._max_crossings = max(self._max_crossings, 2 * int(needed))
+            max_events = max(max_events, count)
 
 
-# Section from raycast.tracers.
-# One tracer for each scene: built when first asked for, kept as long as the scene.
-
+# One tracer for each scene: built when first needed, and freed with the scene.
 _tracers: WeakKeyDictionary[Scene, Tracer] = WeakKeyDictionary()
 
 
 def tracer_of(scene: Scene) -> Tracer:
-    """Give the tracer of a scene.
+    """Return the tracer of a scene.
 
     Raises:
-        EngineError: If Embree cannot be used, or cannot take a part of the scene.
+        EngineError: If Embree cannot be used, or cannot use a part of the scene.
     """
     tracer = _tracers.get(scene)
     if tracer is None:
-        _see_that_rays_end_right()
+        _check_engine()
         tracer = _tracers[scene] = Tracer(scene.parts, scene.air)
     return tracer
 
 
 @functools.cache
-def _see_that_rays_end_right() -> None:
-    """Cast a ray through half a metre of hedge to a wall, once in a process.
+def _check_engine() -> None:
+    """Trace a ray through half a metre of hedge to a wall, once in a process.
 
-    Embree does not tell the sizes of its structures. This shows that it has those that
-    are filled in for it.
+    Embree does not report the sizes of its structures. This test shows that they are
+    those that ``intersect`` assumes.
     """
     vertices, faces = box(0.5, 1.0, 1.0)
     near, far = vertices + np.array([1, 0, 0]), vertices + np.array([3.25, 0, 0])
@@ -246,10 +251,10 @@ def _see_that_rays_end_right() -> None:
 
 
 def expect_known_end(traces: Traces) -> None:
-    """Refuse an Embree that ends a ray elsewhere than at 3 m, with half its power.
+    """Check that a ray has ended at 3 m with half its power.
 
     Raises:
-        EngineError: If it does.
+        EngineError: If it has not.
     """
     t, power = float(traces.ranges[0]), float(traces.power[0])
     if abs(t - 3.0) > 1e-9 or abs(power - 0.5) > 1e-9:

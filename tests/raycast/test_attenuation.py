@@ -1,5 +1,4 @@
 import math
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -8,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radarsim.raycast import attenuation as penetration
+from radarsim.raycast import attenuation
 from radarsim.raycast.attenuation import (
     EVENT,
     EventKind,
@@ -16,23 +15,35 @@ from radarsim.raycast.attenuation import (
     RayCosts,
     RayEnd,
     RayState,
-    Stop,
-    new_walk,
-    settle,
-    wind,
+    SegmentEnd,
+    advance_ray,
+    end_ray,
+    new_ray_state,
+    start_ray,
+    update_winding,
 )
 from radarsim.raycast.crossings import CROSSING, sort_crossings
 
 Crossing = tuple[float, int, int]
 
 
-def walk_of(crossings: list[Crossing], parts: int, events: int = 0) -> RayState:
+def state_of(crossings: list[Crossing], parts: int, events: int = 0) -> RayState:
     """Write crossings down, sorted; so no ray is cast."""
     rows = np.zeros(max(len(crossings), 1), CROSSING)
     rows[: len(crossings)] = crossings
     sort_crossings(rows, len(crossings))
     notes = np.zeros(events + 1 if events else 0, EVENT)
-    return new_walk(parts, rows, notes)
+    return new_ray_state(parts, rows, notes)
+
+
+def follow(
+    ray: int, power: float, limit: SegmentEnd, costs: RayCosts, state: RayState
+) -> RayEnd:
+    """Follow a ray of one segment from its start to where it ends."""
+    progress = advance_ray(ray, start_ray(ray, power, state), limit, costs, state)
+    end = end_ray(ray, progress, limit, 0.0, state)
+    assert isinstance(end, RayEnd)
+    return end
 
 
 def ended(
@@ -45,16 +56,16 @@ def ended(
     sheets: dict[int, float] | None = None,
     within: tuple[int, ...] = (),
 ) -> RayEnd:
-    walk = walk_of(crossings, len(densities))
+    walk = state_of(crossings, len(densities))
     losses = np.full(len(densities), np.nan)
     for part, loss in (sheets or {}).items():
         losses[part] = loss
     for part in within:
-        wind(walk, part, 1)
-    ending = settle(
+        update_winding(walk, part, 1)
+    ending = follow(
         0,
         power,
-        Stop(len(crossings), max_range, hit),
+        SegmentEnd(len(crossings), max_range, hit),
         RayCosts(np.array(densities), losses),
         walk,
     )
@@ -208,20 +219,14 @@ def test_crossings_are_sorted_by_distance_then_part_then_in_before_out(
 
 
 def test_events_that_do_not_fit_are_counted() -> None:
-    walk = walk_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
+    walk = state_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
     toll = RayCosts(np.array([0.1]), np.array([np.nan]))
-    settle(7, 1.0, Stop(2, 5.0, -1), toll, walk)
+    follow(7, 1.0, SegmentEnd(2, 5.0, -1), toll, walk)
     assert walk.events[-1]["ray"] == 3
     assert walk.events[:2].tolist() == [
         (7, 1.0, 0, EventKind.ENTER, 1.0, 0.0, 0.0, 0.0, 0.0),
         (7, 2.0, 0, EventKind.LEAVE, 0.9, 0.0, 0.0, 0.0, 0.0),
     ]
-
-
-def plain(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give the Python function that was compiled."""
-    python: Callable[..., Any] = getattr(function, "py_func", function)
-    return python
 
 
 @pytest.mark.parametrize("power", [0.3, 50.0])
@@ -242,30 +247,22 @@ def test_python_and_machine_code_agree(
     power: float,
 ) -> None:
     toll = RayCosts(np.array([0.1, 0.3, 0.0]), np.array([np.nan, np.nan, 0.2]))
-    stop = Stop(len(crossings), 100.0, hit)
+    stop = SegmentEnd(len(crossings), 100.0, hit)
 
-    def run(walk: RayState) -> tuple[Any, Any]:
+    def run(state: RayState) -> tuple[Any, Any]:
         for part in within:
-            penetration.wind(walk, part, 1)
-        return penetration.settle(0, power, stop, toll, walk), walk.events.tolist()
+            attenuation.update_winding(state, part, 1)
+        progress = attenuation.start_ray(0, power, state)
+        progress = attenuation.advance_ray(0, progress, stop, toll, state)
+        end = attenuation.end_ray(0, progress, stop, 0.0, state)
+        return end, state.events.tolist()
 
-    wanted = run(walk_of(crossings, 3, events=20))
-    walk = walk_of(crossings, 3, events=20)
-    for name in (
-        "wind",
-        "forget",
-        "_density",
-        "write",
-        "_innermost",
-        "is_absorbed",
-        "_cross",
-        "begin",
-        "follow",
-        "end",
-        "settle",
-    ):
-        monkeypatch.setattr(penetration, name, plain(getattr(penetration, name)))
+    wanted = run(state_of(crossings, 3, events=20))
+    state = state_of(crossings, 3, events=20)
+    for name, function in list(vars(attenuation).items()):
+        if hasattr(function, "py_func"):
+            monkeypatch.setattr(attenuation, name, function.py_func)
     records = {
-        name: getattr(walk, name).view(np.recarray) for name in ("crossings", "events")
+        name: getattr(state, name).view(np.recarray) for name in ("crossings", "events")
     }
-    assert run(walk._replace(**records)) == wanted
+    assert run(state._replace(**records)) == wanted

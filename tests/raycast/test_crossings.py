@@ -1,5 +1,6 @@
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.crossings import AXES_SIZE, LINE_SIZE, aim, cross
+from radarsim.raycast.crossings import (
+    AXES_SIZE,
+    LINE_SIZE,
+    cross_triangle,
+    project_line,
+)
 from radarsim.scene import shapes
 
 UNIT = st.floats(-1, 1).map(lambda x: round(x, 3))
@@ -20,8 +26,8 @@ GRID = st.tuples(*[st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])] * 3).map(np.arr
 def crossings(corners: Floats, origin: Floats, way: Floats) -> list[tuple[int, float]]:
     """Cross all triangles, (F, 9); give the turns and distances of those crossed."""
     line, axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
-    aim(np.asarray(origin, float), way / np.linalg.norm(way), line, axes)
-    found = (cross(line, axes, row) for row in corners)
+    project_line(np.asarray(origin, float), way / np.linalg.norm(way), line, axes)
+    found = (cross_triangle(line, axes, row) for row in corners)
     return [(turn, t) for turn, t in found if turn]
 
 
@@ -110,15 +116,16 @@ def test_a_triangle_without_area_is_never_crossed() -> None:
 
 def test_python_and_machine_code_agree() -> None:
     rng = np.random.Generator(np.random.PCG64(3))
-    plain_aim, plain_cross = (getattr(f, "py_func") for f in (aim, cross))  # noqa: B009
+    compiled: list[Any] = [project_line, cross_triangle]
+    plain_aim, plain_cross = (function.py_func for function in compiled)
     for _ in range(50):
         way = rng.normal(size=3)
         way /= np.linalg.norm(way)
         corners = rng.normal(size=9)
         line, axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
-        aim(np.zeros(3), way, line, axes)
+        project_line(np.zeros(3), way, line, axes)
         other, ways = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
         plain_aim(np.zeros(3), way, other, ways)
         assert line.tolist() == other.tolist()
-        assert plain_cross(line, axes, corners) == cross(line, axes, corners)
-        assert math.isfinite(cross(line, axes, corners)[1])
+        assert plain_cross(line, axes, corners) == cross_triangle(line, axes, corners)
+        assert math.isfinite(cross_triangle(line, axes, corners)[1])

@@ -12,13 +12,13 @@ from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh, open_library
 from radarsim.raycast.intersect import (
     BEHIND,
-    LISTED,
+    COLLECT,
+    IGNORE,
     OPAQUE,
-    PASSED_BY,
-    Span,
-    look_ahead,
-    look_back,
-    new_block,
+    Interval,
+    intersect_backward,
+    intersect_forward,
+    new_ray_buffer,
 )
 from radarsim.scene import shapes
 
@@ -116,10 +116,12 @@ def ahead(
 ) -> tuple[list[tuple[float, int, int]], float, int]:
     """Give the list that is ahead, in order, and what stops the ray."""
     crossings, takes = np.zeros(32, CROSSING), np.array(roles, np.uint8)
-    block = new_block(scene.handle, crossings)
+    block = new_ray_buffer(scene.handle, crossings)
     start, direction = np.array(origin, float), np.array(way, float)
-    span = Span(0.0, max_range, math.inf)
-    count, t, part = look_ahead(scene.handle, block, takes, start, direction, span)
+    span = Interval(0.0, max_range, math.inf)
+    count, t, part = intersect_forward(
+        scene.handle, block, takes, start, direction, span
+    )
     return sorted(crossings[:count].tolist()), t, part
 
 
@@ -135,13 +137,13 @@ def slabs() -> EmbreeScene:
 
 
 def test_what_is_listed_is_on_the_list_up_to_what_is_opaque() -> None:
-    listed, t, part = ahead(slabs(), [LISTED, OPAQUE, LISTED], (0, 0, 0), (1, 0, 0))
+    listed, t, part = ahead(slabs(), [COLLECT, OPAQUE, COLLECT], (0, 0, 0), (1, 0, 0))
     assert (t, part) == pytest.approx((3.0, 1))
     assert [(round(t, 9), *names) for t, *names in listed[:2]] == SLAB
 
 
 def test_what_is_passed_by_is_not_there() -> None:
-    roles = [LISTED, PASSED_BY, PASSED_BY]
+    roles = [COLLECT, IGNORE, IGNORE]
     listed, t, part = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0))
     assert (t, part) == (100.0, -1)
     assert [(round(t, 9), *names) for t, *names in listed] == SLAB
@@ -149,7 +151,7 @@ def test_what_is_passed_by_is_not_there() -> None:
 
 @pytest.mark.parametrize(("max_range", "part"), [(3.01, 1), (2.99, -1)])
 def test_beyond_its_reach_a_ray_meets_nothing(max_range: float, part: int) -> None:
-    roles = [PASSED_BY, OPAQUE, OPAQUE]
+    roles = [IGNORE, OPAQUE, OPAQUE]
     listed, t, stop = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0), max_range)
     assert (listed, stop) == ([], part)
     assert t == pytest.approx(min(max_range, 3.0))
@@ -157,24 +159,24 @@ def test_beyond_its_reach_a_ray_meets_nothing(max_range: float, part: int) -> No
 
 def test_a_list_without_room_counts_what_it_drops() -> None:
     scene, crossings = slabs(), np.zeros(2, CROSSING)
-    takes = np.full(3, LISTED, np.uint8)
-    block = new_block(scene.handle, crossings)
+    takes = np.full(3, COLLECT, np.uint8)
+    block = new_ray_buffer(scene.handle, crossings)
     way = np.array([1.0, 0, 0])
-    span = Span(0.0, 100.0, math.inf)
-    count, _, _ = look_ahead(scene.handle, block, takes, np.zeros(3), way, span)
+    span = Interval(0.0, 100.0, math.inf)
+    count, _, _ = intersect_forward(scene.handle, block, takes, np.zeros(3), way, span)
     assert count == 6
 
 
 @pytest.mark.parametrize("x", [0.5, 1.0, 1.5, 3.5, 4.0, 9.0, np.nextafter(2, 1)])
 def test_no_surface_is_both_ahead_and_behind(x: float) -> None:
     scene, crossings = slabs(), np.zeros(32, CROSSING)
-    takes = np.full(3, LISTED, np.uint8)
-    block = new_block(scene.handle, crossings)
+    takes = np.full(3, COLLECT, np.uint8)
+    block = new_ray_buffer(scene.handle, crossings)
     origin, way = np.array([x, 0, 0]), np.array([1.0, 0, 0])
-    count = look_back(scene.handle, block, takes, origin, way)
+    count = intersect_backward(scene.handle, block, takes, origin, way)
     behind = crossings[:count].tolist()
     assert all(t <= BEHIND for t, _, _ in behind)
-    listed, _, _ = ahead(scene, [LISTED] * 3, (x, 0, 0), (1, 0, 0))
+    listed, _, _ = ahead(scene, [COLLECT] * 3, (x, 0, 0), (1, 0, 0))
     assert len(behind) + len(listed) == 6
     assert sum(turn for _, _, turn in behind + listed) == 0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radarsim.errors import EngineError
-from radarsim.raycast.robot_boxes import Boxes, meet_boxes
+from radarsim.raycast.robot_boxes import Boxes, intersect_boxes
 
 # x, y, yaw, low, high, half length, half width, number
 ROW = [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, 3.0]
@@ -18,10 +18,10 @@ def met(
     carrier_id: int = -1,
     max_range: float = 100.0,
 ) -> tuple[float, int]:
-    laid = Boxes(np.array(rows)).laid_out(np.zeros(3))
+    laid = Boxes(np.array(rows)).table(np.zeros(3))
     direction = np.array(way, float)
     direction /= np.linalg.norm(direction)
-    t, name = meet_boxes(
+    t, name = intersect_boxes(
         laid, carrier_id, np.array(origin, float), direction, max_range
     )
     return t, name
@@ -80,7 +80,7 @@ def test_reach_is_inclusive(max_range: float, name: int) -> None:
 
 
 def test_boxes_are_laid_out_about_the_middle() -> None:
-    moved = Boxes(np.array([ROW])).laid_out(np.array([1.0, 2.0, 3.0]))
+    moved = Boxes(np.array([ROW])).table(np.array([1.0, 2.0, 3.0]))
     assert moved[0, :3].tolist() == [4.0, -2.0, -2.5]
 
 

@@ -12,7 +12,7 @@ from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import FIRST_ROOM, Tracer
+from radarsim.raycast.tracer import INITIAL_CAPACITY, Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -235,7 +235,7 @@ def sheets(count: int) -> Part:
 
 
 def test_more_surfaces_than_there_is_room_for_are_all_met() -> None:
-    count = 3 * FIRST_ROOM
+    count = 3 * INITIAL_CAPACITY
     tracer = Tracer([sheets(count)])
     for _ in range(2):  # the second call has the room from the start
         assert tracer.trace(rays([(0, 0, 0)])).power[0] == pytest.approx(
