@@ -76,31 +76,33 @@ def ended(
     return ending
 
 
-def test_power_runs_out_where_density_times_length_says() -> None:
+def test_power_runs_out_after_power_divided_by_density() -> None:
     ending = ended([(2, 0, 1), (6, 0, -1)], [0.5])
     assert ending == RayEnd(4.0, Outcome.SPENT, 0, 0.0)
 
 
-def test_what_is_left_goes_on_to_the_wall() -> None:
+def test_remaining_power_arrives_at_the_wall() -> None:
     ending = ended([(2, 0, 1), (3, 0, -1)], [0.5], max_range=7.0, hit=4)
     assert ending == RayEnd(7.0, Outcome.HIT, 4, 0.5)
 
 
-def test_nothing_comes_back_from_out_of_reach() -> None:
+def test_ray_that_meets_nothing_ends_at_its_maximum_range() -> None:
     assert ended([], [], max_range=9.0) == RayEnd(9.0, Outcome.NOTHING, -1, 1.0)
 
 
-def test_densities_of_volumes_around_add_up_and_the_last_entered_is_named() -> None:
+def test_densities_of_enclosing_volumes_add_up_and_the_last_entered_is_reported() -> (
+    None
+):
     ending = ended([(1, 0, 1), (2, 1, 1), (9, 1, -1), (9, 0, -1)], [0.25, 0.5])
     assert ending == RayEnd(3.0, Outcome.SPENT, 1, 0.0)
 
 
-def test_a_start_inside_is_charged_from_there() -> None:
+def test_start_inside_a_volume_loses_power_from_there() -> None:
     ending = ended([(3, 0, -1), (5, 1, -1)], [0.05, 0.1], within=(0, 1), max_range=8.0)
     assert ending.power == pytest.approx(1 - 3 * 0.05 - 5 * 0.1)
 
 
-def test_shells_of_one_part_that_overlap_count_once() -> None:
+def test_overlapping_shells_of_one_part_count_once() -> None:
     ending = ended([(1, 0, 1), (2, 0, 1), (3, 0, -1), (4, 0, -1)], [0.1])
     assert ending.power == pytest.approx(0.7)
 
@@ -127,7 +129,7 @@ def test_the_sheet_that_takes_the_rest_is_where_power_is_spent() -> None:
     assert ending == RayEnd(10.0, Outcome.SPENT, 0, 0.0)
 
 
-def test_power_used_up_to_the_last_bit_of_rounding_is_spent() -> None:
+def test_power_of_the_size_of_rounding_errors_is_spent() -> None:
     thirds = [(0.1 + 0.2, 0, 1), (0.1 + 0.2 + 0.7 / 0.7, 0, -1)]
     ending = ended(thirds, [1.0], max_range=50.0, hit=0)
     assert ending.outcome == Outcome.SPENT
@@ -135,12 +137,12 @@ def test_power_used_up_to_the_last_bit_of_rounding_is_spent() -> None:
 
 
 @pytest.mark.parametrize("power", [math.inf, 1e300])
-def test_endless_power_is_not_spent(power: float) -> None:
+def test_infinite_power_is_never_spent(power: float) -> None:
     ending = ended([(1, 0, 1), (5, 0, -1)], [3.0], power=power, max_range=6, hit=1)
     assert ending == RayEnd(6.0, Outcome.HIT, 1, power)
 
 
-def test_no_power_ends_at_the_first_density_that_is_met() -> None:
+def test_ray_without_power_ends_at_the_first_density() -> None:
     ending = ended([(1, 0, 1), (2, 1, 1)], [0.0, 0.5], power=0.0)
     assert ending == RayEnd(2.0, Outcome.SPENT, 1, 0.0)
 
@@ -174,7 +176,7 @@ def by_hand(
 
 @settings(deadline=None)  # the first call compiles
 @given(layers=LAYERS, power=st.floats(0.01, 10), max_range=st.floats(0.5, 40))
-def test_random_stacks_of_layers_end_where_they_do_by_hand(
+def test_random_stacks_of_layers_match_a_direct_sum(
     layers: list[tuple[float, float, float]], power: float, max_range: float
 ) -> None:
     crossings = [
@@ -209,7 +211,7 @@ def test_random_stacks_of_layers_end_where_they_do_by_hand(
         max_size=60,
     )
 )
-def test_crossings_are_sorted_by_distance_then_part_then_in_before_out(
+def test_crossings_are_sorted_by_distance_then_part_then_entering_first(
     crossings: list[Crossing],
 ) -> None:
     rows = np.array(crossings, CROSSING)
@@ -218,7 +220,7 @@ def test_crossings_are_sorted_by_distance_then_part_then_in_before_out(
     assert [tuple(row) for row in rows.tolist()] == wanted
 
 
-def test_events_that_do_not_fit_are_counted() -> None:
+def test_events_beyond_the_capacity_are_counted() -> None:
     walk = state_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
     toll = RayCosts(np.array([0.1]), np.array([np.nan]))
     follow(7, 1.0, SegmentEnd(2, 5.0, -1), toll, walk)

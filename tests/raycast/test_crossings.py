@@ -43,7 +43,9 @@ BALL = triangles(shapes._icosahedron())
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_face_is_a_front_to_who_comes_from_outside(axis: int, sign: float) -> None:
+def test_line_enters_by_the_front_and_leaves_by_the_back(
+    axis: int, sign: float
+) -> None:
     way = np.zeros(3)
     way[axis] = sign
     beside = np.roll([0.0, 0.1, 0.2], axis)
@@ -52,12 +54,12 @@ def test_a_face_is_a_front_to_who_comes_from_outside(axis: int, sign: float) -> 
     assert [turn for turn, _ in sorted(found, key=lambda f: f[1])] == [1, -1]
 
 
-def test_what_is_behind_has_a_distance_below_zero() -> None:
+def test_crossings_behind_the_origin_have_negative_distances() -> None:
     found = crossings(BRICK, np.array([0, 0.1, 0.2]), np.array([1.0, 0, 0]))
     assert sorted(found) == [pytest.approx((-1, 0.5)), pytest.approx((1, -0.5))]
 
 
-def test_a_line_within_a_face_of_its_own_crosses_it_not() -> None:
+def test_line_in_the_plane_of_a_triangle_does_not_cross_it() -> None:
     face = np.array([[0.0, 0, 0, 1, 0, 0, 0, 1, 0]])
     assert crossings(face, np.array([-1, 0.25, 0]), np.array([1.0, 0, 0])) == []
 
@@ -74,7 +76,7 @@ def test_a_closed_surface_is_entered_as_often_as_left_along_any_line(
 
 @settings(deadline=None)  # the first call compiles
 @given(origin=POINTS, end=POINTS, by=POINTS, scale=st.sampled_from([1.0, 1 / 3, 500.0]))
-def test_that_holds_for_lines_through_corners_anywhere(
+def test_lines_through_corners_enter_as_often_as_they_leave(
     origin: Floats, end: Floats, by: Floats, scale: float
 ) -> None:
     moved = BALL * scale + np.tile(by, 3) * 400

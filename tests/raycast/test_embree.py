@@ -1,5 +1,9 @@
+import ctypes.util
 import gc
+import importlib.metadata
 import math
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +13,14 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.crossings import CROSSING
-from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh, open_library
+from radarsim.raycast.embree import (
+    EmbreeScene,
+    FirstHits,
+    Mesh,
+    expect_version,
+    load_library,
+    open_library,
+)
 from radarsim.raycast.intersect import (
     BEHIND,
     COLLECT,
@@ -79,13 +90,13 @@ FACE = np.array([[0, 1, 2]])
         ),
     ],
 )
-def test_wrong_meshes_are_refused(vertices: Any, faces: Any, text: str) -> None:
+def test_invalid_meshes_are_rejected(vertices: Any, faces: Any, text: str) -> None:
     with pytest.raises(EngineError) as caught:
         EmbreeScene([Mesh(TRIANGLE, FACE), Mesh(vertices, faces)])
     assert str(caught.value) == f"{text}, in mesh 1"
 
 
-def test_an_error_of_embree_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_of_embree_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     class Failing:
         rtcGetDeviceError = staticmethod(lambda _device: 4)  # noqa: N815 - Embree's name
 
@@ -98,7 +109,7 @@ def test_an_error_of_embree_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert str(caught.value) == "Embree error 4 over 1 triangles"
 
 
-def test_what_is_handed_over_may_change_afterwards() -> None:
+def test_meshes_are_copied() -> None:
     vertices = TRIANGLE.copy()
     scene = EmbreeScene([Mesh(vertices, FACE)])
     vertices += 50
@@ -136,13 +147,13 @@ def slabs() -> EmbreeScene:
     )
 
 
-def test_what_is_listed_is_on_the_list_up_to_what_is_opaque() -> None:
+def test_surfaces_are_collected_up_to_the_first_opaque_one() -> None:
     listed, t, part = ahead(slabs(), [COLLECT, OPAQUE, COLLECT], (0, 0, 0), (1, 0, 0))
     assert (t, part) == pytest.approx((3.0, 1))
     assert [(round(t, 9), *names) for t, *names in listed[:2]] == SLAB
 
 
-def test_what_is_passed_by_is_not_there() -> None:
+def test_ignored_parts_are_not_collected() -> None:
     roles = [COLLECT, IGNORE, IGNORE]
     listed, t, part = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0))
     assert (t, part) == (100.0, -1)
@@ -150,14 +161,16 @@ def test_what_is_passed_by_is_not_there() -> None:
 
 
 @pytest.mark.parametrize(("max_range", "part"), [(3.01, 1), (2.99, -1)])
-def test_beyond_its_reach_a_ray_meets_nothing(max_range: float, part: int) -> None:
+def test_surfaces_beyond_the_maximum_range_are_ignored(
+    max_range: float, part: int
+) -> None:
     roles = [IGNORE, OPAQUE, OPAQUE]
     listed, t, stop = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0), max_range)
     assert (listed, stop) == ([], part)
     assert t == pytest.approx(min(max_range, 3.0))
 
 
-def test_a_list_without_room_counts_what_it_drops() -> None:
+def test_surfaces_beyond_the_capacity_are_counted() -> None:
     scene, crossings = slabs(), np.zeros(2, CROSSING)
     takes = np.full(3, COLLECT, np.uint8)
     block = new_ray_buffer(scene.handle, crossings)
@@ -181,7 +194,7 @@ def test_no_surface_is_both_ahead_and_behind(x: float) -> None:
     assert sum(turn for _, _, turn in behind + listed) == 0
 
 
-def test_the_first_hits_are_those_that_embreex_finds() -> None:
+def test_first_hits_match_those_of_embreex() -> None:
     rng = np.random.Generator(np.random.PCG64(2))
     solids = [shapes.sphere(0.7), shapes.box(1, 2, 0.5), shapes.cylinder(0.4, 2.0)] * 8
     meshes = [
@@ -203,3 +216,79 @@ def test_the_first_hits_are_those_that_embreex_finds() -> None:
     hit = parts >= 0
     distances = np.array([t for _, t, _ in found])
     np.testing.assert_allclose(distances[hit], other["tfar"][hit], atol=2e-5)
+
+
+def test_library_is_opened_once() -> None:
+    assert open_library() is open_library()
+
+
+@pytest.mark.parametrize("names", [[], ["libembree4.so.4", "libembree4.so.5"]])
+def test_exactly_one_library_is_expected(names: list[str]) -> None:
+    with pytest.raises(EngineError) as caught:
+        load_library([Path("/lib", name) for name in names])
+    text = f"{names!r} in embreex, expected one library of Embree 4"
+    assert str(caught.value) == text
+
+
+def test_missing_embreex_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> list[Any]:
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "files", absent)
+    with pytest.raises(EngineError, match=r"^\[\] in embreex, expected one library"):
+        open_library.__wrapped__()
+
+
+def test_file_that_is_no_library_is_rejected(tmp_path: Path) -> None:
+    path = tmp_path / "libembree4.so.4"
+    path.write_text("not a library")
+    with pytest.raises(EngineError) as caught:
+        load_library([path])
+    assert str(caught.value) == f"cannot use {path}: {path}: file too short"
+
+
+def test_library_without_embrees_functions_is_rejected() -> None:
+    name = ctypes.util.find_library("m")
+    assert name is not None
+    with pytest.raises(EngineError) as caught:
+        load_library([Path(name)])
+    assert str(caught.value).startswith(f"cannot use {name}: ")
+    assert str(caught.value).endswith("undefined symbol: rtcNewDevice")
+
+
+def library(device: int, version: int, boxes: int) -> Any:
+    """Answer as an Embree of this version would."""
+    answers = {0: version, 100: boxes}
+    return SimpleNamespace(
+        rtcNewDevice=lambda _: device,
+        rtcGetDeviceProperty=lambda _, name: answers[name],
+        rtcReleaseDevice=lambda _: None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("answers", "text"),
+    [
+        pytest.param(
+            (0, 40400, 1),
+            "Embree made no device, expected one with its defaults",
+            id="none",
+        ),
+        pytest.param(
+            (1, 30904, 1),
+            "Embree 30904, user geometries True, expected 4xxxx and True",
+            id="version 3",
+        ),
+        pytest.param(
+            (1, 40400, 0),
+            "Embree 40400, user geometries False, expected 4xxxx and True",
+            id="no user geometries",
+        ),
+    ],
+)
+def test_unusable_builds_of_embree_are_rejected(
+    answers: tuple[int, int, int], text: str
+) -> None:
+    with pytest.raises(EngineError) as caught:
+        expect_version(library(*answers))
+    assert str(caught.value) == text

@@ -56,7 +56,7 @@ def test_foliage_before_the_wall_changes_nothing() -> None:
     assert cosines([bush, wall], way) == pytest.approx([math.cos(0.3)])
 
 
-def test_what_ends_in_foliage_or_nowhere_has_no_angle() -> None:
+def test_rays_without_a_hit_have_no_incidence() -> None:
     bush = part("bush", LEAF, shapes.box(6, 4, 4), (6, 0, 0))
     ways = np.array([[1.0, 0, 0], [-1, 0, 0]])
     assert np.isnan(cosines([bush], ways)).all()
@@ -79,12 +79,12 @@ def test_a_robot_is_hit_from_above_and_from_the_side() -> None:
     assert found == pytest.approx([-ways[0, 2], ways[1, 1]])
 
 
-def test_nobody_who_does_not_ask_is_told() -> None:
+def test_incidence_is_empty_unless_requested() -> None:
     cast = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=80.0)
     assert Tracer([]).trace(cast).incidence.size == 0
 
 
-def test_asking_changes_no_other_answer() -> None:
+def test_requesting_incidence_changes_nothing_else() -> None:
     room = part("room", WALL, shapes.box(10, 10, 4), (0, 0, 0))
     ball = part("ball", LEAF, shapes.sphere(1.0), (3, 0, 0))
     angles = np.linspace(0, 6, 50)
@@ -101,7 +101,9 @@ def test_asking_changes_no_other_answer() -> None:
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_of_coinciding_surfaces_the_first_part_counts(order: tuple[int, int]) -> None:
+def test_incidence_on_coincident_surfaces_is_that_of_the_lower_part(
+    order: tuple[int, int],
+) -> None:
     shape = shapes.box(1, 4, 4)
     parts = [part(name, WALL, shape, (5, 0, 0)) for name in ("a", "b")]
     found = cosines([parts[i] for i in order], np.eye(3)[:1])

@@ -159,7 +159,7 @@ def test_a_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
     assert seen.parts.tolist() == [wanted.parts[0] + 1]
 
 
-def test_after_the_last_bounce_a_mirror_is_a_surface() -> None:
+def test_mirror_after_the_last_reflection_is_a_surface() -> None:
     one, other = (brick(MIRROR, (1, 9, 9), (x, 0, 0)) for x in (5.5, -5.5))
     tracer = Tracer([one, other])
     for bounces in range(4):
@@ -169,7 +169,7 @@ def test_after_the_last_bounce_a_mirror_is_a_surface() -> None:
         assert traces.outcomes[0] == Outcome.HIT
 
 
-def test_the_reach_is_that_of_the_whole_way() -> None:
+def test_maximum_range_covers_all_segments() -> None:
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
     tracer = Tracer([mirror, wall])
@@ -178,7 +178,7 @@ def test_the_reach_is_that_of_the_whole_way() -> None:
     assert (short.ranges[0], short.outcomes[0]) == (math.inf, Outcome.NOTHING)
 
 
-def test_foliage_on_both_legs_takes_its_toll() -> None:
+def test_foliage_on_both_segments_costs_power() -> None:
     bush = brick(LEAF, (2, 9, 9), (2, 0, 0))  # crossed there and back: 4 m
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
@@ -240,13 +240,13 @@ def test_a_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
     assert traces.incidence[0] == pytest.approx(1.0)
 
 
-def test_incidence_is_that_of_the_last_leg() -> None:
+def test_incidence_is_that_of_the_last_segment() -> None:
     wall = brick(WALL, (20, 1, 9), (4, 6.5, 0), 30)
     traces = Tracer([ACROSS, wall]).trace(cast(AHEAD), incidence=True)
     assert traces.incidence[0] == pytest.approx(math.cos(math.radians(30)))
 
 
-def test_events_tell_where_they_happen() -> None:
+def test_events_have_positions() -> None:
     wall = brick(WALL, (40, 1, 9), (4, 6.5, 0))
     (events,) = Tracer([ACROSS, wall]).explain(cast(AHEAD))
     mirror, hit = events
@@ -274,7 +274,9 @@ def test_a_laser_sees_the_surface_of_a_radars_mirror() -> None:
         pytest.param(math.inf, Outcome.ABSORBED, id="everything"),
     ],
 )
-def test_what_a_surface_keeps_must_be_left(keeps: float, outcome: Outcome) -> None:
+def test_hit_needs_more_power_than_the_surface_absorbs(
+    keeps: float, outcome: Outcome
+) -> None:
     """Its dB are lost once, those of the way out and back: one counts a half."""
     bush = brick(LEAF, (1, 9, 9), (3, 0, 0))
     black = brick(Material("black", absorption_db=keeps), (1, 9, 9), (5.5, 0, 0))
@@ -286,7 +288,7 @@ def test_what_a_surface_keeps_must_be_left(keeps: float, outcome: Outcome) -> No
     assert traces.power[0] == (pytest.approx(1.0 - keeps / 2) if seen else 0.0)
 
 
-def test_an_absorber_is_a_shadow_and_explained() -> None:
+def test_absorber_returns_nothing_and_is_in_the_events() -> None:
     black = brick(Material("black", absorption_db=math.inf), (1, 1, 1), (5.5, 0, 0))
     room = brick(WALL, (40, 40, 40), (0, 0, 0))
     tracer = Tracer([black, room])
@@ -295,7 +297,7 @@ def test_an_absorber_is_a_shadow_and_explained() -> None:
     assert tracer.explain(rays)[0][-1].kind is EventKind.ABSORBED
 
 
-def test_light_is_absorbed_by_what_absorbs_light() -> None:
+def test_laser_is_absorbed_by_its_own_absorption() -> None:
     black = brick(
         Material("velvet", laser_absorption_db=math.inf), (1, 9, 9), (5, 0, 0)
     )
@@ -304,7 +306,7 @@ def test_light_is_absorbed_by_what_absorbs_light() -> None:
     assert np.isfinite(tracer.trace(cast(AHEAD)).ranges[0])
 
 
-def test_a_mirror_keeps_its_share_out_and_back_at_each_bounce() -> None:
+def test_mirror_absorbs_twice_at_each_reflection() -> None:
     dull = Material("dull", radar_mirror=True, absorption_db=0.2)
     one, other = (brick(dull, (1, 9, 9), (x, 0, 0)) for x in (5.5, -5.5))
     tracer = Tracer([one, other])
@@ -314,14 +316,14 @@ def test_a_mirror_keeps_its_share_out_and_back_at_each_bounce() -> None:
 
 
 @given(st.floats(0.01, 20))
-def test_what_is_just_kept_leaves_nothing_and_not_less(decibels: float) -> None:
+def test_absorption_equal_to_the_power_leaves_exactly_nothing(decibels: float) -> None:
     black = Material("black", absorption_db=decibels)
     parts = [brick(LEAF, (1, 9, 9), (3, 0, 0)), brick(black, (1, 9, 9), (5.5, 0, 0))]
     traces = Tracer(parts).trace(cast(AHEAD, power=0.1 + decibels / 2))
     assert 0.0 <= traces.power[0] < 1e-9
 
 
-def test_without_any_power_what_absorbs_everything_still_does() -> None:
+def test_perfect_absorber_absorbs_a_ray_without_power() -> None:
     black = brick(Material("black", absorption_db=math.inf), (1, 9, 9), (5, 0, 0))
     traces = Tracer([black]).trace(cast(AHEAD, power=0.0, power_per_db=0.0))
     assert traces.outcomes[0] == Outcome.ABSORBED
@@ -344,7 +346,7 @@ BANDED = Material(
         pytest.param({"medium": LASER, "power_per_db": 0.04}, 0.2, id="light"),
     ],
 )
-def test_the_band_picks_the_column_and_the_scale_makes_it_power(
+def test_attenuation_is_that_of_the_band_times_power_per_db(
     kind: dict[str, Any], wanted: float
 ) -> None:
     parts = [brick(BANDED, (1, 9, 9), (3, 0, 0)), brick(WALL, (1, 9, 9), (5.5, 0, 0))]
@@ -353,7 +355,7 @@ def test_the_band_picks_the_column_and_the_scale_makes_it_power(
     )
 
 
-def test_rays_of_several_kinds_are_cast_together() -> None:
+def test_rays_of_several_classes_are_traced_together() -> None:
     parts = [brick(BANDED, (1, 9, 9), (3, 0, 0)), brick(WALL, (1, 9, 9), (5.5, 0, 0))]
     tracer = Tracer(parts)
     kinds = [{"band": 0}, {"band": 2}, {"medium": LASER}, {"band": 0}]
@@ -374,7 +376,7 @@ def test_rays_of_several_kinds_are_cast_together() -> None:
     st.floats(1, 120),
     st.floats(0.01, 30),
 )
-def test_in_decibels_a_wall_shows_just_if_the_margin_covers_the_way_there_and_back(
+def test_wall_is_hit_exactly_if_the_margin_covers_the_two_way_attenuation(
     stack: list[tuple[float, float, float]], margin: float, power: float
 ) -> None:
     """Whatever the scale: power is s M / 2, and a dB one way costs s."""
@@ -402,7 +404,7 @@ def test_in_decibels_a_wall_shows_just_if_the_margin_covers_the_way_there_and_ba
 # Air.
 
 
-def test_air_costs_everywhere_and_adds_to_what_is_in_it() -> None:
+def test_air_costs_power_everywhere_and_adds_to_volumes() -> None:
     mist = Material("mist", density=0.02, laser_density=0.0, solid=False)
     parts = [brick(LEAF, (2, 9, 9), (3, 0, 0)), brick(WALL, (1, 9, 9), (8.5, 0, 0))]
     tracer = Tracer(parts, mist)
@@ -416,7 +418,7 @@ def test_air_costs_everywhere_and_adds_to_what_is_in_it() -> None:
     assert inside.ranges[0] == pytest.approx(2 + 0.06 / 0.12)
 
 
-def test_air_without_anything_in_it_spends_a_ray() -> None:
+def test_ray_is_spent_in_air_alone() -> None:
     mist = Material("mist", density=0.02)
     traces = Tracer([], mist).trace(cast(AHEAD))
     assert (traces.outcomes[0], traces.ranges[0]) == (
@@ -425,7 +427,7 @@ def test_air_without_anything_in_it_spends_a_ray() -> None:
     )
 
 
-def test_boxes_are_counted_behind_the_air() -> None:
+def test_boxes_are_numbered_after_the_air() -> None:
     mist = Material("mist", density=0.001)
     boxes = Boxes(np.array([[5, 0, 0, -1, 1, 0.5, 0.5, 7.0]]))
     tracer = Tracer([brick(WALL, (1, 9, 9), (9, 0, 0))], mist)

@@ -286,7 +286,7 @@ def some_rays(
 
 @pytest.mark.parametrize("medium", [RADAR, LASER], ids=["radar", "laser"])
 @pytest.mark.parametrize("make", SCENES)
-def test_every_scene_answers_as_the_oracle_does(make: Make, medium: int) -> None:
+def test_scenes_match_the_oracle(make: Make, medium: int) -> None:
     rng = np.random.Generator(np.random.PCG64(7))
     parts = make(rng)
     origins, directions = some_rays(rng, parts, 600)
@@ -297,9 +297,7 @@ def test_every_scene_answers_as_the_oracle_does(make: Make, medium: int) -> None
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("make", SCENES)
-def test_hundreds_of_thousands_of_rays_answer_as_the_oracle_does(
-    make: Make, seed: int
-) -> None:
+def test_hundreds_of_thousands_of_rays_match_the_oracle(make: Make, seed: int) -> None:
     rng = np.random.Generator(np.random.PCG64(seed))
     parts = make(rng)
     origins, directions = some_rays(rng, parts, 6000)
@@ -308,7 +306,7 @@ def test_hundreds_of_thousands_of_rays_answer_as_the_oracle_does(
 
 
 @pytest.mark.parametrize("make", SCENES)
-def test_half_a_kilometre_from_the_middle_changes_nothing(make: Make) -> None:
+def test_scenes_half_a_kilometre_from_the_centre_match_the_oracle(make: Make) -> None:
     rng = np.random.Generator(np.random.PCG64(11))
     parts = moved(make(rng), [480, -470, 3])
     origins, directions = some_rays(rng, parts, 120)
@@ -317,7 +315,7 @@ def test_half_a_kilometre_from_the_middle_changes_nothing(make: Make) -> None:
 
 
 @pytest.mark.parametrize("make", SCENES)
-def test_a_scene_is_seen_from_the_other_end_of_a_kilometre(make: Make) -> None:
+def test_scenes_match_the_oracle_from_a_kilometre_away(make: Make) -> None:
     rng = np.random.Generator(np.random.PCG64(13))
     parts = moved(make(rng), [480, 300, 3])
     points = np.vstack([p.vertices for p in parts])

@@ -122,7 +122,7 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
         ),
     ],
 )
-def test_wrong_columns_are_refused(changed: dict[str, Any], text: str) -> None:
+def test_invalid_columns_are_rejected(changed: dict[str, Any], text: str) -> None:
     with pytest.raises(EngineError) as caught:
         TRACER.trace(rays(**changed))
     assert str(caught.value) == text
@@ -136,11 +136,11 @@ def test_wrong_columns_are_refused(changed: dict[str, Any], text: str) -> None:
         pytest.param(np.broadcast_to(np.zeros(3), (3, 3)), id="one row thrice"),
     ],
 )
-def test_columns_may_lie_in_memory_as_they_like(origins: np.ndarray) -> None:
+def test_columns_may_have_any_memory_layout(origins: np.ndarray) -> None:
     assert TRACER.trace(rays(origins=origins)).ranges.tolist() == [3.0, 3.0, 3.0]
 
 
-def test_batches_that_are_joined_come_apart_again() -> None:
+def test_split_undoes_concatenate() -> None:
     one, other = rays(), rays(max_range=np.array([9.0, 2.0, 9.0]))
     apart = TRACER.trace(Rays.concatenate([one, other])).split([3, 3])
     assert [type(piece) for piece in apart] == [Traces, Traces]

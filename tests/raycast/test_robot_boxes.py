@@ -55,7 +55,7 @@ def met(
         ),
     ],
 )
-def test_a_box_is_met_where_its_face_is(
+def test_box_is_hit_at_its_face(
     row: list[float],
     origin: tuple[float, float, float],
     way: tuple[float, float, float],
@@ -64,22 +64,22 @@ def test_a_box_is_met_where_its_face_is(
     assert met([row], origin, way) == pytest.approx(wanted)
 
 
-def test_the_nearest_box_is_met_in_any_order() -> None:
+def test_nearest_box_is_hit_in_any_order() -> None:
     near, far = ROW, [8.0, *ROW[1:7], 4.0]
     assert met([near, far], (0, 0, 0.5)) == (4.5, 3)
     assert met([far, near], (0, 0, 0.5)) == (4.5, 3)
 
 
-def test_ones_own_box_is_no_obstacle() -> None:
+def test_carrier_is_not_hit() -> None:
     assert met([ROW], (5, 0, 0.5), carrier_id=3) == (100.0, -1)
 
 
 @pytest.mark.parametrize(("max_range", "name"), [(4.5, 3), (4.4, -1)])
-def test_reach_is_inclusive(max_range: float, name: int) -> None:
+def test_maximum_range_is_inclusive(max_range: float, name: int) -> None:
     assert met([ROW], (0, 0, 0.5), max_range=max_range) == (max_range, name)
 
 
-def test_boxes_are_laid_out_about_the_middle() -> None:
+def test_table_is_relative_to_the_centre() -> None:
     moved = Boxes(np.array([ROW])).table(np.array([1.0, 2.0, 3.0]))
     assert moved[0, :3].tolist() == [4.0, -2.0, -2.5]
 
@@ -99,7 +99,7 @@ def test_boxes_are_laid_out_about_the_middle() -> None:
         ),
     ],
 )
-def test_wrong_boxes_are_refused(rows: np.ndarray, text: str) -> None:
+def test_invalid_boxes_are_rejected(rows: np.ndarray, text: str) -> None:
     with pytest.raises(EngineError) as caught:
         Boxes(rows)
     assert str(caught.value) == text

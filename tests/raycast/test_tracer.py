@@ -1,4 +1,6 @@
+import gc
 import math
+import weakref
 from itertools import pairwise
 
 import numpy as np
@@ -9,13 +11,18 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.attenuation import EventKind, Outcome
-from radarsim.raycast.rays import LASER, RADAR, Rays
+from radarsim.raycast.attenuation import EVENT, EventKind, Outcome
+from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import INITIAL_CAPACITY, Tracer
+from radarsim.raycast.tracer import (
+    INITIAL_CAPACITY,
+    Tracer,
+    expect_known_end,
+    tracer_of,
+)
 from radarsim.scene import shapes
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
+from radarsim.scene.scene import Part, Scene
 
 Solid = tuple[Floats, NDArray[np.int32]]
 AHEAD = (1.0, 0.0, 0.0)
@@ -72,12 +79,12 @@ def one(
     return t, Outcome(traces.outcomes[0]), int(traces.parts[0]), left
 
 
-def test_nothing_is_in_an_empty_scene() -> None:
+def test_ray_in_an_empty_scene_hits_nothing() -> None:
     assert one([]) == (math.inf, Outcome.NOTHING, -1, 1.0)
 
 
 @pytest.mark.parametrize("angle", [0, 10, 45, 80, 89])
-def test_a_slab_is_as_thick_as_its_angle_makes_it(angle: float) -> None:
+def test_path_through_a_slab_depends_on_the_angle(angle: float) -> None:
     turn = rotation_matrix(0, 0, math.radians(angle))
     vertices, faces = shapes.box(0.01, 40, 40)
     slab = Part("slab", foliage(0.5), vertices @ turn.T + [10, 0, 0], faces)
@@ -96,7 +103,7 @@ def test_a_slab_is_as_thick_as_its_angle_makes_it(angle: float) -> None:
     at=st.sampled_from([0.0, 100.0, 480.0]),
 )
 @example(y=0.0, z=0.0, yaw=-5e-324, at=100.0)  # next to nothing, along an edge
-def test_the_chord_of_a_sphere_is_that_of_its_faces(
+def test_chord_of_a_sphere_is_that_of_its_triangles(
     y: float, z: float, yaw: float, at: float
 ) -> None:
     radius, far = 1.2, 1000.0
@@ -112,7 +119,7 @@ def test_the_chord_of_a_sphere_is_that_of_its_faces(
     assert shortest - 1e-9 <= chord <= longest + 1e-9
 
 
-def test_what_takes_the_last_power_is_named() -> None:
+def test_part_that_takes_the_last_power_is_reported() -> None:
     bush, tree = (brick(foliage(0.5), (9, 2, 2), (x, 0, 0)) for x in (5.5, 6.0))
     assert one([bush, tree]) == (2.25, Outcome.SPENT, 1, 0.0)
 
@@ -121,7 +128,9 @@ def test_what_takes_the_last_power_is_named() -> None:
     ("max_range", "outcome"), [(4.5, Outcome.HIT), (4.4999, Outcome.NOTHING)]
 )
 @pytest.mark.parametrize("shift", [0.0, 0.1, 1 / 3, 401.7])
-def test_reach_is_inclusive(max_range: float, outcome: Outcome, shift: float) -> None:
+def test_maximum_range_is_inclusive(
+    max_range: float, outcome: Outcome, shift: float
+) -> None:
     wall = brick(CONCRETE, (1, 4, 4), (5 + shift, 0, 0))
     t, found, _, _ = one([wall], (shift, 0, 0), max_range=max_range)
     assert found == outcome
@@ -149,7 +158,7 @@ def test_smoke_blinds_a_laser_and_costs_a_radar_nothing() -> None:
     assert one(parts) == (9.0, Outcome.HIT, 1, 1.0)
 
 
-def test_a_wall_that_hides_the_exit_does_not_hide_that_one_is_inside() -> None:
+def test_start_inside_a_volume_is_found_when_a_wall_hides_its_far_side() -> None:
     parts = [
         brick(foliage(0.1), (20, 4, 4), (5, 0, 0)),
         brick(foliage(0.2), (20, 4, 4), (5, 0, 0)),
@@ -165,7 +174,7 @@ def test_a_wall_that_hides_the_exit_does_not_hide_that_one_is_inside() -> None:
     ("way", "cost"),
     [(AHEAD, 0.2), ((-1.0, 0, 0), 0.0), ((1.0, 1, 0), 0.1 * math.sqrt(2))],
 )
-def test_a_start_on_a_face_costs_what_is_ahead(
+def test_start_on_a_face_costs_what_is_ahead_of_it(
     x: float, way: tuple[float, float, float], cost: float
 ) -> None:
     bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
@@ -177,7 +186,7 @@ def test_a_start_on_a_face_costs_what_is_ahead(
     "off",
     [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.3, -1.0), (1.0, 1.0), (-1.0, 1.0)],
 )
-def test_along_a_face_or_an_edge_one_is_in_or_out_all_the_way(
+def test_ray_along_a_face_or_an_edge_is_inside_or_outside_throughout(
     off: tuple[float, float], shift: float
 ) -> None:
     bush = brick(foliage(0.1), (2, 2, 2), (5, shift, shift))
@@ -191,12 +200,12 @@ def test_side_by_side_volumes_leave_no_gap_between_them() -> None:
     assert one(bushes)[3] == pytest.approx(1 - 0.2)
 
 
-def test_of_walls_that_coincide_the_first_is_hit() -> None:
+def test_first_of_coincident_walls_is_hit() -> None:
     walls = [brick(CONCRETE, (1, 2, 2), (5, 0, 0)) for _ in range(3)]
     assert one(walls) == (4.5, Outcome.HIT, 0, 1.0)
 
 
-def test_far_from_a_scene_it_is_seen_as_from_near() -> None:
+def test_ray_from_far_away_hits_the_same_point() -> None:
     bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
     wall = brick(CONCRETE, (1, 2, 2), (5, 0, 0))
     t, outcome, part, power = one([bush, wall], (-1e6, 0.3, 0.2), max_range=1e7)
@@ -205,7 +214,7 @@ def test_far_from_a_scene_it_is_seen_as_from_near() -> None:
     assert power == pytest.approx(0.8)
 
 
-def test_robots_stop_rays_but_their_own() -> None:
+def test_robots_stop_all_rays_but_their_own() -> None:
     tracer = Tracer([brick(CONCRETE, (1, 9, 9), (9.5, 0, 0))])
     cast = Rays.uniform(np.zeros((2, 3)), np.tile(AHEAD, (2, 1)), max_range=80.0)
     cast.carrier_id[:] = 7, -1
@@ -216,7 +225,7 @@ def test_robots_stop_rays_but_their_own() -> None:
     assert traces.outcomes.tolist() == [Outcome.HIT, Outcome.HIT]
 
 
-def test_a_robot_in_foliage_is_seen_at_the_cost_of_what_is_before_it() -> None:
+def test_robot_in_foliage_costs_the_foliage_before_it() -> None:
     tracer = Tracer([brick(foliage(0.1), (8, 9, 9), (5, 0, 0))])
     boxes = Boxes(np.array([[5, 0, 0, -1, 1, 1, 1, 0.0]]))
     traces = tracer.trace(rays([(0, 0, 0)]), boxes)
@@ -234,7 +243,7 @@ def sheets(count: int) -> Part:
     )
 
 
-def test_more_surfaces_than_there_is_room_for_are_all_met() -> None:
+def test_capacity_for_surfaces_ahead_grows() -> None:
     count = 3 * INITIAL_CAPACITY
     tracer = Tracer([sheets(count)])
     for _ in range(2):  # the second call has the room from the start
@@ -243,7 +252,7 @@ def test_more_surfaces_than_there_is_room_for_are_all_met() -> None:
         )
 
 
-def test_more_surfaces_behind_a_start_than_there_is_room_for_are_all_met() -> None:
+def test_capacity_for_surfaces_behind_grows() -> None:
     shells = [
         brick(foliage(1e-4), (10, 10, 1 + i / 100), (0, 0, 0)) for i in range(600)
     ]
@@ -251,12 +260,12 @@ def test_more_surfaces_behind_a_start_than_there_is_room_for_are_all_met() -> No
     assert power == pytest.approx(1 - 600 * 2 * 1e-4)
 
 
-def test_more_events_than_there_is_room_for_are_all_told() -> None:
+def test_capacity_for_events_grows() -> None:
     events = Tracer([sheets(100)]).explain(rays([(0, 0, 0)] * 20))
     assert [len(found) for found in events] == [101] * 20
 
 
-def test_explain_tells_what_happened_in_order() -> None:
+def test_explain_returns_events_in_order() -> None:
     parts = [
         brick(foliage(0.1), (2, 2, 2), (0, 0, 0)),
         brick(foliage(0.2), (1, 2, 2), (3, 0, 0)),
@@ -359,7 +368,7 @@ def test_every_volume_is_entered_as_often_as_left(trees: int, count: int) -> Non
         assert not balance.any()
 
 
-def test_open_meshes_must_be_opaque_or_sheets() -> None:
+def test_open_mesh_must_be_opaque_or_a_sheet() -> None:
     vertices, faces = shapes.box(1, 1, 1)
     wall = Part("wall", CONCRETE, vertices + np.array([3, 0, 0]), faces[:-1])
     assert one([wall])[0] == 2.5
@@ -376,3 +385,37 @@ def test_a_part_may_have_no_faces(material: Material) -> None:
     nothing = Part("nothing", material, np.zeros((0, 3)), np.zeros((0, 3), np.int32))
     wall = brick(CONCRETE, (1, 1, 1), (3, 0, 0))
     assert one([nothing, wall]) == (2.5, Outcome.HIT, 1, 1.0)
+
+
+def test_a_scene_has_one_tracer() -> None:
+    scene, other = Scene("one", "DM-One"), Scene("one", "DM-One")
+    assert tracer_of(scene) is tracer_of(scene)
+    assert tracer_of(scene) is not tracer_of(other)
+
+
+def test_tracer_is_freed_with_its_scene() -> None:
+    scene = Scene("one", "DM-One")
+    tracer = weakref.ref(tracer_of(scene))
+    del scene
+    gc.collect()
+    assert tracer() is None
+
+
+@pytest.mark.parametrize(("t", "power"), [(np.inf, 1.0), (3.0, 1.0), (2.9, 0.5)])
+def test_unexpected_result_of_the_engine_check_is_rejected(
+    t: float, power: float
+) -> None:
+    wrong = Traces(
+        np.array([t]),
+        np.zeros(1, np.uint8),
+        np.zeros(1, np.int64),
+        np.array([power]),
+        np.zeros(0),
+        np.zeros(0, EVENT),
+    )
+    with pytest.raises(EngineError) as caught:
+        expect_known_end(wrong)
+    assert str(caught.value) == (
+        f"a ray of known end ends at {t:.6g} m with power {power:.6g}, expected"
+        " 3 m and 0.5: this Embree is laid out otherwise than version 4.4"
+    )
