@@ -1,4 +1,4 @@
-"""Fixtures for the test suites of USARSim clients; pytest finds them by itself.
+"""Fixtures for the test suites of USARSim clients, which pytest loads by itself.
 
 ``usarsim_server`` is a server that runs while one test does, on a free port of
 127.0.0.1, in a thread and an event loop of its own: blocking clients can talk to it,
@@ -59,11 +59,11 @@ DEFAULTS: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class UsarsimServer:
-    """Where a running server listens.
+    """The address of a running server.
 
     Attributes:
-        host: Address, always 127.0.0.1.
-        port: A free one.
+        host: Always 127.0.0.1.
+        port: Port that the server listens on.
     """
 
     host: str
@@ -76,7 +76,7 @@ class UsarsimServer:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known."""
+    """Register the marker."""
     config.addinivalue_line("markers", MARKER)
 
 
@@ -91,7 +91,7 @@ def usarsim_server(
     request: pytest.FixtureRequest, usarsim_map: str | Path
 ) -> Iterator[UsarsimServer]:
     """A USARSim server that runs while the test does, on a free port of 127.0.0.1."""
-    # Imported only now, so that pytest starts fast where no test wants a server.
+    # Imported here, so that pytest starts fast where no test uses a server.
     from radarsim.pytest_plugin.server_thread import ServerThread, make_host  # noqa: PLC0415
 
     options = _options(request.node, usarsim_map)
@@ -112,7 +112,7 @@ def usarsim_client(usarsim_server: UsarsimServer) -> Iterator[UsarsimClient]:
 
 
 def _options(item: pytest.Item, map_: str | Path) -> dict[str, Any]:
-    """Collect the marks of a test, the nearest last."""
+    """Return the options of a test; of several marks the nearest counts."""
     options = dict(DEFAULTS, map=map_)
     for mark in reversed(list(item.iter_markers("usarsim"))):
         if mark.args or not mark.kwargs.keys() <= options.keys():

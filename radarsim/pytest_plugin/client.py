@@ -1,11 +1,11 @@
-"""A client for tests, which shows what the server sends as it comes."""
+"""A blocking client for tests, which returns the server's lines as they are."""
 
 import socket
 import time
 from contextlib import suppress
 
-TIMEOUT = 5.0  # s, of the wall clock; everything a client waits for comes sooner
-SHORTEST_WAIT = 0.001  # s; 0 would mean not to wait even for what is there
+TIMEOUT = 5.0  # s of the wall clock
+MIN_WAIT = 0.001  # s; a socket timeout of 0 would make the socket non-blocking
 
 
 class UsarsimClient:
@@ -18,26 +18,26 @@ class UsarsimClient:
         """Connect.
 
         Raises:
-            OSError: If nobody listens there.
+            OSError: If there is no server.
         """
         self._socket = socket.create_connection(address, TIMEOUT)
         self._unread = b""
 
     def send(self, line: str) -> None:
-        """Send one line; its end is added."""
+        """Send one line, with CRLF appended."""
         if "\r" in line or "\n" in line:
             raise ValueError(f"line {line[:80]!r}, expected no line end in it")
         self._socket.settimeout(TIMEOUT)
         self._socket.sendall(line.encode("latin-1") + b"\r\n")
 
     def read_line(self, timeout: float = TIMEOUT) -> str:
-        """Wait for the next line, and give it without its end.
+        """Wait for the next line, and return it without its end.
 
         Args:
             timeout: Longest wait, s of the wall clock.
 
         Raises:
-            TimeoutError: If there is no whole line by then; what there is of it stays.
+            TimeoutError: If no complete line comes by then; an incomplete one is kept.
             ConnectionError: If the server has closed the connection.
         """
         deadline = time.monotonic() + timeout
@@ -47,15 +47,15 @@ class UsarsimClient:
         return line.decode("latin-1")
 
     def read_until(self, verb: str, *parts: str, timeout: float = TIMEOUT) -> str:
-        """Skip lines up to one of some kind, and give that.
+        """Skip lines up to one of a kind, and return it.
 
         Args:
-            verb: What the line begins with.
-            parts: What else is in it, such as ``"{Type RangeScanner}"``.
+            verb: Start of the line.
+            parts: Texts that the line contains, such as ``"{Type RangeScanner}"``.
             timeout: Longest wait for it, s of the wall clock.
 
         Raises:
-            TimeoutError: If none has come by then; says what came last.
+            TimeoutError: If none comes by then; names the last line.
             ConnectionError: If the server has closed the connection.
         """
         deadline = time.monotonic() + timeout
@@ -71,11 +71,11 @@ class UsarsimClient:
         )
 
     def close(self) -> None:
-        """End the connection, upon which the robot leaves the floor."""
+        """Close the connection, which removes the robot."""
         self._socket.close()
 
     def _receive(self, deadline: float) -> bytes:
-        left = max(deadline - time.monotonic(), SHORTEST_WAIT)
+        left = max(deadline - time.monotonic(), MIN_WAIT)
         self._socket.settimeout(left)
         try:
             data = self._socket.recv(65536)

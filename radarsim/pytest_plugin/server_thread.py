@@ -1,6 +1,6 @@
 """A server in a thread of its own.
 
-Kept apart from the fixtures because it imports what serves: numba, Embree, shapely.
+Apart from the fixtures, because it imports the engine: numba, Embree, shapely.
 """
 
 import asyncio
@@ -17,11 +17,11 @@ from radarsim.scene.map_file import load_map
 from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
-MOST_STOP = 5.0  # s; it takes some milliseconds
+STOP_TIMEOUT = 30.0  # s; it takes some milliseconds
 
 
 def make_host(options: dict[str, Any]) -> Host:
-    """Make what is served.
+    """Create the host for the options of a test.
 
     Raises:
         RadarsimError: If the map or the settings are wrong.
@@ -39,7 +39,7 @@ def make_host(options: dict[str, Any]) -> Host:
 
 
 class ServerThread(threading.Thread):
-    """Runs a server in a loop of its own, and keeps what goes wrong there."""
+    """Runs a server in an event loop of its own, and collects its errors."""
 
     def __init__(self, host: Host, *, speed: float) -> None:
         super().__init__(name="usarsim_server", daemon=True)
@@ -57,7 +57,7 @@ class ServerThread(threading.Thread):
             The address that it listens on.
 
         Raises:
-            ExceptionGroup: Of what came in between.
+            ExceptionGroup: If the server cannot start.
         """
         self.start()
         self._up.wait()
@@ -66,33 +66,33 @@ class ServerThread(threading.Thread):
         return self._address
 
     def finish(self) -> None:
-        """Close the port and all connections, and end.
+        """Close the port and all connections, and stop the thread.
 
         Raises:
-            ExceptionGroup: Of what went wrong since the start.
+            ExceptionGroup: Of all errors since the start.
         """
         with suppress(RuntimeError):  # its loop is closed if it has failed
             self._end()
-        self.join(MOST_STOP)
+        self.join(STOP_TIMEOUT)
         if self.is_alive():
-            late = f"the thread runs on, expected its end within {MOST_STOP:g} s"
+            late = f"the thread runs on, expected its end within {STOP_TIMEOUT:g} s"
             self._errors.append(TimeoutError(late))
         if self._errors:
             raise ExceptionGroup("usarsim_server failed", self._errors)
 
     def run(self) -> None:
-        """Serve until ``finish`` is called, or an error."""
+        """Serve until ``finish`` is called or an error happens."""
         try:
             with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
                 runner.run(self._serve())
-        except Exception as error:  # noqa: BLE001 - the test is told
+        except Exception as error:  # noqa: BLE001 - finish() raises it
             self._errors.append(error)
         finally:
             self._up.set()
 
     async def _serve(self) -> None:
         loop = asyncio.get_running_loop()
-        loop.set_exception_handler(self._note)
+        loop.set_exception_handler(self._add_error)
         task = asyncio.current_task()
         assert task is not None
         self._end = partial(loop.call_soon_threadsafe, task.cancel)
@@ -103,12 +103,12 @@ class ServerThread(threading.Thread):
             self._up.set()
             await server.wait_failed()
         except asyncio.CancelledError:
-            pass  # the end that was asked for
+            pass  # finish() was called
         finally:
             await server.stop()
 
-    def _note(self, _: object, context: dict[str, Any]) -> None:
-        """Keep an error of a callback, and end: no client shall wait in vain."""
+    def _add_error(self, _: object, context: dict[str, Any]) -> None:
+        """Collect an error of a callback, and stop, so that no client waits in vain."""
         error = context.get("exception")
         if not isinstance(error, Exception):
             error = RuntimeError(context["message"])

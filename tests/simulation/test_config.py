@@ -7,7 +7,7 @@ from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.robots.skid_steer import WheelDrive
-from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.config import TICK, SimulationConfig, seconds, ticks_of
 
 
 def item(name: str, class_name: str = "P3AT") -> Item:
@@ -179,3 +179,22 @@ def test_an_unknown_sensor_is_refused_before_anybody_connects() -> None:
         SimulationConfig(item_settings={"lms200": {"sensor": "k3pi"}}).check()
     with pytest.raises(PresetError, match="sensor"):
         SimulationConfig(item_settings={"InsTest": {"sensor": "radar"}}).check()
+
+
+def test_the_time_of_a_tick_has_no_rounding_in_its_digits() -> None:
+    assert [repr(seconds(n)) for n in (0, 1, 7, 29, 30, 360_010)] == [
+        *("0.0", "0.01", "0.07", "0.29", "0.3", "3600.1")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("interval", "ticks"),
+    [
+        pytest.param(0.1, 10, id="tenth of a second"),
+        pytest.param(0.3, 30, id="three tenths"),
+        pytest.param(0.004, 1, id="less than a tick"),
+        pytest.param(TICK, 1, id="a tick"),
+    ],
+)
+def test_an_interval_is_whole_ticks(interval: float, ticks: int) -> None:
+    assert ticks_of(interval) == ticks
