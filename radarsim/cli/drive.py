@@ -35,14 +35,14 @@ def drive(
     drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
 ) -> None:
     """Drive a robot from the keyboard, and see what it senses."""
-    from radarsim.teleop.teleop import Wish
+    from radarsim.teleop.teleop import TeleopSettings
     from radarsim.teleop.teleop import drive as drive_robot
 
     if problem := _terminal_problem():
         typer.echo(f"radarsim: {problem}, expected a terminal to drive at", err=True)
         raise typer.Exit(2)
-    wish = Wish(robot, start, scanner, speed, drive_unit.value)
-    raise typer.Exit(asyncio.run(drive_robot(host, port, wish)))
+    settings = TeleopSettings(robot, start, scanner, speed, drive_unit.value)
+    raise typer.Exit(asyncio.run(drive_robot(host, port, settings)))
 
 
 def _terminal_problem() -> str | None:

@@ -1,14 +1,14 @@
-"""How right a map is, by the scene that it is of.
+"""Scores of maps by the ground truth of the scene.
 
 Theory of operation
 ===================
-The scene is cut at the sensor's height and laid onto the cells of the map. What a robot
-made of a cell is right if something of that sort is within two cells: so far aside does
-a radar with side rays of a hand's breadth see things. Free is wrong deep in something
-that is not.
+The scene is sliced at the sensor's height and rasterised to the cells of the map. A
+cell's class is right if something of that class is within two cells, since a radar's
+side rays see objects that far aside. The class free is wrong if the cell is deeper than
+that inside of an object.
 
-Only what walls enclose counts as floor that could be known. Of that floor the hidden
-part is what the robot cannot get to from where it starts.
+Only the floor that walls enclose counts as floor that could be known. Its hidden part
+is what the robot cannot reach from its start.
 """
 
 import math
@@ -41,25 +41,25 @@ _SAMPLES: Final = 4  # along a line, for each cell
 
 @dataclass(frozen=True, slots=True)
 class MapScore:
-    """How right a map is, in cells.
+    """The score of a map, in cells.
 
     Attributes:
-        right: What is known and so.
-        wrong: What is known and not so.
-        unknown: Floor, or foliage or smoke over it, that no beam has been in; None
-            where no walls enclose the start.
-        coverage: Share of the free floor that is sensed; None as before.
-        near_coverage: Share of it that was seen at short range; None as before.
-        hidden_coverage: The same of the part that the robot cannot get to; None if
+        right: Number of known cells with the right class.
+        wrong: Number of known cells with a wrong class.
+        unknown: Number of cells of floor, bare or under foliage or smoke, that no beam
+            has crossed; None where no walls enclose the start.
+        coverage: Share of the free floor that is known; None as above.
+        near_coverage: Share of it that was seen at short range; None as above.
+        hidden_coverage: Known share of the part that the robot cannot reach; None if
             there is no such part.
-        obstacles: Cells taken for something solid.
-        within_one_cell: Share of them that have a surface of it, or foliage, in the
-            cell itself or beside it; None if there are none.
+        obstacles: Number of cells classified as obstacle.
+        within_one_cell: Share of them with a solid surface, or foliage, in the cell
+            itself or beside it; None if there are none.
         within_two_cells: The same with one cell more.
-        false_obstacles: Those farther from all that is solid, per cell of nothing that
-            is sensed.
-        class_accuracy: Share of the right cells in which robots cannot be that are also
-            right on whether it is foliage; None if there are none.
+        false_obstacles: Number of them farther from everything solid, per known cell
+            that is empty.
+        class_accuracy: Share of the right obstacle and foliage cells that are not the
+            one in place of the other; None if there are none.
     """
 
     right: int
@@ -85,22 +85,22 @@ class MapScore:
 
 
 class Truth:
-    """What is where, on the cells of a grid.
+    """The ground truth, rasterised to the cells of a grid.
 
     Attributes:
-        kinds: What cells are of: obstacle, foliage and smoke, each (R, C); where
-            two meet, a cell is of both.
-        inside: Where cells are deep in anything of a kind, (R, C).
-        indoors: What walls enclose and is not solid, (R, C).
+        kinds: Cells with obstacle, foliage and smoke, each (R, C); where two meet, a
+            cell has both.
+        inside: Cells that are inside of each kind, (R, C).
+        indoors: Cells that walls enclose and that are not solid, (R, C).
     """
 
     def __init__(self, scene: Scene, frame: GridFrame, height: float) -> None:
-        """Cut a scene.
+        """Slice and rasterise a scene.
 
         Args:
-            scene: What there is.
-            frame: Where cells are.
-            height: Of the sensor in the map frame, m.
+            scene: The map.
+            frame: The grid.
+            height: Height of the sensor in the map frame, m.
         """
         self.kinds = {
             kind: np.zeros(frame.shape, np.bool_)
@@ -118,18 +118,18 @@ class Truth:
         self.indoors = self._enclosed()
 
     def anything(self) -> Mask:
-        """Give cells with anything in them, (R, C)."""
+        """Return the cells with anything in them, (R, C)."""
         return np.asarray(np.any(list(self.kinds.values()), axis=0))
 
     def free(self) -> Mask:
-        """Give indoor cells with nothing in them, (R, C)."""
+        """Return the empty indoor cells, (R, C)."""
         return np.asarray(self.indoors & ~self.anything())
 
     def faces(self, *, outdoors: bool) -> Mask:
-        """Give where something solid has a surface towards the open, and foliage.
+        """Return the cells with exposed obstacle surfaces, and with foliage, (R, C).
 
         Args:
-            outdoors: Whether surfaces towards what no walls enclose count too.
+            outdoors: Whether surfaces that face the outside of walls count too.
         """
         solid = self.kinds[CellClass.OBSTACLE]
         beside = distance_field(~solid if outdoors else self.indoors, 1.5)
@@ -144,7 +144,7 @@ class Truth:
 
 
 def class_of(part: Part) -> CellClass:
-    """Tell what a map should take a part for."""
+    """Return the class that a part should have on a map."""
     material = part.material
     if not material.solid:
         return CellClass.SMOKE
@@ -160,13 +160,13 @@ def score_map(
     body: float,
     height: float,
 ) -> MapScore:
-    """Judge a map.
+    """Score a map.
 
     Args:
         grid: The map.
-        scene: What it is of.
-        start: Where the robot began, m.
-        body: Half its diagonal, m.
+        scene: The mapped scene.
+        start: Start of the robot, m.
+        body: Half the diagonal of the robot, m.
         height: Of its sensor in the map frame, m.
     """
     frame = _around(grid.frame, scene)
@@ -179,10 +179,10 @@ def score_map(
     free = truth.free()
     hidden = free & _beyond(scene, frame, start, body)
     walls = classes == CellClass.OBSTACLE
-    away = _away(truth.faces(outdoors=indoors is None))[walls]
-    astray = _away(truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE])[
-        walls
-    ]
+    away = _distances(truth.faces(outdoors=indoors is None))[walls]
+    astray = _distances(
+        truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
+    )[walls]
     false = int(np.count_nonzero(np.isinf(astray)))
     air = int(np.count_nonzero(known & ~truth.anything()))
     return MapScore(
@@ -196,20 +196,20 @@ def score_map(
         within_one_cell=_mean(away <= 1 + BESIDE),
         within_two_cells=_mean(away <= 2 + BESIDE),
         false_obstacles=false / max(air, 1),
-        class_accuracy=_told_apart(classes, truth),
+        class_accuracy=_class_accuracy(classes, truth),
     )
 
 
 def score_mapper(
     mapper: Mapper, scene: Scene, *, robot_class: str, start: Pose2
 ) -> MapScore:
-    """Judge what a robot has mapped by its scanner.
+    """Score the map that a robot has made with its scanner.
 
     Args:
-        mapper: Has the map.
-        scene: What it is of.
-        robot_class: Of the robot.
-        start: Where it began, map frame.
+        mapper: Holds the map.
+        scene: The mapped scene.
+        robot_class: Class of the robot.
+        start: Its start pose, map frame.
     """
     robot = load_robot(robot_class)
     floor = scene.floor_at(start.x, start.y)
@@ -225,35 +225,35 @@ def score_mapper(
 def _is_right(classes: Any, truth: Truth) -> Mask:
     solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    right = blocked & (_away(solid) <= TOLERANCE + BESIDE)
+    right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
     right |= (classes == CellClass.SMOKE) & (
-        _away(truth.kinds[CellClass.SMOKE]) <= TOLERANCE + BESIDE
+        _distances(truth.kinds[CellClass.SMOKE]) <= TOLERANCE + BESIDE
     )
     inside = np.any(list(truth.inside.values()), axis=0)
     shallow = np.isfinite(distance_field(~inside, TOLERANCE + BESIDE))
     return np.asarray(right | ((classes == CellClass.FREE) & shallow))
 
 
-def _told_apart(classes: Any, truth: Truth) -> float | None:
-    told: list[Any] = []
+def _class_accuracy(classes: Any, truth: Truth) -> float | None:
+    matches: list[Any] = []
     for kind, other in (
         (CellClass.OBSTACLE, CellClass.FOLIAGE),
         (CellClass.FOLIAGE, CellClass.OBSTACLE),
     ):
         cells = classes == kind
-        same = _away(truth.kinds[kind])[cells] <= TOLERANCE + BESIDE
-        neither = _away(truth.kinds[other])[cells] > TOLERANCE + BESIDE
-        told.append(same[same | ~neither])
-    return _mean(np.concatenate(told))
+        same = _distances(truth.kinds[kind])[cells] <= TOLERANCE + BESIDE
+        neither = _distances(truth.kinds[other])[cells] > TOLERANCE + BESIDE
+        matches.append(same[same | ~neither])
+    return _mean(np.concatenate(matches))
 
 
-def _away(cells: Mask) -> Floats:
-    """Give how far each cell is from the nearest of some, cells; inf if farther."""
+def _distances(cells: Mask) -> Floats:
+    """Return the distance of each cell to the nearest of some, cells; inf if far."""
     return distance_field(cells, TOLERANCE + BESIDE)
 
 
 def _beyond(scene: Scene, frame: GridFrame, start: Position, body: float) -> Mask:
-    """Give where a robot would have room and cannot get to."""
+    """Return the cells where the robot would fit, but that it cannot reach."""
     free = free_space(scene, body, places=[start])
     home = component_around(free, start)
     others = [piece for piece in free.geoms if home is None or not piece.equals(home)]
@@ -269,11 +269,11 @@ def _around(frame: GridFrame, scene: Scene) -> GridFrame:
 
 
 def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
-    """Give the cells in a part; a part around a start is a room, and hollow."""
+    """Return the cells in a part; a part around a start is a room, and hollow."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
     lines = shapely.linestrings(np.round(segments, 6))
-    # cut where they cross: one mesh may have surfaces that do
+    # split where they cross: one mesh may intersect itself
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
     if class_of(part) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]
@@ -281,7 +281,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
 
 
 def _covered(area: Any, frame: GridFrame) -> Mask:
-    """Give the cells whose middles are in an area."""
+    """Return the cells whose centres are in an area."""
     covered = np.zeros(frame.shape, np.bool_)
     if shapely.is_empty(area):
         return covered
@@ -296,14 +296,14 @@ def _covered(area: Any, frame: GridFrame) -> Mask:
 
 
 def _drawn(segments: Floats, frame: GridFrame) -> Mask:
-    """Give the cells that lines go through."""
-    starts, ways = segments[:, 0], segments[:, 1] - segments[:, 0]
-    lengths = np.hypot(*ways.T) / frame.resolution
+    """Return the cells that lines cross."""
+    starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
+    lengths = np.hypot(*spans.T) / frame.resolution
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
     along = number / (counts[which] - 1)
-    places = starts[which] + along[:, None] * ways[which]
+    places = starts[which] + along[:, None] * spans[which]
     cells = np.floor(places / frame.resolution).astype(np.int64)
     columns, rows = cells[:, 0] - frame.column, cells[:, 1] - frame.row
     drawn = np.zeros(frame.shape, np.bool_)

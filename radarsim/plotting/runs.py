@@ -1,4 +1,4 @@
-"""Pictures of runs: the way, what was met on it, and where it was to lead."""
+"""Pictures of navigation runs: path, obstacles, hit points, leave points and goals."""
 
 import io
 from collections.abc import Iterable, Sequence
@@ -20,19 +20,19 @@ from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.run_log import RunLog
 
 FORMS: Final = ("png", "svg", "pdf")
-AROUND: Final = 3.0  # m around the way that are shown
+AROUND: Final = 3.0  # m around the path that are shown
 NO_LINES: Final = np.zeros((0, 2, 2))
-LIGHTEST: Final = 0.95  # grey of what was sensed once
-DARKEST: Final = 0.35  # of what was sensed most often
+LIGHTEST: Final = 0.95  # grey of cells where one beam ended
+DARKEST: Final = 0.35  # grey of the cell where most beams ended
 _MARGIN = 0.6  # m
 _LONGEST = 9.5  # inches of the longer side
-_TOGETHER = 0.35  # m; marks that are nearer share a label
+_TOGETHER = 0.35  # m; markers that are nearer share a label
 _HALO = withStroke(linewidth=3, foreground="white")
 
 
 @dataclass(frozen=True, slots=True)
-class Stroke:
-    """How the way looks while the robot is at something."""
+class PathStyle:
+    """Line style of the path during an activity."""
 
     text: str
     colour: str
@@ -40,10 +40,10 @@ class Stroke:
     zorder: float
 
 
-GOING: Final = Stroke("going to the goal", "#0072b2", 2.0, 4.0)
-FOLLOWING: Final = Stroke("following a boundary", "#e69f00", 2.6, 3.0)
-RETURNING: Final = Stroke("returning to the leave point", "#7b3294", 1.2, 3.5)
-STROKES: Final = {
+GOING: Final = PathStyle("going to the goal", "#0072b2", 2.0, 4.0)
+FOLLOWING: Final = PathStyle("following a boundary", "#e69f00", 2.6, 3.0)
+RETURNING: Final = PathStyle("returning to the leave point", "#7b3294", 1.2, 3.5)
+PATH_STYLES: Final = {
     Activity.ALIGNING: FOLLOWING,
     Activity.FOLLOWING: FOLLOWING,
     Activity.RETURNING: RETURNING,
@@ -56,20 +56,20 @@ def draw_run(
     """Draw a run.
 
     Args:
-        run_log: At least one moment.
-        title: Above the picture.
-        plan: Lines of the map, (S, 2, 2) m.
-        form: One of ``FORMS``.
+        run_log: The run; at least one row.
+        title: Title of the picture.
+        plan: Outlines of the map, (S, 2, 2) m.
+        form: File format, one of ``FORMS``.
 
     Returns:
-        A file of that form; the same for the same run.
+        The file; the same run gives the same bytes.
     """
     dates = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
     data = io.BytesIO()
     with rc_context({"svg.hashsalt": "radarsim"}):
         canvas = FigureCanvasAgg(figure_of(run_log, title, plan))
-        told = {dates[form]: None}
-        canvas.print_figure(data, format=form, metadata=told)
+        metadata = {dates[form]: None}
+        canvas.print_figure(data, format=form, metadata=metadata)
     return data.getvalue()
 
 
@@ -83,8 +83,8 @@ def figure_of(run_log: RunLog, title: str, plan: Floats = NO_LINES) -> Figure:
     axes = figure.add_subplot()
     rows = [
         *_draw_surroundings(axes, run_log, plan),
-        *_draw_way(axes, run_log),
-        *_draw_marks(axes, run_log),
+        *_draw_path(axes, run_log),
+        *_draw_markers(axes, run_log),
     ]
     axes.set_aspect("equal")
     axes.set_xlim(low[0], high[0])
@@ -99,15 +99,15 @@ def figure_of(run_log: RunLog, title: str, plan: Floats = NO_LINES) -> Figure:
 
 
 def _extent(run_log: RunLog) -> tuple[Floats, Floats]:
-    """Give the corners of what is shown: the way, and what was sensed near it."""
+    """Return the corners of the picture: the path, and beam ends near it."""
     ends = [end for line in run_log.goal_lines for end in (line.start, line.goal)]
     path = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2)])
     low, high = path.min(axis=0), path.max(axis=0)
-    observation = run_log.beam_ends[:, :2]
-    near = (observation >= low - AROUND).all(axis=1) & (
-        observation <= high + AROUND
-    ).all(axis=1)
-    shown = np.concatenate([path, observation[near]])
+    beam_ends = run_log.beam_ends[:, :2]
+    near = (beam_ends >= low - AROUND).all(axis=1) & (beam_ends <= high + AROUND).all(
+        axis=1
+    )
+    shown = np.concatenate([path, beam_ends[near]])
     return shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
 
 
@@ -132,27 +132,35 @@ def _draw_surroundings(axes: Axes, run_log: RunLog, plan: Floats) -> list[Line2D
     return rows
 
 
-def _draw_way(axes: Axes, run_log: RunLog) -> list[Line2D]:
-    """Draw the way in the colours of what the robot was at; give the legend's rows."""
+def _draw_path(axes: Axes, run_log: RunLog) -> list[Line2D]:
+    """Draw the path coloured by activity; return the rows of the legend."""
     path = run_log.path
     activities = [row.activity for row in run_log.rows]
-    strokes = [STROKES.get(activity, GOING) for activity in activities]
+    styles = [PATH_STYLES.get(activity, GOING) for activity in activities]
     steps = np.stack([path[:-1], path[1:]], axis=1)
     rows = []
-    for stroke in (GOING, FOLLOWING, RETURNING):
-        chosen = np.array([one is stroke for one in strokes[:-1]], dtype=np.bool_)
+    for path_style in (GOING, FOLLOWING, RETURNING):
+        chosen = np.array([one is path_style for one in styles[:-1]], dtype=np.bool_)
         if not chosen.any():
             continue
-        style: dict[str, Any] = {"colors": stroke.colour, "linewidths": stroke.width}
-        lines = LineCollection(_chains(steps[chosen]), **style, zorder=stroke.zorder)
+        style: dict[str, Any] = {
+            "colors": path_style.colour,
+            "linewidths": path_style.width,
+        }
+        lines = LineCollection(
+            _chains(steps[chosen]), **style, zorder=path_style.zorder
+        )
         axes.add_collection(lines)
-        sample: dict[str, Any] = {"color": stroke.colour, "linewidth": stroke.width}
-        rows.append(Line2D([], [], **sample, label=stroke.text))
+        sample: dict[str, Any] = {
+            "color": path_style.colour,
+            "linewidth": path_style.width,
+        }
+        rows.append(Line2D([], [], **sample, label=path_style.text))
     return rows
 
 
 def _chains(steps: Floats) -> list[Floats]:
-    """Join steps that follow each other, (S, 2, 2), so that lines have no gaps."""
+    """Join consecutive steps, (S, 2, 2), so that lines have no gaps."""
     breaks = np.nonzero((steps[1:, 0] != steps[:-1, 1]).any(axis=1))[0] + 1
     return [
         np.concatenate([chain[:1, 0], chain[:, 1]]) for chain in np.split(steps, breaks)
@@ -160,16 +168,16 @@ def _chains(steps: Floats) -> list[Floats]:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
-    """How places of a kind look.
+class MarkerStyle:
+    """Style of the markers of one kind.
 
     Attributes:
-        text: In the legend.
-        letter: Before their numbers.
-        marker: Of matplotlib.
-        colour: Its own.
-        size: In points.
-        offset: Of the label from the place, points.
+        text: Text in the legend.
+        letter: Letter before the numbers of the labels.
+        marker: Marker of matplotlib.
+        colour: Colour of marker and label.
+        size: Size in points.
+        offset: Offset of the label from the marker, points.
     """
 
     text: str
@@ -180,53 +188,57 @@ class Mark:
     offset: tuple[float, float]
 
 
-START: Final = Mark("start", "S", "o", "#009e73", 8.0, (-9, -14))
-GOAL: Final = Mark("goal", "G", "*", "#d55e00", 14.0, (8, -15))
-HIT: Final = Mark("hit point", "H", "v", "#cc0000", 7.0, (-9, -15))
-LEAVE: Final = Mark("leave point", "L", "^", "#006d2c", 7.0, (9, 8))
-END: Final = Mark("end, goal not reached", "", "X", "black", 9.0, (0, 0))
+START: Final = MarkerStyle("start", "S", "o", "#009e73", 8.0, (-9, -14))
+GOAL: Final = MarkerStyle("goal", "G", "*", "#d55e00", 14.0, (8, -15))
+HIT: Final = MarkerStyle("hit point", "H", "v", "#cc0000", 7.0, (-9, -15))
+LEAVE: Final = MarkerStyle("leave point", "L", "^", "#006d2c", 7.0, (9, 8))
+END: Final = MarkerStyle("end, goal not reached", "", "X", "black", 9.0, (0, 0))
 
 
-def _draw_marks(axes: Axes, run_log: RunLog) -> list[Line2D]:
+def _draw_markers(axes: Axes, run_log: RunLog) -> list[Line2D]:
     last = run_log.rows[-1]
     ends = [] if last.goal is None else [(last.x, last.y)]
     return [
-        *_draw_mark(axes, START, [line.start for line in run_log.goal_lines[:1]]),
-        *_draw_mark(axes, HIT, run_log.hit_points),
-        *_draw_mark(axes, LEAVE, run_log.leave_points),
-        *_draw_mark(axes, GOAL, [line.goal for line in run_log.goal_lines]),
-        *_draw_mark(axes, END, ends),
+        *_draw_marker(axes, START, [line.start for line in run_log.goal_lines[:1]]),
+        *_draw_marker(axes, HIT, run_log.hit_points),
+        *_draw_marker(axes, LEAVE, run_log.leave_points),
+        *_draw_marker(axes, GOAL, [line.goal for line in run_log.goal_lines]),
+        *_draw_marker(axes, END, ends),
     ]
 
 
-def _draw_mark(axes: Axes, mark: Mark, places: Sequence[Point]) -> list[Line2D]:
+def _draw_marker(
+    axes: Axes, marker_style: MarkerStyle, places: Sequence[Point]
+) -> list[Line2D]:
     if not places:
         return []
     style: dict[str, Any] = {
-        "color": mark.colour,
-        "marker": mark.marker,
-        "markersize": mark.size,
+        "color": marker_style.colour,
+        "marker": marker_style.marker,
+        "markersize": marker_style.size,
         "markeredgecolor": "white",
         "markeredgewidth": 0.8,
         "linestyle": "none",
     }
     axes.plot(*np.array(places).T, **style, zorder=5.0)
-    numbered = mark in (HIT, LEAVE) or len(places) > 1
+    numbered = marker_style in (HIT, LEAVE) or len(places) > 1
     for place, numbers in _groups(places):
-        text = ", ".join(f"{mark.letter}{n if numbered else ''}" for n in numbers)
-        if mark.letter:
-            _label(axes, text, place, mark)
-    return [Line2D([], [], **style, label=mark.text)]
+        text = ", ".join(
+            f"{marker_style.letter}{n if numbered else ''}" for n in numbers
+        )
+        if marker_style.letter:
+            _label(axes, text, place, marker_style)
+    return [Line2D([], [], **style, label=marker_style.text)]
 
 
-def _label(axes: Axes, text: str, place: Point, mark: Mark) -> None:
+def _label(axes: Axes, text: str, place: Point, marker_style: MarkerStyle) -> None:
     axes.annotate(
         text,
         place,
-        xytext=mark.offset,
+        xytext=marker_style.offset,
         textcoords="offset points",
-        ha="right" if mark.offset[0] < 0 else "left",
-        color=mark.colour,
+        ha="right" if marker_style.offset[0] < 0 else "left",
+        color=marker_style.colour,
         fontweight="bold",
         path_effects=[_HALO],
         zorder=6.0,
@@ -235,7 +247,7 @@ def _label(axes: Axes, text: str, place: Point, mark: Mark) -> None:
 
 
 def _groups(places: Iterable[Point]) -> list[tuple[Point, list[int]]]:
-    """Number places from 1, and put those together that lie close to each other."""
+    """Number points from 1, and group those that lie close to each other."""
     groups: list[tuple[Point, list[int]]] = []
     for number, place in enumerate(places, 1):
         for first, numbers in groups:

@@ -1,6 +1,6 @@
-"""A person at the keyboard drives a robot over TCP, and sees its scan in the terminal.
+"""Teleoperation: drive a robot by keyboard over TCP, with its scan in the terminal.
 
-What a key means, what is drawn and what is written beside it are functions without a
-terminal; ``screen`` and ``driver`` are the shell around them. Like any client, this one
-knows what comes over the wire and nothing else.
+The meaning of keys, the view and the panel are functions without a terminal;
+``terminal`` and ``teleop`` are the shell around them. Like any client, this one knows
+only what it receives from the server.
 """

@@ -1,15 +1,15 @@
-"""From key presses to motion.
+"""Convert key presses to motion.
 
 Theory of operation
 ===================
-Terminals tell of keys that go down, never of keys that come up; a key that is held
-repeats, after a pause of up to 0.66 s. So every press moves the robot for a while only:
-long enough to bridge that pause, and much shorter once the key is seen to repeat. Who
-lets go, loses the connection or falls asleep stops the robot.
+Terminals report keys that are pressed, never keys that are released; a key that is held
+repeats, after a pause of up to 0.66 s. So every press moves the robot for a limited
+time: long enough to bridge that pause, and much shorter once the key repeats. A
+released key or a lost connection therefore stops the robot.
 
-Of two keys that are held only the later repeats. A key that turns therefore keeps a
-robot going that is on its way, so that it drives a curve; one that goes ahead or back
-does not keep it turning.
+Of two keys that are held only the later one repeats. A turn key therefore prolongs a
+motion ahead or back, so that the robot drives a curve; a key for ahead or back does not
+prolong a turn.
 """
 
 import math
@@ -18,13 +18,13 @@ from typing import Final
 
 FIRST_HOLD: Final = 0.7  # s; bridges the pause before a held key repeats
 REPEAT_HOLD: Final = 0.3  # s; some repeats may come late over a network
-REPEAT_GAP: Final = 0.2  # s; faster presses of one key are taken for a held one
+REPEAT_GAP: Final = 0.2  # s; faster presses of one key count as a held key
 SPEED_STEP: Final = 0.05  # m/s
-TURN_SHARE: Final = 0.3  # of the speed, for the wheels in a turn on the spot
+TURN_SHARE: Final = 0.3  # share of the speed that wheels have in a turn on the spot
 
 
 class Key(StrEnum):
-    """What a key does to the motion."""
+    """The effect of a key on the motion."""
 
     AHEAD = "ahead"
     BACK = "back"
@@ -35,37 +35,39 @@ class Key(StrEnum):
     SLOWER = "slower"
 
 
-WAYS: Final = {Key.AHEAD: 1, Key.BACK: -1}
+DIRECTIONS: Final = {Key.AHEAD: 1, Key.BACK: -1}
 TURNS: Final = {Key.LEFT: 1, Key.RIGHT: -1}
 SPEED_CHANGES: Final = {Key.FASTER: SPEED_STEP, Key.SLOWER: -SPEED_STEP}
 
 
 class Steering:
-    """What the keys that came so far ask of the robot.
+    """The motion that the keys pressed so far ask for.
 
     Attributes:
-        speed: That keys set, m/s.
+        speed: Speed that the keys set, m/s.
     """
 
     def __init__(self, speed: float, *, top_speed: float, wheel_separation: float):
-        """Begin at rest.
+        """Start at rest.
 
         Args:
-            speed: That keys set, m/s; at most the top speed is taken.
-            top_speed: Of the robot, m/s.
-            wheel_separation: m.
+            speed: Speed that keys set at first, m/s; limited to the top speed.
+            top_speed: Top speed of the robot, m/s.
+            wheel_separation: Distance between left and right wheels, m.
         """
         self.speed = min(speed, top_speed)
         self._top_speed = top_speed
         self._wheel_separation = wheel_separation
-        self._way = self._turn = 0  # 1 ahead and to the left, -1 back and to the right
-        self._way_ends = self._turn_ends = -math.inf
+        self._direction = self._turn = (
+            0  # 1 ahead and to the left, -1 back and to the right
+        )
+        self._direction_ends = self._turn_ends = -math.inf
         self._last: tuple[Key, float] | None = None
 
     def press(self, key: Key, now: float) -> None:
-        """Take a key press in, at a time in s that never decreases."""
+        """Process a key press at a time, s, that never decreases."""
         if key is Key.STOP:
-            self._way = self._turn = 0
+            self._direction = self._turn = 0
         elif key in SPEED_CHANGES:
             speed = round(self.speed + SPEED_CHANGES[key], 9)
             self.speed = max(min(SPEED_STEP, self.speed), min(speed, self._top_speed))
@@ -74,24 +76,24 @@ class Steering:
         self._last = key, now
 
     def motion(self, now: float) -> tuple[float, float]:
-        """Give the motion at a time.
+        """Return the motion at a time.
 
         Returns:
             Speed ahead, m/s, and turn, rad/s counter-clockwise.
         """
-        way = self._way if now < self._way_ends else 0
+        direction = self._direction if now < self._direction_ends else 0
         turn = self._turn if now < self._turn_ends else 0
         fastest_turn = TURN_SHARE * self.speed / (self._wheel_separation / 2)
-        return way * self.speed, turn * fastest_turn
+        return direction * self.speed, turn * fastest_turn
 
     def _move(self, key: Key, now: float) -> None:
         ends = now + self._hold(key, now)
-        if key in WAYS:
-            self._way, self._way_ends = WAYS[key], ends
+        if key in DIRECTIONS:
+            self._direction, self._direction_ends = DIRECTIONS[key], ends
             return
         self._turn, self._turn_ends = TURNS[key], ends
-        if now < self._way_ends:
-            self._way_ends = ends
+        if now < self._direction_ends:
+            self._direction_ends = ends
 
     def _hold(self, key: Key, now: float) -> float:
         if self._last is None:

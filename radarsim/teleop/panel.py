@@ -1,4 +1,4 @@
-"""What is written beside the view."""
+"""The text panel beside the view."""
 
 import math
 from typing import Final
@@ -12,7 +12,9 @@ from radarsim.teleop.view import Fragments, ink_of
 
 WIDTH: Final = 31  # columns
 WARNING: Final = "class:warning"
-QUIET: Final = 0.6  # s without a word from the server, which says something every 0.2 s
+SILENCE_WARNING: Final = (
+    0.6  # s without reports from the server, which sends some every 0.2 s
+)
 HELP: Final = (
     "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"  # fits 64
 )
@@ -20,59 +22,59 @@ POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth)
 
 
 def panel_lines(
-    readings: RobotState,
+    state: RobotState,
     *,
     speed: float,
-    ordered: tuple[float, float],
+    commanded: tuple[float, float],
     silence: float,
 ) -> list[Fragments]:
-    """Write what is known of the robot.
+    """Format what is known of the robot.
 
     Args:
-        readings: What it has told.
-        speed: That keys set, m/s.
-        ordered: The motion that it was told last: m/s ahead, rad/s counter-clockwise.
-        silence: Since the last word from the server, s of the wall clock.
+        state: Its newest reports.
+        speed: Speed that the keys set, m/s.
+        commanded: The motion commanded last: m/s ahead, rad/s counter-clockwise.
+        silence: Wall-clock time since the last report, s.
 
     Returns:
-        Lines, none wider than ``WIDTH`` for numbers of a usual size.
+        Lines, none wider than ``WIDTH`` for numbers of usual size.
     """
-    head = f"{readings.facts.name}, {readings.scanner.name}"
+    head = f"{state.robot_info.name}, {state.scanner.name}"
     plain = [
-        readings.level[:WIDTH],
+        state.level[:WIDTH],
         head[:WIDTH],
         "",
-        f"time     {_number(readings.time, 10, 2)} s",
-        f"scans    {_number(readings.scan_rate(), 10, 1)} /s",
-        f"battery  {_battery(readings.battery)}",
+        f"time     {_number(state.time, 10, 2)} s",
+        f"scans    {_number(state.scan_rate(), 10, 1)} /s",
+        f"battery  {_battery(state.battery)}",
         "",
         f"speed    {speed:10.2f} m/s",
-        f"ordered  {_motion(ordered)}",
-        f"measured {_motion(readings.motion())}",
+        f"ordered  {_motion(commanded)}",
+        f"measured {_motion(state.motion())}",
         "",
         f"{'pose':9}{'x':>7}{'y':>7}{'yaw':>7}",
-        *(f"{name:9}{_pose(readings.poses.get(kind))}" for name, kind in POSE_ROWS),
+        *(f"{name:9}{_pose(state.poses.get(kind))}" for name, kind in POSE_ROWS),
         "",
     ]
     lines: list[Fragments] = [[("", line)] for line in plain]
-    lines += [[("", "touch    "), _touch(readings)]]
-    lines += [[("", "nearest  "), nearest(readings)], []]
-    return lines + [[(WARNING, text)] for text in warnings(readings, silence)]
+    lines += [[("", "touch    "), _touch(state)]]
+    lines += [[("", "nearest  "), nearest(state)], []]
+    return lines + [[(WARNING, text)] for text in warnings(state, silence)]
 
 
-def nearest(readings: RobotState) -> tuple[str, str]:
-    """Tell how near the nearest obstacle is, and in which direction, in its ink."""
-    points = readings.points()
+def nearest(state: RobotState) -> tuple[str, str]:
+    """Return the style and text for distance and direction of the nearest obstacle."""
+    points = state.points()
     if not len(points):
         return "", "nothing seen"
     distances = np.hypot(points[:, 0], points[:, 1])
     i = int(distances.argmin())
     text = f"{distances[i]:.2f} m, {bearing(math.atan2(points[i, 1], points[i, 0]))}"
-    return ink_of(float(distances[i]), readings.facts.clearance), text
+    return ink_of(float(distances[i]), state.robot_info.clearance), text
 
 
 def bearing(angle: float) -> str:
-    """Give a direction in words, from rad counter-clockwise from the front.
+    """Return a direction in words, from rad counter-clockwise from the front.
 
     >>> bearing(-0.7), bearing(3.14)
     ('40° right', 'behind')
@@ -86,24 +88,24 @@ def bearing(angle: float) -> str:
     return f"{size}° {'left' if degrees > 0 else 'right'}"
 
 
-def warnings(readings: RobotState, silence: float) -> list[str]:
-    """Give what a driver should know at once."""
+def warnings(state: RobotState, silence: float) -> list[str]:
+    """Return what the driver should know at once."""
     texts = []
-    if silence > QUIET:
+    if silence > SILENCE_WARNING:
         texts.append(f"server silent for {silence:.1f} s")
-    if readings.scan is None:
+    if state.scan is None:
         texts.append("no scan yet")
-    elif readings.is_blind():
+    elif state.is_blind():
         texts.append("scanner blinded: reads 0")
-    if readings.battery == 0:
+    if state.battery == 0:
         texts.append("battery empty")
     return texts
 
 
-def _touch(readings: RobotState) -> tuple[str, str]:
-    if not readings.touched:
+def _touch(state: RobotState) -> tuple[str, str]:
+    if not state.touched:
         return "", "-"
-    return (WARNING, "TOUCHING") if any(readings.touched.values()) else ("", "no")
+    return (WARNING, "TOUCHING") if any(state.touched.values()) else ("", "no")
 
 
 def _pose(pose: Pose2 | None) -> str:

@@ -1,4 +1,4 @@
-"""What a robot has told of itself lately."""
+"""The newest state of a robot, by its reports."""
 
 import math
 from collections import deque
@@ -20,11 +20,9 @@ from radarsim.protocol.reports import (
     Touch,
 )
 
-LEAST_GAP: Final = (
-    0.01  # m; what is no nearer than this to the largest range is nothing
-)
-MOST_SCANS: Final = 11  # whose times give the rate
-MOTION_WINDOW: Final = 0.5  # s, over which the speed is measured
+RANGE_MARGIN: Final = 0.01  # m; ranges within this of the largest range are no returns
+RATE_SCANS: Final = 11  # scans that the scan rate is measured over
+MOTION_WINDOW: Final = 0.5  # s that the speed is measured over
 POSES: Final[tuple[type[GroundTruth | Ins | Odometry], ...]] = (
     GroundTruth,
     Ins,
@@ -34,20 +32,20 @@ POSES: Final[tuple[type[GroundTruth | Ins | Odometry], ...]] = (
 
 @dataclass(slots=True)
 class RobotState:
-    """The newest of each kind, from one robot.
+    """The newest report of each kind from one robot.
 
     Attributes:
-        facts: Of the robot.
-        scanner: The one that is looked at.
+        facts: What is known of the robot itself.
+        scanner: The scanner that is displayed.
         level: Name of the map.
-        time: s of the server, not a number before the first report.
-        poses: By kind of report.
-        touched: By name of the item.
-        battery: Time that it lasts, s; None if nobody tells.
-        scan: None before the first.
+        time: Server time, s; nan before the first report.
+        poses: Newest pose by type of report.
+        touched: Whether each touch sensor is pressed, by its name.
+        battery: Remaining time of the battery, s; None if unknown.
+        scan: The newest scan; None before the first.
     """
 
-    facts: RobotInfo
+    robot_info: RobotInfo
     scanner: ScannerInfo
     level: str
     time: float = math.nan
@@ -55,14 +53,14 @@ class RobotState:
     touched: dict[str, bool] = field(default_factory=dict)
     battery: int | None = None
     scan: RangeScan | None = None
-    _scan_times: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_SCANS))
+    _scan_times: deque[float] = field(default_factory=lambda: deque(maxlen=RATE_SCANS))
     _track: deque[tuple[float, Pose2]] = field(default_factory=deque)
 
     def take(self, report: Report) -> None:
-        """Take in a report; of most kinds there is nothing to be kept."""
+        """Process a report; most kinds are ignored."""
         match report:
             case GroundTruth() | Ins() | Odometry():
-                self._place(report)
+                self._update_pose(report)
             case Touch(name=name, touched=touched):
                 self.touched[name] = touched
             case Status(battery=battery):
@@ -75,36 +73,36 @@ class RobotState:
         self.time = report.time
 
     def points(self) -> Floats:
-        """Give the places where beams of the newest scan ended.
+        """Return the end points of the newest scan.
 
         Returns:
             (N, 2) m from the robot's centre, x ahead and y to its left.
         """
         if self.scan is None:
             return np.zeros((0, 2))
-        seen = self.scan.ranges > 0  # a scanner that is blinded reads 0
+        seen = self.scan.ranges > 0  # a blinded scanner reads 0
         bearings, ranges = from_centre(
             self.scan.ranges[seen],
             beam_angles(self.scan)[seen],
             self.scanner.mount,
-            self.scanner.max_range - LEAST_GAP,
+            self.scanner.max_range - RANGE_MARGIN,
         )
         ended = np.isfinite(ranges)
         bearings, ranges = bearings[ended], ranges[ended]
         return np.column_stack([ranges * np.cos(bearings), ranges * np.sin(bearings)])
 
     def is_blind(self) -> bool:
-        """Tell whether the newest scan has no beam that reads more than 0."""
+        """Return whether no beam of the newest scan reads more than 0."""
         return self.scan is not None and not (self.scan.ranges > 0).any()
 
     def scan_rate(self) -> float:
-        """Give scans in a second of the server; not a number before the second one."""
+        """Return scans per second of server time; nan before the second scan."""
         times = self._scan_times
         spent = times[-1] - times[0] if times else 0.0
         return (len(times) - 1) / spent if spent > 0 else math.nan
 
     def motion(self) -> tuple[float, float] | None:
-        """Measure how the robot moves, by the best pose that it tells of.
+        """Return the measured motion of the robot, by its best pose sensor.
 
         Returns:
             Speed ahead, m/s, and turn, rad/s counter-clockwise; None before the
@@ -115,29 +113,29 @@ class RobotState:
         (start, before), (end, after) = self._track[0], self._track[-1]
         spent = end - start
         yaw = before.yaw + wrap_angle(after.yaw - before.yaw) / 2
-        way = (after.x - before.x) * math.cos(yaw) + (after.y - before.y) * math.sin(
-            yaw
-        )
-        return way / spent, wrap_angle(after.yaw - before.yaw) / spent
+        direction = (after.x - before.x) * math.cos(yaw) + (
+            after.y - before.y
+        ) * math.sin(yaw)
+        return direction / spent, wrap_angle(after.yaw - before.yaw) / spent
 
-    def _place(self, report: GroundTruth | Ins | Odometry) -> None:
-        kind, pose, track = type(report), _flat(report.pose), self._track
-        if kind is not self._best():
+    def _update_pose(self, report: GroundTruth | Ins | Odometry) -> None:
+        kind, pose, track = type(report), _pose2(report.pose), self._track
+        if kind is not self._best_source():
             self.poses[kind] = pose
-            if kind is not self._best():
+            if kind is not self._best_source():
                 return
-            track.clear()  # it was that of another kind
+            track.clear()  # it held poses of another sensor
         self.poses[kind] = pose
         if track and not report.time > track[-1][0]:
-            track.clear()  # another robot, or time that begins anew
+            track.clear()  # another robot, or a clock that was reset
         track.append((report.time, pose))
         while report.time - track[0][0] > MOTION_WINDOW:
             track.popleft()
 
-    def _best(self) -> type | None:
-        """Give the best kind of pose that has come."""
+    def _best_source(self) -> type | None:
+        """Return the best type of pose report received so far."""
         return next((kind for kind in POSES if kind in self.poses), None)
 
 
-def _flat(pose: Pose2 | Pose3) -> Pose2:
+def _pose2(pose: Pose2 | Pose3) -> Pose2:
     return Pose2(pose.x, pose.y, pose.yaw)

@@ -1,4 +1,4 @@
-"""The loop: reports in, orders out, the screen in between."""
+"""The teleoperation loop: read reports, send drive commands, draw the screen."""
 
 import asyncio
 import signal
@@ -20,22 +20,25 @@ from radarsim.teleop.robot_state import RobotState
 from radarsim.teleop.terminal import make_bindings, make_screen
 from radarsim.teleop.view import RADII, Fragments, draw_view
 
-PATIENCE = 2.5  # s; a server that says nothing for so long is given up
-TICK = 0.02  # s between two looks at what the keys ask for
+SILENCE_LIMIT = 2.5  # s without reports after which the server counts as gone
+STEERING_INTERVAL = 0.02  # s between two evaluations of the keys
 FIRST_ZOOM = RADII.index(10)
-ENDINGS = ("SIGTERM", "SIGHUP")  # the latter: the terminal is gone; not on Windows
+SIGNALS = (
+    "SIGTERM",
+    "SIGHUP",
+)  # SIGHUP, when the terminal closes, does not exist on Windows
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
-    """What is to be driven.
+class TeleopSettings:
+    """What to drive, and how.
 
     Attributes:
-        robot: Its class.
-        start: Name of a start pose; None for the first that the server tells.
-        scanner: Its name; None for the robot's first.
-        speed: That keys set at first, m/s.
-        drive_unit: In which the server counts wheel speeds.
+        robot: Class of the robot.
+        start: Name of a start pose; None for the first one of the server.
+        scanner: Name of the scanner to display; None for the first.
+        speed: Speed that keys set at first, m/s.
+        drive_unit: Unit in which the server expects wheel speeds.
     """
 
     robot: str
@@ -45,87 +48,89 @@ class Wish:
     drive_unit: DriveUnit
 
 
-async def drive(host: str, port: int, wish: Wish) -> int:
-    """Connect, and drive at this process' terminal until a key ends it.
+async def drive(host: str, port: int, settings: TeleopSettings) -> int:
+    """Connect, and drive from this process' terminal until a key ends it.
 
     Returns:
         The exit code.
 
     Raises:
-        ClientError: If the server is not there, falls silent or lacks what is wished.
-        RadarsimError: If the keyboard is gone.
+        ClientError: If the server is not there, falls silent or lacks what the
+            settings ask for.
+        RadarsimError: If the keyboard is closed.
     """
     async with await AsyncClient.connect(host, port) as client:
-        readings = await prepare(client, wish)
-        return await Teleop(client, readings, wish.speed).run()
+        state = await prepare(client, settings)
+        return await Teleop(client, state, settings.speed).run()
 
 
-async def prepare(client: AsyncClient, wish: Wish) -> RobotState:
-    """Have the robot made, and find out what it is.
+async def prepare(client: AsyncClient, settings: TeleopSettings) -> RobotState:
+    """Spawn the robot, and query its properties.
 
     Raises:
-        ClientError: If the server lacks what is wished, or does not say.
+        ClientError: If the server lacks what the settings ask for, or does not answer.
     """
     greeting = await client.greeting()
-    start = await _choose_start(client, wish.start)
-    await client.spawn(wish.robot, start=start)
-    facts = await client.robot_info(drive_unit=wish.drive_unit)
-    return RobotState(facts, facts.scanner(wish.scanner), greeting.level)
+    start = await _choose_start(client, settings.start)
+    await client.spawn(settings.robot, start=start)
+    robot_info = await client.robot_info(drive_unit=settings.drive_unit)
+    return RobotState(robot_info, robot_info.scanner(settings.scanner), greeting.level)
 
 
-async def _choose_start(client: AsyncClient, wished: str | None) -> str | None:
+async def _choose_start(client: AsyncClient, wanted: str | None) -> str | None:
     try:
         names = list(await client.start_poses())
     except ClientTimeout:
-        if wished is not None:
+        if wanted is not None:
             raise
         return None
-    if wished is None:
+    if wanted is None:
         return names[0] if names else None
-    if wished not in names:
-        raise ClientError(f"start {wished[:80]!r}, expected one of {names}")
-    return wished
+    if wanted not in names:
+        raise ClientError(f"start {wanted[:80]!r}, expected one of {names}")
+    return wanted
 
 
 class Teleop:
     """A robot, a keyboard and a screen.
 
     Attributes:
-        readings: What the robot has told.
-        steering: What the keys ask for.
-        ordered: The motion that the robot was told last: m/s ahead, and rad/s
-            counter-clockwise.
-        radius: What is seen around the robot, m.
+        state: Newest state of the robot.
+        steering: The motion that the keys ask for.
+        commanded: The motion commanded last: m/s ahead, and rad/s counter-clockwise.
+        radius: Radius of the view around the robot, m.
     """
 
     def __init__(
         self,
         client: AsyncClient,
-        readings: RobotState,
+        state: RobotState,
         speed: float,
         *,
-        patience: float = PATIENCE,
+        silence_limit: float = SILENCE_LIMIT,
         keyboard: Input | None = None,
         terminal: Output | None = None,
     ) -> None:
-        """Take over a client whose robot is there; to be called in the event loop.
+        """Set up for a client whose robot is spawned; to be called in the event loop.
 
         Args:
-            client: Connected.
-            readings: Of its robot.
-            speed: That keys set at first, m/s.
-            patience: Longest silence of the server, s.
-            keyboard: That of this process by default.
-            terminal: That of this process by default.
+            client: The connection.
+            state: State of its robot.
+            speed: Speed that keys set at first, m/s.
+            silence_limit: Time without reports after which the server is gone, s.
+            keyboard: Input; that of this process by default.
+            terminal: Output; that of this process by default.
         """
-        facts = readings.facts
-        self.readings = readings
+        robot_info = state.robot_info
+        self.state = state
         self.steering = Steering(
-            speed, top_speed=facts.top_speed, wheel_separation=facts.wheel_separation
+            speed,
+            top_speed=robot_info.top_speed,
+            wheel_separation=robot_info.wheel_separation,
         )
-        self.ordered = 0.0, 0.0
+        self.commanded = 0.0, 0.0
         self._zoom = FIRST_ZOOM
-        self._patience = patience
+        self._patience = silence_limit
         self._client = client
         self._clock = asyncio.get_running_loop().time
         self._heard = self._clock()
@@ -139,18 +144,18 @@ class Teleop:
 
     @property
     def radius(self) -> float:
-        """What is seen around the robot, m."""
+        """Radius of the view around the robot, m."""
         return RADII[self._zoom]
 
     async def run(self) -> int:
-        """Drive until a key or a signal ends it; the terminal is then as it was.
+        """Drive until a key or a signal ends it, and restore the terminal.
 
         Returns:
             The exit code.
 
         Raises:
             ClientError: If the server falls silent, or is gone.
-            RadarsimError: If the keyboard is gone.
+            RadarsimError: If the keyboard is closed.
         """
         screen = asyncio.create_task(self._app.run_async(set_exception_handler=False))
         tasks: list[asyncio.Task[int]] = [
@@ -159,13 +164,13 @@ class Teleop:
             asyncio.create_task(self._steer()),
         ]
         try:
-            with _calling_at_signals(partial(self._leave, 0)):
+            with _calling_on_signals(partial(self._leave, 0)):
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-        # A key that ends it counts more than what went wrong at the same moment.
+        # A key that ends it takes precedence over an error at the same moment.
         try:
             return (screen if screen in done else done.pop()).result()
         except EOFError:
@@ -174,18 +179,18 @@ class Teleop:
     async def _listen(self) -> int:
         while True:
             for report in await self._client.read(self._patience):
-                self.readings.take(report)
+                self.state.take(report)
             self._heard = self._clock()
             self._app.invalidate()
 
     async def _steer(self) -> int:
         while True:
             motion = self.steering.motion(self._clock())
-            if motion != self.ordered:
-                left, right = self.readings.facts.wheel_speeds(*motion)
+            if motion != self.commanded:
+                left, right = self.state.robot_info.wheel_speeds(*motion)
                 await self._client.drive(left, right)
-                self.ordered = motion
-            await asyncio.sleep(TICK)
+                self.commanded = motion
+            await asyncio.sleep(STEERING_INTERVAL)
 
     def _press(self, key: Key) -> None:
         self.steering.press(key, self._clock())
@@ -198,28 +203,28 @@ class Teleop:
             self._app.exit(result=code)
 
     def _view(self, columns: int, rows: int) -> list[Fragments]:
-        readings = self.readings
-        return draw_view(readings.points(), readings.facts, self.radius, columns, rows)
+        state = self.state
+        return draw_view(state.points(), state.robot_info, self.radius, columns, rows)
 
     def _panel(self, _: int, rows: int) -> list[Fragments]:
         lines = panel_lines(
-            self.readings,
+            self.state,
             speed=self.steering.speed,
-            ordered=self.ordered,
+            commanded=self.commanded,
             silence=self._clock() - self._heard,
         )
         return lines[:rows]
 
 
 @contextmanager
-def _calling_at_signals(end: Callable[[], None]) -> Iterator[None]:
-    """Have signals that would end the process call something in the loop instead."""
+def _calling_on_signals(end: Callable[[], None]) -> Iterator[None]:
+    """Call a function in the event loop when a signal asks the process to end."""
     loop = asyncio.get_running_loop()
 
     def handle(_number: int, _frame: FrameType | None) -> None:
         loop.call_soon_threadsafe(end)
 
-    numbers = [getattr(signal, name) for name in ENDINGS if hasattr(signal, name)]
+    numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
     before = {number: signal.signal(number, handle) for number in numbers}
     try:
         yield

@@ -1,7 +1,7 @@
-"""Where things are on the screen, and which key does what.
+"""Layout of the screen, and key bindings.
 
-The terminal itself is prompt_toolkit's: raw keys, the alternate screen, changes of its
-size, drawing only what has changed, and giving all of it back at the end.
+prompt_toolkit handles the terminal itself: raw keys, the alternate screen, changes of
+size, incremental drawing, and restoring everything at the end.
 """
 
 from collections.abc import Callable
@@ -42,9 +42,11 @@ DRIVE_KEYS: Final = {
 ZOOM_KEYS: Final = {"z": -1, "x": 1}
 QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
 
-LEAST_COLUMNS: Final = 64  # below this the view has the place of the panel too
-ESCAPE_WAIT: Final = 0.05  # s; longer between the bytes of one key means Esc itself
-LEAST_REDRAW: Final = 0.04  # s between two drawings
+MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
+ESCAPE_TIMEOUT: Final = (
+    0.05  # s; a longer pause after the byte of Esc means the key Esc itself
+)
+MIN_REDRAW_INTERVAL: Final = 0.04  # s between two drawings
 STYLE: Final = Style(
     [
         ("far", ""),
@@ -58,16 +60,16 @@ STYLE: Final = Style(
 )
 
 
-class SampledRays(UIControl):
-    """A part of the screen that a function draws, given its columns and rows."""
+class DrawnControl(UIControl):
+    """A part of the screen drawn by a function of its columns and rows."""
 
     def __init__(self, draw: Draw) -> None:
         self._draw = draw
 
     def create_content(self, width: int, height: int) -> UIContent:
-        """Draw it."""
+        """Draw the content."""
         lines = self._draw(width, height) if width > 0 and height > 0 else []
-        # Copied: to a type checker theirs is a list of a wider type.
+        # Copied, since prompt_toolkit expects a list of a wider type.
         return UIContent(
             lambda i: [*lines[i]], line_count=len(lines), show_cursor=False
         )
@@ -78,11 +80,11 @@ def make_bindings(
     zoom: Callable[[int], None],
     leave: Callable[[int], None],
 ) -> KeyBindings:
-    """Bind all keys; letters do the same as capitals.
+    """Bind all keys; upper case equals lower case.
 
     Args:
-        press: Called with what a key does to the motion.
-        zoom: Called with -1 to see less around the robot, or 1 to see more.
+        press: Called with the effect of a key on the motion.
+        zoom: Called with -1 for a smaller radius of the view, or 1 for a larger one.
         leave: Called with an exit code.
     """
     bindings = KeyBindings()
@@ -109,38 +111,38 @@ def make_screen(
     keyboard: Input | None = None,
     terminal: Output | None = None,
 ) -> Application[int]:
-    """Put the parts together; the application's result is an exit code.
+    """Create the application, whose result is an exit code.
 
     Args:
         view: Draws the scan.
-        panel: Draws what is beside it, ``WIDTH`` columns wide.
-        bindings: Of all keys.
-        keyboard: That of this process by default.
-        terminal: That of this process by default.
+        panel: Draws the text beside it, ``WIDTH`` columns wide.
+        bindings: Bindings of all keys.
+        keyboard: Input; that of this process by default.
+        terminal: Output; that of this process by default.
     """
     app: Application[int]
 
     def is_wide() -> bool:
-        return app.output.get_size().columns >= LEAST_COLUMNS
+        return app.output.get_size().columns >= MIN_COLUMNS
 
     beside = VSplit(
-        [Window(width=1, char="│"), Window(SampledRays(panel), width=WIDTH)],
+        [Window(width=1, char="│"), Window(DrawnControl(panel), width=WIDTH)],
     )
     picture = VSplit(
-        [Window(SampledRays(view)), ConditionalContainer(beside, Condition(is_wide))]
+        [Window(DrawnControl(view)), ConditionalContainer(beside, Condition(is_wide))]
     )
-    footer = Window(SampledRays(_help), height=1, style="class:help")
+    footer = Window(DrawnControl(_help), height=1, style="class:help")
     app = Application(
         Layout(HSplit([picture, footer])),
         key_bindings=bindings,
         style=STYLE,
         full_screen=True,
-        min_redraw_interval=LEAST_REDRAW,
+        min_redraw_interval=MIN_REDRAW_INTERVAL,
         refresh_interval=0.2,
         input=keyboard,
         output=terminal,
     )
-    app.ttimeoutlen = ESCAPE_WAIT
+    app.ttimeoutlen = ESCAPE_TIMEOUT
     return app
 
 

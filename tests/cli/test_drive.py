@@ -86,8 +86,8 @@ def start(terminal: Terminal, *options: str) -> subprocess.Popen[bytes]:
     )
 
 
-def until(true: Callable[[], bool], patience: float = 10.0) -> None:
-    end = time.monotonic() + patience
+def until(true: Callable[[], bool], silence_limit: float = 10.0) -> None:
+    end = time.monotonic() + silence_limit
     while not true():
         assert time.monotonic() < end
         time.sleep(0.01)

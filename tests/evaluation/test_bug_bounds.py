@@ -65,7 +65,7 @@ def test_the_end_of_the_floor_is_no_obstacle() -> None:
     assert bug_bounds(field(), (-500, 0), (500, 0), 0.5).boundaries == ()
 
 
-def test_who_starts_in_a_room_meets_its_walls_from_inside() -> None:
+def test_start_in_a_room_counts_the_inside_of_its_walls() -> None:
     scene = field(block(0, 0, (10, 8)), start=Pose3(-3, 0, 0))
     (ring,) = bug_bounds(scene, (-3, 0), (3, 0), 0.5).boundaries
     assert ring.crossings == 0
@@ -79,13 +79,13 @@ def test_bug2_goes_all_the_way_round_an_obstacle_around_the_goal() -> None:
     assert bounds.bug2 == pytest.approx(5 + ring.perimeter)
 
 
-def test_each_pair_of_crossings_is_one_way_round() -> None:
+def test_each_pair_of_crossings_counts_one_perimeter() -> None:
     bounds = BugBounds(7.0, (Boundary(20.0, 4), Boundary(10.0, 3), Boundary(5.0, 0)))
     assert bounds.bug1 == 7 + 1.5 * 35
     assert bounds.bug2 == 7 + 2 * 20 + 2 * 10
 
 
-def test_a_start_nearer_than_that_belongs_to_the_nearest_place() -> None:
+def test_start_too_near_to_an_obstacle_belongs_to_the_nearest_component() -> None:
     scene = field(block(0, 0, (10, 8)), start=Pose3(-4.3, 0, 0))
     (ring,) = bug_bounds(scene, (-4.3, 0), (3, 0), 0.5).boundaries
     assert ring.crossings == 1
@@ -99,7 +99,7 @@ def test_a_start_nearer_than_that_belongs_to_the_nearest_place() -> None:
         pytest.param((-2.8, 0.0), (6.0, 6.0), id="at the wall"),
     ],
 )
-def test_a_start_without_elbow_room_is_an_error(
+def test_start_within_the_safety_distance_is_an_error(
     start: tuple[float, float], size: tuple[float, float]
 ) -> None:
     scene = field(block(0, 0, size), start=Pose3(*start, 0))

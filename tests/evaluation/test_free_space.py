@@ -37,7 +37,7 @@ def is_free(scene: Scene, x: float, y: float, distance: float = 0.1) -> bool:
     return bool(free_space(scene, distance).intersects(Point(x, y)))
 
 
-def test_a_box_takes_its_area_grown_by_the_distance() -> None:
+def test_box_occupies_its_area_grown_by_the_distance() -> None:
     free = free_space(hall(block(1, 2, (4, 3))), 0.5)
     (hole,) = free.geoms[0].interiors
     grown = 4 * 3 + 2 * (4 + 3) * 0.5 + math.pi * 0.5**2
@@ -53,11 +53,11 @@ def test_a_box_takes_its_area_grown_by_the_distance() -> None:
         pytest.param(Part("trunk", STONE, *cylinder(2.0, 2.0)), id="trunk"),
     ],
 )
-def test_what_is_closed_is_solid_all_through(part: Part) -> None:
+def test_closed_objects_are_solid_inside(part: Part) -> None:
     assert not is_free(hall(part), 0, 0)
 
 
-def test_what_a_robot_starts_in_is_a_room() -> None:
+def test_object_around_a_start_is_a_room() -> None:
     scene = hall(block(0, 0, (6, 4)), start=Pose3(1, 1, 0))
     room = component_around(free_space(scene, 0.5), (1, 1))
     assert room is not None
@@ -76,7 +76,7 @@ def test_the_walls_of_a_house_are_solid_and_its_room_is_free() -> None:
     assert is_free(scene, 5, 0)
 
 
-def test_four_walls_have_a_floor_between_them_that_nothing_gets_to() -> None:
+def test_four_walls_enclose_unreachable_floor() -> None:
     walls = [block(x, 0, (0.1, 4.1)) for x in (-2, 2)]
     walls += [block(0, y, (4.1, 0.1)) for y in (-2, 2)]
     scene = hall(*walls)
@@ -85,7 +85,7 @@ def test_four_walls_have_a_floor_between_them_that_nothing_gets_to() -> None:
     assert not is_connected(scene, (0, 0), (5, 0), 0.01)
 
 
-def test_a_gap_lets_through_half_its_width() -> None:
+def test_gap_is_passable_up_to_half_its_width() -> None:
     room = [block(x, 0, (0.1, 10)) for x in (-5, 5)]
     room += [block(0, y, (10, 0.1)) for y in (-5, 5)]
     scene = hall(*room, block(0, 3, (1, 5)), block(0, -3, (1, 5)))
@@ -102,7 +102,7 @@ def test_a_gap_lets_through_half_its_width() -> None:
         pytest.param(Part("cloud", SMOKE, *box(2, 2, 2)), True, id="smoke"),
     ],
 )
-def test_only_what_a_robot_runs_into_is_in_the_way(part: Part, free: bool) -> None:
+def test_only_objects_at_bumper_height_are_obstacles(part: Part, free: bool) -> None:
     assert is_free(hall(part), 0, 0) is free
 
 
@@ -111,7 +111,7 @@ def test_heights_count_from_the_floor_of_the_start() -> None:
     assert is_free(scene, 0, 0)
 
 
-def test_an_open_surface_is_in_the_way_on_both_sides() -> None:
+def test_open_surface_is_an_obstacle_on_both_sides() -> None:
     corners = np.array([[0.0, -2, 0], [0, 2, 0], [0, 2, 2], [0, -2, 2]])
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     scene = hall(Part("sheet", STONE, corners, faces))
@@ -120,7 +120,7 @@ def test_an_open_surface_is_in_the_way_on_both_sides() -> None:
     assert shapely.Polygon(hole).area == pytest.approx(area, rel=2e-3)
 
 
-def test_the_floor_ends_beyond_everything_that_is_asked_for() -> None:
+def test_floor_includes_all_given_positions() -> None:
     trial = Trial("RobotStart1", (40.0, 0.0), 0.5)
     starts = (StartPose("RobotStart1", Pose3(0, 30, 0)),)
     scene = Scene("field", "DM-Field", (), starts, trial=trial)
@@ -129,14 +129,14 @@ def test_the_floor_ends_beyond_everything_that_is_asked_for() -> None:
     assert free_space(hall(), 1.0, places=[(5, -7)]).bounds == (-11, -18, 16, 11)
 
 
-def test_places_that_are_too_near_to_something_are_not_connected() -> None:
+def test_positions_too_near_to_an_obstacle_are_not_connected() -> None:
     scene = hall(block(0, 0, (2, 2)))
     assert is_connected(scene, (-3, 0), (3, 0), 1.9)
     assert not is_connected(scene, (-3, 0), (3, 0), 2.1)
     assert not is_connected(scene, (-9, 0), (3, 0), 2.1)
 
 
-def test_a_plan_shows_what_robots_bump_into_above_the_floor_they_start_on() -> None:
+def test_floor_plan_shows_obstacles_above_the_floor_of_the_start() -> None:
     low, high = block(0, 0, (2, 1), high=0.4, z=0.2), block(5, 0, (2, 1), high=2.0)
     cloud = Part("cloud", SMOKE, *sphere(2.0))
     for floor, shown in ((0.0, [low, high]), (0.3, [high])):

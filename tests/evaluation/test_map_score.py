@@ -62,7 +62,7 @@ def around(x: float, y: float, radius: float) -> Mask:
 
 
 @pytest.mark.parametrize("name", ["empty_room", "foliage_room", "smoke_room"])
-def test_nothing_is_wrong_with_the_truth(name: str) -> None:
+def test_true_map_has_a_perfect_score(name: str) -> None:
     scene = load_map(name)
     score = judged(perfect(scene), scene)
     assert score.wrong == score.unknown == 0
@@ -76,7 +76,7 @@ def test_the_floor_of_a_room_has_its_area(empty_room: Scene) -> None:
     assert np.count_nonzero(free) * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.01)
 
 
-def test_what_nobody_knows_is_unknown_and_not_wrong(foliage_room: Scene) -> None:
+def test_unknown_cells_are_not_wrong(foliage_room: Scene) -> None:
     score = judged(np.full(LATTICE.shape, CellClass.UNKNOWN, np.uint8), foliage_room)
     assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
     assert score.coverage == score.hidden_coverage == 0.0
@@ -88,7 +88,7 @@ def test_what_nobody_knows_is_unknown_and_not_wrong(foliage_room: Scene) -> None
     assert score.unknown * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.02)
 
 
-def test_hidden_is_what_the_robot_cannot_get_to(foliage_room: Scene) -> None:
+def test_hidden_floor_is_what_the_robot_cannot_reach(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
     across, _ = LATTICE.cell_centers()
     classes[:, across > 0.5] = CellClass.UNKNOWN
@@ -100,12 +100,12 @@ def test_hidden_is_what_the_robot_cannot_get_to(foliage_room: Scene) -> None:
     assert judged(classes, foliage_room, start=(6.0, 3.0)).hidden_coverage == 0.0
 
 
-def test_where_it_gets_everywhere_nothing_is_hidden(empty_room: Scene) -> None:
+def test_nothing_is_hidden_where_everything_is_reachable(empty_room: Scene) -> None:
     assert judged(perfect(empty_room), empty_room).hidden_coverage is None
 
 
 @pytest.mark.parametrize("cells", [0, 1, 2, 3])
-def test_walls_may_be_two_cells_off(empty_room: Scene, cells: int) -> None:
+def test_walls_within_two_cells_are_right(empty_room: Scene, cells: int) -> None:
     classes = np.roll(perfect(empty_room), cells, axis=0)
     score = judged(classes, empty_room)
     assert (score.wrong == 0) == (cells <= 2)
@@ -129,7 +129,7 @@ def test_walls_may_be_two_cells_off(empty_room: Scene, cells: int) -> None:
         pytest.param((-5.0, 9.0), CellClass.FREE, True, id="nothing outside"),
     ],
 )
-def test_what_is_wrong_is_counted(
+def test_wrong_cells_are_counted(
     foliage_room: Scene, place: tuple[float, float], kind: int, is_right: bool
 ) -> None:
     classes = perfect(foliage_room)
@@ -143,7 +143,7 @@ def test_what_is_wrong_is_counted(
     assert (score.false_obstacles > 0) == in_the_air
 
 
-def test_foliage_and_walls_are_told_apart_or_not(foliage_room: Scene) -> None:
+def test_class_accuracy_counts_foliage_taken_for_walls(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
     classes[classes == CellClass.FOLIAGE] = CellClass.OBSTACLE
     score = judged(classes, foliage_room)
@@ -152,14 +152,14 @@ def test_foliage_and_walls_are_told_apart_or_not(foliage_room: Scene) -> None:
     assert 0.0 < score.class_accuracy < 0.9
 
 
-def test_smoke_is_to_be_known_as_such(smoke_room: Scene) -> None:
+def test_smoke_has_to_be_classified_as_smoke(smoke_room: Scene) -> None:
     classes = perfect(smoke_room)
     classes[classes == CellClass.SMOKE] = CellClass.FREE
     score = judged(classes, smoke_room)
     assert score.wrong * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
 
 
-def test_in_the_open_there_is_no_floor_to_be_known() -> None:
+def test_open_terrain_has_no_coverage() -> None:
     scene = load_map("bug_box")
     score = judged(
         np.full(LATTICE.shape, CellClass.FREE, np.uint8), scene, start=(-4.0, -0.4)
@@ -177,7 +177,7 @@ def test_leaves_have_no_inside() -> None:
     assert truth.indoors[frame.cell(-15.0, 0.0) or (0, 0)]
 
 
-def test_the_answer_for_programs_is_short(empty_room: Scene) -> None:
+def test_json_values_are_rounded(empty_room: Scene) -> None:
     told = judged(perfect(empty_room), empty_room).to_dict()
     assert told["coverage"] == 1.0
     assert told["hidden_coverage"] is None

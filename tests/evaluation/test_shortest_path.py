@@ -36,13 +36,13 @@ def length(scene: Scene, start: Position, goal: Position, clearance: float) -> f
     return found[0]
 
 
-def test_where_nothing_is_in_the_way_it_is_straight() -> None:
+def test_path_without_obstacles_is_straight() -> None:
     scene = field(block(0, 3, (2, 2)))
     assert length(scene, (-3, 1.4), (4, 1.4), 0.5) == pytest.approx(7)
     assert length(scene, (-3, 0), (-3, 0), 0.5) == 0
 
 
-def test_it_bends_round_the_corners_of_a_box() -> None:
+def test_path_bends_around_the_corners_of_a_box() -> None:
     r, d = 0.37, math.sqrt(5)
     turn = math.atan2(1, 2) + math.asin(r / d)
     expected = 2 * (math.sqrt(d**2 - r**2) + r * turn) + 2
@@ -51,7 +51,7 @@ def test_it_bends_round_the_corners_of_a_box() -> None:
     assert found < expected
 
 
-def test_it_winds_round_a_disc() -> None:
+def test_path_follows_the_arc_of_a_disc() -> None:
     reach, d = 1.5 + 0.4, 4.0
     arc = math.pi - 2 * math.acos(reach / d)
     expected = 2 * math.sqrt(d**2 - reach**2) + reach * arc
@@ -59,7 +59,7 @@ def test_it_winds_round_a_disc() -> None:
     assert length(scene, (-4, 0), (4, 0), 0.4) == pytest.approx(expected, rel=1e-3)
 
 
-def test_inside_of_a_room_it_goes_round_the_end_of_a_wall() -> None:
+def test_path_in_a_room_goes_around_the_end_of_a_wall() -> None:
     walls = [block(x, 0, (0.2, 10)) for x in (-5, 5)]
     walls += [block(0, y, (10, 0.2)) for y in (-5, 5)]
     scene = field(*walls, block(0, 1.9, (0.2, 6)))
@@ -70,7 +70,7 @@ def test_inside_of_a_room_it_goes_round_the_end_of_a_wall() -> None:
     assert shortest_path(scene, (-1, 4), (9, 4), r) is None
 
 
-def test_a_gap_that_is_too_narrow_is_gone_around() -> None:
+def test_path_avoids_a_gap_that_is_too_narrow() -> None:
     scene = field(block(0, 3, (1, 5)), block(0, -3, (1, 5)))
     assert length(scene, (-3, 0), (3, 0), 0.49) == pytest.approx(6)
     assert length(scene, (-3, 0), (3, 0), 0.51) > 12
@@ -84,11 +84,11 @@ def test_a_gap_that_is_too_narrow_is_gone_around() -> None:
         pytest.param((-5.0, 0.0), (0.0, 0.0), id="goal in a block"),
     ],
 )
-def test_where_one_cannot_be_there_is_no_path(start: Position, goal: Position) -> None:
+def test_no_path_from_or_to_blocked_positions(start: Position, goal: Position) -> None:
     assert shortest_path(field(block(0, 0, (2, 2))), start, goal, 0.5) is None
 
 
-def test_a_robot_that_starts_in_a_box_stays_in_it() -> None:
+def test_no_path_out_of_a_closed_box() -> None:
     starts = (StartPose("RobotStart1", Pose3(0, 0, 0)),)
     scene = Scene("house", "DM-House", (block(0, 0, (6, 6)),), starts)
     assert length(scene, (0, 0), (2, 2), 0.5) == pytest.approx(math.sqrt(8))
@@ -127,7 +127,7 @@ sizes = st.tuples(*2 * [st.floats(0.1, 4)])
     st.lists(st.tuples(places, sizes), min_size=1, max_size=3),
     st.floats(0.1, 0.8),
 )
-def test_no_other_way_along_corners_is_shorter(
+def test_no_other_chain_of_corners_is_shorter(
     blocks: list[tuple[Position, tuple[float, float]]], clearance: float
 ) -> None:
     scene = field(*(block(x, y, size) for (x, y), size in blocks))

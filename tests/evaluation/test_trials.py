@@ -37,7 +37,7 @@ DONE = TrialResult(
 )
 
 
-def test_everything_is_combined_with_everything_map_by_map() -> None:
+def test_all_trials_are_all_combinations_map_by_map() -> None:
     every = all_trials(["a", "b"], ["bug1", "bug2"], ["radar"], 2)
     assert every[:3] == [
         TrialSpec("a", "bug1", "radar", 0),
@@ -47,7 +47,7 @@ def test_everything_is_combined_with_everything_map_by_map() -> None:
     assert len(every) == len({*every}) == 8
 
 
-def test_two_trials_come_out_right_and_in_their_order() -> None:
+def test_two_trials_are_correct_and_in_order() -> None:
     reached, closed = run_trials([QUICK, CLOSED], workers=1)
     assert (reached.map, closed.map) == ("bug_box", "bug_closed_box")
     assert (reached.outcome, closed.outcome) == ("reached", "no_path")
@@ -66,7 +66,7 @@ def test_the_same_trial_gives_the_same_score_and_another_seed_another() -> None:
     assert score.path_length != run_trial(replace(QUICK, seed=1)).path_length
 
 
-def test_a_start_is_found_whatever_its_case(tmp_path: Path) -> None:
+def test_start_names_ignore_case(tmp_path: Path) -> None:
     map_ = tmp_path / "yard.yaml"
     map_.write_text(
         """
@@ -82,13 +82,13 @@ trial: {start: robotstart1, goal: [1, 0], safety_distance: 0.5}
 
 
 @pytest.mark.slow
-def test_several_processes_give_what_one_gives() -> None:
+def test_results_do_not_depend_on_the_number_of_processes() -> None:
     wanted = [QUICK, CLOSED, replace(QUICK, seed=1)]
     assert list(run_trials(wanted, workers=2)) == list(run_trials(wanted, workers=1))
 
 
 @pytest.mark.slow
-def test_whoever_wants_no_more_does_not_wait() -> None:
+def test_closing_the_iterator_terminates_the_trials() -> None:
     scores = run_trials(
         [QUICK, *all_trials(["bug_maze"], ["bug2"], ["radar"], 9)], workers=2
     )
@@ -109,7 +109,7 @@ def test_whoever_wants_no_more_does_not_wait() -> None:
         ),
     ],
 )
-def test_what_counts_as_a_success(change: dict[str, object], is_correct: bool) -> None:
+def test_correct_results(change: dict[str, object], is_correct: bool) -> None:
     assert replace(DONE, **change).is_correct is is_correct  # type: ignore[arg-type]
 
 
@@ -120,7 +120,9 @@ def test_json_has_millimetres_and_none() -> None:
     assert (told["map"], told["seed"], told["outcome"]) == ("bug_box", 0, "reached")
 
 
-def test_the_referee_counts_a_touch_once_and_the_true_way(empty_room: Scene) -> None:
+def test_monitor_counts_each_touch_once_and_the_true_path_length(
+    empty_room: Scene,
+) -> None:
     host = Host(empty_room)
     monitor = GroundTruthMonitor(host)
     assert monitor.distance((0.0, 0.0)) == math.inf

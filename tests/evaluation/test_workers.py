@@ -16,7 +16,7 @@ def test_a_pool_works_and_leaves_no_process() -> None:
 
 
 @pytest.mark.slow
-def test_who_leaves_early_does_not_wait() -> None:
+def test_leaving_the_pool_early_terminates_its_processes() -> None:
     before, begun = {*active_children()}, time.perf_counter()
     with pytest.raises(KeyboardInterrupt):
         _give_up()

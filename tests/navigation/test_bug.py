@@ -41,7 +41,7 @@ CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
 @pytest.mark.parametrize(
     "shape", [pytest.param(BOX, id="box"), pytest.param(TRAP, id="trap")]
 )
-def test_it_gets_round_within_the_bounds_of_choset(
+def test_path_length_is_within_the_bounds_of_choset(
     flatland: World, shape: shapely.Polygon, algorithm: Algorithm, wall_on_left: bool
 ) -> None:
     world = flatland(shape, at=Pose2(-6.0, 0.0))
@@ -68,7 +68,7 @@ def test_it_gets_round_within_the_bounds_of_choset(
         pytest.param((0.1, 0.2), (6.0, 0.4), id="start inside"),
     ],
 )
-def test_it_says_that_there_is_no_path(
+def test_bug_reports_that_there_is_no_path(
     flatland: World,
     algorithm: Algorithm,
     wall_on_left: bool,
@@ -85,7 +85,7 @@ def test_it_says_that_there_is_no_path(
 
 
 @BOTH
-def test_bug1_goes_all_round_and_bug2_does_not(
+def test_only_bug1_makes_a_complete_circuit(
     flatland: World, algorithm: Algorithm
 ) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
@@ -94,7 +94,7 @@ def test_bug1_goes_all_round_and_bug2_does_not(
     assert (world.length > 9 + way) == (algorithm is Algorithm.BUG1)
 
 
-def test_without_obstacles_the_way_is_straight(flatland: World) -> None:
+def test_path_is_straight_without_obstacles(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0, 2.0))
     walker = bug(Algorithm.BUG1, (3.0, -4.0))
     world.run(walker)
@@ -102,7 +102,7 @@ def test_without_obstacles_the_way_is_straight(flatland: World) -> None:
     assert walker.hit_points == walker.leave_points == []
 
 
-def test_way_points_are_reached_in_turn(flatland: World) -> None:
+def test_waypoints_are_reached_in_turn(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-4.0, -4.0))
     goals = [(-4.0, 4.0), (4.0, 4.0), (4.0, -4.0)]
     walker = bug(Algorithm.BUG2, *goals)
@@ -112,7 +112,7 @@ def test_way_points_are_reached_in_turn(flatland: World) -> None:
         assert any(math.hypot(p.x - x, p.y - y) < 0.11 for p in places)
 
 
-def test_who_stands_at_the_goal_is_there(flatland: World) -> None:
+def test_start_at_the_goal_has_reached_it(flatland: World) -> None:
     world = flatland(at=Pose2(1.0, 1.0))
     walker = bug(Algorithm.BUG2, (1.05, 1.0), (0.98, 1.0))
     world.run(walker)
@@ -125,7 +125,7 @@ def test_no_goal_is_refused() -> None:
         bug(Algorithm.BUG1)
 
 
-def test_what_is_beyond_the_goal_is_not_in_the_way(flatland: World) -> None:
+def test_object_beyond_the_goal_is_no_obstacle(flatland: World) -> None:
     world = flatland(shapely.box(3, -5, 4, 5), at=Pose2(0.0, 0.0))
     walker = bug(Algorithm.BUG2, (2.45, 0.0))  # 0.55 m before the wall
     world.run(walker)
@@ -155,7 +155,9 @@ def test_the_shorter_rule_gives_up_where_hit_point_goes_on(flatland: World) -> N
 
 
 @pytest.mark.parametrize("count", [4, 5, 6, 8, 12])
-def test_any_number_of_bumpers_will_do(flatland: World, count: int) -> None:
+def test_goal_is_reached_with_any_number_of_bumpers(
+    flatland: World, count: int
+) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(
         Algorithm.BUG2, (6.0, 0.0), bumpers=Bumpers(safety_distance=S, count=count)
@@ -165,7 +167,7 @@ def test_any_number_of_bumpers_will_do(flatland: World, count: int) -> None:
     assert world.nearest > 0.42
 
 
-def test_the_literal_rule_will_do(flatland: World) -> None:
+def test_goal_is_reached_with_the_literal_rule(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.ALL)
     walker = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
@@ -174,7 +176,7 @@ def test_the_literal_rule_will_do(flatland: World) -> None:
     assert world.nearest > 0.42
 
 
-def test_a_boundary_that_vanishes_is_left(flatland: World) -> None:
+def test_boundary_that_vanishes_is_left(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     walker = bug(Algorithm.BUG1, (6.0, 0.0))
     while walker.activity != Activity.FOLLOWING:
@@ -204,7 +206,7 @@ BOXES = st.builds(
 
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.sampled_from(list(Algorithm)), st.booleans(), BOXES)
-def test_no_box_keeps_it_from_a_goal_behind(
+def test_goal_behind_any_box_is_reached(
     flatland: World, algorithm: Algorithm, wall_on_left: bool, box: shapely.Polygon
 ) -> None:
     world = flatland(box, at=Pose2(-5.5, 0.0))
@@ -238,7 +240,7 @@ def gate(width: float) -> list[shapely.Polygon]:
 @BOTH
 @HANDS
 @pytest.mark.parametrize("width", [1.1, 1.3, 1.5, 1.7, 1.9])
-def test_it_gets_past_two_obstacles_however_far_apart(
+def test_bug_passes_two_obstacles_at_any_distance(
     flatland: World, algorithm: Algorithm, wall_on_left: bool, width: float
 ) -> None:
     first = shapely.box(-2.5, -1, -1.5, 1)
@@ -254,7 +256,7 @@ def test_it_gets_past_two_obstacles_however_far_apart(
 @HANDS
 @pytest.mark.parametrize("width", [1.4, 1.5, 1.9])
 @pytest.mark.parametrize("start", [0.0, 1.5])
-def test_it_goes_through_gaps_wider_than_twice_the_safety_distance(
+def test_bug_passes_gaps_wider_than_twice_the_safety_distance(
     flatland: World,
     algorithm: Algorithm,
     wall_on_left: bool,
@@ -271,7 +273,7 @@ def test_it_goes_through_gaps_wider_than_twice_the_safety_distance(
 
 @BOTH
 @HANDS
-def test_it_comes_back_out_of_a_dead_end(
+def test_bug_leaves_a_dead_end(
     flatland: World, algorithm: Algorithm, wall_on_left: bool
 ) -> None:
     for width in (1.3, 1.7):

@@ -157,7 +157,7 @@ def test_a_share_of_the_ranges_is_no_farther(ranges: list[float], share: float) 
     assert np.mean(values < distance) < share
 
 
-def test_what_is_pressed_is_named() -> None:
+def test_pressed_bumpers_are_named() -> None:
     states = Bumpers(safety_distance=1.0).read(wall_ahead(1.2))
     assert pressed_names(states) == ("front", "front_left", "front_right")
 
@@ -173,6 +173,6 @@ def test_what_is_pressed_is_named() -> None:
         pytest.param({"band": math.inf}, id="endless band"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(wrong: dict[str, float]) -> None:
+def test_invalid_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="expected"):
         Bumpers(**{"safety_distance": 1.0, **wrong})  # type: ignore[arg-type]

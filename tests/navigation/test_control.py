@@ -15,7 +15,7 @@ def at(time: float, x: float = 0.0, yaw: float = 0.0) -> Observation:
     return Observation(time, Pose2(x, 1.5, yaw), np.zeros(0), np.zeros(0))
 
 
-def test_a_minute_without_a_move_is_too_long() -> None:
+def test_standstill_of_a_minute_is_an_error() -> None:
     watch = StandstillDetector()
     for time in range(61):
         watch.check(at(time, 0.05 * math.sin(time), 0.1 * math.cos(time)))
@@ -26,13 +26,13 @@ def test_a_minute_without_a_move_is_too_long() -> None:
 @pytest.mark.parametrize(
     "speed_limits", [Twist(0.01, 0.0), Twist(0.0, 0.02)], ids=["creeps", "turns"]
 )
-def test_who_moves_however_slowly_does_not_stand(speed_limits: Twist) -> None:
+def test_slow_motion_is_no_standstill(speed_limits: Twist) -> None:
     watch = StandstillDetector()
     for time in range(300):
         watch.check(at(time, speed_limits.speed * time, speed_limits.turn * time))
 
 
-def test_3_m_told_and_none_made_is_pushing() -> None:
+def test_3_m_commanded_without_motion_is_stuck() -> None:
     push = StuckDetector()
     for time in range(13):
         push.check(at(time), Twist(0.25, 0.0))
@@ -40,7 +40,7 @@ def test_3_m_told_and_none_made_is_pushing() -> None:
         push.check(at(13.0), Twist(0.25, 0.0))
 
 
-def test_who_is_told_to_stand_does_not_push() -> None:
+def test_robot_commanded_to_stand_is_not_stuck() -> None:
     push = StuckDetector()
     for time in range(300):
         push.check(at(time), Twist(0.0, 0.5))

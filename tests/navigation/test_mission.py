@@ -57,7 +57,7 @@ def run(scene: Scene, config: SimulationConfig | None = None, **wish: Any) -> Re
         pytest.param({"pose": Pose2(-3.0, 1.0, 0.5)}, Pose2(-3.0, 1.0, 0.5), id="pose"),
     ],
 )
-def test_where_it_starts(
+def test_start_pose_of_a_mission(
     foliage_room: Scene, wish: dict[str, Any], expected: Pose2
 ) -> None:
     pose = first_pose(
@@ -74,14 +74,14 @@ def test_a_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> No
         run(empty_room, start="Nowhere")
 
 
-def test_a_server_that_tells_of_no_starts_is_taken_at_its_word(
+def test_start_is_not_checked_if_the_server_announces_none(
     foliage_room: Scene,
 ) -> None:
     pose = first_pose(Untold(Host(foliage_room)), start="RobotStart2")
     assert (pose.x, pose.y) == pytest.approx((-8.0, 3.5), abs=0.05)
 
 
-def test_a_robot_that_is_not_made_is_said_to_be_missing(empty_room: Scene) -> None:
+def test_robot_that_does_not_spawn_is_an_error(empty_room: Scene) -> None:
     with pytest.raises(ClientError, match="no reading of the robot 'Submarine'"):
         run(empty_room, robot_class="Submarine")
 
@@ -109,7 +109,7 @@ def test_a_safety_distance_below_what_is_seen_into_foliage_is_an_error(
 
 
 @pytest.mark.parametrize("penetration_depth", [0.0, 0.8])
-def test_it_keeps_hull_and_foliage_and_a_margin_away_by_itself(
+def test_default_safety_distance_is_hull_foliage_and_margin(
     empty_room: Scene, penetration_depth: float
 ) -> None:
     result = run(empty_room, penetration_depth=penetration_depth, time_limit=0.1)
@@ -118,7 +118,9 @@ def test_it_keeps_hull_and_foliage_and_a_margin_away_by_itself(
 
 
 @pytest.mark.parametrize("unit", ["rad_per_s", "rev_per_s"])
-def test_it_drives_in_the_unit_of_the_server(empty_room: Scene, unit: Any) -> None:
+def test_wheel_speeds_are_in_the_unit_of_the_server(
+    empty_room: Scene, unit: Any
+) -> None:
     result = run(empty_room, SimulationConfig(drive_unit=unit), drive_unit=unit)
     assert result.outcome == "reached"
     assert result.time == pytest.approx(0.9 / 0.3, abs=0.7)
@@ -128,7 +130,7 @@ def test_it_drives_in_the_unit_of_the_server(empty_room: Scene, unit: Any) -> No
     ("wall_on_left", "sign"),
     [pytest.param(True, -1, id="left"), pytest.param(False, 1, id="right")],
 )
-def test_it_turns_so_that_the_boundary_comes_to_the_chosen_hand(
+def test_robot_turns_the_boundary_to_the_chosen_side(
     foliage_room: Scene, wall_on_left: bool, sign: int
 ) -> None:
     turns: list[float] = []

@@ -52,7 +52,7 @@ def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
 
 
 @pytest.mark.parametrize("algorithm", list(Algorithm))
-def test_it_knows_what_the_bug_knows(
+def test_log_agrees_with_the_bug(
     flatland: Callable[..., Any], algorithm: Algorithm
 ) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
@@ -66,7 +66,7 @@ def test_it_knows_what_the_bug_knows(
     assert run_log.nearest == pytest.approx(world.nearest, abs=0.02)
 
 
-def test_where_the_goal_is_reached_at_a_boundary_is_no_leave_point() -> None:
+def test_goal_reached_at_a_boundary_is_no_leave_point() -> None:
     run_log = RunLog()
     run_log.add(moment(0, 0, Activity.GOING))
     run_log.add(moment(1, 0, Activity.ALIGNING))
@@ -84,7 +84,7 @@ def test_a_run_that_begins_at_an_obstacle_begins_with_a_hit_point() -> None:
     assert (run_log.hit_points, run_log.leave_points) == ([(0, 0)], [(1, 0)])
 
 
-def test_nothing_is_known_of_nothing() -> None:
+def test_empty_log() -> None:
     run_log = RunLog()
     assert (run_log.time, run_log.path_length, run_log.nearest) == (0.0, 0.0, math.inf)
     assert run_log.path.shape == (0, 2)
@@ -97,7 +97,7 @@ def test_nothing_is_known_of_nothing() -> None:
     st.floats(-500, 500),
     st.lists(st.floats(0.1, 80.0), min_size=1, max_size=30),
 )
-def test_every_sensed_point_is_kept_to_half_a_square(
+def test_every_beam_end_is_kept_to_half_a_cell(
     x: float, y: float, ranges: list[float]
 ) -> None:
     run_log = RunLog()
@@ -111,7 +111,7 @@ def test_every_sensed_point_is_kept_to_half_a_square(
     assert kept[:, 2].sum() == 2 * len(ranges)
 
 
-def test_a_trace_has_a_row_for_each_moment_and_gaps_for_what_is_not() -> None:
+def test_trace_has_a_row_for_each_scan_and_empty_fields() -> None:
     run_log = RunLog()
     run_log.add(moment(-0.00001, 1.23456, Activity.GOING, 2.5, 1.5, time=0.2))
     run_log.add(moment(0.1, 1.25, Activity.REACHED, math.inf, time=0.30000000000000004))

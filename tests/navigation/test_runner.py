@@ -120,7 +120,7 @@ def stops(link: Ill) -> list[float]:
 
 
 @pytest.mark.parametrize("pose_source", list(PoseSource))
-def test_it_gets_to_a_goal_by_any_reading_of_its_pose_and_stands(
+def test_goal_is_reached_by_any_pose_source(
     empty_room: Scene, pose_source: PoseSource
 ) -> None:
     link = Ill(Host(empty_room))
@@ -137,7 +137,7 @@ def test_it_gets_to_a_goal_by_any_reading_of_its_pose_and_stands(
     assert result.nearest == min(moment.observation.ranges.min() for moment in moments)
 
 
-def test_way_points_are_met_in_turn(empty_room: Scene) -> None:
+def test_navigator_reaches_waypoints_in_turn(empty_room: Scene) -> None:
     link = Ill(Host(empty_room))
     points = ((-7.0, 0.0), (-7.0, 1.5), GOAL)
     seen: list[object] = []
@@ -148,7 +148,7 @@ def test_way_points_are_met_in_turn(empty_room: Scene) -> None:
     assert result.outcome == "reached"
 
 
-def test_a_server_that_stops_for_three_seconds_has_its_robot_stopped(
+def test_robot_is_stopped_if_the_server_pauses_for_three_seconds(
     empty_room: Scene,
 ) -> None:
     link = Ill(Host(empty_room), "stalls", since=3.0, until=6.0)
@@ -164,7 +164,7 @@ def test_a_server_that_stops_for_three_seconds_has_its_robot_stopped(
     assert link.pose == stood
 
 
-def test_whoever_waits_longer_goes_on_after_it(empty_room: Scene) -> None:
+def test_run_goes_on_after_a_pause_shorter_than_the_timeout(empty_room: Scene) -> None:
     link = Ill(Host(empty_room), "stalls", since=3.0, until=6.0)
     result = go_with(link, timeout=5.0)
     assert result.outcome == "reached"
@@ -174,14 +174,14 @@ def test_whoever_waits_longer_goes_on_after_it(empty_room: Scene) -> None:
     assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
 
 
-def test_a_server_that_drops_the_connection_is_said_to(empty_room: Scene) -> None:
+def test_dropped_connection_is_an_error(empty_room: Scene) -> None:
     link = Ill(Host(empty_room), "drops", since=3.0)
     with pytest.raises(ClientError, match="the server closed the connection"):
         go(link)
     assert not link.host.simulation.vehicles  # it takes the robot with it
 
 
-def test_a_server_that_sends_no_more_scans_has_its_robot_stopped(
+def test_robot_is_stopped_if_no_more_scans_arrive(
     empty_room: Scene,
 ) -> None:
     link = Ill(Host(empty_room), SCANS, since=3.0)
@@ -195,14 +195,14 @@ def test_a_server_that_sends_no_more_scans_has_its_robot_stopped(
     assert 3.4 < stops(link)[0] < 3.7
 
 
-def test_a_server_that_never_sends_a_scan_is_said_to(empty_room: Scene) -> None:
+def test_missing_scans_are_reported(empty_room: Scene) -> None:
     link = Ill(Host(empty_room), b"{Range ", since=ALWAYS)
     with pytest.raises(ClientError, match="no scan of 'lms200' within 2 s"):
         go(link)
     assert all(drive.left == drive.right == 0 for _, drive in link.driven)
 
 
-def test_a_robot_without_a_scanner_is_said_to_have_none(empty_room: Scene) -> None:
+def test_robot_without_scanner_is_an_error(empty_room: Scene) -> None:
     link = Ill(Host(empty_room), SCANS, since=ALWAYS)
     with pytest.raises(ClientError, match="expected a scanner"):
         go(link)
@@ -216,7 +216,7 @@ def test_a_robot_without_a_scanner_is_said_to_have_none(empty_room: Scene) -> No
         pytest.param(PoseSource.ODOMETRY, b"{Type Odometry}", id="odometry"),
     ],
 )
-def test_a_pose_that_never_comes_is_said_to_be_missing(
+def test_missing_poses_are_reported(
     empty_room: Scene, pose_source: PoseSource, line: bytes
 ) -> None:
     link = Ill(Host(empty_room), line, since=ALWAYS)
@@ -226,7 +226,7 @@ def test_a_pose_that_never_comes_is_said_to_be_missing(
         go_with(link, pose_source=pose_source)
 
 
-def test_a_robot_that_stays_where_it_is_is_given_up(empty_room: Scene) -> None:
+def test_stuck_robot_is_an_error(empty_room: Scene) -> None:
     link = Ill(Host(empty_room), deaf=True)
     with pytest.raises(NavigationError, match=r"stays at -8\.00 0\.00, told to go 3 m"):
         go(link)
@@ -241,7 +241,7 @@ def test_time_is_limited(empty_room: Scene) -> None:
     assert stops(link) == [link.driven[-1][0]]
 
 
-def test_whatever_goes_wrong_the_robot_is_told_to_stop(empty_room: Scene) -> None:
+def test_robot_is_stopped_after_any_error(empty_room: Scene) -> None:
     link = Ill(Host(empty_room))
 
     def interrupt(moment: NavigationStep) -> None:
@@ -283,7 +283,7 @@ def test_time_is_limited_at_a_server_without_a_clock(
 
 
 @STAMPS
-def test_a_robot_that_stays_is_given_up_at_a_server_without_a_clock(
+def test_stuck_robot_is_an_error_at_a_server_without_a_clock(
     empty_room: Scene, rewrite: Callable[[bytes], bytes]
 ) -> None:
     link = Ill(Host(empty_room), deaf=True, rewrite=rewrite)
@@ -291,7 +291,7 @@ def test_a_robot_that_stays_is_given_up_at_a_server_without_a_clock(
         go_with(link, time_limit=60.0)
 
 
-def test_scans_are_known_by_their_name_in_any_case(empty_room: Scene) -> None:
+def test_scanner_names_ignore_case(empty_room: Scene) -> None:
     seen: list[NavigationStep] = []
 
     def rewrite(data: bytes) -> bytes:

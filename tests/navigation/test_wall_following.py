@@ -37,7 +37,7 @@ def alongside(mode: FollowMode, *, distance: float) -> Pose2:
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("distance", [0.55, 0.75, 0.98])
-def test_along_a_wall_it_settles_in_the_middle_of_the_band(
+def test_follower_settles_in_the_middle_of_the_band(
     flatland: World, mode: FollowMode, distance: float
 ) -> None:
     world = flatland(shapely.box(-30, 0, 30, 1), at=alongside(mode, distance=distance))
@@ -71,7 +71,7 @@ def test_along_a_wall_it_settles_in_the_middle_of_the_band(
         ),
     ],
 )
-def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
+def test_path_around_an_obstacle_is_its_boundary_offset_outward(
     flatland: World, shape: shapely.Polygon, mode: FollowMode
 ) -> None:
     world = flatland(shape, at=alongside(mode, distance=0.75))
@@ -93,7 +93,7 @@ def test_round_an_obstacle_its_way_is_the_boundary_moved_outward(
     assert inner.area < closed.area
 
 
-def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
+def test_lost_boundary_is_sought_on_its_side(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0))
     for mode in (
         FollowMode(),
@@ -110,7 +110,7 @@ def test_a_boundary_that_is_lost_is_sought_on_its_side(flatland: World) -> None:
         assert (twist.speed > 0) == mode.forward
 
 
-def test_in_a_gap_it_keeps_to_the_middle(flatland: World) -> None:
+def test_follower_keeps_to_the_middle_of_a_gap(flatland: World) -> None:
     walls = shapely.box(-20, 0.6, 20, 1), shapely.box(-20, -1, 20, -0.6)
     world = flatland(*walls, at=Pose2(-15.0, 0.05, 0.0))
     for _ in range(600):
@@ -119,7 +119,7 @@ def test_in_a_gap_it_keeps_to_the_middle(flatland: World) -> None:
     assert world.nearest > 0.5
 
 
-def test_walled_in_it_turns_and_stays(flatland: World) -> None:
+def test_walled_in_follower_turns_on_the_spot(flatland: World) -> None:
     well = shapely.Point(0, 0).buffer(0.6).exterior.buffer(0.01)
     world = flatland(well, at=Pose2(0.0, 0.0))
     for _ in range(100):
@@ -140,14 +140,16 @@ def test_the_tangent_is_the_direction_along_the_boundary(flatland: World) -> Non
     assert FOLLOWER.tangent(away.scan(), FollowMode()) == pytest.approx(0.4)
 
 
-def test_going_back_is_the_same_hand_the_other_way() -> None:
+def test_reversed_mode_keeps_the_side() -> None:
     mode = FollowMode(wall_on_left=False)
     assert mode.reversed == FollowMode(wall_on_left=False, forward=False)
     assert mode.reversed.reversed == mode
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_bearings_come_back_as_they_went(flatland: World, mode: FollowMode) -> None:
+def test_bearing_conversion_is_its_own_inverse(
+    flatland: World, mode: FollowMode
+) -> None:
     observation = flatland(shapely.box(1, -1, 2, 1), at=Pose2(0.0, 0.0)).scan()
     view = mode.canonical(observation)
     back = np.array([mode.bearing(float(b)) for b in view.bearings])

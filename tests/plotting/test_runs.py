@@ -81,7 +81,7 @@ def drawn(figure: Figure) -> dict[str, float]:
     return lengths
 
 
-def test_the_way_has_a_colour_for_what_the_robot_was_at() -> None:
+def test_path_is_coloured_by_activity() -> None:
     shown = drawn(figure_of(record_of(*BUG1), "", PLAN))
     assert shown == {
         "#000000": pytest.approx(2.5),
@@ -91,11 +91,11 @@ def test_the_way_has_a_colour_for_what_the_robot_was_at() -> None:
     }
 
 
-def test_start_goal_hit_and_leave_points_have_names() -> None:
+def test_start_goal_hit_and_leave_points_are_labelled() -> None:
     assert labels(figure_of(record_of(*BUG1), "")) == {"S", "G", "H1", "L1"}
 
 
-def test_points_that_lie_close_share_a_label() -> None:
+def test_close_points_share_a_label() -> None:
     texts = labels(figure_of(record_of(*NEARLY_THE_SAME), ""))
     assert texts == {"S", "G", "H1, H2", "L1", "L2"}
 
@@ -110,7 +110,7 @@ def test_several_goals_are_numbered() -> None:
     assert {"G1", "G2"} <= labels(figure_of(run_log, ""))
 
 
-def test_the_legend_tells_what_is_there_and_no_more() -> None:
+def test_legend_lists_exactly_what_is_drawn() -> None:
     reached = legend(figure_of(record_of(*BUG1), "", PLAN))
     assert "returning to the leave point" in reached
     assert "map" in reached
@@ -120,7 +120,7 @@ def test_the_legend_tells_what_is_there_and_no_more() -> None:
     assert not {"map", "leave point", "returning to the leave point"} & {*failed}
 
 
-def test_a_metre_is_as_long_up_as_across_and_the_legend_covers_nothing() -> None:
+def test_axes_have_equal_scale_and_the_legend_is_outside() -> None:
     figure = figure_of(record_of(*BUG1), "title", PLAN)
     figure.draw_without_rendering()
     (axes,) = figure.axes
@@ -131,12 +131,12 @@ def test_a_metre_is_as_long_up_as_across_and_the_legend_covers_nothing() -> None
     assert axes.get_title() == "title"
 
 
-def test_what_is_far_from_the_way_does_not_shrink_it() -> None:
+def test_far_points_do_not_enlarge_the_extent() -> None:
     (axes,) = figure_of(record_of(*BUG1), "").axes
     assert np.ptp(axes.get_xlim()) < 4.0 + 2 * AROUND + 2
 
 
-def test_what_was_sensed_often_is_darker() -> None:
+def test_cells_with_more_beam_ends_are_darker() -> None:
     (axes,) = figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1), "").axes
     (dots,) = (each for each in axes.collections if isinstance(each, PathCollection))
     shades, places = np.asarray(dots.get_array()), np.asarray(dots.get_offsets())
@@ -161,7 +161,7 @@ def test_the_same_run_gives_the_same_file(form: str, begins: bytes) -> None:
     assert once.startswith(begins)
 
 
-def test_a_robot_that_never_moved_is_a_picture_too() -> None:
+def test_run_without_motion_can_be_drawn() -> None:
     data = draw_run(
         record_of((0.0, 0.0, Activity.GOING), goal=(0.0, 0.0)), "broken off"
     )

@@ -29,10 +29,10 @@ FACTS = RobotInfo(
 
 
 @pytest.fixture
-def facts() -> RobotInfo:
+def robot_info() -> RobotInfo:
     return FACTS
 
 
 @pytest.fixture
-def readings() -> RobotState:
+def state() -> RobotState:
     return RobotState(FACTS, SCANNER, "DM-Test")

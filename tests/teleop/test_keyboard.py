@@ -14,7 +14,7 @@ def steering(speed: float = 0.4) -> Steering:
     return Steering(speed, top_speed=0.8, wheel_separation=0.4)
 
 
-def test_it_begins_at_rest() -> None:
+def test_steering_starts_at_rest() -> None:
     assert steering().motion(0.0) == (0.0, 0.0)
 
 
@@ -27,7 +27,9 @@ def test_it_begins_at_rest() -> None:
         pytest.param(Key.RIGHT, (0.0, -TURN), id="right"),
     ],
 )
-def test_a_press_moves_for_a_while(key: Key, motion: tuple[float, float]) -> None:
+def test_key_press_moves_for_a_limited_time(
+    key: Key, motion: tuple[float, float]
+) -> None:
     driver = steering()
     driver.press(key, 1.0)
     assert driver.motion(1.0) == pytest.approx(motion)
@@ -35,7 +37,7 @@ def test_a_press_moves_for_a_while(key: Key, motion: tuple[float, float]) -> Non
     assert driver.motion(1.0 + FIRST_HOLD) == (0.0, 0.0)
 
 
-def test_a_held_key_moves_without_a_break_and_stops_soon_after_it_is_let_go() -> None:
+def test_held_key_moves_continuously_and_stops_soon_after_release() -> None:
     driver = steering()
     presses = [0.0, *(SLOWEST_REPEAT + 0.09 * i for i in range(20))]
     for i, now in enumerate(presses):
@@ -46,7 +48,7 @@ def test_a_held_key_moves_without_a_break_and_stops_soon_after_it_is_let_go() ->
     assert driver.motion(presses[-1] + REPEAT_HOLD) == (0.0, 0.0)
 
 
-def test_space_stops_at_once() -> None:
+def test_space_stops_immediately() -> None:
     driver = steering()
     driver.press(Key.AHEAD, 0.0)
     driver.press(Key.LEFT, 0.1)
@@ -56,7 +58,7 @@ def test_space_stops_at_once() -> None:
     assert driver.motion(0.3) == pytest.approx((0.0, TURN)), "ahead is forgotten too"
 
 
-def test_turning_on_the_way_keeps_the_robot_going() -> None:
+def test_turn_key_prolongs_motion_ahead() -> None:
     driver = steering()
     driver.press(Key.AHEAD, 0.0)
     driver.press(Key.LEFT, 0.5)
@@ -64,7 +66,7 @@ def test_turning_on_the_way_keeps_the_robot_going() -> None:
     assert driver.motion(0.5 + FIRST_HOLD) == (0.0, 0.0)
 
 
-def test_going_ahead_does_not_keep_the_robot_turning() -> None:
+def test_ahead_key_does_not_prolong_a_turn() -> None:
     driver = steering()
     driver.press(Key.LEFT, 0.0)
     driver.press(Key.AHEAD, 0.5)
@@ -72,21 +74,21 @@ def test_going_ahead_does_not_keep_the_robot_turning() -> None:
     assert driver.motion(FIRST_HOLD) == (0.4, 0.0)
 
 
-def test_turning_from_rest_is_on_the_spot() -> None:
+def test_turn_from_rest_is_on_the_spot() -> None:
     driver = steering()
     driver.press(Key.AHEAD, 0.0)
     driver.press(Key.LEFT, 5.0)
     assert driver.motion(5.0) == pytest.approx((0.0, TURN))
 
 
-def test_the_opposite_key_turns_the_motion_round() -> None:
+def test_opposite_key_reverses_the_motion() -> None:
     driver = steering()
     driver.press(Key.AHEAD, 0.0)
     driver.press(Key.BACK, 0.1)
     assert driver.motion(0.1) == (-0.4, 0.0)
 
 
-def test_the_speed_changes_while_the_robot_moves_and_moves_none_that_stands() -> None:
+def test_speed_keys_change_the_speed_of_a_moving_robot_only() -> None:
     driver = steering()
     driver.press(Key.FASTER, 0.0)
     assert driver.motion(0.0) == (0.0, 0.0)
@@ -104,7 +106,7 @@ def test_the_speed_changes_while_the_robot_moves_and_moves_none_that_stands() ->
         pytest.param(0.02, 0.02, id="slower than a step"),
     ],
 )
-def test_the_speed_has_limits(speed: float, slowest: float) -> None:
+def test_speed_is_limited(speed: float, slowest: float) -> None:
     driver = steering(speed)
     for _ in range(30):
         driver.press(Key.SLOWER, 0.0)
@@ -114,12 +116,12 @@ def test_the_speed_has_limits(speed: float, slowest: float) -> None:
     assert driver.speed == 0.8
 
 
-def test_nobody_begins_faster_than_the_robot_can_be() -> None:
+def test_initial_speed_is_limited_to_the_top_speed() -> None:
     assert steering(3.0).speed == 0.8
 
 
 @given(st.lists(st.tuples(st.sampled_from(Key), st.floats(0.0, 2.0)), max_size=30))
-def test_whatever_is_pressed_the_robot_stops_when_no_key_comes(
+def test_robot_stops_without_keys_after_any_key_sequence(
     presses: list[tuple[Key, float]],
 ) -> None:
     driver = steering()

@@ -14,11 +14,11 @@ from radarsim.protocol.reports import (
 )
 from radarsim.teleop.panel import HELP, WIDTH, bearing, nearest, panel_lines, warnings
 from radarsim.teleop.robot_state import RobotState
-from radarsim.teleop.terminal import LEAST_COLUMNS
+from radarsim.teleop.terminal import MIN_COLUMNS
 
 
-def panel(readings: RobotState, silence: float = 0.0) -> list[str]:
-    lines = panel_lines(readings, speed=0.4, ordered=(-0.4, -0.6), silence=silence)
+def panel(state: RobotState, silence: float = 0.0) -> list[str]:
+    lines = panel_lines(state, speed=0.4, commanded=(-0.4, -0.6), silence=silence)
     return ["".join(text for _, text in line) for line in lines]
 
 
@@ -26,19 +26,19 @@ def scan(*ranges: float) -> RangeScan:
     return RangeScan(1.0, "lms200", math.pi / 2, math.pi, np.array(ranges))
 
 
-def fill(readings: RobotState) -> None:
+def fill(state: RobotState) -> None:
     for time in (1234.5, 1234.6):
-        readings.take(Status(time, battery=3599, light=False))
-        readings.take(GroundTruth(time, "GndTruth", Pose3(-123.45, 1.0, 0.1, yaw=3.1)))
-        readings.take(Ins(time, "InsTest", Pose3(-123.4, 1.2, 0.0, yaw=-3.1)))
-        readings.take(Odometry(time, "Odometer", Pose2(0.5, 0.25, 4 * math.pi + 0.5)))
-        readings.take(Touch(time, "Bumper", touched=False))
-    readings.take(scan(9.0, 5.0, 2.0))
+        state.take(Status(time, battery=3599, light=False))
+        state.take(GroundTruth(time, "GndTruth", Pose3(-123.45, 1.0, 0.1, yaw=3.1)))
+        state.take(Ins(time, "InsTest", Pose3(-123.4, 1.2, 0.0, yaw=-3.1)))
+        state.take(Odometry(time, "Odometer", Pose2(0.5, 0.25, 4 * math.pi + 0.5)))
+        state.take(Touch(time, "Bumper", touched=False))
+    state.take(scan(9.0, 5.0, 2.0))
 
 
-def test_everything_is_there(readings: RobotState) -> None:
-    fill(readings)
-    text = "\n".join(panel(readings))
+def test_panel_shows_every_value(state: RobotState) -> None:
+    fill(state)
+    text = "\n".join(panel(state))
     for expected in (
         "DM-Test",
         "P3AT, lms200",
@@ -55,8 +55,8 @@ def test_everything_is_there(readings: RobotState) -> None:
         assert expected in text
 
 
-def test_what_nobody_has_told_is_a_dash(readings: RobotState) -> None:
-    text = "\n".join(panel(readings))
+def test_unknown_values_are_dashes(state: RobotState) -> None:
+    text = "\n".join(panel(state))
     for name in ("time", "scans", "battery", "measured", "INS", "truth", "touch"):
         assert any(
             line.startswith(name) and "-" in line for line in text.splitlines()
@@ -65,18 +65,18 @@ def test_what_nobody_has_told_is_a_dash(readings: RobotState) -> None:
     assert "no scan yet" in text
 
 
-def test_it_fits_beside_the_view_on_24_rows(readings: RobotState) -> None:
-    fill(readings)
-    lines = panel(readings, silence=2.4)
+def test_panel_fits_on_24_rows(state: RobotState) -> None:
+    fill(state)
+    lines = panel(state, silence=2.4)
     assert max(map(len, lines)) <= WIDTH
     assert len(lines) <= 23
-    assert len(HELP) <= LEAST_COLUMNS
+    assert len(HELP) <= MIN_COLUMNS
 
 
-def test_a_touch_is_loud(readings: RobotState) -> None:
-    readings.take(Touch(1.0, "Front", touched=False))
-    readings.take(Touch(1.0, "Back", touched=True))
-    assert "touch    TOUCHING" in panel(readings)
+def test_touch_is_highlighted(state: RobotState) -> None:
+    state.take(Touch(1.0, "Front", touched=False))
+    state.take(Touch(1.0, "Back", touched=True))
+    assert "touch    TOUCHING" in panel(state)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_touch_is_loud(readings: RobotState) -> None:
         pytest.param(3 * math.pi / 2, "90° right", id="wrapped"),
     ],
 )
-def test_bearings_are_words(angle: float, text: str) -> None:
+def test_bearings_are_given_in_words(angle: float, text: str) -> None:
     assert bearing(angle) == text
 
 
@@ -101,22 +101,22 @@ def test_bearings_are_words(angle: float, text: str) -> None:
         pytest.param((10.0, 10.0, 10.0), "", "nothing seen", id="nothing"),
     ],
 )
-def test_the_nearest_is_told_from_the_centre_in_its_colour(
-    readings: RobotState, ranges: tuple[float, ...], style: str, text: str
+def test_nearest_obstacle_is_measured_from_the_centre_and_coloured(
+    state: RobotState, ranges: tuple[float, ...], style: str, text: str
 ) -> None:
-    readings.take(scan(*ranges))
-    assert nearest(readings) == (style, text)
+    state.take(scan(*ranges))
+    assert nearest(state) == (style, text)
 
 
-def test_warnings(readings: RobotState) -> None:
-    assert warnings(readings, 0.1) == ["no scan yet"]
-    readings.take(scan(0.0, 0.0, 0.0))
-    readings.take(Status(1.0, battery=0, light=False))
-    assert warnings(readings, 1.26) == [
+def test_warnings(state: RobotState) -> None:
+    assert warnings(state, 0.1) == ["no scan yet"]
+    state.take(scan(0.0, 0.0, 0.0))
+    state.take(Status(1.0, battery=0, light=False))
+    assert warnings(state, 1.26) == [
         "server silent for 1.3 s",
         "scanner blinded: reads 0",
         "battery empty",
     ]
-    readings.take(scan(1.0, 1.0, 1.0))
-    readings.take(Status(1.0, battery=5, light=False))
-    assert warnings(readings, 0.1) == []
+    state.take(scan(1.0, 1.0, 1.0))
+    state.take(Status(1.0, battery=5, light=False))
+    assert warnings(state, 0.1) == []

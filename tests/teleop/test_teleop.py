@@ -17,12 +17,12 @@ from radarsim.errors import RadarsimError
 from radarsim.protocol.reports import GroundTruth
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.teleop.robot_state import RobotState
-from radarsim.teleop.teleop import Teleop, Wish, prepare
+from radarsim.teleop.teleop import Teleop, TeleopSettings, prepare
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-Odd} {TimeLimit 0}\r\n"
 STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 99}\r\n"
 UP, PAGE_DOWN, ESCAPE, CTRL_C = "\x1b[A", "\x1b[6~", "\x1b", "\x03"
-WISH = Wish("P3AT", None, None, 0.4, "rad_per_s")
+WISH = TeleopSettings("P3AT", None, None, 0.4, "rad_per_s")
 
 
 class Narrow(DummyOutput):
@@ -38,34 +38,32 @@ def keyboard() -> Iterator[PipeInput]:
         yield keys
 
 
-async def until(true: Callable[[], bool], patience: float = 5.0) -> None:
-    async with asyncio.timeout(patience):
+async def until(true: Callable[[], bool], silence_limit: float = 5.0) -> None:
+    async with asyncio.timeout(silence_limit):
         while not true():  # noqa: ASYNC110 - what is watched knows no events
             await asyncio.sleep(0.01)
 
 
-async def test_keys_move_the_robot_and_it_stops_without_them(
+async def test_keys_drive_the_robot_and_it_stops_without_them(
     usarsim_server: UsarsimServer, keyboard: PipeInput
 ) -> None:
     async with await AsyncClient.connect(*usarsim_server.address) as client:
-        readings = await prepare(client, WISH)
-        driver = Teleop(
-            client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
-        )
+        state = await prepare(client, WISH)
+        driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         running = asyncio.create_task(driver.run())
-        await until(lambda: GroundTruth in readings.poses)
-        began = readings.poses[GroundTruth]
+        await until(lambda: GroundTruth in state.poses)
+        began = state.poses[GroundTruth]
         keyboard.send_text(UP)
-        await until(lambda: readings.poses[GroundTruth].x > began.x + 0.05)
-        await until(lambda: driver.ordered == (0.0, 0.0))
-        stopped = readings.time
-        await until(lambda: readings.time > stopped + 0.2)
-        there = readings.poses[GroundTruth]
-        await until(lambda: readings.time > stopped + 0.4)
-        assert readings.poses[GroundTruth] == there
+        await until(lambda: state.poses[GroundTruth].x > began.x + 0.05)
+        await until(lambda: driver.commanded == (0.0, 0.0))
+        stopped = state.time
+        await until(lambda: state.time > stopped + 0.2)
+        there = state.poses[GroundTruth]
+        await until(lambda: state.time > stopped + 0.4)
+        assert state.poses[GroundTruth] == there
         assert there.x - began.x < 1.0, "one press is no journey"
         keyboard.send_text("A")
-        await until(lambda: readings.poses[GroundTruth].yaw > 0.02)
+        await until(lambda: state.poses[GroundTruth].yaw > 0.02)
         keyboard.send_text("q")
         assert await running == 0
 
@@ -105,10 +103,10 @@ async def oddly_served(
 
 @pytest.mark.parametrize("terminal", [DummyOutput(), Narrow()], ids=["wide", "narrow"])
 async def test_keys_zoom_and_set_the_speed(
-    readings: RobotState, keyboard: PipeInput, terminal: DummyOutput
+    state: RobotState, keyboard: PipeInput, terminal: DummyOutput
 ) -> None:
     async with oddly_served(beats=5) as (client, _):
-        driver = Teleop(client, readings, 0.4, keyboard=keyboard, terminal=terminal)
+        driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=terminal)
         running = asyncio.create_task(driver.run())
         assert driver.radius == 10
         keyboard.send_text("z" * 20 + "+")
@@ -131,14 +129,12 @@ async def test_keys_zoom_and_set_the_speed(
         pytest.param("", signal.SIGTERM, 0, id="terminate, and again"),
     ],
 )
-async def test_how_it_ends_and_that_the_robot_is_told_to_stop(
-    readings: RobotState, keyboard: PipeInput, text: str, number: int | None, code: int
+async def test_exit_code_and_stop_command_at_the_end(
+    state: RobotState, keyboard: PipeInput, text: str, number: int | None, code: int
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
     async with oddly_served(beats=3) as (client, heard):
-        driver = Teleop(
-            client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
-        )
+        driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         running = asyncio.create_task(driver.run())
         keyboard.send_text("W")
         await until(lambda: len(heard) > 1)
@@ -158,15 +154,15 @@ async def test_how_it_ends_and_that_the_robot_is_told_to_stop(
         pytest.param(True, ClientError, "connection", id="gone"),
     ],
 )
-async def test_a_server_that_is_lost_ends_it(
-    readings: RobotState, keyboard: PipeInput, drop: bool, kind: type, text: str
+async def test_lost_server_ends_teleop(
+    state: RobotState, keyboard: PipeInput, drop: bool, kind: type, text: str
 ) -> None:
     async with oddly_served(beats=3, drop=drop) as (client, heard):
         driver = Teleop(
             client,
-            readings,
+            state,
             0.4,
-            patience=5.0 if drop else 0.2,
+            silence_limit=5.0 if drop else 0.2,
             keyboard=keyboard,
             terminal=DummyOutput(),
         )
@@ -176,13 +172,11 @@ async def test_a_server_that_is_lost_ends_it(
     assert drop or heard[-1].startswith(b"DRIVE {Left 0.0}")
 
 
-async def test_a_keyboard_that_is_gone_ends_it(
-    readings: RobotState, keyboard: PipeInput
+async def test_closed_keyboard_ends_teleop(
+    state: RobotState, keyboard: PipeInput
 ) -> None:
     async with oddly_served(beats=1) as (client, heard):
-        driver = Teleop(
-            client, readings, 0.4, keyboard=keyboard, terminal=DummyOutput()
-        )
+        driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         keyboard.close()
         with pytest.raises(RadarsimError, match="keyboard"):
             await driver.run()
@@ -190,7 +184,7 @@ async def test_a_keyboard_that_is_gone_ends_it(
 
 
 @pytest.mark.parametrize(
-    ("wish", "expected"),
+    ("settings", "expected"),
     [
         pytest.param(WISH, "", id="what there is"),
         pytest.param(replace(WISH, start="RobotStart1"), "", id="a start"),
@@ -202,20 +196,20 @@ async def test_a_keyboard_that_is_gone_ends_it(
         ),
     ],
 )
-async def test_what_is_wished_is_there_or_missed(
-    usarsim_server: UsarsimServer, wish: Wish, expected: str
+async def test_settings_are_met_or_reported_as_missing(
+    usarsim_server: UsarsimServer, settings: TeleopSettings, expected: str
 ) -> None:
     async with await AsyncClient.connect(*usarsim_server.address) as client:
         if expected:
             with pytest.raises(ClientError, match=expected):
-                await prepare(client, wish)
+                await prepare(client, settings)
             return
-        readings = await prepare(client, wish)
-        assert (readings.level, readings.scanner.name) == ("DM-EmptyRoom", "lms200")
+        state = await prepare(client, settings)
+        assert (state.level, state.scanner.name) == ("DM-EmptyRoom", "lms200")
 
 
 @pytest.mark.parametrize("start", [None, "RobotStart1"], ids=["any", "one"])
-async def test_a_server_without_starts_puts_the_robot_where_it_likes(
+async def test_server_without_start_poses_chooses_the_start(
     start: str | None,
 ) -> None:
     missed = "reading of the robot" if start is None else "start poses"

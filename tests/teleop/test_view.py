@@ -18,11 +18,11 @@ def cells(lines: list[Fragments]) -> list[list[tuple[str, str]]]:
 
 
 def drawn(
-    facts: RobotInfo, *points: tuple[float, float], radius: float = 10.0
+    robot_info: RobotInfo, *points: tuple[float, float], radius: float = 10.0
 ) -> dict[tuple[int, int], str]:
     """Styles of what is drawn in a style, by row and column; without the last row."""
     places = np.array(points).reshape(-1, 2)
-    grid = cells(draw_view(places, facts, radius, COLUMNS, ROWS))
+    grid = cells(draw_view(places, robot_info, radius, COLUMNS, ROWS))
     return {
         (row, column): style
         for row, line in enumerate(grid[:-1])
@@ -43,18 +43,21 @@ MIDDLE = (ROWS // 2, COLUMNS // 2)
         pytest.param((0.0, -8.0), 10, 36, id="right is right"),
     ],
 )
-def test_the_robot_faces_up_and_shapes_are_kept(
-    facts: RobotInfo, point: tuple[float, float], row: int, column: int
+def test_view_shows_the_robot_facing_up_with_true_proportions(
+    robot_info: RobotInfo, point: tuple[float, float], row: int, column: int
 ) -> None:
     # 80 dots across and down: 4 to a metre, so 8 m are 8 rows or 16 columns.
-    assert drawn(facts, point) == {MIDDLE: "class:robot", (row, column): "class:far"}
+    assert drawn(robot_info, point) == {
+        MIDDLE: "class:robot",
+        (row, column): "class:far",
+    }
 
 
-def test_zooming_in_takes_things_apart_and_out_of_sight(facts: RobotInfo) -> None:
-    assert len(drawn(facts, (4.0, 0.0), (4.0, -0.5), radius=20.0)) == 2
-    assert len(drawn(facts, (4.0, 0.0), (4.0, 1.0), radius=5.0)) == 3
-    hull = drawn(facts, radius=2.0)
-    assert drawn(facts, (4.0, 0.0), (4.0, 1.0), radius=2.0) == hull
+def test_zooming_in_spreads_points_and_hides_far_ones(robot_info: RobotInfo) -> None:
+    assert len(drawn(robot_info, (4.0, 0.0), (4.0, -0.5), radius=20.0)) == 2
+    assert len(drawn(robot_info, (4.0, 0.0), (4.0, 1.0), radius=5.0)) == 3
+    hull = drawn(robot_info, radius=2.0)
+    assert drawn(robot_info, (4.0, 0.0), (4.0, 1.0), radius=2.0) == hull
 
 
 @pytest.mark.parametrize(
@@ -67,31 +70,33 @@ def test_zooming_in_takes_things_apart_and_out_of_sight(facts: RobotInfo) -> Non
     ],
 )
 @pytest.mark.parametrize("angle", [0.0, 2.0])
-def test_colours_tell_how_near(
-    facts: RobotInfo, distance: float, style: str, angle: float
+def test_colours_depend_on_distance(
+    robot_info: RobotInfo, distance: float, style: str, angle: float
 ) -> None:
-    assert facts.clearance == pytest.approx(0.36, abs=0.01)
-    assert ink_of(distance, facts.clearance) == style
+    assert robot_info.clearance == pytest.approx(0.36, abs=0.01)
+    assert ink_of(distance, robot_info.clearance) == style
     point = distance * math.cos(angle), distance * math.sin(angle)
-    assert style in drawn(facts, point, radius=2.0).values()
+    assert style in drawn(robot_info, point, radius=2.0).values()
 
 
-def test_near_the_hull_is_drawn_in_its_shape(facts: RobotInfo) -> None:
+def test_hull_is_drawn_to_scale_when_zoomed_in(robot_info: RobotInfo) -> None:
     # At 1 m a metre is 10 rows or 20 columns: the hull is 6 rows long, 8 columns wide.
-    hull = drawn(facts, radius=1.0)
+    hull = drawn(robot_info, radius=1.0)
     rows, columns = ({place[i] for place in hull} for i in (0, 1))
     assert max(rows) - min(rows) == 6
     assert max(columns) - min(columns) == 8
     assert set(hull.values()) == {"class:robot"}
 
 
-def test_the_last_line_begins_with_the_scale(facts: RobotInfo) -> None:
-    lines = draw_view(np.zeros((0, 2)), facts, 10.0, COLUMNS, ROWS)
+def test_last_line_starts_with_the_scale_bar(robot_info: RobotInfo) -> None:
+    lines = draw_view(np.zeros((0, 2)), robot_info, 10.0, COLUMNS, ROWS)
     assert lines[-1][0] == ("class:scale", "├────────┤ 5 m ")
 
 
 @given(st.sampled_from(RADII), st.integers(1, 300), st.integers(1, 100))
-def test_the_bar_is_as_long_as_it_says(radius: float, columns: int, rows: int) -> None:
+def test_scale_bar_has_its_stated_length(
+    radius: float, columns: int, rows: int
+) -> None:
     dots_per_metre = min(2 * columns, 4 * rows) / 2 / radius
     bar, length, unit = scale_bar(dots_per_metre, columns).split()
     assert unit == "m"
@@ -104,8 +109,8 @@ def test_the_bar_is_as_long_as_it_says(radius: float, columns: int, rows: int) -
 @pytest.mark.parametrize(
     ("columns", "rows"), [(1, 1), (2, 1), (1, 9), (49, 22), (51, 23), (169, 58)]
 )
-def test_every_size_is_filled(
-    facts: RobotInfo, radius: float, columns: int, rows: int
+def test_view_fills_any_size(
+    robot_info: RobotInfo, radius: float, columns: int, rows: int
 ) -> None:
-    lines = draw_view(np.ones((3, 2)), facts, radius, columns, rows)
+    lines = draw_view(np.ones((3, 2)), robot_info, radius, columns, rows)
     assert [len(line) for line in cells(lines)] == [columns] * rows

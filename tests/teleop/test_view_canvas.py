@@ -25,7 +25,7 @@ def texts(canvas: Canvas) -> list[str]:
         pytest.param(1, 3, "⢀", id="dot 8"),
     ],
 )
-def test_each_dot_is_that_of_unicode(across: int, down: int, letter: str) -> None:
+def test_dots_are_the_unicode_braille_dots(across: int, down: int, letter: str) -> None:
     canvas = Canvas(1, 1, INKS)
     canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
     assert texts(canvas) == [letter]
@@ -36,7 +36,7 @@ def test_an_empty_canvas_is_blank_rather_than_braille() -> None:
 
 
 @pytest.mark.parametrize("order", [INKS, INKS[::-1]], ids=["up", "down"])
-def test_in_a_cell_the_more_important_ink_counts(order: tuple[str, str]) -> None:
+def test_cell_takes_the_style_of_highest_priority(order: tuple[str, str]) -> None:
     canvas = Canvas(1, 1, INKS)
     for ink, across in zip(order, (0.0, 1.0), strict=True):
         canvas.plot(np.array([across]), np.array([0.0]), ink)
@@ -49,7 +49,7 @@ def test_neighbours_of_one_style_are_one_fragment() -> None:
     assert canvas.lines() == [[("", " "), ("low", "⠁⠁"), ("", " ")]]
 
 
-def test_letters_cover_dots_and_end_at_the_edge() -> None:
+def test_text_covers_dots_and_is_cut_at_the_edge() -> None:
     canvas = Canvas(3, 1, INKS)
     canvas.plot(np.array([0.0, 4.0]), np.array([0.0, 0.0]), "high")
     canvas.write(0, 1, "abc", "low")
@@ -60,7 +60,7 @@ coordinates = st.floats(allow_nan=True, allow_infinity=True)
 
 
 @given(st.integers(1, 9), st.integers(1, 9), st.lists(coordinates, max_size=20))
-def test_dots_anywhere_leave_the_size_as_it_is(
+def test_dots_outside_do_not_change_the_size(
     columns: int, rows: int, places: list[float]
 ) -> None:
     canvas = Canvas(columns, rows, INKS)

@@ -36,7 +36,7 @@ def walk(angle: float, sense: int) -> tuple[float, Step]:
 
 
 @given(st.floats(0.2, 2 * math.pi - 0.2))
-def test_bug1_goes_round_once_and_the_shorter_way_to_the_nearest_place(
+def test_bug1_circles_once_and_returns_the_shorter_way(
     at: float,
 ) -> None:
     goal = (9 * math.cos(at), 9 * math.sin(at))
@@ -56,7 +56,7 @@ def test_bug1_goes_round_once_and_the_shorter_way_to_the_nearest_place(
     assert travelled == pytest.approx(2 * math.pi + min(at, 2 * math.pi - at), abs=0.1)
 
 
-def test_bug1_gives_up_where_the_nearest_place_is_not_free() -> None:
+def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
     circling = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
     angle, verdict = 0.0, Decision.ONWARD
     while verdict is Decision.ONWARD:
@@ -82,7 +82,7 @@ def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
         assert circling.circuits == (not free)
 
 
-def test_the_rules_of_giving_up_differ_where_the_line_is_met_farther_away() -> None:
+def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
     ends = {}
     for rule in GiveUp:  # the line passes the hit point and goes on to the right
         circling = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
@@ -94,3 +94,28 @@ def test_the_rules_of_giving_up_differ_where_the_line_is_met_farther_away() -> N
         ends[rule] = angle
     assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.04)
     assert ends[GiveUp.HIT_POINT] == pytest.approx(2 * math.pi, abs=0.02)
+
+
+def test_landmark_is_passed_once_by_a_path_beside_it() -> None:
+    mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    path = [Pose2(1.4, y / 10) for y in range(30)]
+    passed = [pose.y for pose in path if mark.passed(pose)]
+    assert passed == [1.0]
+
+
+def test_landmark_is_not_passed_onward_against_its_direction() -> None:
+    path = [Pose2(1.4, y / 10) for y in reversed(range(30))]
+    onward = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    assert not any(onward.passed(pose) for pose in path)
+    back = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    assert sum([back.passed(pose, onward=False) for pose in path]) == 1
+
+
+def test_landmark_is_not_passed_from_too_far_beside() -> None:
+    mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    assert not any(mark.passed(Pose2(1.8, y / 10)) for y in range(30))
+
+
+def test_standing_on_a_landmark_does_not_pass_it() -> None:
+    mark = Landmark(Pose2(1.0, 1.0), 0.0, max_offset=0.7)
+    assert not any(mark.passed(Pose2(1.0, 1.0)) for _ in range(5))
