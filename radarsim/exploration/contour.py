@@ -2,9 +2,9 @@
 
 The contour is that of the floor which the robot can reach on the map; islands within it
 are not followed unless there is nothing else. It is closed when the robot, by its own
-pose, passes where it began to follow. A robot that goes round an island turns the other
-way in total: that wall was not the room's, and another one is sought. Where there is no
-such wall, there is no interior to cover.
+pose, passes where it began to follow. A robot that goes round an island turns in the
+other direction in total: that wall was not the room's, and another one is sought. Where
+there is no such wall, there is no interior to cover.
 """
 
 import math

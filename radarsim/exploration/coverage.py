@@ -130,7 +130,8 @@ class RandomBounce:
     def _draw_turn(self, observation: Observation) -> float:
         """Draw a turn to a free direction, rad; right about if there is none.
 
-        The bumper has stopped the robot some way off the wall, so it can turn there.
+        The bumper has stopped the robot at a distance from the wall, so it can turn
+        there.
         """
         turns = np.arange(MIN_TURN, 2 * math.pi - MIN_TURN, _TURN_STEP)
         bumpers = self._settings.bumpers

@@ -9,7 +9,7 @@ Which connection is observed
 The first one on which a scanner scans. Other connections, such as probes or a control
 panel, come and go; a robot is recognised by its scans. When these begin, its client has
 usually not yet asked where the scanner is, so all reports of the robot are held back
-for a moment, until the answers have passed or nobody seems to ask.
+for a moment, until the answers have passed or no client asks.
 """
 
 import logging

@@ -28,7 +28,7 @@ class TrafficMapper:
         trip: How far the robot has come.
         error: Why there is no map, or only a part of it; empty if there is one.
         on_scan: Called after every scan that is on the map, in the observer's thread.
-        on_guess: Called with the name of a scanner whose mount and limits nobody has
+        on_guess: Called with the name of a scanner whose mount and limits no client has
             asked the server for, and for which no defaults are set.
     """
 

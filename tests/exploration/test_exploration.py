@@ -1,12 +1,15 @@
-"""A robot that explores a simulated room, in lockstep with its server."""
+"""Explorations in lockstep with a simulated server."""
 
+import importlib
 import math
+import pkgutil
 import re
 from typing import Any
 
 import numpy as np
 import pytest
 
+import radarsim.mapping
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
@@ -15,6 +18,7 @@ from radarsim.exploration.exploration import (
     ExplorationPlan,
     ExplorationStep,
     Outcome,
+    warm_up,
 )
 from radarsim.exploration.options import StrategyName
 from radarsim.geometry import Pose2
@@ -89,7 +93,7 @@ def test_the_robot_stands_when_it_is_done(empty_room: Scene) -> None:
 
 
 @pytest.mark.parametrize("seed", ["odometry", "none"])
-def test_other_seeds_map_too(empty_room: Scene, seed: Any) -> None:
+def test_other_motion_sources_map_too(empty_room: Scene, seed: Any) -> None:
     made = run(empty_room, motion_source=seed, time_limit=15.0, start="RobotStart2")
     assert made.mapper is not None
     errors = trajectory_errors(made.mapper.trajectory, made.mapper.truth)
@@ -112,7 +116,9 @@ def test_without_echoes_it_has_to_stay_farther_away(foliage_room: Scene) -> None
     assert not (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
 
 
-def test_who_pushes_against_what_it_does_not_see_is_stuck(foliage_room: Scene) -> None:
+def test_robot_that_pushes_against_something_unseen_is_stuck(
+    foliage_room: Scene,
+) -> None:
     made = survey(
         echoes=False, strategy=StrategyName.CONTOUR, pose=Pose2(-2.0, 3.9, 0.0)
     )
@@ -137,7 +143,7 @@ class Mute(InProcessTransport):
         return b"".join(x for x in lines if b"RangeScanner" not in x) or b"\r\n"
 
 
-def test_a_server_that_scans_no_more_ends_it(empty_room: Scene) -> None:
+def test_exploration_ends_when_scans_stop(empty_room: Scene) -> None:
     made = survey(timeout=1.0)
     with (
         Client(Mute(Host(empty_room))) as client,
@@ -199,7 +205,7 @@ class Narrowing(InProcessTransport):
         return re.sub(rb"{Range ([^,}]*,){99}[^}]*}", rb"{Range 1.0,1.0}", data)
 
 
-def test_scans_that_have_lost_their_beams_end_it(empty_room: Scene) -> None:
+def test_exploration_ends_when_scans_lose_beams(empty_room: Scene) -> None:
     made = survey(echoes=False)
     with (
         Client(Narrowing(Host(empty_room))) as client,
@@ -228,7 +234,7 @@ def test_a_robot_that_looks_ahead_goes_where_it_is_sent(foliage_room: Scene) -> 
         pytest.param({"start": "nowhere"}, "expected one of", id="start"),
     ],
 )
-def test_what_cannot_be_is_said_before_anything_moves(
+def test_impossible_plans_fail_before_the_robot_moves(
     empty_room: Scene, wish: dict[str, Any], text: str
 ) -> None:
     made = survey(**wish)
@@ -241,7 +247,7 @@ def test_what_cannot_be_is_said_before_anything_moves(
     assert made.trip.start is None
 
 
-def test_a_course_adds_up_what_is_more_than_noise() -> None:
+def test_trip_sums_motion_above_noise() -> None:
     trip = TripMeter(noise=0.05)
     assert trip.start is None
     places = [0.0, 0.03, 0.0, 0.04, 0.1, 0.2, 0.19]
@@ -262,3 +268,28 @@ def test_no_strategy_drives_into_foliage(
     assert made.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
     assert made.mapper is not None
     assert max(pose.x for pose in made.mapper.trajectory.poses) < 0.0
+
+
+def versions() -> dict[str, int]:
+    """Count for how many types of arguments each function is compiled."""
+    found: dict[str, int] = {}
+    for module in pkgutil.iter_modules(radarsim.mapping.__path__):
+        full = f"radarsim.mapping.{module.name}"
+        members: dict[str, Any] = vars(importlib.import_module(full))
+        for name, member in members.items():
+            if hasattr(member, "nopython_signatures"):
+                found[f"{full}.{name}"] = len(member.nopython_signatures)
+    return found
+
+
+def test_exploration_compiles_nothing_after_warm_up(foliage_room: Scene) -> None:
+    warm_up()
+    before = versions()
+    assert before["radarsim.mapping.inverse_sensor_model.cross"] == 1
+    for wish in (
+        ExplorationPlan(time_limit=8.0),
+        ExplorationPlan(motion_source="none", time_limit=2.0),
+    ):
+        with Client(InProcessTransport(Host(foliage_room))) as client:
+            Exploration(wish, generator_for(0, "exploring")).run(client)
+    assert versions() == before

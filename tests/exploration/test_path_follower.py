@@ -187,7 +187,7 @@ def test_a_contour_is_followed_once_and_then_the_interior_filled(
     assert (turns.sum() < 0) == wall_on_left
 
 
-def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
+def test_island_is_left_for_a_wall_of_the_room(world: Make) -> None:
     """Of a wall in the open nobody knows at first what it is of."""
     strategy = ContourStrategy(HABITS)
     here = world(PILLAR, 2.0, 0.0, math.pi)
@@ -197,7 +197,7 @@ def test_what_was_no_wall_of_a_room_is_left_for_one(world: Make) -> None:
     assert here.length < 12  # and nothing is filled
 
 
-def test_where_nothing_is_sensed_a_wall_is_looked_for_ahead(look: Look) -> None:
+def test_robot_drives_ahead_when_no_wall_is_sensed(look: Look) -> None:
     class Nearsighted(World):
         def scan(self) -> Observation:
             observation = super().scan()
@@ -226,13 +226,13 @@ def test_frontiers_lead_through_doors(world: Make) -> None:
     assert known.mean() > 0.99
 
 
-def test_no_frontier_beyond_a_gap_that_is_too_narrow_is_gone_to(world: Make) -> None:
+def test_frontiers_beyond_narrow_gaps_are_left(world: Make) -> None:
     here = world(TOO_NARROW, -3.0, 0.4)
     here.run(frontier_strategy(HABITS))
     assert max(pose.x for pose in here.track) < -CLEARANCE
 
 
-def test_in_a_closet_there_is_nothing_to_do(world: Make) -> None:
+def test_strategy_is_done_at_once_in_a_closet(world: Make) -> None:
     here = world(CLOSET)
     here.run(frontier_strategy(HABITS), steps=60)  # turns round once
     assert here.pose.yaw > 2 * math.pi
@@ -240,7 +240,7 @@ def test_in_a_closet_there_is_nothing_to_do(world: Make) -> None:
     assert here.length == 0.0
 
 
-def test_turning_away_is_by_chance_and_the_same_with_the_same_seed(
+def test_random_bounce_is_repeatable_by_its_seed(
     world: Make,
 ) -> None:
     tracks = []
@@ -253,7 +253,7 @@ def test_turning_away_is_by_chance_and_the_same_with_the_same_seed(
     assert tracks[0] == tracks[1] != tracks[2]
 
 
-def test_a_vacuum_robot_goes_straight_between_walls(world: Make) -> None:
+def test_random_bounce_drives_straight_between_walls(world: Make) -> None:
     here = world(HALL, -3.0, 0.5)
     strategy = RandomBounce(HABITS, chance())
     for _ in range(200):
@@ -268,7 +268,7 @@ def test_a_vacuum_robot_goes_straight_between_walls(world: Make) -> None:
     assert here.length > 15
 
 
-def test_who_is_walled_in_turns_about(world: Make) -> None:
+def test_walled_in_robot_turns_about(world: Make) -> None:
     here = world(rectangle(-0.8, -0.8, 0.8, 0.8))
     strategy = RandomBounce(HABITS, chance())
     here.run(strategy, steps=50)
@@ -286,7 +286,7 @@ def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
     assert not (here.floor.unvisited & here.floor.disc(2.0, 1.0, 3.0)).any()
 
 
-def test_a_spiral_leaves_out_what_is_in_the_way(world: Make) -> None:
+def test_spiral_skips_blocked_points(world: Make) -> None:
     box = rectangle(1.5, 0.5, 4.0, 2.0)
     here = world(box, 0.0, 0.0)
     here.run(SpiralCoverage(HABITS))
@@ -310,14 +310,16 @@ def test_a_spiral_ends_where_a_border_is_all_round(world: Make) -> None:
         pytest.param(rectangle(-1.0, -0.5, 0.0, 0.5), ["centre_out"], id="a box"),
     ],
 )
-def test_what_is_sensed_decides(world: Make, walls: Floats, chosen: list[str]) -> None:
+def test_auto_chooses_by_what_is_sensed(
+    world: Make, walls: Floats, chosen: list[str]
+) -> None:
     here = world(walls, -3.0, 0.4)
     strategy = AutoStrategy(HABITS)
     here.run(strategy)
     assert [name.value for name in strategy.chosen] == chosen
 
 
-def test_who_comes_to_a_border_stops_going_round(world: Make) -> None:
+def test_auto_leaves_the_spiral_at_walls(world: Make) -> None:
     """From before a house's open side nothing is seen all round but that side."""
     house = np.concatenate(
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
@@ -355,7 +357,7 @@ def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
         pytest.param({0: 0.4}, Twist(0.0, 0.1), Twist(0.0, 0.1), id="standing"),
     ],
 )
-def test_bumpers_overrule(
+def test_bumpers_overrule_the_path(
     near: dict[float, float], twist: Twist, allowed: Twist
 ) -> None:
     assert HABITS.limit_by_bumpers(sensed_with(near), twist) == allowed
@@ -369,7 +371,7 @@ def test_the_nearest_clear_bearing_is_taken() -> None:
     assert HABITS.clear_bearing(walled_in, 0.2) == 0.2
 
 
-def test_a_place_that_it_does_not_get_nearer_to_is_given_up(world: Make) -> None:
+def test_target_without_progress_is_given_up(world: Make) -> None:
     """What holds the robot is on no map."""
     here = world(HALL, -3.0, 0.4)
     strategy = coverage_strategy(HABITS)
@@ -382,7 +384,7 @@ def test_a_place_that_it_does_not_get_nearer_to_is_given_up(world: Make) -> None
     assert math.dist(ends[20], ends[-1]) > 0.5
 
 
-def test_who_has_no_way_stands(world: Make) -> None:
+def test_robot_without_a_path_stands(world: Make) -> None:
     here = world(HALL)
     walker = PathFollower(HABITS)
     assert walker.step(here.scan()) == Twist(0.0, 0.0)
@@ -391,7 +393,7 @@ def test_who_has_no_way_stands(world: Make) -> None:
     assert not walker.update_map(here.scan(), here.grid)
 
 
-def test_a_way_leads_from_place_to_place(world: Make) -> None:
+def test_waypoints_are_reached_in_turn(world: Make) -> None:
     here = world(HALL, -4.0)
     places = [(-3.0, -2.0), (3.0, -2.0), (3.0, 2.0)]
     strategy = WaypointFollower(HABITS, places)
@@ -406,7 +408,7 @@ def test_a_way_leads_from_place_to_place(world: Make) -> None:
     assert set(here.activities) == {"underway"}
 
 
-def test_what_no_way_leads_to_is_left_out(world: Make) -> None:
+def test_unreachable_waypoint_is_left_out(world: Make) -> None:
     here = world(TOO_NARROW, -4.0)
     strategy = WaypointFollower(HABITS, [(3.0, 0.0), (-4.0, 1.5)])
     here.run(strategy)

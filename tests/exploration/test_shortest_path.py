@@ -40,7 +40,7 @@ def length(way: NDArray[np.int64], cost: Floats) -> float:
 
 
 @given(cost=COSTS, start=STARTS, end=STARTS)
-def test_the_way_is_the_cheapest_that_there_is(
+def test_path_is_the_cheapest(
     cost: Floats, start: tuple[int, int], end: tuple[int, int]
 ) -> None:
     targets = np.zeros(cost.shape, np.bool_)
@@ -57,9 +57,7 @@ def test_the_way_is_the_cheapest_that_there_is(
 
 
 @given(cost=COSTS, start=STARTS)
-def test_of_many_places_the_nearest_is_gone_to(
-    cost: Floats, start: tuple[int, int]
-) -> None:
+def test_path_leads_to_the_nearest_target(cost: Floats, start: tuple[int, int]) -> None:
     targets = np.zeros(cost.shape, np.bool_)
     targets[::2, ::3] = True
     due = cheapest(cost, start)[targets].min()
@@ -68,8 +66,6 @@ def test_of_many_places_the_nearest_is_gone_to(
 
 
 @given(cost=COSTS, start=STARTS)
-def test_what_is_reached_is_what_a_way_leads_to(
-    cost: Floats, start: tuple[int, int]
-) -> None:
+def test_flood_fill_is_what_paths_reach(cost: Floats, start: tuple[int, int]) -> None:
     found = flood_fill(np.isfinite(cost), start)
     assert (found == np.isfinite(cheapest(cost, start))).all()

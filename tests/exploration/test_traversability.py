@@ -46,7 +46,7 @@ def test_open_floor_keeps_its_distance(floor: TraversabilityMap) -> None:
     assert not floor.is_open(0.0, 99.0)
 
 
-def test_a_straight_way_goes_through_nothing(floor: TraversabilityMap) -> None:
+def test_open_lines_cross_no_obstacle(floor: TraversabilityMap) -> None:
     assert floor.is_line_open(MIDDLE, -4.0, 2.0)
     assert not floor.is_line_open(MIDDLE, -4.6, -2.0)  # a box is between
 
@@ -71,7 +71,7 @@ def test_frontiers_are_where_the_unknown_begins(floor: TraversabilityMap) -> Non
     assert (np.abs(across[columns]) < 6).all()
 
 
-def test_a_way_to_a_frontier_keeps_its_distance_too(floor: TraversabilityMap) -> None:
+def test_path_to_a_frontier_keeps_its_distance(floor: TraversabilityMap) -> None:
     way = floor.find_path(MIDDLE, floor.frontiers)
     assert math.dist(way[0], (MIDDLE.x, MIDDLE.y)) < 0.1
     assert all(floor.is_open(*place) for place in way)
@@ -85,7 +85,7 @@ def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -
     assert not floor.reachable(Pose2(99.0, 0.0)).any()
 
 
-def test_who_is_too_near_may_leave(floor: TraversabilityMap) -> None:
+def test_robot_too_near_to_something_may_leave(floor: TraversabilityMap) -> None:
     near = Pose2(0.0, 3.75)
     assert not floor.is_open(near.x, near.y)
     way = floor.find_path(near, floor.disc(0.0, 1.0, 0.3))
@@ -94,7 +94,7 @@ def test_who_is_too_near_may_leave(floor: TraversabilityMap) -> None:
     assert floor.reachable(near)[floor.disc(0.0, 1.0, 0.3)].all()
 
 
-def test_a_rim_goes_along_walls_and_not_round_islands(look: Look, room: Floats) -> None:
+def test_outer_boundary_leaves_out_islands(look: Look, room: Floats) -> None:
     corners = [Pose2(x, y) for x in (-5, 0, 5) for y in (-3, 3)]
     floor = TraversabilityMap(seen(look, room, *corners), SAFETY)
     outer_boundary = floor.outer_boundary(floor.reachable(MIDDLE))

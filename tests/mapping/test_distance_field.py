@@ -24,12 +24,12 @@ def by_hand(cells: NDArray[np.bool_], reach: float) -> Floats:
     reach=st.floats(0, 15),
     shape=st.tuples(st.integers(1, 25), st.integers(1, 25)),
 )
-def test_it_is_the_distance_to_the_nearest_one(
+def test_distance_field_holds_distances_to_the_nearest_cell(
     seed: int, share: float, reach: float, shape: tuple[int, int]
 ) -> None:
     cells = generator_for(seed, "cells").random(shape) < share
     assert distance_field(cells, reach) == pytest.approx(by_hand(cells, reach))
 
 
-def test_no_cells_have_no_distances() -> None:
+def test_without_true_cells_all_distances_are_infinite() -> None:
     assert distance_field(np.zeros((0, 0), np.bool_), 3.0).shape == (0, 0)

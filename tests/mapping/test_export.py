@@ -128,7 +128,7 @@ def test_trinary_is_loaded_with_the_same_classes(mapped: OccupancyGrid) -> None:
     assert all((classes == kind).any() for kind in range(5))
 
 
-def test_a_pgm_is_what_the_text_of_its_format_says(mapped: OccupancyGrid) -> None:
+def test_pgm_follows_the_format_specification(mapped: OccupancyGrid) -> None:
     files = nav_map(mapped, "yard")
     kind, comment, rest = files["yard.pgm"].split(b"\n", 2)
     assert comment == b"# radarsim map"
@@ -157,7 +157,7 @@ def test_scale_is_loaded_with_probabilities(mapped: OccupancyGrid) -> None:
     )
 
 
-def test_the_files_cover_all_that_is_sensed_and_little_more(
+def test_files_cover_the_sensed_area_with_a_margin(
     mapped: OccupancyGrid,
 ) -> None:
     cells, head = loaded(mapped, "trinary")
@@ -181,7 +181,7 @@ def test_the_files_cover_all_that_is_sensed_and_little_more(
         pytest.param(14.02, 0.02, BLACK, id="where beams end"),
     ],
 )
-def test_the_picture_has_the_colours_of_usarcommander(
+def test_png_has_the_colours_of_usarcommander(
     mapped: OccupancyGrid, x: float, y: float, colour: tuple[int, int, int]
 ) -> None:
     _, head = loaded(mapped, "trinary")
@@ -189,7 +189,7 @@ def test_the_picture_has_the_colours_of_usarcommander(
         assert pixel_of(mapped, image, head["origin"], x, y) == colour
 
 
-def test_a_name_may_be_anything_that_a_file_is_called(mapped: OccupancyGrid) -> None:
+def test_yaml_quotes_any_file_name(mapped: OccupancyGrid) -> None:
     name = 'my "yard": #1'
     files = nav_map(mapped, name)
     head = YAML(typ="safe").load(files[f"{name}.yaml"])
@@ -197,7 +197,7 @@ def test_a_name_may_be_anything_that_a_file_is_called(mapped: OccupancyGrid) -> 
     assert list(files) == [f"{name}.pgm", f"{name}.yaml"]
 
 
-def test_a_map_that_has_seen_nothing_is_one_unknown_cell() -> None:
+def test_map_without_sensed_cells_is_one_unknown_cell() -> None:
     grid = OccupancyGrid()
     with pytest.raises(ValueError, match="a map without cells"):
         commander_png(grid)
@@ -210,9 +210,7 @@ def test_a_map_that_has_seen_nothing_is_one_unknown_cell() -> None:
 @pytest.mark.parametrize(
     "name", ["yard", 'my "yard": #1', "garten\u2028\x85", "\U0001f332"]
 )
-def test_the_yaml_names_its_image_whatever_that_is_called(
-    mapped: OccupancyGrid, name: str
-) -> None:
+def test_yaml_names_its_image(mapped: OccupancyGrid, name: str) -> None:
     files = nav_map(mapped, name)
     head = YAML(typ="safe").load(files[f"{name}.yaml"].decode("ascii"))
     assert head["image"] == f"{name}.pgm"

@@ -100,7 +100,7 @@ def in_tiny_steps(
 
 @example(start=(17.0, 17.0), angle=-3.1415926535897927, reach=4.0)
 @given(start=starts, angle=angles, reach=reaches)
-def test_a_beam_crosses_the_cells_that_it_is_in(
+def test_traced_cells_are_those_the_beam_is_in(
     start: tuple[float, float], angle: float, reach: float
 ) -> None:
     sheet = Sheet()
@@ -112,7 +112,7 @@ def test_a_beam_crosses_the_cells_that_it_is_in(
 
 
 @given(start=starts, angle=angles, reach=reaches)
-def test_the_cell_of_a_hit_gets_evidence_and_all_before_it_lose_some(
+def test_hit_raises_the_evidence_of_its_cell_and_lowers_it_before(
     start: tuple[float, float], angle: float, reach: float
 ) -> None:
     sheet = Sheet()
@@ -125,7 +125,7 @@ def test_the_cell_of_a_hit_gets_evidence_and_all_before_it_lose_some(
 
 
 @given(start=starts, angle=angles, near=st.floats(0, 10), depth=st.floats(0, 5))
-def test_a_bush_is_the_stretch_that_was_crossed(
+def test_foliage_is_mapped_along_the_crossed_stretch(
     start: tuple[float, float], angle: float, near: float, depth: float
 ) -> None:
     sheet = Sheet()
@@ -141,7 +141,7 @@ def test_a_bush_is_the_stretch_that_was_crossed(
     assert not (sheet.cells.evidence[Layer.SMOKE] > 0).any()
 
 
-def test_a_cell_has_one_piece_of_evidence_of_a_scan() -> None:
+def test_cell_gets_evidence_once_per_scan() -> None:
     sheet = Sheet()
     beams = [(0.001 * k, 10.0, BeamEnd.HIT) for k in range(20)]
     sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, Layer.SOLID) for k in range(20)])
@@ -150,7 +150,7 @@ def test_a_cell_has_one_piece_of_evidence_of_a_scan() -> None:
     assert not (sheet.cells.flags & ~np.uint8(SENSED | NEAR)).any()
 
 
-def test_what_one_beam_meets_others_do_not_wear_away() -> None:
+def test_hits_outweigh_beams_that_pass_in_the_same_scan() -> None:
     sheet = Sheet()
     beams = [
         (0.0, 10.0, BeamEnd.HIT),
@@ -162,7 +162,7 @@ def test_what_one_beam_meets_others_do_not_wear_away() -> None:
     assert sheet.cells.evidence[Layer.SOLID, 20, 30] == 3 * LOG_ODDS_HIT
 
 
-def test_evidence_has_bounds_so_that_things_can_go_away() -> None:
+def test_evidence_is_limited() -> None:
     sheet = Sheet()
     for _ in range(30):
         sheet.scan(
@@ -175,20 +175,20 @@ def test_evidence_has_bounds_so_that_things_can_go_away() -> None:
     assert sheet.cells.evidence[Layer.SOLID].min() == -LOG_ODDS_LIMIT
 
 
-def test_without_echoes_nothing_is_learnt_of_foliage() -> None:
+def test_scans_without_echoes_leave_foliage_evidence_unchanged() -> None:
     sheet = Sheet()
     sheet.scan((20.5, 20.5), [(0.0, 9.0, BeamEnd.NOTHING)], sees_through=False)
     assert not sheet.cells.evidence[[Layer.FOLIAGE, Layer.SMOKE]].any()
     assert sheet.cells.evidence[[Layer.SOLID, Layer.BEAM_END]].any()
 
 
-def test_a_blind_beam_says_nothing() -> None:
+def test_blind_beam_changes_nothing() -> None:
     sheet = Sheet()
     sheet.scan((20.5, 20.5), [(0.0, 0.0, BeamEnd.BLIND)])
     assert not sheet.sensed().any()
 
 
-def test_near_is_what_is_crossed_within_the_short_range() -> None:
+def test_near_cells_are_crossed_within_the_short_range() -> None:
     sheet = Sheet()
     sheet.scan(
         (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT), (math.pi, 3.0, BeamEnd.HIT)], short=5.0

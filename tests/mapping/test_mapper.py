@@ -116,7 +116,7 @@ def test_echoes_tell_foliage_from_walls() -> None:
     assert class_at(maker, 5.2, 0.0) == CellClass.OBSTACLE
 
 
-def test_what_is_around_is_what_robots_cannot_enter() -> None:
+def test_observation_holds_what_robots_cannot_enter() -> None:
     maker = mapper()
     reports: list[Report] = [
         ins(0.1),
@@ -149,7 +149,7 @@ def test_scans_wait_for_echoes_that_may_come() -> None:
     assert fed(maker, scan(0.71, 3.0))[0] is not None
 
 
-def test_where_none_come_ranges_count_after_a_while() -> None:
+def test_ranges_count_when_no_echoes_come_for_a_while() -> None:
     maker = mapper(echo_wait=1.0)
     taken = [fed(maker, ins(t), scan(t, 3.0))[1] for t in (0.0, 0.5, 0.95, 1.0, 1.1)]
     assert [sensed is not None for sensed in taken] == [False, False, False, True, True]
@@ -183,7 +183,7 @@ def test_other_scanners_and_reports_change_nothing() -> None:
         pytest.param("odometry", ins(0.0), Odometry(0.1, "O", Pose2(0, 0)), id="odo"),
     ],
 )
-def test_without_its_seed_no_scan_counts(
+def test_no_scan_counts_without_its_motion_source(
     seed: str, useless: Report, useful: Report
 ) -> None:
     maker = mapper(seed=seed, echo_wait=0.0)
@@ -195,7 +195,7 @@ def test_without_its_seed_no_scan_counts(
 
 
 @pytest.mark.parametrize("seed", ["odometry", "none"])
-def test_whatever_the_seed_the_map_begins_where_the_robot_was_spawned(
+def test_map_begins_at_the_spawn_pose_for_every_motion_source(
     seed: str,
 ) -> None:
     maker = mapper(seed=seed, echo_wait=0.0)
@@ -203,20 +203,20 @@ def test_whatever_the_seed_the_map_begins_where_the_robot_was_spawned(
     assert maker.trajectory.poses == [Pose2(4.0, 0.0)]
 
 
-def test_where_nobody_tells_the_map_begins_at_the_origin() -> None:
+def test_map_begins_at_the_origin_without_poses() -> None:
     maker = mapper(seed="none", echo_wait=0.0)
     fed(maker, scan(0.0, 3.0))
     assert maker.trajectory.poses == [Pose2(0.0, 0.0)]
 
 
-def test_true_poses_are_kept_as_often_as_scans_come_and_not_more() -> None:
+def test_true_poses_are_stored_at_a_limited_rate() -> None:
     maker = mapper()
     fed(maker, *(truth(0.01 * k, 0.1 * k) for k in range(101)))
     assert maker.truth.times == pytest.approx([0.05 * k for k in range(21)])
     assert maker.truth.poses[-1].x == pytest.approx(10.0)
 
 
-def test_a_server_that_tells_no_time_and_no_limits_is_mapped_too() -> None:
+def test_scans_without_time_and_limits_are_mapped() -> None:
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
     fed(maker, ins(math.nan), scan(math.nan, 3.0))
@@ -249,7 +249,9 @@ def _drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
         yield RangeScan(t, "lms200", math.radians(1), fov, seen.known_range)
 
 
-def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) -> None:
+def test_map_does_not_grow_while_the_robot_circles_in_a_room(
+    drive: Iterator[Report],
+) -> None:
     """The map and what poses are found by grow with the room, and not with time."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
@@ -263,7 +265,7 @@ def test_who_goes_round_in_a_room_needs_no_more_room(drive: Iterator[Report]) ->
     assert maker.scans == len(maker.trajectory) == len(maker.truth) == 400
 
 
-def test_a_motion_that_nobody_tells_of_any_more_is_missed() -> None:
+def test_missing_names_the_motion_source_when_it_stops() -> None:
     maker = mapper(echo_wait=0.0)
     fed(maker, ins(0.0))
     seen = fed(

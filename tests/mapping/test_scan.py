@@ -108,7 +108,7 @@ def test_a_trunk_ends_the_bush_around_it() -> None:
     ]
 
 
-def test_who_stands_in_smoke_has_smoke_from_the_start() -> None:
+def test_beam_that_leaves_smoke_began_in_it() -> None:
     cloud = seen((0, 4.0, "leave"), name="cloud", passes=True)
     wall = seen((0, 9.0, "hit"), name="wall")
     assert met(told(9.0, by=[cloud, wall])) == [
@@ -126,7 +126,7 @@ def test_a_leaf_is_a_point() -> None:
     ]
 
 
-def test_a_thing_within_itself_is_one() -> None:
+def test_target_nested_in_itself_counts_once() -> None:
     kinds = ["enter", "enter", "leave", "leave"]
     echoes = [(0, 1.0 + i, kind) for i, kind in enumerate(kinds)]
     wall = seen((0, 9.0, "hit"), name="wall")
@@ -136,7 +136,7 @@ def test_a_thing_within_itself_is_one() -> None:
     ]
 
 
-def test_a_thing_that_is_met_twice_is_two() -> None:
+def test_target_crossed_twice_has_two_hits() -> None:
     kinds = ["enter", "leave", "enter", "leave"]
     echoes = [(0, 1.0 + i, kind) for i, kind in enumerate(kinds)]
     assert met(told(FAR, by=[seen(*echoes)])) == [
@@ -209,7 +209,7 @@ echo_lists = st.lists(
 
 
 @given(bush=echo_lists, wall=echo_lists)
-def test_no_mark_is_beyond_its_beam_and_each_goes_outward(
+def test_hits_are_within_the_known_range_and_ordered(
     bush: list[Echo], wall: list[Echo]
 ) -> None:
     scan = told(FAR, 8.0, 5.0, 0.0, by=[seen(*bush), seen(*wall, name="wall")])
@@ -220,7 +220,7 @@ def test_no_mark_is_beyond_its_beam_and_each_goes_outward(
 
 
 @given(echoes=echo_lists)
-def test_stretches_of_one_thing_do_not_overlap(echoes: list[Echo]) -> None:
+def test_hits_on_one_target_do_not_overlap(echoes: list[Echo]) -> None:
     inside = [echo for echo in echoes if echo[2] in ("enter", "leave")]
     scan = told(FAR, FAR, FAR, FAR, by=[seen(*inside)])
     hits = met(scan)

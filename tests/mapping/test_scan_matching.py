@@ -61,7 +61,7 @@ def test_a_pose_is_found_again_from_near_by(
     assert score > 200
 
 
-def test_what_is_seen_of_nothing_leaves_the_prediction(known: PointMap) -> None:
+def test_scan_without_points_leaves_the_prediction(known: PointMap) -> None:
     nothing = ScanPoints(np.zeros((0, 2)), np.zeros((0, 2)), 0.0, True)
     start, predicted = off_by(HERE, 0.2, 0.1, 0.1), HERE
     found, score = fit(known.table, nothing, start, predicted, LOOSE)

@@ -106,7 +106,7 @@ def test_odometry_may_count_from_anywhere(
     assert errors(path, slam.trajectory.poses).ate_max < 0.03
 
 
-def test_without_a_seed_the_scans_are_enough(
+def test_scans_suffice_without_a_motion_source(
     scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     slam = matched(scans, [None] * len(path), "none")
@@ -115,9 +115,7 @@ def test_without_a_seed_the_scans_are_enough(
     assert found.yaw_max < math.radians(0.5)
 
 
-def test_a_seed_that_stops_telling_does_no_harm(
-    scans: list[PlanarScan], path: list[Pose2]
-) -> None:
+def test_missing_priors_do_no_harm(scans: list[PlanarScan], path: list[Pose2]) -> None:
     seeds = [pose if i % 7 else None for i, pose in enumerate(path)]
     slam = matched(scans, seeds, "ins")
     assert errors(path, slam.trajectory.poses).ate_max < 0.05
@@ -165,13 +163,15 @@ def test_in_the_open_odometry_is_followed_on_the_axes_of_the_robot(
         assert pose.y == pytest.approx(START.y + s * dx + c * dy, abs=1e-6)
 
 
-def test_in_the_open_with_no_seed_the_robot_stands(look: Look, nowhere: Floats) -> None:
+def test_pose_stays_in_the_open_without_a_motion_source(
+    look: Look, nowhere: Floats
+) -> None:
     slam = Slam(SlamSettings(motion_source="none"), START)
     for _ in range(5):
         assert slam.step(look(nowhere, START)) == START
 
 
-def test_without_a_start_the_first_seed_is_the_start(look: Look, room: Floats) -> None:
+def test_first_prior_is_the_start_by_default(look: Look, room: Floats) -> None:
     assert Slam().step(look(room, START), START) == START
     assert Slam().step(look(room, START)) == Pose2(0.0, 0.0)
 

@@ -41,7 +41,7 @@ def test_a_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
 
 
 @given(path=st.lists(poses, min_size=2), by=poses)
-def test_a_whole_that_is_displaced_makes_every_motion_rightly(
+def test_displaced_trajectory_has_no_relative_error(
     path: list[Pose2], by: Pose2
 ) -> None:
     moved = trajectory_of(*[carried(pose, by) for pose in path])
@@ -78,7 +78,7 @@ def test_a_heading_is_off_by_the_shorter_way_round() -> None:
     assert found.yaw == pytest.approx(0.1)
 
 
-def test_a_way_that_is_too_short_has_no_relative_error() -> None:
+def test_short_path_has_no_relative_error() -> None:
     short = trajectory_of(*straight(2))
     found = trajectory_errors(short, short)
     assert math.isnan(found.rpe)

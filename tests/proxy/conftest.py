@@ -1,4 +1,4 @@
-"""What servers say, for those who listen."""
+"""Lines of servers for the tests of the proxy."""
 
 from collections.abc import Callable
 
@@ -18,5 +18,5 @@ def _scan_line(
 
 @pytest.fixture(scope="session")
 def scan_line() -> ScanLine:
-    """Give the line of a scan: its time, ranges and the scanner's name."""
+    """Return a function of time, ranges and scanner name that returns a scan's line."""
     return _scan_line

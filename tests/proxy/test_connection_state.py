@@ -42,7 +42,7 @@ def test_before_a_scan_nothing_is_known_of_its_scanner(
     assert overheard.scanner("another") is None
 
 
-def test_what_the_server_answers_counts_more_than_what_is_given(
+def test_answers_of_the_server_outweigh_defaults(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     given = ScannerDefaults(Pose3(9, 9, 9), 5.0)
@@ -59,7 +59,7 @@ def test_what_the_server_answers_counts_more_than_what_is_given(
     assert (scanner.name, scanner.beams) == ("lms200", 3)
 
 
-def test_what_nobody_asks_for_is_what_is_given(
+def test_defaults_fill_what_nobody_asks_for(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     overheard.receive_server_line(scan_line(1, OPEN))
@@ -70,7 +70,7 @@ def test_what_nobody_asks_for_is_what_is_given(
     assert scanner.fov == pytest.approx(math.pi)
 
 
-def test_half_of_the_answers_leaves_the_rest_to_what_is_given(
+def test_defaults_complete_half_of_the_answers(
     overheard: ConnectionState, scan_line: ScanLine
 ) -> None:
     overheard.receive_server_line(scan_line(1))
@@ -88,7 +88,7 @@ def test_half_of_the_answers_leaves_the_rest_to_what_is_given(
         pytest.param(["9.00,20.00,20.00,20.00,20.01"], math.inf, id="one read more"),
     ],
 )
-def test_without_either_a_range_that_many_beams_share_is_the_limit(
+def test_largest_shared_range_is_the_maximum_range(
     overheard: ConnectionState, scan_line: ScanLine, ranges: list[str], limit: float
 ) -> None:
     for k, text in enumerate(ranges):
@@ -107,9 +107,7 @@ def test_the_scanner_that_scans_first_is_the_one(
     assert names == ["second", "first"]
 
 
-def test_lines_say_what_they_say(
-    overheard: ConnectionState, scan_line: ScanLine
-) -> None:
+def test_lines_are_parsed(overheard: ConnectionState, scan_line: ScanLine) -> None:
     truth = "SEN {Type GroundTruth} {Name t} {Location 1,2,3} {Orientation 0,0,0}"
     assert isinstance(overheard.receive_server_line(scan_line(1)), RangeScan)
     said = overheard.receive_server_line(truth)
@@ -124,7 +122,7 @@ def test_lines_say_what_they_say(
     assert overheard.skipped_lines == 1
 
 
-def test_the_robot_is_the_one_that_the_client_wished(
+def test_robot_is_that_of_the_init_command(
     overheard: ConnectionState,
 ) -> None:
     overheard.receive_client_line("INIT {ClassName USARBot.P3AT} {Name Rob} {Start A}")

@@ -1,4 +1,4 @@
-"""A flat world of line segments, seen exactly, and reports of what is seen."""
+"""Flat world of line segments, scanned exactly."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ Look = Callable[..., PlanarScan]
 
 
 def box(x: float, y: float, width: float, height: float) -> Floats:
-    """Give the four sides, (4, 2, 2) m, of a box around a middle."""
+    """Return the four sides of a box by its center, (4, 2, 2) m."""
     right, up = width / 2, height / 2
     corners = np.array([[-right, -up], [right, -up], [right, up], [-right, up]])
     corners += (x, y)
@@ -26,26 +26,30 @@ def box(x: float, y: float, width: float, height: float) -> Floats:
 
 ROOM: Floats = np.concatenate([box(0, 0, 12, 8), box(2, 1, 1, 1), box(-3, -2, 0.6, 2)])
 CORRIDOR: Floats = np.array([[[-99, -1], [99, -1]], [[-99, 1], [99, 1]]], np.float64)
-DEFAULT_MOUNT: Floats = np.zeros((0, 2, 2))
+EMPTY_WORLD: Floats = np.zeros((0, 2, 2))
 
 
 def ranges_of(walls: Floats, pose: Pose2) -> Floats:
-    """Give what beams all around read, (360,) m; the greatest range for nothing."""
-    ways = np.column_stack([np.cos(ANGLES + pose.yaw), np.sin(ANGLES + pose.yaw)])
+    """Return the ranges of beams all around, (360,) m; the maximum range for a miss."""
+    directions = np.column_stack([np.cos(ANGLES + pose.yaw), np.sin(ANGLES + pose.yaw)])
     starts = walls[:, 0] - (pose.x, pose.y)
     sides = walls[:, 1] - walls[:, 0]
-    across = np.outer(ways[:, 0], sides[:, 1]) - np.outer(ways[:, 1], sides[:, 0])
+    across = np.outer(directions[:, 0], sides[:, 1]) - np.outer(
+        directions[:, 1], sides[:, 0]
+    )
     wide = starts[:, 0] * sides[:, 1] - starts[:, 1] * sides[:, 0]
-    beside = np.outer(ways[:, 1], starts[:, 0]) - np.outer(ways[:, 0], starts[:, 1])
+    beside = np.outer(directions[:, 1], starts[:, 0]) - np.outer(
+        directions[:, 0], starts[:, 1]
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         ranges, along = wide / across, beside / across
-    met = (ranges > 0) & (along >= 0) & (along <= 1)
-    nearest: Floats = np.where(met, ranges, MAX_RANGE).min(axis=1, initial=MAX_RANGE)
+    is_hit = (ranges > 0) & (along >= 0) & (along <= 1)
+    nearest: Floats = np.where(is_hit, ranges, MAX_RANGE).min(axis=1, initial=MAX_RANGE)
     return nearest
 
 
 def look_around(walls: Floats, pose: Pose2, *, time: float = 0.0) -> PlanarScan:
-    """Scan a world from a pose."""
+    """Return the scan of a world from a pose."""
     ranges = ranges_of(walls, pose)
     fov = float(ANGLES[-1] - ANGLES[0])
     report = RangeScan(time, "lms200", math.radians(1), fov, ranges)
@@ -69,4 +73,4 @@ def corridor() -> Floats:
 
 @pytest.fixture(scope="session")
 def nowhere() -> Floats:
-    return DEFAULT_MOUNT
+    return EMPTY_WORLD

@@ -1,7 +1,9 @@
-"""Bytes between real sockets: all of them, in order, whatever either side does."""
+"""Every byte passes the proxy, in order, whatever the connections do."""
 
 import asyncio
 import logging
+import os
+import signal
 import socket
 import struct
 from collections.abc import AsyncIterator, Callable
@@ -13,7 +15,7 @@ from hypothesis import strategies as st
 
 from radarsim.errors import ServerError
 from radarsim.host import Host
-from radarsim.proxy import TcpProxy
+from radarsim.proxy import TcpProxy, forward_until_signal
 from radarsim.proxy.line_queue import Side
 from radarsim.scene.scene import Scene
 from radarsim.server.tcp_server import Server
@@ -167,7 +169,7 @@ async def say(steps: list[tuple[str, bytes]]) -> None:
 
 @given(STEPS)
 @settings(max_examples=40)
-def test_either_side_gets_what_the_other_one_sends(
+def test_both_sides_receive_what_the_other_sends(
     steps: list[tuple[str, bytes]],
 ) -> None:
     asyncio.run(say(steps))
@@ -196,7 +198,9 @@ async def test_single_bytes_come_at_once(between: Between) -> None:
 
 
 @pytest.mark.parametrize("first", ["client", "server"])
-async def test_who_says_no_more_can_still_be_told(between: Between, first: str) -> None:
+async def test_half_closed_connection_still_receives(
+    between: Between, first: str
+) -> None:
     one, other = await between.pair()
     if first == "server":
         one, other = other, one
@@ -213,7 +217,7 @@ async def test_who_says_no_more_can_still_be_told(between: Between, first: str) 
     await comes_true(lambda: between.tap.connections == 0)
 
 
-async def test_words_before_the_server_is_reached_reach_it(between: Between) -> None:
+async def test_data_sent_before_the_server_accepts_arrives(between: Between) -> None:
     client = await between.client()
     await client.send(b"impatient")
     client.writer.write_eof()
@@ -222,7 +226,7 @@ async def test_words_before_the_server_is_reached_reach_it(between: Between) -> 
 
 
 @pytest.mark.parametrize("broken", ["client", "server"])
-async def test_a_broken_connection_ends_the_other_after_its_last_words(
+async def test_broken_connection_ends_the_other_after_its_data(
     between: Between, broken: str
 ) -> None:
     for number in range(1, 21):
@@ -238,7 +242,7 @@ async def test_a_broken_connection_ends_the_other_after_its_last_words(
     await comes_true(lambda: between.tap.connections == 0)
 
 
-async def test_a_break_that_is_noticed_by_writing_loses_no_words(
+async def test_break_noticed_by_writing_loses_no_data(
     between: Between,
 ) -> None:
     client, server = await between.pair()
@@ -251,7 +255,7 @@ async def test_a_break_that_is_noticed_by_writing_loses_no_words(
     talking.cancel()
 
 
-async def test_a_break_takes_nothing_back_from_who_reads_late(between: Between) -> None:
+async def test_late_reader_gets_all_data_after_a_break(between: Between) -> None:
     client, server = await between.pair()
     await server.send(b"x" * 20_000)
     sending = asyncio.create_task(client.send(b"last words" * 500_000))
@@ -273,7 +277,7 @@ async def talk(peer: Peer) -> None:
             await peer.send(b"x" * 1000)
 
 
-async def test_who_does_not_hang_up_is_left_alone_soon(
+async def test_peer_that_does_not_close_is_closed_soon(
     between: Between, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.proxy.tcp_proxy.CLOSE_GRACE", 0.05)
@@ -285,7 +289,7 @@ async def test_who_does_not_hang_up_is_left_alone_soon(
     await comes_true(talking.done)
 
 
-async def test_a_slow_reader_slows_who_talks_to_it_and_nobody_else(
+async def test_slow_reader_slows_only_its_sender(
     between: Between,
 ) -> None:
     slow, server = await between.pair()
@@ -306,7 +310,7 @@ async def test_a_slow_reader_slows_who_talks_to_it_and_nobody_else(
     await sending
 
 
-async def test_a_client_of_no_server_is_hung_up_on_and_the_reason_is_told(
+async def test_client_is_closed_when_the_server_is_not_there(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -347,7 +351,7 @@ async def test_a_server_that_does_not_answer_is_given_up(
     assert "timed out" in caplog.text
 
 
-async def test_it_stops_at_once_while_clients_come_and_talk(between: Between) -> None:
+async def test_proxy_stops_at_once_with_clients_connected(between: Between) -> None:
     pairs = [await between.pair() for _ in range(3)]
     talking = [asyncio.create_task(talk(peer)) for pair in pairs for peer in pair]
     await asyncio.sleep(0.05)
@@ -366,7 +370,7 @@ async def test_it_stops_at_once_while_clients_come_and_talk(between: Between) ->
         await between.client()
 
 
-async def test_a_taken_port_is_said_in_one_sentence(between: Between) -> None:
+async def test_taken_port_is_a_server_error(between: Between) -> None:
     host, port = between.tap.address
     tap = TcpProxy((host, 1), between.on_data)
     with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}: "):
@@ -414,3 +418,40 @@ async def test_a_robot_goes_with_its_client(empty_room: Scene) -> None:
                 await comes_true(lambda: not host.simulation.vehicles)
     finally:
         await server.stop()
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        pytest.param(signal.SIGINT, 130, id="interrupt"),
+        pytest.param(signal.SIGTERM, 0, id="terminate"),
+    ],
+)
+async def test_signal_ends_the_proxy_with_its_exit_code(number: int, code: int) -> None:
+    heard: list[tuple[str, int]] = []
+    before = signal.getsignal(number)
+
+    def announce(address: tuple[str, int]) -> None:
+        heard.append(address)
+        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), number)  # some people press Ctrl-C twice
+
+    tap = TcpProxy(("127.0.0.1", 1), lambda *_: None)
+    assert await forward_until_signal(tap, "127.0.0.1", 0, announce) == code
+    ((host, port),) = heard
+    assert host == "127.0.0.1"
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection((host, port), 1)
+    assert signal.getsignal(number) == before
+
+
+async def test_taken_port_fails_before_the_announcement() -> None:
+    heard: list[tuple[str, int]] = []
+    before = signal.getsignal(signal.SIGINT)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        tap = TcpProxy(("127.0.0.1", 1), lambda *_: None)
+        with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}"):
+            await forward_until_signal(tap, "127.0.0.1", port, heard.append)
+    assert heard == []
+    assert signal.getsignal(signal.SIGINT) == before

@@ -244,7 +244,7 @@ def direct(empty_room: Scene) -> Played:
         return play(world)
 
 
-def test_it_maps_through_the_tap_and_neither_sides_bytes_change(
+def test_proxy_changes_no_byte_and_observer_maps(
     empty_room: Scene, direct: Played
 ) -> None:
     mapping = Mapping()
@@ -284,7 +284,7 @@ def assert_mapped(
     assert np.mean(off < 0.13) > 0.95  # two cells and a half
 
 
-def test_the_map_is_the_one_of_what_the_client_was_told(
+def test_map_equals_that_of_what_the_client_received(
     empty_room: Scene, direct: Played
 ) -> None:
     mapping = Mapping()

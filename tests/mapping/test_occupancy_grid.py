@@ -1,3 +1,5 @@
+"""Frames of grids, and occupancy grids that scans are added to."""
+
 import math
 from collections.abc import Callable
 
@@ -6,13 +8,93 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.errors import MappingError
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.occupancy_grid import (
+    GROWTH_STEP,
     CellClass,
+    GridFrame,
     OccupancyGrid,
 )
 from radarsim.mapping.scan import PlanarScan, read_scan
 from radarsim.protocol.reports import RangeScan, TargetEchoes
+
+SIZE = 0.05
+metres = st.floats(-40, 40)
+points = st.tuples(metres, metres)
+
+
+def holding(*places: tuple[float, float]) -> GridFrame:
+    frame = GridFrame(SIZE)
+    for place in places:
+        frame = frame.extended_to(place, place)
+    return frame
+
+
+@given(places=st.lists(points, min_size=1, max_size=6))
+def test_extended_frame_contains_the_box(places: list[tuple[float, float]]) -> None:
+    frame = holding(*places)
+    assert all(frame.cell(x, y) is not None for x, y in places)
+
+
+@given(places=st.lists(points, min_size=1, max_size=6), place=points)
+def test_frame_is_unchanged_if_it_contains_the_box(
+    places: list[tuple[float, float]], place: tuple[float, float]
+) -> None:
+    frame = holding(*places, place)
+    assert frame.extended_to(place, place) == frame
+
+
+@given(places=st.lists(points, min_size=1, max_size=6), place=points)
+def test_copied_cells_keep_place_and_content(
+    places: list[tuple[float, float]], place: tuple[float, float]
+) -> None:
+    small = holding(place)
+    cells = np.zeros(small.shape, np.int8)
+    row, column = small.cell(*place) or (-1, -1)
+    cells[row, column] = 7
+    large = small
+    for other in places:
+        large = large.extended_to(other, other)
+    moved = small.copy_into(cells, large)
+    assert moved[large.cell(*place)] == 7
+    assert moved.sum() == 7
+
+
+@given(place=points)
+def test_cell_centers_are_in_their_cells(place: tuple[float, float]) -> None:
+    frame = holding(place)
+    x, y = frame.cell_centers()
+    row, column = frame.cell(*place) or (-1, -1)
+    assert abs(x[column] - place[0]) <= SIZE / 2 + 1e-9
+    assert abs(y[row] - place[1]) <= SIZE / 2 + 1e-9
+    assert frame.origin == pytest.approx((x[0] - SIZE / 2, y[0] - SIZE / 2))
+
+
+def test_frame_grows_in_steps_of_many_cells() -> None:
+    frame = holding((0.0, 0.0))
+    assert frame.shape == (GROWTH_STEP, GROWTH_STEP)
+    assert frame.extended_to((-0.01, 0), (0, 0)).shape == (GROWTH_STEP, 2 * GROWTH_STEP)
+
+
+def test_outside_there_is_no_cell() -> None:
+    assert GridFrame(SIZE).cell(0, 0) is None
+    assert holding((0.0, 0.0)).cell(-0.01, 0) is None
+
+
+@pytest.mark.parametrize("far", [1e4, math.inf, math.nan])
+def test_a_place_too_far_away_is_an_error(far: float) -> None:
+    with pytest.raises((MappingError, ValueError, OverflowError)):
+        GridFrame(SIZE).extended_to((0.0, 0.0), (far, 0.0))
+
+
+def test_an_area_too_large_is_an_error() -> None:
+    side = SIZE * 8000
+    frame = GridFrame(SIZE).extended_to((0.0, 0.0), (side, side))
+    assert frame.shape > (8000, 8000)
+    with pytest.raises(MappingError, match=r"in cells of 0\.\d+ m, expected at most"):
+        frame.extended_to((-side, 0.0), (0.0, 0.0))
+
 
 Look = Callable[..., PlanarScan]
 HERE = Pose2(1.0, -0.5, 0.4)
@@ -72,7 +154,7 @@ def mapped(look: Look, room: Floats) -> OccupancyGrid:
     return grid_of(look(room, HERE), pose=HERE)
 
 
-def test_of_nothing_nothing_is_known() -> None:
+def test_empty_map_is_unknown() -> None:
     grid = OccupancyGrid()
     assert not grid.sensed(0.0, 0.0)
     assert not grid.drivable(0.0, 0.0, 0.5)
@@ -104,7 +186,7 @@ def test_walls_are_where_beams_end(
     assert apart.min(axis=1).max() <= 0.05 * math.sqrt(0.5) + 1e-9
 
 
-def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
+def test_beams_begin_at_the_mount(look: Look, room: Floats) -> None:
     relative_to = Pose2(1.0, 0.0, 0.9)
     scan = look(room, relative_to)
     mount = Pose2(0.2, 0.1, 0.5)
@@ -125,7 +207,7 @@ def test_the_mount_says_where_beams_begin(look: Look, room: Floats) -> None:
     assert (one.classes() != other.classes()).mean() < 1e-3  # rounding at borders
 
 
-def test_foliage_is_sensed_and_nobody_drives_there() -> None:
+def test_foliage_is_sensed_and_not_drivable() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
     assert class_at(grid, 2.5, 0.0) == CellClass.FOLIAGE
     assert grid.sensed(2.5, 0.0)
@@ -134,13 +216,13 @@ def test_foliage_is_sensed_and_nobody_drives_there() -> None:
     assert class_at(grid, 6.0, 0.0) == CellClass.OBSTACLE
 
 
-def test_smoke_is_sensed_and_robots_drive_there() -> None:
+def test_smoke_is_sensed_and_drivable() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=True))
     assert class_at(grid, 2.5, 0.0) == CellClass.SMOKE
     assert grid.drivable(2.5, 0.0, 0.3)
 
 
-def test_where_power_runs_out_is_an_end_and_no_obstacle() -> None:
+def test_spent_beam_leaves_a_beam_end_and_no_obstacle() -> None:
     grid = grid_of(through(2.0, 3.5, None, passes=False))
     assert class_at(grid, 3.49, 0.0) == CellClass.FOLIAGE
     assert class_at(grid, 3.7, 0.0) == CellClass.UNKNOWN
@@ -183,7 +265,7 @@ def test_beams_without_return_clear_up_to_their_limit(
     assert not grid.beam_end_cells().any()
 
 
-def test_however_a_map_grew_it_says_the_same(look: Look, room: Floats) -> None:
+def test_map_does_not_depend_on_how_it_grew(look: Look, room: Floats) -> None:
     poses = [Pose2(-5.0, -3.0, 0.0), HERE, Pose2(5.0, 3.0, 2.0)]
     open_side = np.array([[[-6.5, -6.5], [6.5, -6.5]]])
     seen = [look(room, poses[0]), look(open_side, poses[1]), look(room, poses[2])]
@@ -196,7 +278,7 @@ def test_however_a_map_grew_it_says_the_same(look: Look, room: Floats) -> None:
     assert (one.classes() == other.classes()).all()
 
 
-def test_where_the_robot_stands_it_is_free() -> None:
+def test_disc_under_the_robot_is_free() -> None:
     grid = OccupancyGrid()
     grid.clear_disc(Pose2(1.0, 2.0), 0.2)
     assert grid.sensed(1.1, 2.1)
@@ -213,7 +295,7 @@ def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> N
     assert grid.short_range_cells()[away < 1.9].mean() > 0.99
 
 
-def test_blockage_is_a_probability_where_anything_is_known() -> None:
+def test_occupancy_is_a_probability_where_cells_are_known() -> None:
     grid = grid_of(*[through(2.0, 3.0, 6.0, passes=False)] * 4)
     occupancy_probability = grid.occupancy_probability()
     for x, low, high in [(1.0, 0.0, 0.4), (2.5, 0.9, 1.0), (6.0, 0.9, 1.0)]:

@@ -1,4 +1,4 @@
-"""Lines come out as they went in; who takes them too slowly misses whole scans."""
+"""Lines between the forwarding and the observing thread, and which are dropped."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -8,7 +8,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.proxy.line_queue import Line, LineQueue, Side
+from radarsim.proxy.line_queue import Line, LineQueue, ScanPart, Side, classify_line
+
+SCAN_LINE = "SEN {Time 1.00} {Type RangeScanner} {Name lms200} {Range 1,2}"
+ECHO_LINE = "SEN {Time 1.00} {Type Echoes} {Name lms200} {Line 1}"
+
+
+@pytest.mark.parametrize(
+    ("side", "text", "part"),
+    [
+        pytest.param("server", SCAN_LINE, "ranges", id="a scan"),
+        pytest.param("server", ECHO_LINE, "echoes", id="echoes"),
+        pytest.param("server", "sen {type  RANGESCANNER}", "ranges", id="any case"),
+        pytest.param(
+            "server", "SEN {Range 1} {Type RangeScanner }", "ranges", id="end"
+        ),
+        pytest.param("server", "SEN {Type INS} {Name a}", None, id="a pose"),
+        pytest.param("server", "GEO {Type RangeScanner}", None, id="an answer"),
+        pytest.param("server", "SENT {Type RangeScanner}", None, id="another verb"),
+        pytest.param("client", SCAN_LINE, None, id="said by a client"),
+    ],
+)
+def test_a_line_is_of_a_scan_by_its_type(
+    side: Side, text: str, part: ScanPart | None
+) -> None:
+    line = classify_line(3, side, text)
+    assert (line.number, line.side, line.text) == (3, side, text)
+    assert line.scan_part == part
+
 
 ScanLine = Callable[..., str]
 ECHOES = "SEN {{Time {0:.2f}}} {{Type Echoes}} {{Name lms200}} {{Line 1}} {{Lines 1}}"
@@ -85,7 +112,7 @@ def test_the_newest_scans_stay_with_their_echoes_and_all_else(kinds: list[str]) 
 SCAN = "SEN {{Time {0:.2f}}} {{Type RangeScanner}} {{Name lms200}} {{Range 1,2}}"
 
 
-def test_whatever_is_too_much_gives_way_the_oldest_first(scan_line: ScanLine) -> None:
+def test_oldest_lines_are_dropped_first(scan_line: ScanLine) -> None:
     lines = [scan_line(0), *[STATUS.format(k) for k in range(100)]]
     backlog = LineQueue(max_characters=1000)
     put(backlog, *lines)
@@ -95,7 +122,7 @@ def test_whatever_is_too_much_gives_way_the_oldest_first(scan_line: ScanLine) ->
     assert backlog.dropped == 1
 
 
-def test_nothing_is_taken_of_connections_that_nobody_listens_to() -> None:
+def test_lines_of_other_connections_are_dropped() -> None:
     backlog = LineQueue(max_scans=1)
     put(backlog, SCAN.format(1), "NFO {Level b}", number=2)
     put(backlog, SCAN.format(2), "NFO {Level a}", number=1)
@@ -106,7 +133,7 @@ def test_nothing_is_taken_of_connections_that_nobody_listens_to() -> None:
     assert texts(drain(backlog)) == [SCAN.format(2), "NFO {Level a}", "NFO {Level d}"]
 
 
-def test_after_the_end_nothing_is_taken_and_what_is_there_can_be_had() -> None:
+def test_lines_that_wait_can_be_taken_after_the_end() -> None:
     backlog = LineQueue()
     put(backlog, "NFO {Level a}")
     backlog.end()
@@ -116,7 +143,7 @@ def test_after_the_end_nothing_is_taken_and_what_is_there_can_be_had() -> None:
 
 
 @pytest.mark.parametrize("ends", [False, True])
-def test_who_takes_waits_for_a_line_or_for_the_end(ends: bool) -> None:
+def test_take_waits_for_a_line_or_the_end(ends: bool) -> None:
     backlog = LineQueue()
     with ThreadPoolExecutor(1) as pool:
         line = pool.submit(backlog.take)
