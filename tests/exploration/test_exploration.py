@@ -285,7 +285,7 @@ def versions() -> dict[str, int]:
 def test_exploration_compiles_nothing_after_warm_up(foliage_room: Scene) -> None:
     warm_up()
     before = versions()
-    assert before["radarsim.mapping.inverse_sensor_model.cross"] == 1
+    assert before["radarsim.mapping.inverse_sensor_model.add_free_cells"] >= 1
     for wish in (
         ExplorationPlan(time_limit=8.0),
         ExplorationPlan(motion_source="none", time_limit=2.0),
