@@ -1,7 +1,7 @@
-"""A client of any server that speaks USARSim's protocol, with two faces.
+"""A client for any server of the USARSim protocol, blocking or asynchronous.
 
-``Client`` waits in the calling thread, ``AsyncClient`` in an event loop; what they say
-and understand is the same code, which knows no sockets. Reports are those of
+``Client`` blocks the calling thread, ``AsyncClient`` is for an event loop. Both share
+the code that writes requests and reads answers, which does no I/O. Reports are those of
 ``radarsim.protocol.reports``: metres, radians and REP-103, whatever is on the wire.
 """
 

@@ -1,10 +1,10 @@
-"""A client that waits in an event loop."""
+"""A client for an event loop."""
 
 import asyncio
 from types import TracebackType
 from typing import Self, TypeVar
 
-from radarsim.client import session as asking
+from radarsim.client import session as questions
 from radarsim.client.deprecation import warn_renamed
 from radarsim.client.requests import Exchange, Requests, Step
 from radarsim.client.robot_info import RobotInfo
@@ -20,9 +20,9 @@ AnyReport = TypeVar("AnyReport", bound=Report)
 
 
 class AsyncClient:
-    """What ``Client`` is, for tasks: the same calls, to be awaited.
+    """The methods of ``Client`` as coroutines.
 
-    One task waits for reports; others may drive, stop and close meanwhile.
+    While one task waits for reports, others may drive, stop and close.
     """
 
     def __init__(
@@ -32,21 +32,21 @@ class AsyncClient:
         *,
         timeout: float = 5.0,
     ) -> None:
-        """Talk over streams, which from now on belong to the client.
+        """Use the streams of a connection, which the client closes.
 
         Args:
-            reader: Of a connection.
-            writer: Of the same.
-            timeout: Longest wait where a call is told no other, and for the server to
-                take what is sent, s of the loop's time.
+            reader: Reader of the connection.
+            writer: Writer of the connection.
+            timeout: Default timeout of every call, also of sending, s of the loop's
+                clock.
 
         Raises:
-            ValueError: If that is not above 0.
+            ValueError: If the timeout is not above 0.
         """
         self._reader = reader
         self._writer = writer
         loop = asyncio.get_running_loop()
-        self._talk = Requests(loop.time, timeout=timeout)
+        self._requests = Requests(loop.time, timeout=timeout)
 
     @classmethod
     async def connect(
@@ -56,7 +56,7 @@ class AsyncClient:
         *,
         timeout: float = 5.0,  # noqa: ASYNC109
     ) -> Self:
-        """Connect over TCP; arguments and errors as of ``Client.connect``."""
+        """Connect over TCP; arguments and errors as in ``Client.connect``."""
         check_timeout(timeout)
         try:
             async with asyncio.timeout(timeout):
@@ -68,8 +68,8 @@ class AsyncClient:
 
     @property
     def session(self) -> Session:
-        """All that the server has said: newest time and scans, lines skipped."""
-        return self._talk.session
+        """State of the connection, as ``Client.session``."""
+        return self._requests.session
 
     async def __aenter__(self) -> Self:
         return self
@@ -83,12 +83,12 @@ class AsyncClient:
         await self.close()
 
     async def greeting(self) -> Greeting:
-        """As ``Client.greeting``."""
-        return await self._run(self._talk.greeting())
+        """See ``Client.greeting``."""
+        return await self._run(self._requests.greeting())
 
     async def start_poses(self) -> dict[str, Pose3]:
-        """As ``Client.start_poses``."""
-        return await self._run(self._talk.start_poses())
+        """See ``Client.start_poses``."""
+        return await self._run(self._requests.start_poses())
 
     async def spawn(
         self,
@@ -98,20 +98,20 @@ class AsyncClient:
         start: str | None = None,
         pose: Pose2 | Pose3 | None = None,
     ) -> None:
-        """As ``Client.spawn``."""
-        await self._run(self._talk.spawn(class_name, name, start, pose))
+        """See ``Client.spawn``."""
+        await self._run(self._requests.spawn(class_name, name, start, pose))
 
     async def geometry(self, kind: str, name: str | None = None) -> Report:
-        """As ``Client.geometry``."""
-        return await self._run(self._talk.ask(asking.geometry(kind, name)))
+        """See ``Client.geometry``."""
+        return await self._run(self._requests.ask(questions.geometry(kind, name)))
 
     async def configuration(self, kind: str, name: str | None = None) -> Report:
-        """As ``Client.configuration``."""
-        return await self._run(self._talk.ask(asking.configuration(kind, name)))
+        """See ``Client.configuration``."""
+        return await self._run(self._requests.ask(questions.configuration(kind, name)))
 
     async def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
-        """As ``Client.robot_info``."""
-        return await self._run(self._talk.robot_info(drive_unit))
+        """See ``Client.robot_info``."""
+        return await self._run(self._requests.robot_info(drive_unit))
 
     async def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """Call ``robot_info``; deprecated."""
@@ -119,14 +119,16 @@ class AsyncClient:
         return await self.robot_info(drive_unit=drive_unit)
 
     async def echoes(self, scanner: str, on: bool = True) -> None:
-        """As ``Client.echoes``."""
-        await self._run(self._talk.send(asking.echoes(scanner, on)))
+        """See ``Client.echoes``."""
+        await self._run(self._requests.send(questions.echoes(scanner, on)))
 
     async def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
-        """As ``Client.set_item``."""
-        await self._run(self._talk.send(asking.set_item(kind, name, opcode, params)))
+        """See ``Client.set_item``."""
+        await self._run(
+            self._requests.send(questions.set_item(kind, name, opcode, params))
+        )
 
     async def order(
         self, kind: str, name: str | None, opcode: str, params: str = ""
@@ -136,11 +138,11 @@ class AsyncClient:
         await self.set_item(kind, name, opcode, params)
 
     async def drive(self, left: float, right: float) -> None:
-        """As ``Client.drive``."""
-        await self._run(self._talk.send(asking.drive(left, right)))
+        """See ``Client.drive``."""
+        await self._run(self._requests.send(questions.drive(left, right)))
 
     async def stop(self) -> bool:
-        """As ``Client.stop``."""
+        """See ``Client.stop``."""
         try:
             await self.drive(0.0, 0.0)
         except ClientError:
@@ -148,8 +150,8 @@ class AsyncClient:
         return True
 
     async def read(self, timeout: float | None = None) -> list[Report]:  # noqa: ASYNC109
-        """As ``Client.read``."""
-        return await self._run(self._talk.read(timeout))
+        """See ``Client.read``."""
+        return await self._run(self._requests.read(timeout))
 
     async def wait_for(
         self,
@@ -158,32 +160,32 @@ class AsyncClient:
         name: str | None = None,
         timeout: float | None = None,  # noqa: ASYNC109
     ) -> AnyReport:
-        """As ``Client.wait_for``."""
-        return await self._run(self._talk.wait_for(kind, name, timeout))
+        """See ``Client.wait_for``."""
+        return await self._run(self._requests.wait_for(kind, name, timeout))
 
     async def close(self) -> None:
-        """As ``Client.close``."""
-        if self._talk.has_robot:
-            self._talk.has_robot = False
+        """See ``Client.close``."""
+        if self._requests.has_robot:
+            self._requests.has_robot = False
             await self.stop()
         self._writer.close()
         try:
-            async with asyncio.timeout(self._talk.timeout):
+            async with asyncio.timeout(self._requests.timeout):
                 await self._writer.wait_closed()
-        except OSError:  # what was lost, or is taken by nobody
+        except OSError:  # lost already, or the server does not read
             self._writer.transport.abort()
 
-    async def _run(self, talk: Exchange[Value]) -> Value:
-        """Send and wait as a talk says, and give what comes of it."""
+    async def _run(self, exchange: Exchange[Value]) -> Value:
+        """Run an exchange over the streams and return its result."""
         try:
-            step = next(talk)
+            step = next(exchange)
             while True:
                 try:
-                    came = await self._do(step)
+                    data = await self._do(step)
                 except (TimeoutError, ConnectionError) as error:
-                    step = talk.throw(error)
+                    step = exchange.throw(error)
                 else:
-                    step = talk.send(came)
+                    step = exchange.send(data)
         except StopIteration as end:
             value: Value = end.value
             return value
@@ -199,7 +201,7 @@ class AsyncClient:
             raise ConnectionError("the connection is closed")
         self._writer.write(data)
         try:
-            async with asyncio.timeout(self._talk.timeout):
+            async with asyncio.timeout(self._requests.timeout):
                 await self._writer.drain()
         except TimeoutError:
             raise ConnectionError(STUCK) from None

@@ -1,12 +1,13 @@
-"""What a client says and what it waits for, without the waiting itself.
+"""The requests of a client as generators that do no I/O.
 
 Theory of operation
 ===================
-Every method is a generator: a talk. It yields bytes to be sent, or a number of seconds
-to wait for bytes at most, and is sent what came (nothing after a send). Whoever runs it
-throws ``TimeoutError`` or ``ConnectionError`` into it where its link raised that; what
-comes out is a ``ClientError`` that says what was missing. So a client that blocks and
-one that awaits are a few lines each, and say the same.
+Every method is a generator, an exchange with the server. It yields bytes to send, or
+the longest time to wait for bytes, s. Its runner sends back the received bytes (none
+after a send), or throws the ``TimeoutError`` or ``ConnectionError`` that its transport
+raised into it. The exchange turns that into a ``ClientError`` that names what was
+expected. So the blocking and the asynchronous client are a few lines each and behave
+alike.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -14,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, TypeAlias, TypeVar
 
-from radarsim.client import session as asking
+from radarsim.client import session as questions
 from radarsim.client.robot_info import (
     RobotInfo,
     ScannerDescriptions,
@@ -37,9 +38,7 @@ from radarsim.protocol.reports import (
     StartPoses,
 )
 
-PATIENCE: Final = (
-    2.0  # s for what many servers do not tell, and a client can do without
-)
+SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
 
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
@@ -49,37 +48,37 @@ Exchange: TypeAlias = Generator[Step, bytes, Value]
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """How long to wait for something.
+    """A deadline.
 
     Attributes:
-        what: Is waited for.
-        timeout: s, from when it began.
-        until: The time of the link at which it ends, s.
+        expected: Name of what is waited for.
+        timeout: Length of the wait, s.
+        until: Time of the clock at which it ends, s.
     """
 
-    what: str
+    expected: str
     timeout: float
     until: float
 
 
 class Requests:
-    """Talks with one server.
+    """Requests to one server.
 
     Attributes:
-        session: What it has said.
-        timeout: Longest wait where a talk is told no other, s.
-        has_robot: Whether a robot was asked for.
+        session: State of the connection.
+        timeout: Default timeout, s.
+        has_robot: Whether a robot was requested.
     """
 
     def __init__(self, clock: Callable[[], float], *, timeout: float) -> None:
-        """Begin.
+        """Start a session.
 
         Args:
-            clock: Gives the time of the link, s.
-            timeout: s.
+            clock: Returns the time of the transport's clock, s.
+            timeout: Default timeout, s.
 
         Raises:
-            ValueError: If that is not above 0.
+            ValueError: If the timeout is not above 0.
         """
         check_timeout(timeout)
         self.session = Session()
@@ -89,15 +88,15 @@ class Requests:
         self._pending: list[Report] = []
 
     def greeting(self) -> Exchange[Greeting]:
-        """Give the greeting, whenever it came."""
+        """Return the greeting; wait for it if it has not come yet."""
         if self.session.greeting is None:
-            yield from self._ask(asking.greeting(), Greeting)
+            yield from self._ask(questions.greeting(), Greeting)
         assert self.session.greeting is not None
         return self.session.greeting
 
     def start_poses(self) -> Exchange[dict[str, Pose3]]:
-        """Ask for the start poses of the map."""
-        answer = yield from self._ask(asking.start_poses(), StartPoses)
+        """Request the start poses of the map."""
+        answer = yield from self._ask(questions.start_poses(), StartPoses)
         return dict(answer.poses)
 
     def spawn(
@@ -107,8 +106,8 @@ class Requests:
         start: str | None,
         pose: Pose2 | Pose3 | None,
     ) -> Exchange[None]:
-        """Ask for a robot, and wait until it says something, which is kept."""
-        question = asking.spawn(class_name, name=name, start=start, pose=pose)
+        """Request a robot and wait for its first report, which can still be read."""
+        question = questions.spawn(class_name, name=name, start=start, pose=pose)
         self.has_robot = True
         self._pending.clear()
         self.session.scans.clear()  # another robot's
@@ -116,51 +115,51 @@ class Requests:
         self._pending.insert(0, first)
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
-        """Ask, and give the answer; readings that come before it are skipped."""
+        """Send a question and return its answer; earlier reports are skipped."""
         wait = self._wait(question.what, timeout)
         if question.data:
             yield from self.send(question.data)
         return (yield from self._skip(question.accepts, wait))
 
     def robot_info(self, drive_unit: DriveUnit) -> Exchange[RobotInfo]:
-        """Ask for all that is known of the robot and its scanners."""
-        geo = yield from self._ask(asking.geometry(ROBOT), RobotGeo)
-        conf = yield from self._ask(asking.configuration(ROBOT), RobotConf)
-        told = ScannerDescriptions()
-        yield from self._describe_scanners(told, None)
-        for name in told.incomplete(self.session.scans):
-            yield from self._describe_scanners(told, name)
-        names = told.names(self.session.scans)
-        yield from self._see(names)
-        scanners = told.scanners(self.session.scans)
+        """Request the properties of the robot and its scanners."""
+        geo = yield from self._ask(questions.geometry(ROBOT), RobotGeo)
+        conf = yield from self._ask(questions.configuration(ROBOT), RobotConf)
+        descriptions = ScannerDescriptions()
+        yield from self._describe_scanners(descriptions, None)
+        for name in descriptions.incomplete(self.session.scans):
+            yield from self._describe_scanners(descriptions, name)
+        names = descriptions.names(self.session.scans)
+        yield from self._wait_for_scans(names)
+        scanners = descriptions.scanners(self.session.scans)
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
     def send(self, data: bytes) -> Exchange[None]:
-        """Say something that is not answered."""
+        """Send a command that has no answer."""
         try:
             yield data
         except ConnectionError as error:
-            said = data.decode("latin-1").strip()
-            text = f"{error}, expected to send {said[:80]!r}"
-            raise ClientError(f"{text}, {self._came()}") from None
+            line = data.decode("latin-1").strip()
+            text = f"{error}, expected to send {line[:80]!r}"
+            raise ClientError(f"{text}, {self._describe_last_line()}") from None
 
     def read(self, timeout: float | None) -> Exchange[list[Report]]:
-        """Give the next reports, at least one."""
+        """Return the next reports, at least one."""
         wait = self._wait("report", timeout)
         return (yield from self._more(wait))
 
     def wait_for(
         self, kind: type[AnyReport], name: str | None, timeout: float | None
     ) -> Exchange[AnyReport]:
-        """Skip reports up to one of a kind, and of an item of that name if given."""
+        """Skip reports up to the first of a kind and, if given, of a name."""
 
         def accepts(report: Report) -> bool:
             if not isinstance(report, kind):
                 return False
             return name is None or getattr(report, "name", None) == name
 
-        what = kind.__name__ if name is None else f"{kind.__name__} of {name!r}"
-        return (yield from self._ask(Question(b"", what, accepts), kind, timeout))
+        answer = kind.__name__ if name is None else f"{kind.__name__} of {name!r}"
+        return (yield from self._ask(Question(b"", answer, accepts), kind, timeout))
 
     def _ask(
         self, question: Question, kind: type[AnyReport], timeout: float | None = None
@@ -170,42 +169,40 @@ class Requests:
         return answer
 
     def _describe_scanners(
-        self, told: ScannerDescriptions, name: str | None
+        self, descriptions: ScannerDescriptions, name: str | None
     ) -> Exchange[None]:
-        """Ask for place and settings of one scanner or all; some servers are silent."""
-        where, what = (
-            asking.geometry(RANGE_SCANNER, name),
-            asking.configuration(RANGE_SCANNER, name),
-        )
-        missing = [where, what]
+        """Request mount and settings of one scanner or all; some servers are silent."""
+        geometry = questions.geometry(RANGE_SCANNER, name)
+        configuration = questions.configuration(RANGE_SCANNER, name)
+        missing = [geometry, configuration]
 
         def complete(report: Report) -> bool:
             for question in missing:
                 if question.accepts(report):
-                    told.add(report)
+                    descriptions.add(report)
                     missing.remove(question)
                     break
             return not missing
 
-        yield from self.send(where.data + what.data)
+        yield from self.send(geometry.data + configuration.data)
         with suppress(ClientTimeout):
-            yield from self._skip(complete, self._wait("scanners", PATIENCE))
+            yield from self._skip(complete, self._wait("scanners", SILENCE_LIMIT))
 
-    def _see(self, names: Sequence[str]) -> Exchange[None]:
-        """Wait for a scan of each scanner, for a while: their beams can be counted."""
+    def _wait_for_scans(self, names: Sequence[str]) -> Exchange[None]:
+        """Wait up to 2 s for a scan of each scanner, to count its beams."""
 
         def complete() -> bool:
-            seen = {name.casefold() for name in self.session.scans}
-            return all(name.casefold() in seen for name in names)
+            scanned = {name.casefold() for name in self.session.scans}
+            return all(name.casefold() in scanned for name in names)
 
         if not complete():
             with suppress(ClientTimeout):
                 yield from self._skip(
-                    lambda _: complete(), self._wait("scans", PATIENCE)
+                    lambda _: complete(), self._wait("scans", SILENCE_LIMIT)
                 )
 
     def _skip(self, wanted: Callable[[Report], bool], wait: Wait) -> Exchange[Report]:
-        """Skip reports up to one that is wanted, and keep those behind it."""
+        """Skip reports up to the first that is wanted; keep those after it."""
         while True:
             reports = yield from self._more(wait)
             for i, report in enumerate(reports):
@@ -215,34 +212,35 @@ class Requests:
             self._check(wait)
 
     def _more(self, wait: Wait) -> Exchange[list[Report]]:
-        """Give reports that were kept, or else the next that come."""
+        """Return the reports that were kept, or else the next ones."""
         reports, self._pending = self._pending, []
         while not reports:
             try:
                 data = yield wait.until - self._clock()
             except TimeoutError:
-                raise ClientTimeout(self._late(wait)) from None
+                raise ClientTimeout(self._timeout_text(wait)) from None
             except ConnectionError as error:
-                text = f"{error}, expected {wait.what}"
-                raise ClientError(f"{text}, {self._came()}") from None
+                text = f"{error}, expected {wait.expected}"
+                raise ClientError(f"{text}, {self._describe_last_line()}") from None
             reports = self.session.receive(data)
             if not reports:
                 self._check(wait)
         return reports
 
-    def _wait(self, what: str, timeout: float | None) -> Wait:
+    def _wait(self, expected: str, timeout: float | None) -> Wait:
         seconds = self.timeout if timeout is None else timeout
-        return Wait(what, seconds, self._clock() + seconds)
+        return Wait(expected, seconds, self._clock() + seconds)
 
     def _check(self, wait: Wait) -> None:
-        """Raise if the time is up, whatever else keeps coming."""
+        """Raise if the time is up, although other lines keep coming."""
         if self._clock() >= wait.until:
-            raise ClientTimeout(self._late(wait))
+            raise ClientTimeout(self._timeout_text(wait))
 
-    def _late(self, wait: Wait) -> str:
-        return f"no {wait.what} within {wait.timeout:g} s, {self._came()}"
+    def _timeout_text(self, wait: Wait) -> str:
+        text = f"no {wait.expected} within {wait.timeout:g} s"
+        return f"{text}, {self._describe_last_line()}"
 
-    def _came(self) -> str:
+    def _describe_last_line(self) -> str:
         session = self.session
         if not session.last:
             return "no whole line came"

@@ -1,8 +1,8 @@
-"""What a client must know of its robot, by what the robot says of itself.
+"""The properties of a robot and its scanners, from the reports of a server.
 
-Servers tell less than one would like: the original tells of the hull only by its
-wheels, and of the unit of wheel speeds not at all. What is filled in here is on the
-safe side.
+Servers do not report everything: the original reports the wheels instead of the hull,
+and no server reports the unit of wheel speeds. Values that are filled in here err on
+the safe side.
 """
 
 import math
@@ -24,16 +24,16 @@ from radarsim.protocol.reports import (
     ScannerConf,
 )
 
-DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # taken for a mount that nobody tells of
-WHEELS: Final = (1e-3, 1e3)  # m and drive units; what no robot on wheels is outside of
-MOST_BEAMS: Final = 100_000
-FARTHEST_MOUNT: Final = 10.0  # m from the robot's centre
-_PRINTED = 0.01  # rad by which a whole turn may come out larger than it is
+DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # of a scanner whose mount is not reported
+WHEEL_LIMITS: Final = (1e-3, 1e3)  # m and drive units; plausible for a robot on wheels
+MAX_BEAMS: Final = 100_000
+MAX_MOUNT_DISTANCE: Final = 10.0  # m from the robot's centre
+_PRINTED = 0.01  # rad by which rounding may enlarge a whole turn
 
 
 @dataclass(frozen=True, slots=True)
 class ScannerLimits:
-    """What a server configures a scanner by; range limits in m, angles in rad."""
+    """Reported settings of a scanner; range limits in m, angles in rad."""
 
     max_range: float
     min_range: float
@@ -49,13 +49,13 @@ class ScannerInfo:
     """One scanner.
 
     Attributes:
-        name: Of its scans.
-        mount: In the body frame.
-        min_range: m.
-        max_range: m, which a beam without return reads; ``inf`` if nobody tells.
+        name: Name in its scans.
+        mount: Pose in the body frame.
+        min_range: Minimum range, m.
+        max_range: Range of a beam without return, m; ``inf`` if it is not reported.
         resolution: Angle between neighbouring beams, rad.
         fov: Angle between the first beam and the last, rad.
-        beams: How many there are.
+        beams: Number of beams.
     """
 
     name: str
@@ -68,7 +68,7 @@ class ScannerInfo:
 
     @property
     def angles(self) -> Floats:
-        """(N,) rad, counter-clockwise from the right, 0 ahead of the scanner."""
+        """Angles of the beams, (N,) rad, from right to left; 0 is ahead."""
         return np.linspace(-self.fov / 2, self.fov / 2, self.beams)
 
 
@@ -77,15 +77,15 @@ class RobotInfo:
     """One robot.
 
     Attributes:
-        name: Its class.
-        length: Of the hull, m.
-        width: Of the hull, m.
-        height: Of the hull, m; 0 if nobody tells.
-        wheel_radius: m.
-        wheel_separation: Between left and right wheels, m.
-        max_wheel_speed: m/s at the rim.
-        drive_scale: What the server takes for a wheel's spin of 1 rad/s.
-        scanners: In the order in which the server names them.
+        name: Class of the robot.
+        length: Length of the hull, m.
+        width: Width of the hull, m.
+        height: Height of the hull, m; 0 if it is not reported.
+        wheel_radius: Radius of the wheels, m.
+        wheel_separation: Distance between left and right wheels, m.
+        max_wheel_speed: Maximum speed of a wheel at its rim, m/s.
+        drive_scale: Drive units in 1 rad/s.
+        scanners: Scanners in the order of the server.
     """
 
     name: str
@@ -106,7 +106,7 @@ class RobotInfo:
         scanners: tuple[ScannerInfo, ...],
         drive_unit: DriveUnit,
     ) -> Self:
-        """Put together what a robot says of itself.
+        """Combine the geometry and the configuration of a robot.
 
         Raises:
             ClientError: If a wheel dimension or the hull is not plausible.
@@ -116,7 +116,7 @@ class RobotInfo:
             "WheelSeparation": geo.wheel_separation,
             "MaxSpeed": conf.max_speed,
         }
-        least, most = WHEELS
+        least, most = WHEEL_LIMITS
         for key, value in wheels.items():
             if not least <= value <= most:
                 text = f"{key} {value:g} of robot {geo.name[:80]!r}"
@@ -140,23 +140,23 @@ class RobotInfo:
 
     @property
     def clearance(self) -> float:
-        """Half the diagonal of the hull, m: what it needs around it to turn."""
+        """Half the diagonal of the hull, m: the free radius that turning needs."""
         return math.hypot(self.length, self.width) / 2
 
     @property
     def top_speed(self) -> float:
-        """Straight ahead, m/s."""
+        """Maximum speed straight ahead, m/s."""
         return self.max_wheel_speed
 
     def wheel_speeds(self, speed: float, turn: float) -> tuple[float, float]:
-        """Give the spin of the left and the right wheels for a motion, in drive units.
+        """Compute the speeds of the left and the right wheels in drive units.
 
-        Where a wheel would have to be faster than it can, both are slowed down by one
-        factor, so that the robot still follows the same curve.
+        If a wheel would exceed its maximum speed, both are slowed down by one factor,
+        so that the robot still follows the same curve.
 
         Args:
-            speed: Ahead, m/s.
-            turn: Counter-clockwise, rad/s.
+            speed: Forward speed, m/s.
+            turn: Counter-clockwise turn rate, rad/s.
         """
         across = turn * self.wheel_separation / 2
         left, right = speed - across, speed + across
@@ -168,7 +168,7 @@ class RobotInfo:
         return left * factor, right * factor
 
     def scanner(self, name: str | None = None) -> ScannerInfo:
-        """Give one scanner, by default the first.
+        """Return a scanner by name, by default the first.
 
         Raises:
             ClientError: If the robot has no such scanner.
@@ -182,32 +182,32 @@ class RobotInfo:
 
 
 def same_name(one: str, other: str) -> bool:
-    """Tell whether two names are one item's; servers mix upper and lower case."""
+    """Return whether names are equal in any case; servers mix upper and lower case."""
     return one.casefold() == other.casefold()
 
 
-def is_sound(scan: RangeScan) -> bool:
-    """Tell whether a scan can be one: its beams fan out, and its ranges are lengths."""
-    fans = scan.fov > 0 or (len(scan.ranges) == 1 and scan.fov == 0)
+def is_plausible(scan: RangeScan) -> bool:
+    """Return whether a scan has a field of view and finite ranges of at least 0."""
+    has_fov = scan.fov > 0 or (len(scan.ranges) == 1 and scan.fov == 0)
     lengths = bool(np.all((scan.ranges >= 0) & (scan.ranges < np.inf)))
-    return fans and lengths and not _is_too_wide(scan.fov, scan.resolution)
+    return has_fov and lengths and not _is_too_wide(scan.fov, scan.resolution)
 
 
 def beam_angles(scan: RangeScan) -> Floats:
-    """Give the angles of a scan's beams, (N,) rad, 0 ahead of the scanner.
+    """Compute the angles of a scan's beams, (N,) rad; 0 is ahead of the scanner.
 
-    By the field of view and the number of ranges: the resolution is printed with few
-    digits, and over half a circle an error in it adds up to half a degree.
+    They follow from the field of view and the number of ranges: the resolution has few
+    digits, and over half a circle its error would add up to half a degree.
     """
     return np.linspace(-scan.fov / 2, scan.fov / 2, len(scan.ranges))
 
 
 def hull(geo: RobotGeo) -> tuple[float, float, float]:
-    """Give length, width and height of a robot, m.
+    """Return length, width and height of a robot, m.
 
-    The original server tells the wheel base and separation instead, and no height. The
-    hull is then taken to reach one wheel's radius beyond the wheels on all sides, which
-    is more than that of the robots it has.
+    The original server reports wheel base and separation instead, and no height. The
+    hull is then assumed to extend one wheel radius beyond the wheels on all sides,
+    which is more than that of its robots.
     """
     length, width, height = geo.dimensions
     if height > 0:
@@ -218,19 +218,21 @@ def hull(geo: RobotGeo) -> tuple[float, float, float]:
 
 
 class ScannerDescriptions:
-    """What a server tells of scanners, as it comes.
+    """Collects the answers of a server about its scanners.
 
-    Servers differ in how much they answer; what a scan says is added at the end. Names
-    that differ in case only are those of one scanner.
+    Servers differ in how much they answer; scans supply the rest. Names that differ
+    only in case belong to one scanner.
     """
 
     def __init__(self) -> None:
-        self._names: dict[str, str] = {}  # as they came first; all keys are casefolded
+        self._names: dict[
+            str, str
+        ] = {}  # in their first spelling; all keys are casefolded
         self._mounts: dict[str, Pose3] = {}
         self._limits: dict[str, ScannerLimits] = {}
 
     def add(self, report: Report) -> None:
-        """Take in an answer; what is none of scanners changes nothing."""
+        """Add an answer; other reports have no effect."""
         if isinstance(report, ItemGeo):
             for name, mount in report.mounts:
                 self._mounts[self._key(name)] = mount
@@ -244,39 +246,41 @@ class ScannerDescriptions:
         return key
 
     def names(self, scans: Iterable[str]) -> list[str]:
-        """Give all names that occurred, given those that scans came of."""
+        """Return all names that occurred, those of scans included."""
         names = {name.casefold(): name for name in scans} | self._names
         keys = (*self._mounts, *self._limits, *names)
         return [names[key] for key in dict.fromkeys(keys)]
 
     def incomplete(self, scans: Iterable[str]) -> list[str]:
-        """Give the names of those that have not told everything."""
+        """Return the names of scanners without a mount or without settings."""
         complete = self._mounts.keys() & self._limits.keys()
         return [name for name in self.names(scans) if name.casefold() not in complete]
 
     def scanners(self, scans: Mapping[str, RangeScan]) -> tuple[ScannerInfo, ...]:
-        """Put all together; who says nothing of its beams is left out.
+        """Return the scanners; those with unknown beams are left out.
 
         Args:
-            scans: By name; of the beams a scan tells best, since they can be counted.
+            scans: Latest scans by name. They determine the beams, which can be counted.
 
         Raises:
-            ClientError: If a scanner is told to be what none can be.
+            ClientError: If the settings of a scanner are not plausible.
         """
-        seen = {name.casefold(): scan for name, scan in scans.items()}
-        facts = []
+        by_key = {name.casefold(): scan for name, scan in scans.items()}
+        scanners = []
         for name in self.names(scans):
             key = name.casefold()
             limits = self._limits.get(key, UNLIMITED)
             mount = self._mounts.get(key, DEFAULT_MOUNT)
             _check_scanner(name, limits, mount)
-            scan = seen.get(key)
-            fan = _fan(limits, scan)
-            if fan is not None:
-                told = name if scan is None else scan.name
+            scan = by_key.get(key)
+            layout = _beam_layout(limits, scan)
+            if layout is not None:
+                spelling = name if scan is None else scan.name
                 nearest, farthest = limits.min_range, limits.max_range
-                facts.append(ScannerInfo(told, mount, nearest, farthest, *fan))
-        return tuple(facts)
+                scanners.append(
+                    ScannerInfo(spelling, mount, nearest, farthest, *layout)
+                )
+        return tuple(scanners)
 
 
 def _check_scanner(name: str, limits: ScannerLimits, mount: Pose3) -> None:
@@ -286,32 +290,32 @@ def _check_scanner(name: str, limits: ScannerLimits, mount: Pose3) -> None:
         wrong = f"MaxRange {limits.max_range:g}, expected more than 0"
     elif limits.fov < 0 or _is_too_wide(limits.fov, limits.resolution):
         wrong = f"FOV {limits.fov:g}, expected 0 to a whole turn in radians"
-    elif 0 < limits.resolution < limits.fov / MOST_BEAMS:
+    elif 0 < limits.resolution < limits.fov / MAX_BEAMS:
         text = f"Resolution {limits.resolution:g} for FOV {limits.fov:g}"
-        wrong = f"{text}, expected at most {MOST_BEAMS} beams"
-    elif far > FARTHEST_MOUNT:
+        wrong = f"{text}, expected at most {MAX_BEAMS} beams"
+    elif far > MAX_MOUNT_DISTANCE:
         text = f"mount {far:g} m from the robot's centre"
-        wrong = f"{text}, expected at most {FARTHEST_MOUNT:g} m"
+        wrong = f"{text}, expected at most {MAX_MOUNT_DISTANCE:g} m"
     if wrong:
         raise ClientError(f"scanner {name[:80]!r} has {wrong}")
 
 
 def _is_too_wide(fov: float, resolution: float) -> bool:
-    """Tell whether beams go round more than once, by more than one step."""
+    """Return whether the beams span more than a whole turn and one step."""
     turn = 2 * math.pi
-    step = resolution if 0 < resolution < turn else 0.0  # it may be nonsense itself
+    step = resolution if 0 < resolution < turn else 0.0  # it may be implausible itself
     return fov > turn + step + _PRINTED
 
 
-def _fan(
+def _beam_layout(
     limits: ScannerLimits, scan: RangeScan | None
 ) -> tuple[float, float, int] | None:
-    """Give resolution, field of view and number of beams, or None."""
+    """Return resolution, field of view and number of beams; None if unknown."""
     if scan is not None:
         gaps = len(scan.ranges) - 1
         return (scan.fov / gaps if gaps else scan.resolution), scan.fov, gaps + 1
     if not (limits.resolution > 0 and limits.fov >= 0):
         return None
-    # Both are printed with few digits, so a whole number may come out a little less.
+    # Both have few digits, so the quotient may be a little below a whole number.
     gaps = int(limits.fov / limits.resolution + 0.02)
     return limits.resolution, limits.fov, gaps + 1

@@ -1,16 +1,16 @@
-"""One connection's bytes to reports, and questions to bytes; no sockets and no clock.
+"""Received bytes to reports and questions to bytes, without sockets and clocks.
 
-A server may say anything: what is no line, no report or not of a kind that is known is
-counted and skipped. A client that needs an answer asks a ``Question``, which knows the
-answer when it sees it among the readings that never stop.
+A server may send anything: a line that is not a known report is counted and skipped. A
+``Question`` recognizes its answer among the readings, which never stop.
 """
 
 import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
-from radarsim.client.robot_info import is_sound
+from radarsim.client.robot_info import is_plausible, same_name
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.commands import (
@@ -23,7 +23,6 @@ from radarsim.protocol.commands import (
     SetItem,
     encode_command,
 )
-from radarsim.protocol.decode import decode_report
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.reports import (
     EncoderConf,
@@ -32,22 +31,26 @@ from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,
     RangeScan,
-    Reading,
     Report,
     RobotConf,
     RobotGeo,
     ScannerConf,
+    SensorReport,
     StartPoses,
     Status,
     TouchConf,
+    decode_report,
 )
 
-ROBOT = "Robot"  # the type by which clients ask about the robot itself
+ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
 
 
+Stamped = TypeVar("Stamped", bound=SensorReport | Status)
+
+
 def check_timeout(timeout: float) -> None:
-    """Refuse a wait of no length.
+    """Check a timeout.
 
     Raises:
         ValueError: If it is not above 0 s.
@@ -57,14 +60,14 @@ def check_timeout(timeout: float) -> None:
 
 
 class Session:
-    """Everything that one server has said.
+    """The state of one connection.
 
     Attributes:
-        greeting: None before it has come.
-        time: The newest time stamp, s of the server; not a number before the first.
-        scans: The newest scan of each scanner, by name.
-        unread: How many lines were skipped.
-        last: The last line, whatever it was; empty before the first.
+        greeting: Greeting of the server; None before it has come.
+        time: Latest time stamp of the server, s; NaN before the first.
+        scans: Latest scan of each scanner by name.
+        unread: Number of skipped lines.
+        last: Last line of any kind; empty before the first.
     """
 
     def __init__(self) -> None:
@@ -76,9 +79,9 @@ class Session:
         self._lines = LineBuffer()
 
     def receive(self, data: bytes) -> list[Report]:
-        """Take what came and give the reports that it completes, in order.
+        """Add received bytes and return the reports that they complete, in order.
 
-        A report without a time stamp gets the newest one. Never raises.
+        A report without a time stamp gets the latest one. Never raises.
         """
         reports = []
         for piece in data.splitlines(keepends=True):
@@ -88,7 +91,9 @@ class Session:
                 if report is not None:
                     reports.append(report)
             if self._lines.overflow is not None:
-                self._lines = LineBuffer()  # the rest of that line is one of no kind
+                self._lines = (
+                    LineBuffer()
+                )  # the rest of that line is another unknown line
                 self.unread += 1
         return reports
 
@@ -96,17 +101,17 @@ class Session:
         report = None
         with suppress(MalformedMessage):
             report = decode_report(line)
-        if isinstance(report, RangeScan) and not is_sound(report):
+        if isinstance(report, RangeScan) and not is_plausible(report):
             report = None
         if report is None:
             self.unread += 1
         elif isinstance(report, Greeting):
             self.greeting = report
-        elif isinstance(report, Reading | Status):
+        elif isinstance(report, SensorReport | Status):
             return self._stamped(report)
         return report
 
-    def _stamped(self, report: Reading | Status) -> Report:
+    def _stamped(self, report: Stamped) -> Stamped:
         if math.isnan(report.time):
             report = replace(report, time=self.time)
         elif not report.time < self.time:
@@ -118,12 +123,12 @@ class Session:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Something to say, and what to wait for then.
+    """A line to send and the answer to wait for.
 
     Attributes:
-        data: The line; empty if nothing is to be said.
-        what: The answer, for an error that it is missing.
-        accepts: Whether a report is the answer.
+        data: Line to send; empty if the answer comes by itself.
+        what: Name of the answer for error texts.
+        accepts: Returns whether a report is the answer.
     """
 
     data: bytes
@@ -132,12 +137,12 @@ class Question:
 
 
 def greeting() -> Question:
-    """Wait for the greeting, which comes unasked."""
+    """Return the question for the greeting, which comes by itself."""
     return Question(b"", "greeting", lambda report: isinstance(report, Greeting))
 
 
 def start_poses() -> Question:
-    """Ask for the start poses of the map."""
+    """Return the question for the start poses of the map."""
     return Question(
         _bytes(GetStartPoses()),
         "start poses",
@@ -146,46 +151,46 @@ def start_poses() -> Question:
 
 
 def geometry(kind: str, name: str | None = None) -> Question:
-    """Ask for the shape of the robot, or where items are mounted.
+    """Return the question for the robot's dimensions or the mounts of items.
 
     Args:
         kind: ``Robot``, or a type of items such as ``RangeScanner``.
-        name: Of one item; None for all of the type.
+        name: Name of one item; None for all items of the type.
 
     Raises:
-        ValueError: If a line cannot hold these.
+        ValueError: If a text cannot be written on a line.
     """
 
     def accepts(report: Report) -> bool:
         if kind.lower() == ROBOT.lower():
             return isinstance(report, RobotGeo)
-        if not isinstance(report, ItemGeo) or not _same(report.type, kind):
+        if not isinstance(report, ItemGeo) or not same_name(report.type, kind):
             return False
-        return _tells_of(name, [mount[0] for mount in report.mounts])
+        return _includes(name, [mount[0] for mount in report.mounts])
 
-    what = f"GEO of {_named(kind, name)}"
-    return Question(_bytes(GetGeo(kind, name)), what, accepts)
+    answer = f"GEO of {_named(kind, name)}"
+    return Question(_bytes(GetGeo(kind, name)), answer, accepts)
 
 
 def configuration(kind: str, name: str | None = None) -> Question:
-    """Ask for the settings of the robot or of items; arguments as in ``geometry``.
+    """Return the question for settings; arguments as in ``geometry``.
 
     Raises:
-        ValueError: If a line cannot hold these.
+        ValueError: If a text cannot be written on a line.
     """
 
     def accepts(report: Report) -> bool:
         if kind.lower() == ROBOT.lower():
             return isinstance(report, RobotConf)
         if isinstance(report, NameConf):
-            return _same(report.type, kind) and _tells_of(name, report.names)
+            return same_name(report.type, kind) and _includes(name, report.names)
         if isinstance(report, ScannerConf | IntervalConf | EncoderConf | TouchConf):
             names = [item[0] for item in report.items]
-            return _same(report.type, kind) and _tells_of(name, names)
+            return same_name(report.type, kind) and _includes(name, names)
         return False
 
-    what = f"CONF of {_named(kind, name)}"
-    return Question(_bytes(GetConf(kind, name)), what, accepts)
+    answer = f"CONF of {_named(kind, name)}"
+    return Question(_bytes(GetConf(kind, name)), answer, accepts)
 
 
 def spawn(
@@ -195,34 +200,34 @@ def spawn(
     start: str | None = None,
     pose: Pose2 | Pose3 | None = None,
 ) -> Question:
-    """Ask for a robot; the answer is whatever it says first.
+    """Return the request for a robot; its answer is the robot's first report.
 
     Args:
-        class_name: With or without its package.
-        name: None leaves it to the server.
+        class_name: Class of the robot with or without its package.
+        name: Name of the robot; None lets the server choose.
         start: Name of a start pose, or None.
-        pose: If there is no ``start``; with neither, the server decides.
+        pose: Pose if ``start`` is None; without both, the server decides.
 
     Raises:
-        ValueError: If both are given, or a line cannot hold these.
+        ValueError: If both are given, or a text cannot be written on a line.
     """
     if start is not None and pose is not None:
         raise ValueError(f"start {start!r} and a pose, expected only one of them")
     if isinstance(pose, Pose2):
         pose = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
-    place = {}
+    pose_fields = {}
     if pose is not None:
-        place["position"] = (pose.x, pose.y, pose.z)
-        place["rotation"] = (pose.roll, pose.pitch, pose.yaw)
+        pose_fields["position"] = (pose.x, pose.y, pose.z)
+        pose_fields["rotation"] = (pose.roll, pose.pitch, pose.yaw)
     return Question(
-        _bytes(Init(class_name, name, start, **place)),
+        _bytes(Init(class_name, name, start, **pose_fields)),
         f"reading of the robot {class_name!r}",
-        lambda report: isinstance(report, Reading | Status),
+        lambda report: isinstance(report, SensorReport | Status),
     )
 
 
 def drive(left: float, right: float) -> bytes:
-    """Order wheel speeds, in the server's unit.
+    """Write the command for wheel speeds in the server's unit.
 
     Raises:
         ValueError: If one is not finite.
@@ -231,19 +236,19 @@ def drive(left: float, right: float) -> bytes:
 
 
 def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
-    """Give an order to the items of a type, or to the one of a name.
+    """Write an opcode for the items of a type, or for the one of a name.
 
     Raises:
-        ValueError: If a line cannot hold these.
+        ValueError: If a text cannot be written on a line.
     """
     return _bytes(SetItem(kind, name, opcode, params))
 
 
 def echoes(scanner: str, on: bool = True) -> bytes:
-    """Ask a scanner of radarsim for ``EchoLine`` reports, or for no more of them.
+    """Write the command that switches a scanner's ``EchoLine`` reports on or off.
 
     Raises:
-        ValueError: If a line cannot hold the name.
+        ValueError: If the name cannot be written on a line.
     """
     return set_item(RANGE_SCANNER, scanner, "ECHOES", str(on).lower())
 
@@ -252,12 +257,8 @@ def _bytes(command: Command) -> bytes:
     return encode_command(command).encode("ascii") + b"\r\n"
 
 
-def _same(one: str, other: str) -> bool:
-    return one.lower() == other.lower()
-
-
-def _tells_of(name: str | None, names: "list[str] | tuple[str, ...]") -> bool:
-    return name is None or any(_same(name, other) for other in names)
+def _includes(name: str | None, names: "list[str] | tuple[str, ...]") -> bool:
+    return name is None or any(same_name(name, other) for other in names)
 
 
 def _named(kind: str, name: str | None) -> str:

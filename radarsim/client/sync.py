@@ -1,9 +1,9 @@
-"""A client that waits in the calling thread."""
+"""A client that blocks the calling thread."""
 
 from types import TracebackType
 from typing import Self, TypeVar
 
-from radarsim.client import session as asking
+from radarsim.client import session as questions
 from radarsim.client.deprecation import warn_renamed
 from radarsim.client.requests import Exchange, Requests, Step
 from radarsim.client.robot_info import RobotInfo
@@ -19,27 +19,28 @@ AnyReport = TypeVar("AnyReport", bound=Report)
 
 
 class Client:
-    """One connection to a server, and the robot that it has there.
+    """One connection to a server and its robot there.
 
-    Whatever waits raises ``ClientTimeout`` when the time is up and ``ClientError`` when
-    the connection is gone; both say what was missing, and what came last.
+    Every call that waits raises ``ClientTimeout`` when its time is up and
+    ``ClientError`` when the connection is lost. Both name what was expected and the
+    last line that was received.
 
     Attributes:
-        transport: What it talks over; its time is the only one that this client knows.
+        transport: Connection to the server; its clock is the only one that is used.
     """
 
     def __init__(self, transport: Transport, *, timeout: float = 5.0) -> None:
-        """Talk over a link, which from now on belongs to the client.
+        """Use a transport, which the client closes.
 
         Args:
-            transport: Connected.
-            timeout: Longest wait where a call is told no other, s of the link's time.
+            transport: Open connection.
+            timeout: Default timeout of every call, s of the transport's clock.
 
         Raises:
-            ValueError: If that is not above 0.
+            ValueError: If the timeout is not above 0.
         """
         self.transport = transport
-        self._talk = Requests(transport.time, timeout=timeout)
+        self._requests = Requests(transport.time, timeout=timeout)
 
     @classmethod
     def connect(
@@ -50,10 +51,10 @@ class Client:
         Args:
             host: Name or address.
             port: TCP port.
-            timeout: Longest wait, s: for the connection, and as in ``Client``.
+            timeout: Timeout of the connection attempt and default of every call, s.
 
         Raises:
-            ClientError: If no server is there.
+            ClientError: If the connection cannot be opened.
             ValueError: If the timeout is not above 0.
         """
         return cls(SocketTransport(host, port, timeout=timeout), timeout=timeout)
@@ -66,8 +67,8 @@ class Client:
 
     @property
     def session(self) -> Session:
-        """All that the server has said: newest time and scans, lines skipped."""
-        return self._talk.session
+        """State of the connection: latest time stamp, latest scans, skipped lines."""
+        return self._requests.session
 
     def __enter__(self) -> Self:
         return self
@@ -81,12 +82,12 @@ class Client:
         self.close()
 
     def greeting(self) -> Greeting:
-        """Give the server's first words; they say the name of the map."""
-        return self._run(self._talk.greeting())
+        """Return the greeting, which names the map."""
+        return self._run(self._requests.greeting())
 
     def start_poses(self) -> dict[str, Pose3]:
-        """Ask for the start poses of the map, by name."""
-        return self._run(self._talk.start_poses())
+        """Request the start poses of the map by name."""
+        return self._run(self._requests.start_poses())
 
     def spawn(
         self,
@@ -96,55 +97,58 @@ class Client:
         start: str | None = None,
         pose: Pose2 | Pose3 | None = None,
     ) -> None:
-        """Have a robot made, and wait until it says something.
+        """Spawn a robot and wait for its first report.
 
-        A server says nothing where it makes none: what it has no class or no place for.
+        A server does not report a failure: without such a class, or without a free
+        place, no report comes.
 
         Args:
-            class_name: Such as ``P3AT``.
-            name: None leaves it to the server.
+            class_name: Class of the robot, such as ``P3AT``.
+            name: Name of the robot; None lets the server choose.
             start: Name of a start pose.
-            pose: Of the robot, if there is no ``start``; with neither, the server's.
+            pose: Pose of the robot if ``start`` is None; without both, the server's.
 
         Raises:
-            ClientError: If the robot says nothing.
-            ValueError: If both are given, or a line cannot hold what is given.
+            ClientError: If no report comes.
+            ValueError: If both ``start`` and ``pose`` are given, or a text cannot be
+                written on a line.
         """
-        self._run(self._talk.spawn(class_name, name, start, pose))
+        self._run(self._requests.spawn(class_name, name, start, pose))
 
     def geometry(self, kind: str, name: str | None = None) -> Report:
-        """Ask where things are.
+        """Request the robot's dimensions or the mounts of items.
 
         Args:
             kind: ``Robot``, or a type of items such as ``RangeScanner``.
-            name: Of one item; None for all of the type.
+            name: Name of one item; None for all items of the type.
 
         Returns:
             A ``RobotGeo`` or an ``ItemGeo``.
         """
-        return self._run(self._talk.ask(asking.geometry(kind, name)))
+        return self._run(self._requests.ask(questions.geometry(kind, name)))
 
     def configuration(self, kind: str, name: str | None = None) -> Report:
-        """Ask for settings; arguments as in ``geometry``.
+        """Request settings; arguments as in ``geometry``.
 
         Returns:
-            A ``RobotConf``, ``ScannerConf`` or another report that ends in ``Conf``.
+            A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
         """
-        return self._run(self._talk.ask(asking.configuration(kind, name)))
+        return self._run(self._requests.ask(questions.configuration(kind, name)))
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
-        """Find out what the robot is, and which scanners it has.
+        """Request the robot's dimensions and limits and its scanners.
 
-        What a server does not tell of a scanner is taken from its scans, after 2 s.
+        Properties of a scanner that a server does not report within 2 s are taken from
+        its scans.
 
         Args:
-            drive_unit: What the server counts wheel speeds in; no server tells.
+            drive_unit: Unit of the server's wheel speeds, which no server reports.
 
         Raises:
-            ClientError: If the robot's own geometry or configuration stays away, or
-                has wheels that cannot be.
+            ClientError: If the geometry or the configuration of the robot does not
+                come, or is not plausible.
         """
-        return self._run(self._talk.robot_info(drive_unit))
+        return self._run(self._requests.robot_info(drive_unit))
 
     def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """Call ``robot_info``; deprecated."""
@@ -152,14 +156,14 @@ class Client:
         return self.robot_info(drive_unit=drive_unit)
 
     def echoes(self, scanner: str, on: bool = True) -> None:
-        """Ask a scanner for ``EchoLine`` reports before each scan, or for no more."""
-        self._run(self._talk.send(asking.echoes(scanner, on)))
+        """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
+        self._run(self._requests.send(questions.echoes(scanner, on)))
 
     def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
-        """Give an order to the items of a type, such as ``RESET`` to ``Odometry``."""
-        self._run(self._talk.send(asking.set_item(kind, name, opcode, params)))
+        """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``."""
+        self._run(self._requests.send(questions.set_item(kind, name, opcode, params)))
 
     def order(self, kind: str, name: str | None, opcode: str, params: str = "") -> None:
         """Call ``set_item``; deprecated."""
@@ -167,14 +171,14 @@ class Client:
         self.set_item(kind, name, opcode, params)
 
     def drive(self, left: float, right: float) -> None:
-        """Set the spin of the left and the right wheels, in the server's unit.
+        """Set the speeds of the left and the right wheels in the server's unit.
 
-        It holds until the next call. ``RobotInfo.wheel_speeds`` gives these.
+        They hold until the next call. ``RobotInfo.wheel_speeds`` computes them.
         """
-        self._run(self._talk.send(asking.drive(left, right)))
+        self._run(self._requests.send(questions.drive(left, right)))
 
     def stop(self) -> bool:
-        """Stop the wheels; tells whether that could be sent, and never raises."""
+        """Stop the wheels; return whether that could be sent, and never raise."""
         try:
             self.drive(0.0, 0.0)
         except ClientError:
@@ -182,8 +186,8 @@ class Client:
         return True
 
     def read(self, timeout: float | None = None) -> list[Report]:
-        """Give the next reports, at least one, in their order."""
-        return self._run(self._talk.read(timeout))
+        """Return the next reports, at least one, in order."""
+        return self._run(self._requests.read(timeout))
 
     def wait_for(
         self,
@@ -192,33 +196,33 @@ class Client:
         name: str | None = None,
         timeout: float | None = None,
     ) -> AnyReport:
-        """Skip reports up to one of a kind; those behind it stay to be read.
+        """Skip reports up to the first of a kind; later ones can still be read.
 
         Args:
-            kind: Such as ``RangeScan``.
-            name: Of the item, if it is to be one only.
-            timeout: Longest wait for it, s.
+            kind: Class of the report, such as ``RangeScan``.
+            name: Name of the item; None accepts any.
+            timeout: Timeout, s; None for the default.
         """
-        return self._run(self._talk.wait_for(kind, name, timeout))
+        return self._run(self._requests.wait_for(kind, name, timeout))
 
     def close(self) -> None:
-        """Stop the robot if that can be, and let go of the server; never raises."""
-        if self._talk.has_robot:
+        """Stop the robot if possible and close the connection; never raise."""
+        if self._requests.has_robot:
             self.stop()
-            self._talk.has_robot = False
+            self._requests.has_robot = False
         self.transport.close()
 
-    def _run(self, talk: Exchange[Value]) -> Value:
-        """Send and wait as a talk says, and give what comes of it."""
+    def _run(self, exchange: Exchange[Value]) -> Value:
+        """Run an exchange over the transport and return its result."""
         try:
-            step = next(talk)
+            step = next(exchange)
             while True:
                 try:
-                    came = self._do(step)
+                    data = self._do(step)
                 except (TimeoutError, ConnectionError) as error:
-                    step = talk.throw(error)
+                    step = exchange.throw(error)
                 else:
-                    step = talk.send(came)
+                    step = exchange.send(data)
         except StopIteration as end:
             value: Value = end.value
             return value

@@ -1,7 +1,7 @@
-"""What bytes travel on between a client that waits and a server.
+"""The connection between a blocking client and a server.
 
-A link has a time of its own: that of the wall for a socket, simulated time where client
-and server take turns in one process. Clients wait by it and look at no other clock.
+A transport has a clock of its own: the wall clock for a socket, simulated time where
+client and server take turns in one process. Timeouts of clients use only this clock.
 """
 
 import socket
@@ -12,43 +12,44 @@ from typing import Protocol
 from radarsim.client.session import check_timeout
 from radarsim.errors import ClientError
 
-SHORTEST_WAIT = 0.001  # s; 0 would mean not to wait even for what is there
+SHORTEST_WAIT = 0.001  # s; with 0 even data that has arrived would not be read
 CHUNK = 65536  # bytes
-LAST_WORDS = 0.2  # s that a server has to take what was sent last
+CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
 STUCK = "the server takes nothing any more"
 
 
 class Transport(Protocol):
-    """A connection to a server; see ``SocketTransport`` for one.
+    """A connection to a server, such as ``SocketTransport``.
 
-    A ``ConnectionError`` says in its text what happened, for the sentence that a
-    ``ClientError`` makes of it.
+    The text of a ``ConnectionError`` becomes the start of the ``ClientError`` that the
+    client raises.
     """
 
     def send(self, data: bytes) -> None:
-        """Hand over bytes, all of them.
+        """Send all bytes.
 
         Raises:
-            ConnectionError: If the server does not take them, or the link is closed.
+            ConnectionError: If the server does not accept them, or the transport is
+                closed.
         """
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes; never gives none.
+        """Wait for bytes and return at least one.
 
         Args:
-            timeout: Longest wait, s of the link's time. What is there already comes
-                even if this is not above 0.
+            timeout: Longest wait, s. Bytes that have arrived are returned even if it
+                is not above 0.
 
         Raises:
-            TimeoutError: If nothing has come by then.
-            ConnectionError: If the link is closed, by whichever side.
+            TimeoutError: If no bytes arrive in time.
+            ConnectionError: If either side has closed the connection.
         """
 
     def time(self) -> float:
-        """Give the time by which this link waits, s since whenever."""
+        """Return the time of the clock for timeouts, s since any moment."""
 
     def close(self) -> None:
-        """Let go of the server; more than once does nothing more."""
+        """Close the connection; further calls have no effect."""
 
 
 class SocketTransport:
@@ -60,11 +61,10 @@ class SocketTransport:
         Args:
             host: Name or address.
             port: TCP port.
-            timeout: Longest wait, s, for the connection and for the server to take
-                what is sent.
+            timeout: Timeout of the connection attempt and of sending, s.
 
         Raises:
-            ClientError: If nobody answers there.
+            ClientError: If the connection cannot be opened.
             ValueError: If the timeout is not above 0.
         """
         check_timeout(timeout)
@@ -74,11 +74,11 @@ class SocketTransport:
             self._socket = socket.create_connection((host, port), timeout)
         except OSError as error:
             raise ClientError(f"no server at {host}:{port}: {error}") from None
-        with suppress(OSError):  # orders to drive are short, and urgent
+        with suppress(OSError):  # commands are short, and urgent
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def send(self, data: bytes) -> None:
-        """Send bytes, as ``Transport.send``; after half a line nothing more is sent."""
+        """See ``Transport.send``; after a partial line nothing more is sent."""
         if self._stuck:
             raise ConnectionError(STUCK)
         try:
@@ -91,7 +91,7 @@ class SocketTransport:
             raise ConnectionError(f"the connection is lost: {error}") from None
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes, as ``Transport.receive``."""
+        """See ``Transport.receive``."""
         try:
             self._socket.settimeout(max(timeout, SHORTEST_WAIT))
             data = self._socket.recv(CHUNK)
@@ -104,18 +104,19 @@ class SocketTransport:
         return data
 
     def time(self) -> float:
-        """Give the time of the wall's steady clock, s."""
+        """Return the time of the monotonic wall clock, s."""
         return time.monotonic()
 
     def close(self) -> None:
-        """Close the socket, upon which a server takes the robot off the floor.
+        """Close the socket, upon which a server removes the robot.
 
-        What the server still says is read away for a moment: a socket that is closed
-        before may take the last orders back, one that the robot stops among them.
+        Data from the server is read and dropped for a moment: closing a socket with
+        unread data resets the connection, and the server may lose the last commands,
+        such as the one that stops the robot.
         """
         if self._socket.fileno() < 0:
             return
-        until = time.monotonic() + LAST_WORDS
+        until = time.monotonic() + CLOSE_GRACE
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
             while (left := until - time.monotonic()) > 0:

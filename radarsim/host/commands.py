@@ -65,13 +65,20 @@ class CommandHandler:
     def handle(self, client: Client, line: str) -> Handled:
         """Execute the command in a line."""
         try:
-            command = parse_command(line, self._config.dialect)
+            parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
+<<<<<<< HEAD
             return Handled(True, Diagnostic.of_malformed(line, error))
         if isinstance(command, Init) and self._is_too_early(client):
             return Handled(False)
         diagnostic = self._execute(client, command)
         return Handled(True, diagnostic or Diagnostic.of_unknown_fields(line))
+=======
+            return True, malformed(line, error)
+        if isinstance(parsed.command, Init) and self._is_too_early(client):
+            return False, None
+        return True, self._carry_out(client, parsed.command) or unknown_fields(parsed)
+>>>>>>> 5b5d6fb (Reports and commands write and read themselves)
 
     def despawn(self, client: Client) -> None:
         """Remove the robot of a client, if it has one."""
@@ -104,7 +111,7 @@ class CommandHandler:
         self, client: Client, command: RobotCommand
     ) -> Diagnostic | None:
         vehicle = client.vehicle
-        verb = type(command).__name__.removesuffix("Item").upper()
+        verb = command.verb
         if vehicle is None:
             text = f"{verb} without a robot, expected INIT"
             return Diagnostic(f"{verb} without robot", text)

@@ -1,4 +1,5 @@
-"""The text protocol of USARSim, without sockets: bytes to commands, reports to bytes.
+"""The text protocol of USARSim without sockets: bytes to commands, reports to bytes.
 
-Everything outside this package is REP-103; the axes of the wire exist only in here.
+Commands and reports are values in SI units and REP-103 frames. The axes of the wire
+exist only in this package.
 """

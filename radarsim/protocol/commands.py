@@ -1,15 +1,18 @@
-"""What a client asks for, as values in the frames of the simulation.
+"""The commands of a client, from lines and to lines.
 
-Positions and angles are REP-103: the axes of the wire end here. A command is read
-whole or refused whole, so that a bad number in one field never leaves half of it.
-Fields come in any order, unknown ones are ignored, and an empty one is a missing one.
+Positions and angles are in REP-103 frames; the axes of the wire are converted here. A
+command is parsed completely or refused, so that a bad number in one field never leaves
+half of the command. Fields come in any order, and an empty field is a missing one.
+
+Written numbers have all their digits and no exponent, vectors have commas, and truth
+values are lower case: servers of all generations read that.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial, singledispatch
-from typing import TypeAlias
+from functools import partial
+from typing import ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
@@ -21,12 +24,19 @@ from radarsim.protocol.message import (
     Triple,
     decode_message,
     flip_axes,
+    parse_flipped,
     pose_from_wire,
-    read_if_there,
-    read_turned,
-    require,
 )
-from radarsim.protocol.numbers import LARGEST_READ, read_flag, read_number, read_numbers
+from radarsim.protocol.numbers import (
+    LARGEST_READ,
+    parse_flag,
+    parse_number,
+    parse_numbers,
+)
+
+PACKAGE: Final = "USARBot."  # of robot classes
+
+Values: TypeAlias = tuple[str | None, ...]  # one for each key; None leaves it out
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +44,17 @@ class Init:
     """Spawn a robot.
 
     Attributes:
-        class_name: Robot class without its package, as the client spelt it.
-        name: None if the client leaves it to the server.
+        class_name: Robot class without its package, in the client's spelling.
+        name: Name of the robot; None if the server chooses it.
         start: Name of a start pose; if it is given, position and rotation are None.
-        position: x, y, z in m.
-        rotation: Roll, pitch, yaw in rad.
+        position: x, y, z, m.
+        rotation: Roll, pitch, yaw, rad.
     """
+
+    verb: ClassVar[str] = "INIT"
+    keys: ClassVar[tuple[str, ...]] = (
+        *("ClassName", "Name", "Start", "Location", "Rotation"),
+    )
 
     class_name: str
     name: str | None = None
@@ -47,18 +62,47 @@ class Init:
     position: Triple | None = None
     rotation: Triple | None = None
 
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message."""
+        class_name = message.require("ClassName").rpartition(".")[2]
+        name = message.get("Name") or None
+        start = message.get("Start") or None
+        if start is not None:
+            return cls(class_name, name, start)
+        return cls(
+            class_name,
+            name,
+            position=message.parse_optional("Location", parse_flipped),
+            rotation=message.parse_optional("Rotation", parse_flipped),
+        )
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        package = "" if "." in self.class_name else PACKAGE
+        return (
+            package + self.class_name,
+            self.name,
+            self.start,
+            None if self.position is None else _format_vector(flip_axes(self.position)),
+            None if self.rotation is None else _format_vector(flip_axes(self.rotation)),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Set wheel speeds and lamps; what is None stays as it is.
+    """Set wheel speeds and lamps; None leaves them as they are.
 
     Attributes:
-        left: Wheel speed in the dialect's drive unit, or percent of the largest.
-        right: Likewise; a command with only one of the two moves no wheel.
-        normalized: Whether speeds count in percent from this command on.
-        light: Whether the headlight burns.
-        flip: Whether a robot that lies on its back shall be turned over.
+        left: Wheel speed in the dialect's drive unit, or percent of the maximum.
+        right: Likewise; a command with only one of the two does not move the robot.
+        normalized: Whether speeds are percentages from this command on.
+        light: Whether the headlight is on.
+        flip: Whether to turn over a robot that lies on its back.
     """
+
+    verb: ClassVar[str] = "DRIVE"
+    keys: ClassVar[tuple[str, ...]] = ("Left", "Right", "Normalized", "Light", "Flip")
 
     left: float | None = None
     right: float | None = None
@@ -66,56 +110,129 @@ class Drive:
     light: bool | None = None
     flip: bool | None = None
 
+    @classmethod
+    def decode(cls, message: Message, dialect: Dialect) -> Self:
+        """Read the command from its message."""
+        flag = partial(parse_flag, any_case=dialect.accepts_any_case_true)
+        return cls(
+            left=message.parse_optional("Left", parse_number),
+            right=message.parse_optional("Right", parse_number),
+            normalized=message.parse_optional("Normalized", flag),
+            light=message.parse_optional("Light", flag),
+            flip=message.parse_optional("Flip", flag),
+        )
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        speeds = (self.left, self.right)
+        flags = (self.normalized, self.light, self.flip)
+        return (
+            *(None if speed is None else _format_number(speed) for speed in speeds),
+            *(None if flag is None else str(flag).lower() for flag in flags),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class GetStartPoses:
     """Ask for the start poses of the map."""
 
+    verb: ClassVar[str] = "GETSTARTPOSES"
+    keys: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def decode(cls, _message: Message, _dialect: Dialect) -> Self:
+        """Return the command; it has no fields."""
+        return cls()
+
+    def values(self) -> Values:
+        """Return nothing; the command has no fields."""
+        return ()
+
 
 @dataclass(frozen=True, slots=True)
-class GetGeo:
-    """Ask where the robot's items of one type are mounted.
+class _ItemQuery:
+    """A question about the robot or its items.
 
     Attributes:
-        type: As the client spelt it, to be echoed; ``Robot`` means the robot itself.
-        name: None for all items of that type.
+        type: Type of the items in the client's spelling, which the answer repeats;
+            ``Robot`` for the robot itself.
+        name: Name of one item; None for all items of the type.
     """
+
+    keys: ClassVar[tuple[str, ...]] = ("Type", "Name")
 
     type: str
     name: str | None = None
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message."""
+        return cls(message.require("Type"), message.get("Name") or None)
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        return (self.type, self.name)
 
 
 @dataclass(frozen=True, slots=True)
-class GetConf:
-    """Ask for the settings of items of one type; attributes as in ``GetGeo``."""
+class GetGeo(_ItemQuery):
+    """Ask where items are mounted, or for the dimensions of the robot."""
 
-    type: str
-    name: str | None = None
+    verb: ClassVar[str] = "GETGEO"
+
+
+@dataclass(frozen=True, slots=True)
+class GetConf(_ItemQuery):
+    """Ask for the settings of items or of the robot."""
+
+    verb: ClassVar[str] = "GETCONF"
 
 
 @dataclass(frozen=True, slots=True)
 class SetItem:
-    """Give an order to the items of one type.
+    """Send an opcode to items of one type.
 
     Attributes:
-        type: As the client spelt it.
-        name: None for all items of that type.
-        opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES`` and the like, as the client
-            spelt it.
-        params: Text, empty if there is none.
+        type: Type of the items in the client's spelling.
+        name: Name of one item; None for all items of the type.
+        opcode: ``SCAN``, ``RESET``, ``POSE`` or ``ECHOES`` in the client's spelling.
+        params: Parameters of the opcode; empty if there are none.
     """
+
+    verb: ClassVar[str] = "SET"
+    keys: ClassVar[tuple[str, ...]] = ("Type", "Name", "Opcode", "Params")
 
     type: str
     name: str | None
     opcode: str
     params: str = ""
 
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message."""
+        return cls(
+            message.require("Type"),
+            message.get("Name") or None,
+            message.require("Opcode"),
+            message.get("Params") or "",
+        )
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        return (self.type, self.name, self.opcode, self.params or None)
+
 
 @dataclass(frozen=True, slots=True)
 class Unsupported:
-    """Anything that USARSim servers know and this one accepts without effect."""
+    """A command that other USARSim servers know and this one accepts without effect."""
+
+    keys: ClassVar[tuple[str, ...]] = ()
 
     verb: str
+
+    def values(self) -> Values:
+        """Return nothing; the fields of the command are not kept."""
+        return ()
 
 
 Command: TypeAlias = (
@@ -123,94 +240,27 @@ Command: TypeAlias = (
 )
 
 
-def parse_command(line: str, dialect: Dialect) -> Command:
-    """Read one line of a client.
+@dataclass(frozen=True, slots=True)
+class ParsedCommand:
+    """A command and what its line has besides.
 
-    Raises:
-        MalformedMessage: If the line is no command, lacks a field that it needs, or
-            has a number that is none.
+    Attributes:
+        command: The command.
+        unknown_keys: Keys of fields that the command does not have; clients of other
+            servers send some. Empty for a command without effect.
     """
-    message = decode_message(line)
-    verb = message.verb.upper()
-    if verb in _UNSUPPORTED:
-        return Unsupported(verb)
-    if verb not in _PARSERS:
-        raise MalformedMessage(
-            f"verb {message.verb[:80]!r}, expected one of {sorted(_PARSERS)}"
-        )
-    return _PARSERS[verb](message, dialect)
+
+    command: Command
+    unknown_keys: tuple[str, ...] = ()
 
 
-def parse_pose(params: str) -> Pose3:
-    """Read the ``x,y,z,roll,pitch,yaw`` of an INS POSE order, in the wire's frame.
-
-    Raises:
-        MalformedMessage: If these are not six numbers.
-    """
-    return pose_from_wire(read_numbers(params, 6))
-
-
-def parse_switch(params: str) -> bool:
-    """Read the ``true`` or ``false``, in any case, of an order that switches.
-
-    Raises:
-        MalformedMessage: If it is neither.
-    """
-    word = params.strip().lower()
-    if word not in ("true", "false"):
-        raise MalformedMessage(f"{params[:80]!r}, expected 'true' or 'false'")
-    return word == "true"
-
-
-def _init(message: Message) -> Init:
-    class_name = require(message, "ClassName").rpartition(".")[2]
-    name = message.get("Name") or None
-    start = message.get("Start") or None
-    if start is not None:
-        return Init(class_name, name, start)
-    return Init(
-        class_name,
-        name,
-        position=read_if_there(message, "Location", read_turned),
-        rotation=read_if_there(message, "Rotation", read_turned),
-    )
-
-
-def _drive(message: Message, dialect: Dialect) -> Drive:
-    flag = partial(read_flag, any_case=dialect.accepts_any_case_true)
-    return Drive(
-        left=read_if_there(message, "Left", read_number),
-        right=read_if_there(message, "Right", read_number),
-        normalized=read_if_there(message, "Normalized", flag),
-        light=read_if_there(message, "Light", flag),
-        flip=read_if_there(message, "Flip", flag),
-    )
-
-
-def _set(message: Message) -> SetItem:
-    return SetItem(
-        require(message, "Type"),
-        message.get("Name") or None,
-        require(message, "Opcode"),
-        message.get("Params") or "",
-    )
-
-
-_PARSERS: dict[str, Callable[[Message, Dialect], Command]] = {
-    "INIT": lambda message, _: _init(message),
-    "DRIVE": _drive,
-    "SET": lambda message, _: _set(message),
-    "GETSTARTPOSES": lambda *_: GetStartPoses(),
-    "GETGEO": lambda message, _: GetGeo(
-        require(message, "Type"), message.get("Name") or None
-    ),
-    "GETCONF": lambda message, _: GetConf(
-        require(message, "Type"), message.get("Name") or None
-    ),
+COMMANDS: Final = {
+    command.verb: command
+    for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem)
 }
 
 # Verbs of the servers of all generations that do nothing to a wheeled robot here.
-_UNSUPPORTED = frozenset(
+_UNSUPPORTED: Final = frozenset(
     (
         *("ACT", "CAMERA", "CONTROL", "GETCLOSESTPATHNODE", "GETNFO", "GETPATHNODES"),
         *("GOTO", "MISPKG", "MOVE", "MULTIDRIVE", "PAUSE", "PING", "TEST", "TRACE"),
@@ -218,108 +268,69 @@ _UNSUPPORTED = frozenset(
 )
 
 
-# Section from protocol.asking.
-# Commands to lines: what a client says, so that ``parse_command`` reads it back.
-#
-# Numbers are written with all their digits and without an exponent, vectors with
-# commas,
-# and truth values in small letters, which servers of all generations read.
+def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
+    """Parse one line of a client.
 
-PACKAGE = "USARBot."  # of robot classes
+    Raises:
+        MalformedMessage: If the line is not a command, lacks a required field, or has
+            a field that is not readable.
+    """
+    message = decode_message(line)
+    verb = message.verb.upper()
+    if verb in _UNSUPPORTED:
+        return ParsedCommand(Unsupported(verb))
+    if verb not in COMMANDS:
+        raise MalformedMessage(
+            f"verb {message.verb[:80]!r}, expected one of {sorted(COMMANDS)}"
+        )
+    command = COMMANDS[verb].decode(message, dialect)
+    known = {key.lower() for key in command.keys}
+    unknown = [key for key, _ in message.segments if key.lower() not in known]
+    return ParsedCommand(command, tuple(unknown))
 
 
 def encode_command(command: Command) -> str:
-    """Write a command as one line, without its end.
+    """Write a command as one line without its end.
 
     Raises:
         ValueError: If a number in it is not finite or too large to be read, or a text
-            has line ends, braces or what is not ASCII.
+            contains line ends, braces or non-ASCII characters.
     """
-    return _line(command)
-
-
-@singledispatch
-def _line(command: object) -> str:
-    raise TypeError(f"{command!r}, expected a command")
-
-
-@_line.register
-def _(command: Init) -> str:
-    class_name = command.class_name
-    if "." not in class_name:
-        class_name = PACKAGE + class_name
-    location, rotation = command.position, command.rotation
-    return _format_line(
-        "INIT",
-        ("ClassName", class_name),
-        ("Name", command.name),
-        ("Start", command.start),
-        ("Location", None if location is None else _format_vector(flip_axes(location))),
-        ("Rotation", None if rotation is None else _format_vector(flip_axes(rotation))),
-    )
-
-
-@_line.register
-def _(command: Drive) -> str:
-    return _format_line(
-        "DRIVE",
-        ("Left", _number_if_given(command.left)),
-        ("Right", _number_if_given(command.right)),
-        ("Normalized", _flag_if_given(command.normalized)),
-        ("Light", _flag_if_given(command.light)),
-        ("Flip", _flag_if_given(command.flip)),
-    )
-
-
-@_line.register
-def _(_: GetStartPoses) -> str:
-    return _format_line("GETSTARTPOSES")
-
-
-@_line.register
-def _(command: GetGeo) -> str:
-    return _format_line("GETGEO", ("Type", command.type), ("Name", command.name))
-
-
-@_line.register
-def _(command: GetConf) -> str:
-    return _format_line("GETCONF", ("Type", command.type), ("Name", command.name))
-
-
-@_line.register
-def _(command: SetItem) -> str:
-    return _format_line(
-        "SET",
-        ("Type", command.type),
-        ("Name", command.name),
-        ("Opcode", command.opcode),
-        ("Params", command.params or None),
-    )
-
-
-@_line.register
-def _(command: Unsupported) -> str:
-    return _format_line(command.verb)
-
-
-def _format_line(verb: str, *fields: tuple[str, str | None]) -> str:
+    fields = zip(command.keys, command.values(), strict=True)
     given = tuple((key, _checked(text)) for key, text in fields if text is not None)
-    return Message(verb, given).encode()
+    return Message(command.verb, given).encode()
+
+
+def parse_pose(params: str) -> Pose3:
+    """Parse ``x,y,z,roll,pitch,yaw`` in the wire's frame, the parameters of INS POSE.
+
+    Raises:
+        MalformedMessage: If the text is not six numbers.
+    """
+    return pose_from_wire(parse_numbers(params, 6))
+
+
+def parse_switch(params: str) -> bool:
+    """Parse ``true`` or ``false`` in any case, the parameters of ECHOES.
+
+    Raises:
+        MalformedMessage: If the text is neither.
+    """
+    word = params.strip().lower()
+    if word not in ("true", "false"):
+        raise MalformedMessage(f"{params[:80]!r}, expected 'true' or 'false'")
+    return word == "true"
 
 
 def _checked(text: str) -> str:
-    """Give a text back if a line can hold it: another's line must not be in it."""
+    """Return a text that cannot end its field or its line.
+
+    Raises:
+        ValueError: If it could.
+    """
     if text.isascii() and text.isprintable() and not {*text} & {"{", "}"}:
         return text
     raise ValueError(f"text {text[:80]!r}, expected printable ASCII without braces")
-
-
-def _number_if_given(value: float | None) -> str | None:
-    return None if value is None else _format_number(value)
-
-
-def _flag_if_given(value: bool | None) -> str | None:
-    return None if value is None else str(value).lower()
 
 
 def _format_vector(values: Iterable[float]) -> str:

@@ -1,14 +1,14 @@
-"""The two dialects of the server, as one table of what differs between them.
+"""The two dialects of the server as one table of their differences.
 
 ``COMPAT`` is the union of what clients in the field need; ``UDK`` is the original
-server of the Unreal Development Kit, byte for byte. Everything else is the same.
+server of the Unreal Development Kit, byte for byte. They agree in everything else.
 """
 
 import math
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from radarsim.protocol.numbers import NumberFormat, Rule
+from radarsim.protocol.numbers import NumberFormat, Rounding
 
 DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
 
@@ -18,48 +18,49 @@ RAD_PER_S: Final[dict[DriveUnit, float]] = {
 }
 MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s": 1.3}
 
-# The original keeps angles of scanners as whole 1/65536 turns and cuts its own
-# factor short: a field of view of 180 degrees is 32767 of them.
+# The original stores the angles of scanners as whole 1/65536 turns and truncates its
+# conversion factor: a field of view of 180 degrees is 32767 of them.
 ROTATION_UNIT = 1 / 10430.378  # rad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
-    """One dialect: texts, digits, rates and limits.
+    """Texts, number formats, rates and limits of one dialect.
 
     Attributes:
-        name: As on the command line.
-        gametype: Of the greeting.
-        time_limit: Of the greeting, minutes; 0 for none.
-        time: Digits of every Time.
-        ranges: Digits of the ranges in a scan.
-        angle: Digits of a scanner's step and field of view and an encoder's tick.
-        truth: Digits of GroundTruth.
-        ins: Digits of INS.
-        plain: Digits of odometry, tachometer and intervals.
-        start_pose: Digits of start poses.
-        mount: Digits of an item's place on the robot.
-        robot: Digits of the robot's numbers and of a scanner's limits.
-        mass: Digits of the robot's mass.
+        name: Name on the command line.
+        gametype: Game type in the greeting.
+        time_limit: Time limit in the greeting, minutes; 0 for none.
+        time: Format of time stamps.
+        ranges: Format of the ranges in a scan.
+        angle: Format of a scanner's resolution and field of view and an encoder's tick.
+        truth: Format of ground truth.
+        ins: Format of the INS pose.
+        plain: Format of odometry, tachometer, intervals and echoes.
+        start_pose: Format of start poses.
+        mount: Format of an item's pose on the robot.
+        robot: Format of the robot's dimensions and of a scanner's range limits.
+        mass: Format of the robot's mass.
         steer: Text of every steering angle; a skid-steer robot has none.
-        light_intensity: Text while the light is off, and while it is on.
-        status_keys: Fields of STA, in order.
-        robot_conf_keys: Fields of the robot's CONF, in order.
-        scanner_conf_keys: Fields of a scanner's CONF, in order.
-        mount_form: One item of a GEO.
+        light_intensity: Text while the headlight is off, and while it is on.
+        status_keys: Keys of STA, in order.
+        robot_conf_keys: Keys of the robot's CONF, in order.
+        scanner_conf_keys: Keys of a scanner's CONF, in order.
+        mount_form: Template of one item of a GEO.
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
             separation instead of the hull's.
-        ins_has_time: Whether INS says its time.
+        ins_has_time: Whether INS lines have a time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
         drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
-        battery_start: s.
-        battery_runs_out: Whether it ends; else it stays at 1 s.
-        scan_interval: Of a scanner, s.
-        hokuyo_scan_interval: Of a Hokuyo, s.
-        ins_interval: s.
-        tachometer_interval: s.
-        laser_max_range: Of a robot's radar and SICK, m; None for the preset's own.
+        battery_start: Time that a full battery lasts, s.
+        battery_runs_out: Whether the battery gets empty; otherwise it stops at 1 s.
+        scan_interval: Interval of a scanner, s.
+        hokuyo_scan_interval: Interval of a Hokuyo, s.
+        ins_interval: Interval of the INS, s.
+        tachometer_interval: Interval of the tachometer, s.
+        laser_max_range: Range limit of a robot's radar and SICK, m; None for the
+            preset's own.
     """
 
     name: str
@@ -95,7 +96,7 @@ class Dialect:
     laser_max_range: float | None
 
     def scan_interval_of(self, sensor: str) -> float:
-        """Give the interval of a scanner preset, s."""
+        """Return the interval of a scanner preset, s."""
         return self.hokuyo_scan_interval if sensor == "hokuyo" else self.scan_interval
 
 
@@ -105,7 +106,7 @@ COMPAT = Dialect(
     time_limit=0,
     time=NumberFormat(2),
     ranges=NumberFormat(2),
-    angle=NumberFormat(6),  # four digits would skew a scan by half a degree
+    angle=NumberFormat(6),  # four decimals would skew a scan by half a degree
     truth=NumberFormat(4),
     ins=NumberFormat(4),
     plain=NumberFormat(4),
@@ -145,16 +146,16 @@ UDK = Dialect(
     name="udk",
     gametype="BotDeathMatch",
     time_limit=20,
-    time=NumberFormat(4, Rule.ENGINE),
-    ranges=NumberFormat(2, Rule.TRUNCATED),
-    angle=NumberFormat(4, Rule.TRUNCATED, ROTATION_UNIT),
-    truth=NumberFormat(3, Rule.TRUNCATED),
-    ins=NumberFormat(2, Rule.ENGINE),
-    plain=NumberFormat(4, Rule.ENGINE),
-    start_pose=NumberFormat(4, Rule.ENGINE),
-    mount=NumberFormat(2, Rule.ENGINE),
-    robot=NumberFormat(4, Rule.TRUNCATED),
-    mass=NumberFormat(4, Rule.ENGINE),  # a sum of parts, just above its digits
+    time=NumberFormat(4, Rounding.FLOAT32),
+    ranges=NumberFormat(2, Rounding.TRUNCATED),
+    angle=NumberFormat(4, Rounding.TRUNCATED, ROTATION_UNIT),
+    truth=NumberFormat(3, Rounding.TRUNCATED),
+    ins=NumberFormat(2, Rounding.FLOAT32),
+    plain=NumberFormat(4, Rounding.FLOAT32),
+    start_pose=NumberFormat(4, Rounding.FLOAT32),
+    mount=NumberFormat(2, Rounding.FLOAT32),
+    robot=NumberFormat(4, Rounding.TRUNCATED),
+    mass=NumberFormat(4, Rounding.FLOAT32),  # a sum of parts, just above these decimals
     steer="0",
     light_intensity=("100", "100"),
     status_keys=(
@@ -188,10 +189,10 @@ UDK = Dialect(
 
 
 def get_dialect(name: str) -> Dialect:
-    """Give a dialect by its name, case as written.
+    """Return the dialect of a name, which is case-sensitive.
 
     Raises:
-        ValueError: If there is none of that name.
+        ValueError: If there is no such dialect.
     """
     for dialect in (COMPAT, UDK):
         if dialect.name == name:

@@ -1,128 +1,183 @@
-"""Echoes on the wire: a line for each object that a scan has seen.
+"""Echo lines: each reports the echoes of one scan on one object.
 
-A line tells all of its object, so that a client can read it by itself. Names come from
-maps and from other clients; here they become what a line can hold.
+A line names all properties of its object, so that a client can use it by itself. Names
+come from maps and from other clients; they are reduced to characters that a line can
+contain.
 """
 
 import math
 import re
-from functools import partial
-from typing import Final
+from dataclasses import dataclass
+from typing import ClassVar, Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.errors import MalformedMessage
+from radarsim.geometry import Floats
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.message import Message, read_needed, require
+from radarsim.protocol.message import Message
 from radarsim.protocol.numbers import (
     NumberFormat,
+    format_fractions,
     format_ranges,
-    format_shares,
-    read_flag,
-    read_list,
-    read_number,
+    parse_flag,
+    parse_list,
+    parse_number,
 )
-from radarsim.protocol.reports import EchoLine, TargetEchoes
+from radarsim.protocol.sensor_reports import Fields, SensorReport
 
-# Lines end at 4095 bytes. An echo takes 37 at most (six digits of the beam, nine of the
-# range), names take twice the longest, and all else less than 300.
+# A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
+# nine of the range), two names twice the longest, and everything else less than 300.
 ECHOES_A_LINE: Final = 90
 LONGEST_NAME: Final = 210  # of an object or material: those of maps and their copies
-LARGEST_DENSITY: Final = 1e9  # no beam gets into what is denser
+LARGEST_DENSITY: Final = 1e9  # no beam enters what is denser
 OPAQUE: Final = "Opaque"
 
-_UNFIT = re.compile(r"[^ -z|~]")  # what ASCII does not show, and braces
+_NOT_WRITABLE = re.compile(r"[^ -z|~]")  # braces, and what is not printable ASCII
 
 
-def echo_fields(report: EchoLine, dialect: Dialect) -> list[tuple[str, str]]:
-    """Write what follows the type of such a line, as keys and values.
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetEchoes:
+    """Echoes of one object and material, and the properties of both.
 
-    Raises:
-        ValueError: If a number in it is not finite.
+    Attributes:
+        object: Name of the object in the map, or of a robot; any text.
+        material: Name of the material; any text.
+        density: Power that a beam loses per metre inside; ``math.inf`` is opaque.
+        transparency: Share of a beam that a metre of it, or a sheet, transmits.
+        laser_passes: Whether light enters it.
+        robot_passes: Whether robots can drive through it.
+        beams: (E,) beam of each echo, counted from 0 at the right.
+        ranges: (E,) m.
+        kinds: Kind of each echo: enter, leave, sheet, hit or spent.
+        power: (E,) share of the beam's power that is left on arrival, 0 to 1.
+        strength: (E,) share of the beam that is reflected back, 0 to 1.
     """
-    head = [
-        ("Name", report.name),
-        ("Line", str(report.line)),
-        ("Lines", str(report.lines)),
-    ]
-    if report.echoes is None:
-        return head
-    echoes = ("Echoes", _echoes(report.echoes, dialect))
-    return [*head, *_object(report.echoes, dialect.plain), echoes]
+
+    object: str
+    material: str
+    density: float
+    transparency: float
+    laser_passes: bool
+    robot_passes: bool
+    beams: NDArray[np.int64]
+    ranges: Floats
+    kinds: tuple[str, ...]
+    power: Floats
+    strength: Floats
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the fields of an echo line.
+
+        Raises:
+            MalformedMessage: If a field is missing or not readable.
+        """
+        echoes = [_parse_echo(word) for word in message.require("Echoes").split()]
+        numbers = np.array([row for _, row in echoes])
+        return cls(
+            object=message.require("Object"),
+            material=message.require("Material"),
+            density=message.parse("Density", _parse_density),
+            transparency=message.parse("Transparency", parse_number),
+            laser_passes=message.parse("LaserPasses", parse_flag),
+            robot_passes=message.parse("RobotPasses", parse_flag),
+            beams=numbers[:, 0].astype(np.int64),
+            ranges=numbers[:, 1],
+            kinds=tuple(kind for kind, _ in echoes),
+            power=numbers[:, 2],
+            strength=numbers[:, 3],
+        )
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values in an echo line.
+
+        Raises:
+            ValueError: If a number is not finite.
+        """
+        plain = dialect.plain
+        columns = (
+            map(str, self.beams.tolist()),
+            format_ranges(self.ranges, dialect.ranges).split(","),
+            [kind.capitalize() for kind in self.kinds],
+            format_fractions(self.power, plain),
+            format_fractions(self.strength, plain),
+        )
+        echoes = [",".join(echo) for echo in zip(*columns, strict=True)]
+        return (
+            ("Object", _writable(self.object)),
+            ("Material", _writable(self.material)),
+            ("Density", _format_density(self.density, plain)),
+            ("Transparency", plain.format(self.transparency)),
+            ("LaserPasses", str(self.laser_passes)),
+            ("RobotPasses", str(self.robot_passes)),
+            ("Echoes", " ".join(echoes)),
+        )
 
 
-def read_echo_fields(message: Message, time: float, name: str) -> EchoLine:
-    """Read such a line.
+@dataclass(frozen=True, slots=True)
+class EchoLine(SensorReport):
+    """Echoes of one scan, as many as fit into a line.
 
-    Raises:
-        MalformedMessage: If a field is missing or cannot be read.
+    Attributes:
+        name: Name of the scanner.
+        line: Number of the line, from 1 to ``lines``; 0 for a scan without echoes.
+        lines: Number of lines of the scan; 0 for a scan without echoes.
+        echoes: None for a scan without echoes.
     """
-    line = int(read_needed(message, "Line", read_number))
-    lines = int(read_needed(message, "Lines", read_number))
-    seen = None if message.get("Echoes") is None else _read_seen(message)
-    return EchoLine(time, name, line, lines, seen)
+
+    sensor_type: ClassVar[str] = "Echoes"
+
+    name: str
+    line: int
+    lines: int
+    echoes: TargetEchoes | None
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        empty = message.get("Echoes") is None
+        return cls(
+            message.number_or_nan("Time"),
+            message.name,
+            int(message.parse("Line", parse_number)),
+            int(message.parse("Lines", parse_number)),
+            None if empty else TargetEchoes.decode(message),
+        )
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        return (
+            ("Name", self.name),
+            ("Line", str(self.line)),
+            ("Lines", str(self.lines)),
+            *(() if self.echoes is None else self.echoes.fields(dialect)),
+        )
 
 
-def _read_seen(message: Message) -> TargetEchoes:
-    flag = partial(read_flag, any_case=True)
-    rows = [_read_echo(word) for word in require(message, "Echoes").split()]
-    numbers = np.array([row for _, row in rows])
-    return TargetEchoes(
-        object=require(message, "Object"),
-        material=require(message, "Material"),
-        density=read_needed(message, "Density", _read_density),
-        transparency=read_needed(message, "Transparency", read_number),
-        laser_passes=flag(require(message, "LaserPasses")),
-        robot_passes=flag(require(message, "RobotPasses")),
-        beams=numbers[:, 0].astype(np.int64),
-        ranges=numbers[:, 1],
-        kinds=tuple(kind for kind, _ in rows),
-        power=numbers[:, 2],
-        strength=numbers[:, 3],
-    )
-
-
-def _read_echo(word: str) -> tuple[str, list[float]]:
-    """Read one echo; give its kind, and its beam, range, power and strength."""
+def _parse_echo(word: str) -> tuple[str, list[float]]:
+    """Parse one echo; return its kind, and its beam, range, power and strength."""
     parts = word.split(",")
     if len(parts) != 5:
         raise MalformedMessage(f"echo {word[:80]!r}, expected five parts")
     kind = parts.pop(2)
-    numbers = read_list(",".join(parts))
+    numbers = parse_list(",".join(parts))
     if len(numbers) != 4:
         raise MalformedMessage(f"echo {word[:80]!r}, expected four numbers in it")
     return kind.lower(), numbers
 
 
-def _read_density(text: str) -> float:
-    return math.inf if text.lower() == OPAQUE.lower() else read_number(text)
+def _parse_density(text: str) -> float:
+    return math.inf if text.lower() == OPAQUE.lower() else parse_number(text)
 
 
-def _object(seen: TargetEchoes, form: NumberFormat) -> list[tuple[str, str]]:
-    density = OPAQUE
-    if seen.density != math.inf:
-        density = form.text(min(seen.density, LARGEST_DENSITY))
-    return [
-        ("Object", _name(seen.object)),
-        ("Material", _name(seen.material)),
-        ("Density", density),
-        ("Transparency", form.text(seen.transparency)),
-        ("LaserPasses", str(seen.laser_passes)),
-        ("RobotPasses", str(seen.robot_passes)),
-    ]
+def _format_density(density: float, number_format: NumberFormat) -> str:
+    if density == math.inf:
+        return OPAQUE
+    return number_format.format(min(density, LARGEST_DENSITY))
 
 
-def _name(text: str) -> str:
-    """Give a name with single blanks and of what ASCII shows; never an empty one."""
-    return _UNFIT.sub("?", " ".join(text.split()))[:LONGEST_NAME] or "?"
-
-
-def _echoes(seen: TargetEchoes, dialect: Dialect) -> str:
-    columns = (
-        map(str, seen.beams.tolist()),
-        format_ranges(seen.ranges, dialect.ranges).split(","),
-        [kind.capitalize() for kind in seen.kinds],
-        format_shares(seen.power, dialect.plain),
-        format_shares(seen.strength, dialect.plain),
-    )
-    return " ".join([",".join(echo) for echo in zip(*columns, strict=True)])
+def _writable(name: str) -> str:
+    """Return a name of printable ASCII with single blanks; never an empty one."""
+    return _NOT_WRITABLE.sub("?", " ".join(name.split()))[:LONGEST_NAME] or "?"

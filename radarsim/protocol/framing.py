@@ -1,4 +1,4 @@
-"""Lines out of a stream of bytes that TCP cuts where it likes."""
+"""Split a stream of bytes, which TCP may cut anywhere, into lines."""
 
 import re
 
@@ -8,11 +8,11 @@ _LINE_END = re.compile(rb"[\r\n]+")
 
 
 class LineBuffer:
-    r"""Collects received bytes and gives back whole lines.
+    r"""Collects received bytes and returns whole lines.
 
-    A line ends at CR or at LF. What is empty or blank vanishes, so CRLF, LF CR and
-    bare LF, which all occur in the field, are one line end each. Bytes are read as
-    Latin-1: nothing is refused here, whatever a client sends.
+    A line ends at CR or at LF. Empty and blank lines are dropped, so CRLF, LF CR and
+    bare LF, which all occur in the field, are one line end each. Bytes are decoded as
+    Latin-1, so none are refused here.
 
     >>> lines = LineBuffer()
     >>> lines.feed(b"DRIVE {Left 1}")
@@ -21,9 +21,9 @@ class LineBuffer:
     ['DRIVE {Left 1} {Right 1}', 'GETSTARTPOSES']
 
     Attributes:
-        limit: Most bytes of a line, without its end.
-        overflow: None until a line is longer than that; then the connection is to
-            be closed, once the lines that came before have been handled.
+        limit: Maximum length of a line without its end, bytes.
+        overflow: None until a line is longer than that. Then the connection is to be
+            closed after the lines before it have been handled.
     """
 
     def __init__(self, limit: int = 65536) -> None:
@@ -32,7 +32,7 @@ class LineBuffer:
         self._pending = bytearray()
 
     def feed(self, data: bytes) -> list[str]:
-        """Take what came and give the lines that it completes.
+        """Add received bytes and return the lines that they complete.
 
         Raises:
             LineTooLong: If an earlier call has set ``overflow``.
@@ -52,7 +52,7 @@ class LineBuffer:
         return lines
 
     def _append(self, piece: bytes) -> bool:
-        """Add to the pending line and tell whether it still fits."""
+        """Append to the pending line; return whether it is within the limit."""
         size = len(self._pending) + len(piece)
         if size > self.limit:
             self._pending.clear()

@@ -1,57 +1,135 @@
-"""The grammar of one line: ``VERB {Key value} {Key value}``.
+"""One line of the protocol: ``VERB {Key value} {Key value}``.
 
-Blanks around and inside of braces do not count, nor does text between two groups.
-Groups do not nest. Keys are found whatever their case, and the first of two equal
-ones counts. Verbs keep their case here, since clients tell replies apart by it.
+White space around and inside braces is ignored, and so is text between two segments.
+Segments do not nest. Keys match in any case, and the first of two equal keys counts.
+Verbs keep their case here because clients tell replies apart by it.
+
+The axes of the wire point x forward, y right and z down, and yaw is clockwise from
+above. They are the axes of REP-103 after half a turn about x. That rotation is its own
+inverse, and it acts on roll, pitch and yaw as on x, y and z: the first number keeps its
+sign, the other two change theirs.
 """
 
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 from radarsim.errors import MalformedMessage
-from radarsim.geometry import Pose3
-from radarsim.protocol.numbers import read_number, read_numbers
+from radarsim.geometry import Pose3, wrap_angle
+from radarsim.protocol.numbers import parse_number, parse_numbers
 
-_GROUP = re.compile(r"\{([^{}]*)\}")
+Triple: TypeAlias = tuple[float, float, float]
+Value = TypeVar("Value")
+
+_SEGMENT = re.compile(r"\{([^{}]*)\}")
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One line: its verb and its groups, key and value, in their order.
+    """The verb and the segments of one line.
 
-    A group without a value, ``{Name }``, has an empty one; one without a key is left
-    out. The value of a list of start poses or of an item's mount holds blanks.
+    Attributes:
+        verb: First word of the line.
+        segments: Key and value of each segment, in order. ``{Name }`` has an empty
+            value; ``{}`` is left out. The value of a list of start poses or of an
+            item's mount contains blanks.
     """
 
     verb: str
     segments: tuple[tuple[str, str], ...] = ()
 
+    def encode(self) -> str:
+        """Write the line without a line end."""
+        groups = [f"{{{f'{key} {value}'.rstrip()}}}" for key, value in self.segments]
+        return " ".join([self.verb, *groups])
+
     def get(self, key: str) -> str | None:
-        """Give the first value of a key, whatever its case, or None."""
+        """Return the first value of a key in any case, or None."""
         wanted = key.lower()
         for name, value in self.segments:
             if name.lower() == wanted:
                 return value
         return None
 
-    def encode(self) -> str:
-        """Write the line, without a line end."""
-        groups = [f"{{{f'{key} {value}'.rstrip()}}}" for key, value in self.segments]
-        return " ".join([self.verb, *groups])
+    @property
+    def name(self) -> str:
+        """The value of ``Name``; empty if it is missing."""
+        return self.get("Name") or ""
+
+    def require(self, key: str) -> str:
+        """Return the value of a key.
+
+        Raises:
+            MalformedMessage: If it is missing or empty.
+        """
+        value = self.get(key)
+        if not value:
+            raise MalformedMessage(
+                f"{self.encode()[:80]!r}, expected a field '{{{key} ...}}'"
+            )
+        return value
+
+    def parse(self, key: str, parse: Callable[[str], Value]) -> Value:
+        """Parse the value of a key.
+
+        Raises:
+            MalformedMessage: If it is missing, empty or not readable; names the key.
+        """
+        return self._parse(key, self.require(key), parse)
+
+    def parse_optional(self, key: str, parse: Callable[[str], Value]) -> Value | None:
+        """Parse the value of a key; return None if it is missing or empty.
+
+        Raises:
+            MalformedMessage: If it is not readable; names the key.
+        """
+        text = self.get(key)
+        return self._parse(key, text, parse) if text else None
+
+    def number_or_nan(self, key: str) -> float:
+        """Parse a number; return NaN if it is missing or empty.
+
+        Raises:
+            MalformedMessage: If it is not readable.
+        """
+        number = self.parse_optional(key, parse_number)
+        return math.nan if number is None else number
+
+    def items(self) -> Iterator["Message"]:
+        """Yield the segments of each item; a repeated key starts the next item."""
+        item: list[tuple[str, str]] = []
+        keys: set[str] = set()
+        for name, value in self.segments:
+            key = name.lower()
+            if key in ("type", "time"):
+                continue
+            if key in keys:
+                yield Message(self.verb, tuple(item))
+                item.clear()
+                keys.clear()
+            item.append((name, value))
+            keys.add(key)
+        if item:
+            yield Message(self.verb, tuple(item))
+
+    def _parse(self, key: str, text: str, parse: Callable[[str], Value]) -> Value:
+        try:
+            return parse(text)
+        except MalformedMessage as error:
+            raise MalformedMessage(f"{self.verb} {key}: {error}") from None
 
 
 def decode_message(line: str) -> Message:
-    """Read one line.
+    """Split one line into its verb and its segments.
 
     >>> decode_message("DRIVE{Left 1}{ Right  -0,5 }")
     Message(verb='DRIVE', segments=(('Left', '1'), ('Right', '-0,5')))
 
     Raises:
-        MalformedMessage: If there is no verb, if text other than a group follows
-            it, or if a brace stays open.
+        MalformedMessage: If the verb is missing, if other text than a segment follows
+            it, or if a brace is not closed.
     """
     head, _, _ = line.partition("{")
     if not head.strip():
@@ -59,9 +137,9 @@ def decode_message(line: str) -> Message:
     verb, *rest = head.split(maxsplit=1)
     if rest:
         raise _expected("'{Key value}'", len(head) - len(rest[0]), line)
-    groups = _GROUP.findall(line)
+    groups = _SEGMENT.findall(line)
     if len(groups) != line.count("{"):
-        raise _expected("'}' after the brace", _open_brace(line), line)
+        raise _expected("'}' after the brace", _find_open_brace(line), line)
     return Message(verb, tuple(_split(group) for group in groups if group.strip()))
 
 
@@ -70,29 +148,20 @@ def _split(group: str) -> tuple[str, str]:
     return key, rest[0].rstrip() if rest else ""
 
 
-def _open_brace(line: str) -> int:
-    """Find the first brace that is not closed before the next one opens."""
-    closed = {match.start() for match in _GROUP.finditer(line)}
+def _find_open_brace(line: str) -> int:
+    """Return the index of the first brace that no closing brace belongs to."""
+    closed = {match.start() for match in _SEGMENT.finditer(line)}
     return next(i for i, sign in enumerate(line) if sign == "{" and i not in closed)
 
 
-def _expected(what: str, index: int, line: str) -> MalformedMessage:
-    return MalformedMessage(f"expected {what} at column {index + 1} in {line[:80]!r}")
-
-
-# Section from protocol.axes.
-# The axes of the wire: x forward, y right, z down, yaw clockwise from above.
-#
-# They are the simulation's, turned half way about x. The turn is its own inverse, and
-# it takes roll, pitch and yaw the way it takes x, y and z: the first stays, the
-# others
-# change their sign.
-
-Triple = tuple[float, float, float]
+def _expected(expected: str, index: int, line: str) -> MalformedMessage:
+    return MalformedMessage(
+        f"expected {expected} at column {index + 1} in {line[:80]!r}"
+    )
 
 
 def flip_axes(triple: Triple) -> Triple:
-    """Take a position or roll, pitch, yaw from one frame to the other; never -0.0.
+    """Convert x, y, z or roll, pitch, yaw between the frames; never return -0.0.
 
     >>> flip_axes((1.0, 2.0, 0.0))
     (1.0, -2.0, 0.0)
@@ -102,116 +171,52 @@ def flip_axes(triple: Triple) -> Triple:
 
 
 def position_on_wire(pose: Pose3) -> Triple:
-    """Give x, y, z of a pose in the frame of the wire, m."""
+    """Return x, y, z of a pose in the frame of the wire, m."""
     return flip_axes((pose.x, pose.y, pose.z))
 
 
 def angles_on_wire(pose: Pose3) -> Triple:
-    """Give roll, pitch, yaw of a pose in the frame of the wire, rad."""
+    """Return roll, pitch, yaw of a pose in the frame of the wire, rad."""
     return flip_axes((pose.roll, pose.pitch, pose.yaw))
 
 
+def wrapped_angles_on_wire(pose: Pose3) -> Triple:
+    """Return roll, pitch, yaw in the frame of the wire, rad, each in (-pi, pi]."""
+    roll, pitch, yaw = angles_on_wire(pose)
+    return (wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw))
+
+
+def parse_triple(text: str) -> Triple:
+    """Parse three numbers.
+
+    Raises:
+        MalformedMessage: If the text is not three numbers.
+    """
+    first, second, third = parse_numbers(text, 3)
+    return (first, second, third)
+
+
+def parse_flipped(text: str) -> Triple:
+    """Parse x, y, z or roll, pitch, yaw of the wire and convert them to REP-103.
+
+    Raises:
+        MalformedMessage: If the text is not three numbers.
+    """
+    return flip_axes(parse_triple(text))
+
+
 def pose_from_wire(numbers: Sequence[float]) -> Pose3:
-    """Make a pose of x, y, z, roll, pitch, yaw in the frame of the wire."""
+    """Build a pose from x, y, z, roll, pitch, yaw in the frame of the wire."""
     x, y, z, roll, pitch, yaw = numbers
     return Pose3(*flip_axes((x, y, z)), *flip_axes((roll, pitch, yaw)))
 
 
-# Section from protocol.fields.
-# One field of a line, all fields of an item, and what an error says of them.
+def wrapped_pose(position: Triple, angles: Triple) -> Pose3:
+    """Build a pose with wrapped angles; some servers count them to a full turn.
 
-Value = TypeVar("Value")
-
-
-def require(message: Message, key: str) -> str:
-    """Give the text of a field that must be there, and not be empty.
-
-    Raises:
-        MalformedMessage: If it is not.
+    Args:
+        position: x, y, z, m, REP-103.
+        angles: Roll, pitch, yaw, rad, REP-103.
     """
-    value = message.get(key)
-    if not value:
-        raise MalformedMessage(
-            f"{message.encode()[:80]!r}, expected a field '{{{key} ...}}'"
-        )
-    return value
-
-
-def read_needed(message: Message, key: str, read: Callable[[str], Value]) -> Value:
-    """Read a field that must be there.
-
-    Raises:
-        MalformedMessage: If it is not, or cannot be read; says which field it is.
-    """
-    return _read(message, key, require(message, key), read)
-
-
-def read_if_there(
-    message: Message, key: str, read: Callable[[str], Value]
-) -> Value | None:
-    """Read a field; None if it is missing or empty.
-
-    Raises:
-        MalformedMessage: If it cannot be read; says which field it is.
-    """
-    text = message.get(key)
-    return _read(message, key, text, read) if text else None
-
-
-def read_triple(text: str) -> Triple:
-    """Read three numbers as they are written.
-
-    Raises:
-        MalformedMessage: If these are not three numbers.
-    """
-    first, second, third = read_numbers(text, 3)
-    return (first, second, third)
-
-
-def read_turned(text: str) -> Triple:
-    """Read x, y, z or roll, pitch, yaw of the wire; give them in the other frame.
-
-    Raises:
-        MalformedMessage: If these are not three numbers.
-    """
-    return flip_axes(read_triple(text))
-
-
-def number_or_nan(message: Message, key: str) -> float:
-    """Read a number that a client can do without; not a number if it is missing.
-
-    Raises:
-        MalformedMessage: If it is there and cannot be read.
-    """
-    number = read_if_there(message, key, read_number)
-    return math.nan if number is None else number
-
-
-def name_of(message: Message) -> str:
-    """Give the name of whatever the line or item is about, or an empty one."""
-    return message.get("Name") or ""
-
-
-def items_of(message: Message) -> Iterator[Message]:
-    """Give the fields of each item; the next one begins where a key comes again."""
-    item: list[tuple[str, str]] = []
-    seen: set[str] = set()
-    for key, value in message.segments:
-        word = key.lower()
-        if word in ("type", "time"):
-            continue
-        if word in seen:
-            yield Message(message.verb, tuple(item))
-            item.clear()
-            seen.clear()
-        item.append((key, value))
-        seen.add(word)
-    if item:
-        yield Message(message.verb, tuple(item))
-
-
-def _read(message: Message, key: str, text: str, read: Callable[[str], Value]) -> Value:
-    try:
-        return read(text)
-    except MalformedMessage as error:
-        raise MalformedMessage(f"{message.verb} {key}: {error}") from None
+    roll, pitch, yaw = angles
+    return Pose3(*position, wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw))

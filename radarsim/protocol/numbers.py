@@ -1,8 +1,8 @@
 """Numbers, vectors and truth values as USARSim writes them.
 
-Reading is lenient where clients in the field are: decimal commas of their locale,
-blanks or commas between the numbers of a vector. What cannot be meant, ``nan``,
-``1e400`` or ``abc``, is refused, so that it never reaches the simulation.
+Parsing accepts what clients in the field send: decimal commas of their locale, blanks
+or commas between the numbers of a vector. ``nan``, ``1e400`` and ``abc`` are refused,
+so that no such number reaches the simulation.
 """
 
 import functools
@@ -21,17 +21,17 @@ LARGEST_READ = 1e9  # m, rad, rad/s; arithmetic on it cannot overflow
 LARGEST_WRITTEN = 2.0**31  # the original casts to 32 bit integers
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
-_LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also take nan, inf and 1_0
+_LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
 
 
-def read_number(text: str) -> float:
-    """Read one number, with a decimal point or a decimal comma.
+def parse_number(text: str) -> float:
+    """Parse one number with a decimal point or a decimal comma.
 
-    >>> read_number("-0,5"), read_number(".4"), read_number("+1")
+    >>> parse_number("-0,5"), parse_number(".4"), parse_number("+1")
     (-0.5, 0.4, 1.0)
 
     Raises:
-        MalformedMessage: If it is none, or larger than anything a robot can use.
+        MalformedMessage: If the text is not a number, or above ``LARGEST_READ``.
     """
     digits = text.strip()
     if not _NUMBER.fullmatch(digits):
@@ -42,17 +42,17 @@ def read_number(text: str) -> float:
     return number
 
 
-def read_numbers(text: str, count: int) -> tuple[float, ...]:
-    """Read a vector of at least two numbers in any form that clients send.
+def parse_numbers(text: str, count: int) -> tuple[float, ...]:
+    """Parse a vector of at least two numbers in any form that clients send.
 
-    With as many words as numbers, blanks separate, and a comma inside a word is
-    the decimal comma of the client's locale. Else commas separate.
+    If there are as many words as numbers, blanks separate them, and a comma inside a
+    word is the decimal comma of the client's locale. Otherwise commas separate them.
 
-    >>> read_numbers("4.5,1.9,1.8", 3) == read_numbers("4,5, 1,9, 1,8", 3)
+    >>> parse_numbers("4.5,1.9,1.8", 3) == parse_numbers("4,5, 1,9, 1,8", 3)
     True
 
     Raises:
-        MalformedMessage: If these are not that many numbers.
+        MalformedMessage: If the text is not that many numbers.
     """
     joined = " ".join(text.split()).replace(" ,", ",")
     words = joined.split()
@@ -62,17 +62,18 @@ def read_numbers(text: str, count: int) -> tuple[float, ...]:
         parts = joined.split(",")
     if len(parts) != count:
         raise MalformedMessage(f"{text[:80]!r}, expected {count} numbers")
-    return tuple(read_number(part) for part in parts)
+    return tuple(parse_number(part) for part in parts)
 
 
-def read_list(text: str) -> list[float]:
-    """Read any number of numbers, at least one, between commas, blanks or both.
+def parse_list(text: str) -> list[float]:
+    """Parse one or more numbers separated by commas, blanks or both.
 
-    Decimal points only: with commas between numbers that nobody has counted, another
-    comma cannot be told from them.
+    Only decimal points are accepted: when the count is unknown, a decimal comma cannot
+    be distinguished from a separator.
 
     Raises:
-        MalformedMessage: If there are none, or one cannot be read or is too large.
+        MalformedMessage: If the list is empty, or a number in it is not readable or
+            above ``LARGEST_READ``.
     """
     words = text.replace(",", " ").split()
     if not words or not _LIST.fullmatch(text):
@@ -86,121 +87,128 @@ def read_list(text: str) -> list[float]:
     return numbers
 
 
-def read_flag(text: str, *, any_case: bool) -> bool:
-    """Read a truth value: ``true`` is true and all else is false.
+def parse_flag(text: str, *, any_case: bool = True) -> bool:
+    """Parse a truth value: ``true`` is true, everything else is false.
 
     Args:
-        text: What the client sent.
+        text: Value of the field.
         any_case: Whether ``True`` is true as well.
     """
     return (text.lower() if any_case else text) == "true"
 
 
-class Rule(Enum):
-    """What becomes of the digits that are not written."""
+class Rounding(Enum):
+    """How a number is brought to its decimals."""
 
-    ROUNDED = auto()  # and never a zero with a minus sign
-    ENGINE = auto()  # rounded as C's printf does, from float32; -0.00 is possible
-    TRUNCATED = auto()  # cut off, in float32: 1.3 gives 1.2999
+    NEAREST = auto()  # to the nearest; zero never has a minus sign
+    FLOAT32 = auto()  # as C's printf rounds a float32; -0.00 is possible
+    TRUNCATED = auto()  # cut off in float32: 1.3 is written as 1.2999
 
 
 @dataclass(frozen=True, slots=True)
 class NumberFormat:
-    """How one kind of number is written; there is never an exponent.
+    """How one kind of number is written; never with an exponent.
 
     Attributes:
         decimals: Digits after the point, at least 1.
-        rule: What becomes of the others.
-        step: If given, the number first falls to a whole multiple of this.
+        rounding: How the number is brought to them.
+        step: If given, the number is first cut to a whole multiple of it.
     """
 
     decimals: int
-    rule: Rule = Rule.ROUNDED
+    rounding: Rounding = Rounding.NEAREST
     step: float | None = None
 
-    def text(self, value: float) -> str:
+    def format(self, value: float) -> str:
         """Write one number.
 
         Raises:
-            ValueError: If it is not finite, or does not fit 32 bits.
+            ValueError: If it is not finite or does not fit into 32 bits.
         """
         if not abs(value) < LARGEST_WRITTEN:
             raise ValueError(f"number {value!r}, expected less than 2**31 in size")
         if self.step is not None:
             value = int(value / self.step) * self.step
-        if self.rule is Rule.ROUNDED:
+        if self.rounding is Rounding.NEAREST:
             return _rounded(value, self.decimals)
-        if self.rule is Rule.ENGINE:
+        if self.rounding is Rounding.FLOAT32:
             return f"{float(np.float32(value)):.{self.decimals}f}"
         return _truncated(value, self.decimals)
 
     def join(self, values: Iterable[float]) -> str:
-        """Write a vector, commas between its numbers and no blanks."""
-        return ",".join([self.text(value) for value in values])
+        """Write a vector with commas and without blanks."""
+        return ",".join([self.format(value) for value in values])
 
 
-def format_ranges(ranges: Floats, form: NumberFormat) -> str:
-    """Write the ranges of a scan, (N,) m, commas between them and no blanks.
+def format_ranges(ranges: Floats, number_format: NumberFormat) -> str:
+    """Write the ranges of a scan, (N,) m, with commas and without blanks.
 
-    Ranges of two digits within 200 m are looked up: a table is eight times as fast as
-    writing them one by one.
+    Ranges with two decimals below 200 m are looked up in a table, which is eight times
+    as fast as formatting them one by one.
 
     Raises:
-        ValueError: If one of them is not finite, or does not fit 32 bits.
+        ValueError: If a range is not finite or does not fit into 32 bits.
     """
-    if form not in _TABLED or not np.all((ranges >= 0) & (ranges < _TABLE_END)):
-        return form.join(ranges.tolist())
-    if form.rule is Rule.TRUNCATED:
-        places, unsure = _places_truncated(ranges), np.zeros(0, np.int64)
+    tabulated = number_format in _TABULATED
+    if not tabulated or not np.all((ranges >= 0) & (ranges < _TABLE_END)):
+        return number_format.join(ranges.tolist())
+    if number_format.rounding is Rounding.TRUNCATED:
+        centimetres, ties = _truncated_centimetres(ranges), np.zeros(0, np.int64)
     else:
-        places, unsure = _places_rounded(ranges)
-    texts: list[str] = _table()[places].tolist()
-    for i in unsure.tolist():
-        texts[i] = form.text(float(ranges[i]))
+        centimetres, ties = _rounded_centimetres(ranges)
+    texts: list[str] = _table()[centimetres].tolist()
+    for i in ties.tolist():
+        texts[i] = number_format.format(float(ranges[i]))
     return ",".join(texts)
 
 
-def format_shares(shares: Floats, form: NumberFormat) -> list[str]:
-    """Write numbers from 0 to 1, (N,), never with a sign; others as they are.
-
-    All at once, which is four times as fast as one by one.
+def format_fractions(fractions: Floats, number_format: NumberFormat) -> list[str]:
+    """Write numbers, (N,); from 0 to 1 without a sign, four times as fast as others.
 
     Raises:
-        ValueError: If one of them is not finite, or does not fit 32 bits.
+        ValueError: If a number is not finite or does not fit into 32 bits.
     """
-    if form.rule is Rule.TRUNCATED or not np.all((shares >= 0) & (shares <= 1)):
-        return [form.text(share + 0.0) for share in shares.tolist()]
-    exact = shares.astype(np.float32) if form.rule is Rule.ENGINE else shares
+    rounding = number_format.rounding
+    in_bounds = np.all((fractions >= 0) & (fractions <= 1))
+    if rounding is Rounding.TRUNCATED or not in_bounds:
+        return [number_format.format(value + 0.0) for value in fractions.tolist()]
+    single = rounding is Rounding.FLOAT32
+    exact = fractions.astype(np.float32) if single else fractions
     numbers = np.abs(exact).tolist()
-    return (f"%.{form.decimals}f " * len(numbers) % tuple(numbers)).split()
+    return (f"%.{number_format.decimals}f " * len(numbers) % tuple(numbers)).split()
 
 
-_TABLED = frozenset((NumberFormat(2), NumberFormat(2, Rule.TRUNCATED)))
+_TABULATED = frozenset((NumberFormat(2), NumberFormat(2, Rounding.TRUNCATED)))
 _TABLE_END = 200.0  # m
 
 
 @functools.cache
 def _table() -> NDArray[np.object_]:
-    """Write all whole centimetres up to the table's end, both ends included."""
-    whole = int(_TABLE_END) * 100 + 1
-    return np.array([f"{n // 100}.{n % 100:02d}" for n in range(whole)], object)
+    """Write every whole centimetre from 0 to the end of the table."""
+    count = int(_TABLE_END) * 100 + 1
+    return np.array([f"{n // 100}.{n % 100:02d}" for n in range(count)], object)
 
 
-def _places_rounded(ranges: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Give the nearest centimetre of each range, and which are too near to a half."""
+def _rounded_centimetres(
+    ranges: Floats,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the nearest centimetre of each range and the indices of near ties.
+
+    Scaling by 100 rounds, so a tie within its error may fall on the wrong side.
+    """
     scaled = ranges * 100.0
-    places = np.rint(scaled)
-    unsure = np.flatnonzero(np.abs(np.abs(scaled - places) - 0.5) < 1e-9)
-    return places.astype(np.int64), unsure
+    nearest = np.rint(scaled)
+    ties = np.flatnonzero(np.abs(np.abs(scaled - nearest) - 0.5) < 1e-9)
+    return nearest.astype(np.int64), ties
 
 
-def _places_truncated(ranges: Floats) -> NDArray[np.int64]:
-    """Give the last centimetre below each range, in float32 as the original does."""
+def _truncated_centimetres(ranges: Floats) -> NDArray[np.int64]:
+    """Return whole centimetres of each range, cut in float32 as the original does."""
     single = ranges.astype(np.float32)
     whole = np.trunc(single)
-    part = ((single - whole) * np.float32(100.0)).astype(np.int64)
-    places: NDArray[np.int64] = whole.astype(np.int64) * 100 + part
-    return places
+    rest = ((single - whole) * np.float32(100.0)).astype(np.int64)
+    centimetres: NDArray[np.int64] = whole.astype(np.int64) * 100 + rest
+    return centimetres
 
 
 def _rounded(value: float, decimals: int) -> str:
@@ -213,5 +221,5 @@ def _truncated(value: float, decimals: int) -> str:
     sign = "-" if single < 0 else ""
     size = abs(single)
     whole = int(size)
-    part = int((size - np.float32(whole)) * np.float32(10.0**decimals))
-    return f"{sign}{whole}.{part:0{decimals}d}"
+    rest = int((size - np.float32(whole)) * np.float32(10.0**decimals))
+    return f"{sign}{whole}.{rest:0{decimals}d}"

@@ -1,256 +1,191 @@
-"""What the server tells a client, as values in the frames of the simulation.
+"""What a server tells its clients, from lines and to lines.
 
-Poses are REP-103, numbers are SI and unrounded: axes, digits and the order of the
-fields on the wire belong to ``radarsim.protocol.encode``. Times are simulated s.
-A ``type`` that a client asked for is echoed as it spelt it.
+Reports are in REP-103 frames and SI units and not rounded. A report writes itself:
+``encode`` converts to the axes of the wire and takes digits, keys and their order from
+the dialect. A line is ASCII, has single blanks, and never contains an exponent, NaN or
+an infinity. ``decode_report`` reads the lines of servers of all generations.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from itertools import accumulate
+from typing import Final, Self, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
+from radarsim.errors import MalformedMessage
+from radarsim.geometry import Pose3
+from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.message import (
+    Message,
+    decode_message,
+    parse_flipped,
+    position_on_wire,
+    wrapped_angles_on_wire,
+    wrapped_pose,
+)
+from radarsim.protocol.numbers import parse_flag, parse_number
+from radarsim.protocol.robot_reports import (
+    VEHICLE,
+    EncoderConf,
+    IntervalConf,
+    ItemGeo,
+    NameConf,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    TouchConf,
+    decode_conf,
+    decode_geo,
+    select_fields,
+)
+from radarsim.protocol.sensor_reports import (
+    Encoder,
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    SensorReport,
+    Tachometer,
+    Touch,
+)
 
-from radarsim.geometry import Floats, Pose2, Pose3
+__all__ = [
+    "EchoLine",
+    "Encoder",
+    "EncoderConf",
+    "Greeting",
+    "GroundTruth",
+    "Ins",
+    "IntervalConf",
+    "ItemGeo",
+    "NameConf",
+    "Odometry",
+    "RangeScan",
+    "Report",
+    "RobotConf",
+    "RobotGeo",
+    "ScannerConf",
+    "SensorReport",
+    "StartPoses",
+    "Status",
+    "Tachometer",
+    "TargetEchoes",
+    "Touch",
+    "TouchConf",
+    "decode_report",
+    "to_bytes",
+]
 
-Triple: TypeAlias = tuple[float, float, float]
+LONGEST_LINE: Final = 4095  # bytes with its end; clients read into buffers of 4096
 
 
 @dataclass(frozen=True, slots=True)
 class Greeting:
-    """The first line on a connection; level is the name of the map."""
+    """The first line on a connection; ``level`` is the name of the map."""
 
     level: str
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end."""
+        fields = (
+            ("Gametype", dialect.gametype),
+            ("Level", self.level),
+            ("TimeLimit", str(dialect.time_limit)),
+        )
+        return Message("NFO", fields).encode()
 
 
 @dataclass(frozen=True, slots=True)
 class StartPoses:
-    """The start poses of the map, by name."""
+    """The start poses of the map by name."""
 
     poses: tuple[tuple[str, Pose3], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message, which lists the poses after their count.
+
+        Raises:
+            MalformedMessage: If a pose is not readable.
+        """
+        keys = [key.lower() for key, _ in message.segments]
+        lists = message.segments[keys.index("startposes") + 1 :]
+        words = [word for key, value in lists for word in (key, *value.split())]
+        if len(words) % 3:
+            text = f"start poses {' '.join(words)[:80]!r}"
+            raise MalformedMessage(
+                f"{text}, expected 'name x,y,z roll,pitch,yaw' of each"
+            )
+        rows = zip(words[::3], words[1::3], words[2::3], strict=True)
+        return cls(
+            tuple(
+                (name, wrapped_pose(parse_flipped(position), parse_flipped(angles)))
+                for name, position, angles in rows
+            )
+        )
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write as many poses as fit into one line, without its end.
+
+        Raises:
+            ValueError: If a number is not finite.
+        """
+        join = dialect.start_pose.join
+        poses = _fitting(
+            [
+                f"{name} {join(position_on_wire(pose))}"
+                f" {join(wrapped_angles_on_wire(pose))}"
+                for name, pose in self.poses
+            ]
+        )
+        count = f"NFO {{StartPoses {len(poses)}}}"
+        return f"{count} {{{' '.join(poses)}}}" if poses else count
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """The state of a robot; battery is the time that it lasts, s."""
+    """The state of a robot.
+
+    Attributes:
+        time: Simulated time, s.
+        battery: Time that the battery lasts, s.
+        light: Whether the headlight is on.
+    """
 
     time: float
     battery: int
     light: bool
 
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message; without a battery, 0 s are left.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RangeScan:
-    """One scan of a laser or radar.
+        Raises:
+            MalformedMessage: If a field is not readable.
+        """
+        battery = message.parse_optional("Battery", parse_number)
+        light = parse_flag(message.get("LightToggle") or "")
+        return cls(message.number_or_nan("Time"), int(battery or 0), light)
 
-    Attributes:
-        time: s.
-        name: Of the item.
-        resolution: Angle between neighbouring beams, rad.
-        fov: Angle between the first beam and the last, rad.
-        ranges: (N,) m, counter-clockwise from the right, finite: a beam without
-            return reads the largest range.
-    """
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end.
 
-    time: float
-    name: str
-    resolution: float
-    fov: float
-    ranges: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetEchoes:
-    """Echoes of one object and material, and what a scanner can tell of it.
-
-    Attributes:
-        object: Its name in the map; of a robot, its name. Any text.
-        material: Any text.
-        density: Power that a beam loses in a metre of it; ``math.inf`` is opaque.
-        transparency: Share of a beam that a metre of it, or a sheet, lets through.
-        laser_passes: Whether light gets into it.
-        robot_passes: Whether robots can drive through it.
-        beams: (E,) the beam of each echo, counted from 0 at the right.
-        ranges: (E,) m.
-        kinds: E words: enter, leave, sheet, hit or spent.
-        power: (E,) share of the beam's power that is left on arrival, 0 to 1.
-        strength: (E,) share of the beam that comes back, 0 to 1.
-    """
-
-    object: str
-    material: str
-    density: float
-    transparency: float
-    laser_passes: bool
-    robot_passes: bool
-    beams: NDArray[np.int64]
-    ranges: Floats
-    kinds: tuple[str, ...]
-    power: Floats
-    strength: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class EchoLine:
-    """Echoes of one scan, as many as fit into a line.
-
-    Attributes:
-        time: s, that of the scan.
-        name: Of the item.
-        line: Its number, from 1 to ``lines``; 0 for a scan without echoes.
-        lines: How many there are of that scan; 0 for a scan without echoes.
-        echoes: None for a scan without echoes.
-    """
-
-    time: float
-    name: str
-    line: int
-    lines: int
-    echoes: TargetEchoes | None
-
-
-@dataclass(frozen=True, slots=True)
-class GroundTruth:
-    """Where the robot's body is."""
-
-    time: float
-    name: str
-    pose: Pose3
-
-
-@dataclass(frozen=True, slots=True)
-class Ins:
-    """Where the inertial navigation system believes to be."""
-
-    time: float
-    name: str
-    pose: Pose3
-
-
-@dataclass(frozen=True, slots=True)
-class Odometry:
-    """The pose that the wheels tell, from the place of spawning; yaw is not wrapped."""
-
-    time: float
-    name: str
-    pose: Pose2
-
-
-@dataclass(frozen=True, slots=True)
-class Tachometer:
-    """Spin of each wheel in rad/s and the angle that it has turned by in rad."""
-
-    time: float
-    name: str
-    velocities: tuple[float, ...]
-    positions: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Encoder:
-    """Ticks of the named wheels."""
-
-    time: float
-    ticks: tuple[tuple[str, int], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Touch:
-    """Whether something touches the robot."""
-
-    time: float
-    name: str
-    touched: bool
-
-
-@dataclass(frozen=True, slots=True)
-class RobotGeo:
-    """The shape of the robot.
-
-    Attributes:
-        name: The robot's class, not the name that its client gave it.
-        dimensions: Length, width, height of the hull, m.
-        cog: Centre of gravity in the body frame, m.
-        wheel_radius: m.
-        wheel_separation: Between left and right wheels, m.
-        wheel_base: Between front and back wheels, m.
-    """
-
-    name: str
-    dimensions: Triple
-    cog: Triple
-    wheel_radius: float
-    wheel_separation: float
-    wheel_base: float
-
-
-@dataclass(frozen=True, slots=True)
-class RobotConf:
-    """The abilities of the robot.
-
-    Attributes:
-        name: The robot's class, not the name that its client gave it.
-        mass: kg.
-        max_speed: Of a wheel, in the dialect's drive unit.
-        max_torque: N m.
-    """
-
-    name: str
-    mass: float
-    max_speed: float
-    max_torque: float
-
-
-@dataclass(frozen=True, slots=True)
-class ItemGeo:
-    """Where items are mounted: name and pose in the body frame, in mounting order.
-
-    ``robot`` is the class of the robot that carries them.
-    """
-
-    type: str
-    mounts: tuple[tuple[str, Pose3], ...]
-    robot: str
-
-
-@dataclass(frozen=True, slots=True)
-class ScannerConf:
-    """Settings of scanners: name, longest and shortest range, m, step and fov, rad."""
-
-    type: str
-    items: tuple[tuple[str, float, float, float, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class IntervalConf:
-    """Settings of items that only have an interval: name and s."""
-
-    type: str
-    items: tuple[tuple[str, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class EncoderConf:
-    """Settings of encoders: name and the angle of one tick in rad."""
-
-    type: str
-    items: tuple[tuple[str, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class TouchConf:
-    """Settings of touch sensors: name and diameter in m."""
-
-    type: str
-    items: tuple[tuple[str, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class NameConf:
-    """Items that have no settings, by name."""
-
-    type: str
-    names: tuple[str, ...]
+        Raises:
+            ValueError: If the time is not finite.
+        """
+        least = 0 if dialect.battery_runs_out else 1
+        values = {
+            "Type": VEHICLE,
+            "Time": dialect.time.format(self.time),
+            "FrontSteer": dialect.steer,
+            "RearSteer": dialect.steer,
+            "LightToggle": str(self.light),
+            "LightIntensity": dialect.light_intensity[self.light],
+            "Battery": str(max(self.battery, least)),
+            "View": "-1",
+        }
+        fields = select_fields(dialect.status_keys, values)
+        return Message("STA", tuple(fields)).encode()
 
 
 Report: TypeAlias = (
@@ -275,30 +210,60 @@ Report: TypeAlias = (
     | NameConf
 )
 
-
-# Section from protocol.words.
-# The words that tell reports apart, for who writes and for who reads them.
-
-VEHICLE: Final = "GroundVehicle"  # the type of a robot that drives
-VEHICLES: Final = frozenset((VEHICLE, "LeggedRobot", "NauticVehicle", "AerialVehicle"))
-
-Reading: TypeAlias = (
-    RangeScan | EchoLine | GroundTruth | Ins | Odometry | Tachometer | Encoder | Touch
-)
-Settings: TypeAlias = IntervalConf | EncoderConf | TouchConf
-
-READING_TYPES: Final[dict[type[Reading], str]] = {
-    RangeScan: "RangeScanner",
-    EchoLine: "Echoes",
-    GroundTruth: "GroundTruth",
-    Ins: "INS",
-    Odometry: "Odometry",
-    Tachometer: "Tachometer",
-    Encoder: "Encoder",
-    Touch: "Touch",
+_SENSOR_REPORTS: Final = {
+    report.sensor_type.lower(): report
+    for report in (
+        *(RangeScan, EchoLine, GroundTruth, Ins),
+        *(Odometry, Tachometer, Encoder, Touch),
+    )
 }
-SETTING_KEYS: Final[dict[type[Settings], str]] = {
-    IntervalConf: "ScanInterval",
-    TouchConf: "Diameter",
-    EncoderConf: "Resolution",
-}
+
+
+def decode_report(line: str) -> Report | None:
+    """Read one line of a server; return None for an unknown kind of report.
+
+    >>> decode_report("NFO {Gametype BotDeathMatch} {Level DM-Yard} {TimeLimit 0}")
+    Greeting(level='DM-Yard')
+
+    Raises:
+        MalformedMessage: If the line is not a message, or a field of a known report is
+            missing or not readable.
+    """
+    message = decode_message(line)
+    match message.verb.upper():
+        case "NFO":
+            return _decode_info(message)
+        case "STA":
+            return Status.decode(message)
+        case "SEN":
+            report = _SENSOR_REPORTS.get((message.get("Type") or "").lower())
+            return report.decode(message) if report else None
+        case "GEO":
+            return decode_geo(message)
+        case "CONF":
+            return decode_conf(message)
+        case _:
+            return None
+
+
+def to_bytes(lines: Iterable[str]) -> bytes:
+    r"""Join lines for sending, each with CRLF.
+
+    >>> to_bytes(["NFO {StartPoses 0}"])
+    b'NFO {StartPoses 0}\r\n'
+    """
+    return "".join([f"{line}\r\n" for line in lines]).encode("ascii", "replace")
+
+
+def _decode_info(message: Message) -> Greeting | StartPoses | None:
+    if message.get("StartPoses") is not None:
+        return StartPoses.decode(message)
+    level = message.get("Level")
+    return None if level is None else Greeting(level)
+
+
+def _fitting(poses: Sequence[str]) -> Sequence[str]:
+    """Return the first poses, as many as fit into one read of a client."""
+    limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
+    ends = accumulate(len(pose) + 1 for pose in poses)
+    return poses[: sum(end - 1 <= limit for end in ends)]

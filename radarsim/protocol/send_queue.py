@@ -1,15 +1,15 @@
-r"""What waits to be sent to one client: whole lines, the stale ones given up first.
+r"""The lines that wait to be sent to one client.
 
-A client that reads too slowly loses old readings, never an answer, and never part of a
-line. What has been taken is on its way and cannot be lost any more.
+A client that reads too slowly loses the oldest readings. It never loses an answer, nor
+part of a line. Lines that were taken from the queue are not dropped any more.
 
->>> outbox = SendQueue(limit=20)
->>> outbox.put(b"NFO {A b}\r\n", keep=True)
->>> outbox.put(b"SEN {A 1}\r\n", keep=False)
->>> outbox.put(b"SEN {A 2}\r\n", keep=False)
->>> outbox.take()
+>>> queue = SendQueue(limit=20)
+>>> queue.put(b"NFO {A b}\r\n", keep=True)
+>>> queue.put(b"SEN {A 1}\r\n", keep=False)
+>>> queue.put(b"SEN {A 2}\r\n", keep=False)
+>>> queue.take()
 b'NFO {A b}\r\n'
->>> outbox.dropped
+>>> queue.dropped
 2
 """
 
@@ -17,14 +17,15 @@ from collections import deque
 
 
 class SendQueue:
-    """Lines that wait for one client.
+    """Bounded queue of lines for one client; its length is in bytes.
 
     Attributes:
-        limit: Bytes of readings that may wait; beyond it the oldest are dropped.
-        ceiling: Bytes of answers that may wait; beyond it ``overflowed`` becomes true,
-            and the client is to be disconnected.
-        dropped: How many readings were given up.
-        flooded: Whether the client asks, and does not read the answers.
+        limit: Maximum size of waiting readings, bytes; beyond it the oldest are
+            dropped.
+        ceiling: Maximum size of waiting answers, bytes; beyond it ``overflowed``
+            becomes true and the client is to be disconnected.
+        dropped: Number of readings that were dropped.
+        overflowed: Whether the client has sent requests without reading the answers.
     """
 
     def __init__(self, limit: int = 262_144, ceiling: int = 4_194_304) -> None:
@@ -43,8 +44,8 @@ class SendQueue:
         """Add a line.
 
         Args:
-            line: With its end.
-            keep: Whether it is an answer, which may not be dropped.
+            line: Line with its end.
+            keep: Whether it is an answer, which must not be dropped.
         """
         self._lines.append((line, keep))
         if keep:
@@ -53,26 +54,26 @@ class SendQueue:
         else:
             self._readings += len(line)
             if self._readings > self.limit:
-                self._give_up_readings()
+                self._drop_readings()
 
     def take(self) -> bytes:
-        """Give all that waits, in order."""
+        """Remove and return all lines, in order."""
         data = b"".join(line for line, _ in self._lines)
         self._lines.clear()
         self._readings = self._answers = 0
         return data
 
-    def _give_up_readings(self) -> None:
-        """Drop the oldest readings until the rest fits in half the limit.
+    def _drop_readings(self) -> None:
+        """Drop the oldest readings until the rest fits into half the limit.
 
-        In half, so that the walk over all lines is rare, however many there are.
+        Half, so that this pass over the queue is rare, however long the queue is.
         """
-        kept: deque[tuple[bytes, bool]] = deque()
+        answers: deque[tuple[bytes, bool]] = deque()
         while self._readings > self.limit // 2:
             line, keep = self._lines.popleft()
             if keep:
-                kept.append((line, keep))
+                answers.append((line, keep))
             else:
                 self._readings -= len(line)
                 self.dropped += 1
-        self._lines.extendleft(reversed(kept))
+        self._lines.extendleft(reversed(answers))

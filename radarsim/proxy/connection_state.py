@@ -86,7 +86,7 @@ class ConnectionState:
     def receive_client_line(self, text: str) -> Command | None:
         """Process a line of the client; return its command, or None if it is none."""
         try:
-            command = parse_command(text, COMPAT)
+            command = parse_command(text, COMPAT).command
         except MalformedMessage:
             self.skipped_lines += 1
             return None

@@ -75,7 +75,8 @@ class Relay:
             self._connected.set()
             with self._client.makefile("rb") as lines:
                 for line in lines:
-                    command = parse_command(line.decode().strip(), COMPAT)
+                    text = line.decode().strip()
+                    command = parse_command(text, COMPAT).command
                     if isinstance(command, Drive):
                         self.driven.append((time.monotonic(), command))
                     self._server.sendall(line)

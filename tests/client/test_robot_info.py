@@ -14,9 +14,7 @@ from radarsim.client.robot_info import (
 )
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose3
-from radarsim.protocol.decode import decode_report
 from radarsim.protocol.dialect import COMPAT
-from radarsim.protocol.encode import encode_report
 from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,
@@ -25,6 +23,7 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    decode_report,
 )
 
 GEO = RobotGeo("P3AT", (0.6, 0.8, 0.4), (0, 0, 0), 0.1, 0.4, 0.3)
@@ -207,6 +206,6 @@ def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
 
 
 def _printed(report: Report) -> Report:
-    read = decode_report(encode_report(report, COMPAT))
+    read = decode_report(report.encode(COMPAT))
     assert read is not None
     return read

@@ -10,7 +10,6 @@ from radarsim.client import session as asking
 from radarsim.client.session import Question, Session
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT
-from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.reports import (
     Greeting,
     GroundTruth,
@@ -25,6 +24,7 @@ from radarsim.protocol.reports import (
     ScannerConf,
     StartPoses,
     Status,
+    to_bytes,
 )
 
 HERE = Pose3(1, 2, 3)
@@ -34,7 +34,7 @@ REPORTS: list[Report] = [
     Ins(0.75, "I", HERE),
     RangeScan(1.0, "S", pi / 1080, pi, np.linspace(0, 80, 1081)),
 ]
-STREAM = to_bytes(encode_report(report, COMPAT) for report in REPORTS)
+STREAM = to_bytes(report.encode(COMPAT) for report in REPORTS)
 GEO = RobotGeo("P3AT", (1, 1, 1), (0, 0, 0), 0.1, 0.4, 0.3)
 
 

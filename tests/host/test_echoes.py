@@ -312,7 +312,7 @@ def test_the_last_end_of_a_beam_reads_what_its_range_reads(
     assert len(ends) > 150
     assert {beam: ranges[beam] for beam in ends} == ends
     missed = {ranges[beam] for beam in range(len(ranges)) if beam not in ends}
-    assert missed <= {dialect.ranges.text(80 if dialect is COMPAT else 20)}
+    assert missed <= {dialect.ranges.format(80 if dialect is COMPAT else 20)}
 
 
 def test_a_robot_is_told_by_its_name(empty_room: Scene) -> None:

@@ -63,7 +63,7 @@ class Ill:
     def send(self, data: bytes) -> None:
         if self.fault == "drops" and self.is_ill:
             raise ConnectionError("the server closed the connection")
-        command = parse_command(data.decode().strip(), COMPAT)
+        command = parse_command(data.decode().strip(), COMPAT).command
         if isinstance(command, Drive):
             self.driven.append((self.time(), command))
         if not (self.deaf and isinstance(command, Drive)):

@@ -18,7 +18,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 def commands(stream: bytes) -> list[Command]:
-    return [parse_command(line, COMPAT) for line in LineBuffer().feed(stream)]
+    return [parse_command(line, COMPAT).command for line in LineBuffer().feed(stream)]
 
 
 @pytest.mark.parametrize(

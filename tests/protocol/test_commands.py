@@ -13,6 +13,7 @@ from radarsim.protocol.commands import (
     GetConf,
     GetGeo,
     Init,
+    ParsedCommand,
     SetItem,
     Unsupported,
     parse_command,
@@ -60,13 +61,19 @@ from radarsim.protocol.framing import LineBuffer
 )
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
 def test_other_commands(line: str, expected: Command, dialect: Dialect) -> None:
-    assert parse_command(line, dialect) == expected
+    assert parse_command(line, dialect).command == expected
+
+
+def test_fields_that_a_command_does_not_have_are_reported() -> None:
+    line = "drive {Left 1} {colour red} {RIGHT 1} {Speed 2} {Speed 3}"
+    parsed = parse_command(line, COMPAT)
+    assert parsed == ParsedCommand(Drive(1, 1), ("colour", "Speed", "Speed"))
 
 
 def test_true_in_capitals_is_true_in_compat_only() -> None:
     line = "DRIVE {Normalized True} {Light TRUE} {Flip true}"
-    assert parse_command(line, COMPAT) == Drive(None, None, True, True, True)
-    assert parse_command(line, UDK) == Drive(None, None, False, False, True)
+    assert parse_command(line, COMPAT).command == Drive(None, None, True, True, True)
+    assert parse_command(line, UDK).command == Drive(None, None, False, False, True)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +84,9 @@ def test_true_in_capitals_is_true_in_compat_only() -> None:
     ],
 )
 def test_what_the_originals_know_is_accepted(verb: str) -> None:
-    assert parse_command(f"{verb} {{Name a}}", COMPAT) == Unsupported(verb.upper())
+    assert parse_command(f"{verb} {{Name a}}", COMPAT).command == Unsupported(
+        verb.upper()
+    )
 
 
 @pytest.mark.parametrize(
@@ -204,7 +213,7 @@ def test_a_packet_cut_anywhere_means_the_same(cut: int) -> None:
     )
     lines = LineBuffer()
     texts = lines.feed(stream[:cut]) + lines.feed(stream[cut:])
-    assert [parse_command(text, COMPAT) for text in texts] == [
+    assert [parse_command(text, COMPAT).command for text in texts] == [
         Init("P3AT", "R1", "RobotStart1"),
         GetGeo("Robot"),
         GetConf("Robot"),

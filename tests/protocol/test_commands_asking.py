@@ -43,7 +43,7 @@ COMMANDS = st.one_of(
 
 @given(command=COMMANDS, dialect=st.sampled_from([COMPAT, UDK]))
 def test_a_server_reads_what_was_meant(command: Command, dialect: Dialect) -> None:
-    assert parse_command(encode_command(command), dialect) == command
+    assert parse_command(encode_command(command), dialect).command == command
 
 
 @pytest.mark.parametrize(
@@ -82,8 +82,3 @@ def test_a_number_that_nobody_can_read_is_not_sent(number: float) -> None:
 def test_a_text_cannot_smuggle_in_a_line_or_a_field(text: str) -> None:
     with pytest.raises(ValueError, match="expected printable ASCII without braces"):
         encode_command(Init("P3AT", name=text))
-
-
-def test_what_is_no_command_is_our_own_mistake() -> None:
-    with pytest.raises(TypeError, match="'DRIVE', expected a command"):
-        encode_command("DRIVE")  # type: ignore[arg-type]

@@ -6,7 +6,6 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT
-from radarsim.protocol.encode import encode_report
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
@@ -233,7 +232,7 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
     [pytest.param(report, line, id=name) for name, report, line in COMPAT_LINES],
 )
 def test_lines_of_the_compat_dialect(report: Report, line: str) -> None:
-    assert encode_report(report, COMPAT) == line
+    assert report.encode(COMPAT) == line
 
 
 def test_every_kind_of_report_has_a_line_above() -> None:

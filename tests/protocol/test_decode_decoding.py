@@ -7,7 +7,6 @@ import pytest
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.decode import decode_report
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
@@ -21,6 +20,7 @@ from radarsim.protocol.reports import (
     Status,
     Tachometer,
     Touch,
+    decode_report,
 )
 
 

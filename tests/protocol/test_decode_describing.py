@@ -7,7 +7,6 @@ import pytest
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
-from radarsim.protocol.decode import decode_report
 from radarsim.protocol.reports import (
     EncoderConf,
     IntervalConf,
@@ -18,6 +17,7 @@ from radarsim.protocol.reports import (
     RobotGeo,
     ScannerConf,
     TouchConf,
+    decode_report,
 )
 
 MOUNTS = (("S1", Pose3(0.2, 0, 0.1)), ("S2", Pose3(-0.2, 0, 0.1, 0, 0, -3.1)))

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.echoes import ECHOES_A_LINE
-from radarsim.protocol.encode import encode_report, to_bytes
 from radarsim.protocol.message import decode_message
-from radarsim.protocol.reports import EchoLine, TargetEchoes
+from radarsim.protocol.reports import EchoLine, TargetEchoes, to_bytes
 
 DIALECTS = [COMPAT, UDK]
 WALL = TargetEchoes(
@@ -30,7 +29,7 @@ WALL = TargetEchoes(
 
 
 def written(seen: TargetEchoes, dialect: Dialect = COMPAT) -> str:
-    return encode_report(EchoLine(1.0, "lms200", 1, 1, seen), dialect)
+    return EchoLine(1.0, "lms200", 1, 1, seen).encode(dialect)
 
 
 def field(seen: TargetEchoes, key: str, dialect: Dialect = COMPAT) -> str | None:
@@ -62,7 +61,7 @@ def test_the_longest_line_fits_into_one_read(dialect: Dialect, name: str) -> Non
         strength=np.ones(ECHOES_A_LINE),
     )
     report = EchoLine(2e9, "S" * 60, 999_999, 999_999, longest)
-    line = to_bytes([encode_report(report, dialect)])
+    line = to_bytes([report.encode(dialect)])
     assert 4000 < len(line) <= 4095
     assert line.count(b" 999999,100000.00,Spent,1.0000,1.0000") == ECHOES_A_LINE
 
@@ -127,5 +126,5 @@ def test_a_range_reads_as_it_does_in_a_scan(
     )
     echoes = (field(seen, "Echoes", dialect) or "").split(" ")
     assert [echo.split(",")[1] for echo in echoes] == [
-        dialect.ranges.text(r) for r in ranges.tolist()
+        dialect.ranges.format(r) for r in ranges.tolist()
     ]

@@ -5,7 +5,6 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
-from radarsim.protocol.encode import encode_report
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
@@ -214,4 +213,4 @@ UDK_LINES: list[tuple[str, Report, str]] = [
     [pytest.param(report, line, id=name) for name, report, line in UDK_LINES],
 )
 def test_lines_of_the_udk_dialect(report: Report, line: str) -> None:
-    assert encode_report(report, UDK) == line
+    assert report.encode(UDK) == line

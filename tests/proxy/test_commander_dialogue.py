@@ -25,7 +25,7 @@ from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import (
     CellClass,
 )
-from radarsim.protocol.decode import decode_report
+from radarsim.protocol.reports import decode_report
 from radarsim.proxy import ConnectionState, RobotSelector, TcpProxy, TrafficObserver
 from radarsim.proxy.line_queue import LineQueue
 from radarsim.scene.scene import Scene

@@ -1,0 +1,268 @@
+"""The readings of sensors: SEN lines, in both directions.
+
+Each report writes and reads its own fields. Fields are read in any order, and keys and
+types in any case. A time stamp that a server leaves out is NaN.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Self, TypeAlias
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.message import (
+    Message,
+    parse_flipped,
+    parse_triple,
+    position_on_wire,
+    wrapped_angles_on_wire,
+    wrapped_pose,
+)
+from radarsim.protocol.numbers import (
+    format_ranges,
+    parse_flag,
+    parse_list,
+    parse_number,
+)
+
+Fields: TypeAlias = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorReport(ABC):
+    """One reading.
+
+    Attributes:
+        sensor_type: Value of ``Type`` on the wire.
+        time: Simulated time, s.
+    """
+
+    sensor_type: ClassVar[str]
+
+    time: float
+
+    @classmethod
+    @abstractmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If a field is missing or not readable.
+        """
+
+    @abstractmethod
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type.
+
+        Raises:
+            ValueError: If a number is not finite.
+        """
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end.
+
+        Raises:
+            ValueError: If a number is not finite.
+        """
+        fields = (("Type", self.sensor_type), *self.fields(dialect))
+        if self._has_time(dialect):
+            fields = (("Time", dialect.time.format(self.time)), *fields)
+        return Message("SEN", fields).encode()
+
+    def _has_time(self, _: Dialect) -> bool:
+        return True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeScan(SensorReport):
+    """One scan of a laser or radar.
+
+    Attributes:
+        name: Name of the scanner.
+        resolution: Angle between neighbouring beams, rad.
+        fov: Angle between the first beam and the last, rad.
+        ranges: (N,) m, counter-clockwise from the right, finite: a beam without
+            return has the maximum range.
+    """
+
+    sensor_type: ClassVar[str] = "RangeScanner"
+
+    name: str
+    resolution: float
+    fov: float
+    ranges: Floats
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        return cls(
+            message.number_or_nan("Time"),
+            message.name,
+            message.parse("Resolution", parse_number),
+            message.parse("FOV", parse_number),
+            np.array(message.parse("Range", parse_list)),
+        )
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        return (
+            ("Name", self.name),
+            ("Resolution", dialect.angle.format(self.resolution)),
+            ("FOV", dialect.angle.format(self.fov)),
+            ("Range", format_ranges(self.ranges, dialect.ranges)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTruth(SensorReport):
+    """The true pose of the robot's body in the world."""
+
+    sensor_type: ClassVar[str] = "GroundTruth"
+
+    name: str
+    pose: Pose3
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        return cls(message.number_or_nan("Time"), message.name, _decode_pose(message))
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        return (
+            ("Name", self.name),
+            ("Location", dialect.truth.join(position_on_wire(self.pose))),
+            ("Orientation", dialect.truth.join(wrapped_angles_on_wire(self.pose))),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Ins(SensorReport):
+    """The pose in the world that the inertial navigation system estimates."""
+
+    sensor_type: ClassVar[str] = "INS"
+
+    name: str
+    pose: Pose3
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        return cls(message.number_or_nan("Time"), message.name, _decode_pose(message))
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        angles = wrapped_angles_on_wire(self.pose)
+        if dialect.ins_angles_positive:
+            roll, pitch, yaw = angles
+            angles = (roll % math.tau, pitch % math.tau, yaw % math.tau)
+        return (
+            ("Name", self.name),
+            ("Location", dialect.ins.join(position_on_wire(self.pose))),
+            ("Orientation", dialect.ins.join(angles)),
+        )
+
+    def _has_time(self, dialect: Dialect) -> bool:
+        return dialect.ins_has_time
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry(SensorReport):
+    """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
+
+    sensor_type: ClassVar[str] = "Odometry"
+
+    name: str
+    pose: Pose2
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        x, y, yaw = message.parse("Pose", parse_triple)
+        pose = Pose2(x, 0.0 - y, 0.0 - yaw)
+        return cls(message.number_or_nan("Time"), message.name, pose)
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        pose = (self.pose.x, 0.0 - self.pose.y, 0.0 - self.pose.yaw)
+        return (("Name", self.name), ("Pose", dialect.plain.join(pose)))
+
+
+@dataclass(frozen=True, slots=True)
+class Tachometer(SensorReport):
+    """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
+
+    sensor_type: ClassVar[str] = "Tachometer"
+
+    name: str
+    velocities: tuple[float, ...]
+    positions: tuple[float, ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        return cls(
+            message.number_or_nan("Time"),
+            message.name,
+            tuple(message.parse("Vel", parse_list)),
+            tuple(message.parse("Pos", parse_list)),
+        )
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        return (
+            ("Name", self.name),
+            ("Vel", dialect.plain.join(self.velocities)),
+            ("Pos", dialect.plain.join(self.positions)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder(SensorReport):
+    """Name and tick count of each wheel encoder."""
+
+    sensor_type: ClassVar[str] = "Encoder"
+
+    ticks: tuple[tuple[str, int], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        ticks = [
+            (item.name, int(item.parse("Tick", parse_number)))
+            for item in message.items()
+        ]
+        return cls(message.number_or_nan("Time"), tuple(ticks))
+
+    def fields(self, _: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        pairs = [(("Name", name), ("Tick", str(tick))) for name, tick in self.ticks]
+        return tuple(field for pair in pairs for field in pair)
+
+
+@dataclass(frozen=True, slots=True)
+class Touch(SensorReport):
+    """Whether something touches the robot."""
+
+    sensor_type: ClassVar[str] = "Touch"
+
+    name: str
+    touched: bool
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        touched = message.parse("Touch", parse_flag)
+        return cls(message.number_or_nan("Time"), message.name, touched)
+
+    def fields(self, _: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        return (("Name", self.name), ("Touch", str(self.touched)))
+
+
+def _decode_pose(message: Message) -> Pose3:
+    position = message.parse("Location", parse_flipped)
+    return wrapped_pose(position, message.parse("Orientation", parse_flipped))
