@@ -67,18 +67,11 @@ class CommandHandler:
         try:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
-<<<<<<< HEAD
             return Handled(True, Diagnostic.of_malformed(line, error))
-        if isinstance(command, Init) and self._is_too_early(client):
-            return Handled(False)
-        diagnostic = self._execute(client, command)
-        return Handled(True, diagnostic or Diagnostic.of_unknown_fields(line))
-=======
-            return True, malformed(line, error)
         if isinstance(parsed.command, Init) and self._is_too_early(client):
-            return False, None
-        return True, self._carry_out(client, parsed.command) or unknown_fields(parsed)
->>>>>>> 5b5d6fb (Reports and commands write and read themselves)
+            return Handled(False)
+        diagnostic = self._execute(client, parsed.command)
+        return Handled(True, diagnostic or Diagnostic.of_unknown_fields(parsed))
 
     def despawn(self, client: Client) -> None:
         """Remove the robot of a client, if it has one."""

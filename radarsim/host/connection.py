@@ -10,19 +10,6 @@ from radarsim.protocol.reports import Report
 from radarsim.protocol.send_queue import SendQueue
 from radarsim.simulation.vehicle import Vehicle
 
-<<<<<<< HEAD
-# The fields that have a meaning here; clients of other servers also send others.
-FIELDS: dict[str, tuple[str, ...]] = {
-    "INIT": ("ClassName", "Name", "Start", "Location", "Rotation"),
-    "DRIVE": ("Left", "Right", "Normalized", "Light", "Flip"),
-    "GETGEO": ("Type", "Name"),
-    "GETCONF": ("Type", "Name"),
-    "SET": ("Type", "Name", "Opcode", "Params"),
-    "GETSTARTPOSES": (),
-}
-
-=======
->>>>>>> 5b5d6fb (Reports and commands write and read themselves)
 
 @dataclass(slots=True)
 class Client:
@@ -63,20 +50,15 @@ class Diagnostic:
     def of_malformed(cls, line: str, error: MalformedMessage) -> "Diagnostic":
         """Describe a line that is not a command; the kind is that of its verb."""
         verb = line.partition("{")[0].strip().upper()
-        return cls(f"malformed {verb if verb in FIELDS else 'line'}", str(error))
+        return cls(f"malformed {verb if verb in COMMANDS else 'line'}", str(error))
 
-<<<<<<< HEAD
     @classmethod
-    def of_unknown_fields(cls, line: str) -> "Diagnostic | None":
-        """Describe the fields of a command that have no meaning; None without any."""
-        message = decode_message(line)
-        verb = message.verb.upper()
-        known = FIELDS[verb]
-        lowered = {key.lower() for key in known}
-        unknown = [key for key, _ in message.segments if key.lower() not in lowered]
-        if not unknown:
+    def of_unknown_fields(cls, parsed: ParsedCommand) -> "Diagnostic | None":
+        """Describe the fields that a command does not have; None without any."""
+        if not parsed.unknown_keys:
             return None
-        text = f"{verb} {unknown[0][:80]!r}, expected of {list(known)}"
+        verb, unknown = parsed.command.verb, parsed.unknown_keys[0]
+        text = f"{verb} {unknown[:80]!r}, expected of {list(parsed.command.keys)}"
         return cls(f"{verb} fields", text)
 
     def then(self, consequence: "Diagnostic") -> "Diagnostic":
@@ -84,47 +66,3 @@ class Diagnostic:
         return Diagnostic(
             f"{self.kind}, {consequence.kind}", f"{self.text}; {consequence.text}"
         )
-=======
-def malformed(line: str, error: MalformedMessage) -> Diagnostic:
-    """Tell of a line that is no command; those of one verb are alike."""
-    verb = line.partition("{")[0].strip().upper()
-    return Diagnostic(f"malformed {verb if verb in COMMANDS else 'line'}", str(error))
-
-
-def unknown_fields(parsed: ParsedCommand) -> Diagnostic | None:
-    """Report the fields that a command does not have, if there are any."""
-    if not parsed.unknown_keys:
-        return None
-    verb, unknown = parsed.command.verb, parsed.unknown_keys[0]
-    return Diagnostic(
-        f"{verb} fields",
-        f"{verb} {unknown[:80]!r}, expected of {list(parsed.command.keys)}",
-    )
-
-
-# Section from host.client.
-# What the host keeps of one connection.
-
-
-@dataclass(slots=True)
-class Client:
-    """One connection.
-
-    Attributes:
-        lines: What it has sent of a line that is not whole yet.
-        pending: Lines that wait for their turn.
-        turns: How many commands it may still give in this tick.
-        next_spawn: The first tick in which it may have a robot made.
-        outbox: What it has not been sent yet.
-        answers: What the next write of a tick begins with, behind the status.
-        vehicle: Its robot.
-    """
-
-    lines: LineBuffer = field(default_factory=LineBuffer)
-    pending: deque[str] = field(default_factory=deque)
-    turns: int = 0
-    next_spawn: int = 0
-    outbox: SendQueue = field(default_factory=SendQueue)
-    answers: list[Report] = field(default_factory=list)
-    vehicle: Vehicle | None = None
->>>>>>> 5b5d6fb (Reports and commands write and read themselves)

@@ -23,13 +23,8 @@ from collections.abc import Iterable
 
 from radarsim.host.commands import CommandHandler
 from radarsim.host.connection import Client, Diagnostic
-<<<<<<< HEAD
 from radarsim.host.echo_lines import echo_lines
-from radarsim.protocol.encode import encode_report, to_bytes
-from radarsim.protocol.reports import Greeting, Report
-=======
 from radarsim.protocol.reports import Greeting, Report, to_bytes
->>>>>>> 5b5d6fb (Reports and commands write and read themselves)
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
@@ -198,10 +193,5 @@ class Host:
 
     def _queue(self, client: Client, reports: Iterable[Report], *, keep: bool) -> None:
         for report in reports:
-<<<<<<< HEAD
-            line = to_bytes([encode_report(report, self._dialect)])
-            client.send_queue.put(line, keep=keep)
-=======
             line = to_bytes([report.encode(self._dialect)])
-            client.outbox.put(line, keep=keep)
->>>>>>> 5b5d6fb (Reports and commands write and read themselves)
+            client.send_queue.put(line, keep=keep)
