@@ -145,7 +145,7 @@ def along(name: str, *, seen_into: float = 0.0) -> tuple[Polygon, Position, Posi
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_nothing_is_wrong_with_a_map(name: str) -> None:
+def test_all_variants_load_and_have_a_trial(name: str) -> None:
     for scene in load_variants(name):
         assert scene.trial is not None
         assert scene.trial.start in {start.name for start in scene.starts}
@@ -176,7 +176,7 @@ def test_there_is_a_path_but_to_the_closed_box(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*OPAQUE, "hedge_garden"])
-def test_passages_are_wide_enough_for_bumpers_to_come_off(name: str) -> None:
+def test_passages_are_wide_enough_to_back_off_after_contact(name: str) -> None:
     tried = task(name)
     wide = tried.safety_distance + PRESSED + 0.1
     assert is_connected(tried.scene, *tried.ends, wide) is (name in WITH_PATH)
@@ -194,7 +194,7 @@ def test_ideal_bugs_find_out_within_their_bounds(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_no_bug_goes_farther_than_ins_can_be_trusted(name: str) -> None:
+def test_no_path_is_longer_than_ins_is_accurate(name: str) -> None:
     assert bug1(*along(name)).length < 100
     assert bug2(*along(name)).length < 100
 
@@ -212,7 +212,7 @@ def test_in_the_maze_bug1_is_the_shorter() -> None:
     assert bug1(*along("bug_maze")).length < 0.92 * bug2(*along("bug_maze")).length
 
 
-def test_in_the_maze_who_gives_up_at_the_line_misses_the_path() -> None:
+def test_bug_that_gives_up_at_the_line_misses_the_path_of_the_maze() -> None:
     hasty = bug2(*along("bug_maze"), patient=False)
     assert hasty.outcome == "no_path"
     assert bug2(*along("bug_maze")).hits == hasty.hits
@@ -256,7 +256,7 @@ def test_gaps_between_hedges_are_open_to_a_radar_and_closed_to_a_laser() -> None
 
 
 @pytest.mark.parametrize("bug", [bug1, bug2])
-def test_seeing_into_hedges_halves_the_way(
+def test_seeing_into_hedges_halves_the_path(
     bug: Callable[[Polygon, Position, Position], RayState],
 ) -> None:
     radar = bug(*along("hedge_garden", seen_into=SEEN_INTO))

@@ -27,7 +27,7 @@ def test_one_object_is_its_only_copy() -> None:
     assert list(copy_names("bush", None)) == ["bush"]
 
 
-def test_repeated_objects_stand_along_a_line() -> None:
+def test_repeated_objects_are_along_a_line() -> None:
     repeat = {"count": 3, "step": [0, 2, 0.5]}
     copies = place_copies(entry(position=[1, 0, 0], repeat=repeat))
     assert [copy.name for copy in copies] == ["bush_1", "bush_2", "bush_3"]
@@ -36,7 +36,7 @@ def test_repeated_objects_stand_along_a_line() -> None:
 
 
 @given(st.integers(0, 2**64), st.integers(1, 50))
-def test_scattered_objects_stand_in_their_area(seed: int, count: int) -> None:
+def test_scattered_objects_are_in_their_area(seed: int, count: int) -> None:
     copies = place_copies(scatter(seed=seed, count=count, scale=[0.5, 2]))
     places = np.array([copy.position for copy in copies])
     assert [copy.name for copy in copies] == list(copy_names("bush", count))
@@ -49,22 +49,22 @@ def places(copies: ObjectEntry) -> list[tuple[float, ...]]:
     return [(*copy.position, copy.scale) for copy in place_copies(copies)]
 
 
-def test_the_same_seed_gives_the_same_places_and_another_one_others() -> None:
+def test_same_seed_gives_the_same_positions_and_another_one_others() -> None:
     assert places(scatter()) == places(scatter())
     assert not set(places(scatter())) & set(places(scatter(seed=2)))
 
 
-def test_a_larger_count_leaves_the_first_ones_where_they_are() -> None:
+def test_larger_count_does_not_move_the_first_copies() -> None:
     few = places(scatter(min_distance=0.3, scale=[1, 2]))
     assert places(scatter(min_distance=0.3, scale=[1, 2], count=30))[:20] == few
 
 
-def test_scattered_objects_keep_their_distance() -> None:
+def test_scattered_objects_have_at_least_the_minimum_distance() -> None:
     spots = np.array(places(scatter(min_distance=0.7)))[:, :2]
     gaps = np.linalg.norm(spots[:, None] - spots[None], axis=2)
     assert (gaps[~np.eye(20, dtype=bool)] >= 0.7).all()
 
 
-def test_a_full_area_is_an_error() -> None:
+def test_full_area_is_an_error() -> None:
     with pytest.raises(BuildError, match=r"after \d copies, expected 20"):
         place_copies(scatter(min_distance=3))

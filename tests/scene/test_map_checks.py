@@ -78,7 +78,7 @@ def objects(*lines: str) -> str:
     return HEAD + "".join(f"  - {{{line}}}\n" for line in lines)
 
 
-def test_a_map_gives_parts_materials_and_starts() -> None:
+def test_map_becomes_parts_materials_and_starts() -> None:
     scene = load(
         "version: 1\n"
         "level: DM-Room\n"
@@ -110,12 +110,12 @@ def test_a_map_gives_parts_materials_and_starts() -> None:
     assert (second.name, second.pose) == ("PlayerStart_2", Pose3(0, 1, 0))
 
 
-def test_the_level_is_the_stem_unless_it_is_given() -> None:
+def test_level_defaults_to_the_stem_of_the_file() -> None:
     assert load("version: 1\n").level == "m"
     assert load("version: 1\nobjects:\nstarts:\nmaterials:\n").parts == ()
 
 
-def test_objects_are_turned_about_their_own_position() -> None:
+def test_objects_are_rotated_about_their_own_position() -> None:
     scene = load(
         objects(
             "name: a, box: [4, 2, 1], position: [9, 0, 0], yaw_deg: 90, material: leaf",
@@ -128,7 +128,7 @@ def test_objects_are_turned_about_their_own_position() -> None:
     assert extents[1] == pytest.approx([12, 1, 1])
 
 
-def test_copies_have_names_and_places_of_their_own() -> None:
+def test_copies_have_their_own_names_and_positions() -> None:
     area = "area: [[-9, -9], [9, 9]], seed: 3, scale: [2, 2]"
     scene = load(
         objects(
@@ -143,7 +143,7 @@ def test_copies_have_names_and_places_of_their_own() -> None:
     assert np.ptp(scene.parts[2].vertices, axis=0) == pytest.approx([4, 4, 4])
 
 
-def test_a_mesh_is_one_part_for_each_material() -> None:
+def test_mesh_becomes_one_part_for_each_material() -> None:
     names = "materials: {Leaves: leaf, Bark: sheet}"
     scene = load(objects(f"name: oak, mesh: meshes/tree.obj, {names}"))
     parts = {part.material.name: part for part in scene.parts}
@@ -156,7 +156,7 @@ def test_a_mesh_is_one_part_for_each_material() -> None:
     assert {part.object_name for part in scene.parts} == {"oak"}
 
 
-def test_a_mesh_can_be_of_one_material_in_other_axes_and_units() -> None:
+def test_mesh_can_have_one_material_and_other_axes_and_units() -> None:
     (part,) = load(
         objects(
             "name: a, mesh: meshes/cube.obj, up_axis: y, scale: 0.5,"
@@ -171,13 +171,11 @@ def test_a_mesh_can_be_of_one_material_in_other_axes_and_units() -> None:
     ("mesh", "closed"),
     [
         pytest.param("lid", False, id="open"),
-        pytest.param("double", True, id="each face both ways round"),
+        pytest.param("double", True, id="each face in both orientations"),
         pytest.param("flat", True, id="flat"),
     ],
 )
-def test_a_mesh_of_opaque_or_sheet_material_needs_no_inside(
-    mesh: str, closed: bool
-) -> None:
+def test_mesh_of_opaque_or_sheet_material_may_be_open(mesh: str, closed: bool) -> None:
     lines = (
         f"name: {name}, mesh: meshes/{mesh}.obj, material: {name}"
         for name in ("stone", "sheet")
@@ -185,7 +183,7 @@ def test_a_mesh_of_opaque_or_sheet_material_needs_no_inside(
     assert [part.closed for part in load(objects(*lines)).parts] == [closed, closed]
 
 
-def test_the_longest_names_are_taken() -> None:
+def test_longest_names_are_accepted() -> None:
     text = objects(f"name: {'a' * 200}, sphere: 1, material: stone")
     text += f"starts: [{{name: Robot{'1' * 35}, position: [0, 0, 0]}}]\n"
     text += f"level: {'x' * 200}\n"
@@ -260,7 +258,9 @@ def test_the_longest_names_are_taken() -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_the_whole(text: str, expected: str) -> None:
+def test_problem_of_the_top_level_has_place_and_expectation(
+    text: str, expected: str
+) -> None:
     assert problems(text) == [expected]
 
 
@@ -306,7 +306,9 @@ def test_what_is_wrong_with_the_whole(text: str, expected: str) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
+def test_problem_of_a_material_has_place_and_expectation(
+    entry: str, expected: str
+) -> None:
     column, rest = expected.split(":", 1)
     text = f"version: 1\nmaterials:\n  m: {entry}\n"
     place = f"m.yaml:3:{int(column) + 2 if column != '4' else 6}"
@@ -465,7 +467,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
             " scatter: {count: 9, area: [[0, 0], [1, 1]], seed: 1, min_distance: 9}",
             52,
             ".scatter: the area is full after 1 copies, expected 9",
-            id="no room",
+            id="full area",
         ),
         pytest.param(
             "name: a, mesh: meshes/oak.glb, material: stone",
@@ -510,7 +512,7 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
             ".mesh: 'meshes/double.obj':"
             " 12 faces are present in both orientations, with nothing inside,"
             f" {CLOSED}",
-            id="each face both ways round",
+            id="each face in both orientations",
         ),
         pytest.param(
             "name: a, mesh: meshes/flat.obj, material: leaf",
@@ -553,7 +555,9 @@ def test_what_is_wrong_with_a_material(entry: str, expected: str) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_an_object(line: str, column: int, expected: str) -> None:
+def test_problem_of_an_object_has_place_and_expectation(
+    line: str, column: int, expected: str
+) -> None:
     assert problems(objects(line)) == [f"m.yaml:7:{column}: objects.0{expected}"]
 
 
@@ -597,12 +601,14 @@ def test_what_is_wrong_with_an_object(line: str, column: int, expected: str) -> 
         ),
     ],
 )
-def test_what_is_wrong_with_a_start(line: str, column: int, expected: str) -> None:
+def test_problem_of_a_start_has_place_and_expectation(
+    line: str, column: int, expected: str
+) -> None:
     text = f"version: 1\nstarts:\n  - {{{line}}}\n"
     assert problems(text) == [f"m.yaml:3:{column}: starts.0{expected}"]
 
 
-def test_names_are_unique_copies_included() -> None:
+def test_names_including_those_of_copies_are_unique() -> None:
     repeat = "repeat: {count: 3, step: [1, 0, 0]}"
     text = objects(
         "name: a_2, sphere: 1, material: leaf",
@@ -620,7 +626,7 @@ def test_names_are_unique_copies_included() -> None:
     ]
 
 
-def test_the_extents_of_all_objects_together_are_limited() -> None:
+def test_extent_of_all_objects_together_is_limited() -> None:
     text = objects(
         "name: a, box: [1, 1, 1], position: [-600, 0, 0], material: leaf",
         "name: b, box: [1, 1, 1], position: [600, 0, 0], material: leaf",
@@ -629,7 +635,7 @@ def test_the_extents_of_all_objects_together_are_limited() -> None:
     assert problems(text) == [f"m.yaml:7:3: objects: {message}"]
 
 
-def test_the_number_of_triangles_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_triangles_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("radarsim.scene.map_file.MAX_TRIANGLES", 100)
     row = "box: [1, 1, 1], material: leaf, repeat: {count: 5, step: [1, 0, 0]}"
     text = objects(f"name: a, {row}", f"name: b, {row}")
@@ -670,7 +676,7 @@ def test_all_problems_are_found_in_one_run() -> None:
     ]
 
 
-def test_a_file_name_that_is_no_level_is_an_error() -> None:
+def test_file_name_that_is_not_a_valid_level_is_an_error() -> None:
     Path("my map.yaml").write_text("version: 1\n")
     with pytest.raises(MapError) as caught:
         load_map("my map.yaml")
@@ -679,7 +685,7 @@ def test_a_file_name_that_is_no_level_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("name", ["nowhere", "nowhere.yaml", "meshes", "../m.yaml"])
-def test_a_map_that_is_not_there_is_an_error(name: str) -> None:
+def test_missing_map_is_an_error(name: str) -> None:
     with pytest.raises(MapError) as caught:
         load_map(name)
     shipped = list(shipped_maps())
@@ -688,7 +694,7 @@ def test_a_map_that_is_not_there_is_an_error(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "text"),
     [
         pytest.param("x" * 5000, "'" + "x" * 79, id="endless"),
         pytest.param("a/" * 100, "'" + "a/" * 39 + "a", id="long"),
@@ -697,14 +703,14 @@ def test_a_map_that_is_not_there_is_an_error(name: str) -> None:
         pytest.param("\ud800", "'\\ud800'", id="no text"),
     ],
 )
-def test_any_name_of_no_map_is_told_in_one_short_line(name: str, told: str) -> None:
+def test_error_for_any_missing_map_is_one_short_line(name: str, text: str) -> None:
     with pytest.raises(MapError) as caught:
         load_map(name)
     (problem,) = caught.value.problems
-    assert problem.startswith(f"{told}: no such file, expected a map file or one of [")
+    assert problem.startswith(f"{text}: no such file, expected a map file or one of [")
 
 
-def test_a_map_that_cannot_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_map_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -715,7 +721,7 @@ def test_a_map_that_cannot_be_read_is_an_error(monkeypatch: pytest.MonkeyPatch) 
     assert caught.value.problems == ["m.yaml: permission denied, expected a map file"]
 
 
-def test_a_map_of_primitives_needs_no_trimesh() -> None:
+def test_map_of_primitives_does_not_import_trimesh() -> None:
     code = (
         "import sys; from radarsim.scene.map_file import load_map;"
         "load_map('foliage_room'); sys.exit('trimesh' in sys.modules)"

@@ -83,12 +83,12 @@ def problems(text: str) -> list[str]:
         pytest.param("{density: opaque, mirror: none}", {}, id="none"),
     ],
 )
-def test_an_entry_is_a_material(entry: str, attributes: dict[str, Any]) -> None:
+def test_entry_becomes_a_material(entry: str, attributes: dict[str, Any]) -> None:
     assert material(entry) == Material("m", **attributes)
 
 
 @pytest.mark.parametrize("name", library_names())
-def test_an_entry_may_be_a_material_of_the_library(name: str) -> None:
+def test_entry_may_be_based_on_any_library_material(name: str) -> None:
     told = material(f"{{based_on: {name}}}")
     told_of = library_material(name)
     assert told.name == "m"
@@ -162,7 +162,7 @@ def test_an_entry_may_be_a_material_of_the_library(name: str) -> None:
         ),
     ],
 )
-def test_an_entry_overrides_what_it_is_based_on(
+def test_entry_overrides_its_base(
     entry: str, base: str, attributes: dict[str, Any]
 ) -> None:
     expected = from_library(base)
@@ -295,13 +295,15 @@ def test_amounts_are_those_of_the_entry() -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_material(entry: str, key: str, message: str) -> None:
+def test_problem_of_a_material_has_place_and_expectation(
+    entry: str, key: str, message: str
+) -> None:
     column = 6 + entry.rindex(f"{key}: ") + len(f"{key}: ")
     place = f"m.yaml:3:{column}: materials.m.{key}"
     assert problems(f"materials:\n  m: {entry}") == [f"{place}: {message}"]
 
 
-def test_an_object_may_be_of_the_library_without_an_entry() -> None:
+def test_object_may_have_a_library_material_without_an_entry() -> None:
     scene = load(
         "materials:\n"
         "  wood: {density: 0.5}\n"
@@ -316,7 +318,7 @@ def test_an_object_may_be_of_the_library_without_an_entry() -> None:
     assert scene.parts[2].material is scene.parts[0].material
 
 
-def test_a_mesh_may_be_of_the_library() -> None:
+def test_mesh_may_have_library_materials() -> None:
     Path("plate.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl Tin\nf 1 2 3\n")
     (part,) = load(
         "objects:\n  - {name: a, mesh: plate.obj, materials: {Tin: metal}}"
@@ -380,11 +382,11 @@ def test_air_fills_the_scene(text: str, air: Material | None) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_the_air(text: str, expected: str) -> None:
+def test_problem_of_the_air_has_place_and_expectation(text: str, expected: str) -> None:
     assert problems(text) == [expected]
 
 
-def test_air_that_is_wrong_does_not_hide_the_rest() -> None:
+def test_invalid_air_does_not_hide_other_problems() -> None:
     text = "air: metal\nobjects: [{name: a, sphere: 0, material: fog}]"
     assert [line.split(": ")[1] for line in problems(text)] == [
         "air",

@@ -11,14 +11,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_file_comes_before_a_shipped_map_of_its_name() -> None:
+def test_file_takes_precedence_over_a_shipped_map() -> None:
     shipped = shipped_maps()["empty_room"]
     assert find_map("empty_room") == (shipped, None)
     Path("empty_room").write_text("version: 1\n")
     assert find_map("empty_room") == (Path("empty_room"), None)
 
 
-def test_maps_inside_of_the_package_are_found_first(
+def test_maps_inside_of_the_package_take_precedence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = tmp_path / "radarsim" / "scene" / "mapnames.py"
@@ -32,7 +32,7 @@ def test_maps_inside_of_the_package_are_found_first(
 
 
 @pytest.mark.parametrize("where", [".", "a@b"])
-def test_what_follows_the_last_at_is_a_variant_of_a_file(where: str) -> None:
+def test_text_after_the_last_at_is_a_variant_of_a_file(where: str) -> None:
     path = Path(where, "room.yaml")
     path.parent.mkdir(exist_ok=True)
     path.write_text("version: 1\n")
@@ -41,18 +41,18 @@ def test_what_follows_the_last_at_is_a_variant_of_a_file(where: str) -> None:
     assert find_map(Path(f"{path}@")) == (path, "")
 
 
-def test_what_follows_the_at_is_a_variant_of_a_shipped_map() -> None:
+def test_text_after_the_at_is_a_variant_of_a_shipped_map() -> None:
     assert find_map("empty_room@dust") == (shipped_maps()["empty_room"], "dust")
 
 
-def test_a_file_whose_name_has_an_at_is_that_file() -> None:
+def test_file_with_an_at_in_its_name_is_found() -> None:
     for name in ("room.yaml", "room.yaml@dust"):
         Path(name).write_text("version: 1\n")
     assert find_map("room.yaml@dust") == (Path("room.yaml@dust"), None)
 
 
 @pytest.mark.parametrize("name", ["@", "@dust", "nowhere@dust", "empty_room@dust@x"])
-def test_a_variant_of_no_map_is_told_as_it_came(name: str) -> None:
+def test_error_for_a_variant_of_a_missing_map_has_the_whole_name(name: str) -> None:
     with pytest.raises(MapError) as caught:
         find_map(name)
     assert str(caught.value).startswith(f"{name}: no such file, expected a map file")

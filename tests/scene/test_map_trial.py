@@ -30,7 +30,7 @@ def problems(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["RobotStart1", "robotstart1"])
-def test_a_map_can_say_what_to_try(name: str) -> None:
+def test_map_may_have_a_trial(name: str) -> None:
     text = WHOLE.replace("RobotStart1", name)
     Path("m.yaml").write_text(f"{HEAD}trial: {{{text}}}\nvariants:\n  wet: {{air: }}\n")
     trial = Trial(name, (7.0, -2.5), 0.5)
@@ -40,7 +40,7 @@ def test_a_map_can_say_what_to_try(name: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["", "trial:\n"])
-def test_a_map_need_not_say_what_to_try(line: str) -> None:
+def test_trial_is_optional(line: str) -> None:
     Path("m.yaml").write_text(HEAD + line)
     assert load_map("m.yaml").trial is None
 
@@ -94,25 +94,25 @@ def test_a_map_need_not_say_what_to_try(line: str) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_trial(
+def test_problem_of_a_trial_has_place_and_expectation(
     old: str, new: str, column: int, expected: str
 ) -> None:
     line = f"trial: {{{WHOLE.replace(old, new, 1)}}}\n"
     assert problems(HEAD + line) == [f"m.yaml:5:{column}: trial{expected}"]
 
 
-def test_a_trial_is_a_mapping() -> None:
+def test_trial_is_a_mapping() -> None:
     found = problems(HEAD + "trial: [RobotStart1]\n")
     assert found == ["m.yaml:5:8: trial: ['RobotStart1'], expected keys with values"]
 
 
-def test_a_start_that_is_wrong_by_itself_is_there_all_the_same() -> None:
+def test_trial_may_name_an_invalid_start() -> None:
     text = f"version: 1\nstarts: [{{name: RobotStart1}}, 3]\ntrial: {{{WHOLE}}}\n"
     places = [problem.split(": ")[1] for problem in problems(text)]
     assert places == ["starts.0.position", "starts.1"]
 
 
-def test_all_that_is_wrong_with_a_trial_is_found_in_one_run() -> None:
+def test_all_problems_of_a_trial_are_found_in_one_run() -> None:
     text = "trial: {start: Robot, goal: [1], safety_distance: 0}\n"
     places = [problem.split(": ")[1] for problem in problems(HEAD + text)]
     assert places == ["trial.goal", "trial.safety_distance", "trial.start"]

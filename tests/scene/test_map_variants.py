@@ -44,7 +44,7 @@ def problems(text: str, name: str = "m.yaml", *, every: bool = False) -> list[st
     return caught.value.problems
 
 
-def test_a_variant_overrides_air_and_materials_and_adds_objects() -> None:
+def test_variant_overrides_air_and_materials_and_adds_objects() -> None:
     scene = load_map("yard.yaml@dust")
     assert (scene.name, scene.level) == ("yard@dust", "DM-Yard")
     assert scene.air == from_library("dust")
@@ -54,7 +54,7 @@ def test_a_variant_overrides_air_and_materials_and_adds_objects() -> None:
     assert [start.name for start in scene.starts] == ["RobotStart1"]
 
 
-def test_the_map_itself_is_without_its_variants() -> None:
+def test_map_itself_has_nothing_of_its_variants() -> None:
     scene = load_map(Path("yard.yaml"))
     assert scene.name == "yard"
     assert scene.air == from_library("fog")
@@ -62,7 +62,7 @@ def test_the_map_itself_is_without_its_variants() -> None:
     assert [part.object_name for part in scene.parts] == ["bush"]
 
 
-def test_a_variant_may_have_no_air_or_no_difference() -> None:
+def test_variant_may_have_no_air_or_no_difference() -> None:
     assert load_map("yard.yaml@clear").air is None
     same = load_map("yard.yaml@same")
     assert same.air == from_library("fog")
@@ -75,7 +75,7 @@ def test_all_variants_can_be_loaded_at_once() -> None:
     assert [scene.name for scene in load_variants("yard.yaml@dust")] == ["yard@dust"]
 
 
-def test_meshes_of_a_variant_lie_beside_the_map() -> None:
+def test_meshes_of_a_variant_are_relative_to_the_map() -> None:
     Path("plate.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     Path("m.yaml").write_text(
         "version: 1\nvariants: {a: {objects: ["
@@ -160,16 +160,18 @@ def test_meshes_of_a_variant_lie_beside_the_map() -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_variant(text: str, name: str, expected: str) -> None:
+def test_problem_of_a_variant_has_place_and_expectation(
+    text: str, name: str, expected: str
+) -> None:
     assert problems(text, name) == [expected]
 
 
-def test_a_map_loads_whatever_is_wrong_with_its_variants() -> None:
+def test_map_loads_although_a_variant_is_invalid() -> None:
     Path("m.yaml").write_text("version: 1\nvariants: {a: {air: metal}}\n")
     assert load_map("m.yaml").air is None
 
 
-def test_problems_of_all_variants_are_told_once_each() -> None:
+def test_each_problem_of_all_variants_is_reported_once() -> None:
     text = (
         "materials: {m: {density: -1}}\n"
         "variants:\n"
@@ -186,7 +188,7 @@ def test_problems_of_all_variants_are_told_once_each() -> None:
     ]
 
 
-def test_a_file_that_is_no_map_has_no_variants_either() -> None:
+def test_invalid_file_has_no_variants() -> None:
     Path("m.yaml").write_text("[1]")
     with pytest.raises(MapError) as caught:
         load_variants("m.yaml")

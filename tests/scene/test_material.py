@@ -17,5 +17,5 @@ def test_penetrable_is_what_radar_or_laser_enters(
     assert material.penetrable is penetrable
 
 
-def test_a_material_is_opaque_and_solid_unless_it_says_otherwise() -> None:
+def test_material_is_opaque_and_solid_by_default() -> None:
     assert Material("wood") == Material("wood", OPAQUE, OPAQUE, True, None)

@@ -38,7 +38,7 @@ SHAPES = [
 
 
 @pytest.mark.parametrize(("make", "vertices", "faces"), SHAPES)
-def test_shapes_are_closed_in_one_shell_and_wound_outward(
+def test_shapes_are_closed_connected_and_oriented_outward(
     make: Callable[[], Mesh], vertices: int, faces: int
 ) -> None:
     mesh = make()
@@ -51,7 +51,7 @@ def test_shapes_are_closed_in_one_shell_and_wound_outward(
 
 
 @given(SIZE, SIZE, SIZE)
-def test_a_box_has_its_volume_and_extents(x: float, y: float, z: float) -> None:
+def test_box_has_its_volume_and_extents(x: float, y: float, z: float) -> None:
     mesh = box(x, y, z)
     assert volume(mesh) == pytest.approx(x * y * z)
     assert np.ptp(mesh[0], axis=0) == pytest.approx([x, y, z])
@@ -59,7 +59,7 @@ def test_a_box_has_its_volume_and_extents(x: float, y: float, z: float) -> None:
 
 
 @given(SIZE)
-def test_a_sphere_is_inscribed_and_nowhere_half_a_percent_too_deep(
+def test_sphere_is_inscribed_to_half_a_percent(
     radius: float,
 ) -> None:
     mesh = sphere(radius)
@@ -70,14 +70,14 @@ def test_a_sphere_is_inscribed_and_nowhere_half_a_percent_too_deep(
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_sphere_is_exact_on_the_axes(axis: int, sign: int) -> None:
+def test_sphere_is_exact_on_the_axes(axis: int, sign: int) -> None:
     point = np.zeros(3)
     point[axis] = sign * 2.0
     assert np.linalg.norm(sphere(2.0)[0] - point, axis=1).min() < 1e-12
 
 
 @given(SIZE, SIZE)
-def test_a_cylinder_is_inscribed(radius: float, height: float) -> None:
+def test_cylinder_is_inscribed(radius: float, height: float) -> None:
     vertices, faces = cylinder(radius, height)
     rim = vertices[:128]
     assert np.hypot(rim[:, 0], rim[:, 1]) == pytest.approx(np.full(128, radius))

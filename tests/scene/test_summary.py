@@ -11,7 +11,7 @@ LEAF = Material("leaf", 0.7)
 SMOKE = Material("smoke", 0.0, 0.5, solid=False, sheet_loss=0.25)
 
 
-def test_a_summary_says_what_is_in_the_map() -> None:
+def test_summary_lists_the_content_of_a_map() -> None:
     crown = sphere(2.0)
     parts = (
         Part("crate", WOOD, *box(2, 4, 6)),
@@ -41,7 +41,7 @@ def test_a_summary_says_what_is_in_the_map() -> None:
     ]
 
 
-def test_one_of_a_kind_is_told_in_the_singular() -> None:
+def test_single_items_are_in_the_singular() -> None:
     vertices, faces = box(1, 1, 1)
     parts = (Part("leaf", LEAF, vertices, faces[:1]),)
     lines = summarise(Scene("room", "DM-Room", parts, (), {"leaf": LEAF}))
@@ -52,7 +52,7 @@ def test_one_of_a_kind_is_told_in_the_singular() -> None:
     ]
 
 
-def test_an_empty_map_can_be_summarised() -> None:
+def test_empty_map_can_be_summarised() -> None:
     lines = summarise(Scene("room", "DM-Room"))
     assert lines[1] == "0 objects, 0 triangles"
     assert lines[-1] == "0 starts, x y z in m, yaw in degrees"
@@ -90,19 +90,19 @@ def test_an_empty_map_can_be_summarised() -> None:
         ),
     ],
 )
-def test_a_material_is_told_with_all_that_it_does(
+def test_summary_of_a_material_has_all_its_properties(
     material: Material, told: str
 ) -> None:
     lines = summarise(Scene("room", "DM-Room", materials={"m": material}))
     assert f"  m: {told}; 0 triangles" in lines
 
 
-def test_air_is_told() -> None:
+def test_summary_has_the_air() -> None:
     fog = Material("fog", 0.0, 0.0, solid=False)
     assert "air: fog" in summarise(Scene("room", "DM-Room", air=fog))
 
 
-def test_a_trial_is_told() -> None:
+def test_summary_has_the_trial() -> None:
     trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
     lines = summarise(Scene("room", "DM-Room", trial=trial))
     told = "trial: RobotStart1 to 7.000 -2.500, 0.500 m away from all that is seen"
