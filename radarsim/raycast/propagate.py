@@ -31,7 +31,6 @@ from radarsim.raycast.attenuation import (
 )
 from radarsim.raycast.crossings import sort_crossings
 from radarsim.raycast.intersect import (
-    STOP_TRIANGLE,
     Interval,
     RayBuffer,
     intersect_backward,
@@ -39,7 +38,8 @@ from radarsim.raycast.intersect import (
     new_ray_buffer,
 )
 from radarsim.raycast.rays import is_valid_ray
-from radarsim.raycast.robot_boxes import box_incidence, intersect_boxes
+from radarsim.raycast.reflection import end_before_mirror, incidence_of, reflect
+from radarsim.raycast.robot_boxes import intersect_boxes
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 # The first window is as long as the path on which the densest volume takes all power,
@@ -47,7 +47,6 @@ UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 FIRST_WINDOW: Final = 1.4
 WINDOW_GROWTH: Final = 4.0
 RANGE_TOLERANCE: Final = 1e-9  # m; a surface this far beyond the range is within
-MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
 
 
 class MaterialTable(NamedTuple):
@@ -240,63 +239,13 @@ def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
         end = _next_opaque(scene.handle, roles, interval, limit, work)
         if end.crossed > work.state.crossings.size:
             return progress, end, end.crossed
-        end = _before_mirror(ray, end, scene, work)
+        end = end_before_mirror(ray, end, scene, work)
         progress = advance_ray(ray.row, progress, end, costs, work.state)
         if progress.spent_in >= 0 or end.part != UNKNOWN:
             return progress, end, 0
         # The line continues behind the last float that was searched.
         near = np.nextafter(end.t, np.inf)
         interval = Interval(near, interval.far, interval.window * WINDOW_GROWTH)
-
-
-@njit_inline
-def _before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
-    """Drop the crossings that coincide with a mirror at the end of a segment.
-
-    The next segment starts a little before the mirror, and would cross them again.
-    """
-    mirror = scene.materials.mirror[ray.ray_class]
-    part, count = end.part, end.crossed
-    if ray.reflections <= 0 or part < 0 or part >= mirror.size or not mirror[part]:
-        return end
-    nx, ny, nz = _normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
-    direction, crossings = work.direction, work.state.crossings
-    along = abs(nx * direction[0] + ny * direction[1] + nz * direction[2])
-    near = end.t - MIRROR_OFFSET / max(along, MIRROR_OFFSET)
-    while count > 0 and crossings[count - 1].t >= near:
-        count -= 1
-    return SegmentEnd(count, end.t, part)
-
-
-@njit_inline
-def _normal(triangles: Any, k: Any) -> Any:
-    """Return the unit normal of a triangle."""
-    ax, ay = triangles[k, 3] - triangles[k, 0], triangles[k, 4] - triangles[k, 1]
-    bx, by = triangles[k, 6] - triangles[k, 0], triangles[k, 7] - triangles[k, 1]
-    az, bz = triangles[k, 5] - triangles[k, 2], triangles[k, 8] - triangles[k, 2]
-    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    return nx / length, ny / length, nz / length
-
-
-@njit_inline
-def _incidence(end: Any, scene: Any, work: Any) -> Any:
-    """Return the cosine between a ray and the normal of the surface that it hit.
-
-    Args:
-        end: The ``RayEnd``; NaN is returned if it is no hit.
-        scene: The ``TracedScene``.
-        work: As the last segment left it.
-    """
-    if end.outcome != END_HIT:
-        return np.nan
-    direction, parts = work.direction, work.state.winding.size
-    if end.part >= parts:
-        t = end.t - work.state.segment[T_START]
-        return box_incidence(scene.boxes, end.part - parts, work.origin, direction, t)
-    nx, ny, nz = _normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
-    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
-    return min(abs(along), 1.0)
 
 
 @njit_inline
@@ -309,22 +258,6 @@ def _start_segment(scene: Any, t: Any, work: Any) -> None:
     for axis in range(3):
         segment[axis] = work.origin[axis] + scene.centre[axis]
         segment[axis + 3] = work.direction[axis]
-
-
-@njit_inline
-def _reflect(triangles: Any, t: Any, work: Any) -> None:
-    """Set origin and direction of the segment that follows the last one at a mirror."""
-    origin, direction = work.origin, work.direction
-    nx, ny, nz = _normal(triangles, work.buffer.fields[STOP_TRIANGLE])
-    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
-    if along > 0.0:  # the back of the triangle is hit
-        nx, ny, nz, along = -nx, -ny, -nz, -along
-    origin[0] += t * direction[0] + MIRROR_OFFSET * nx
-    origin[1] += t * direction[1] + MIRROR_OFFSET * ny
-    origin[2] += t * direction[2] + MIRROR_OFFSET * nz
-    direction[0] -= 2.0 * along * nx
-    direction[1] -= 2.0 * along * ny
-    direction[2] -= 2.0 * along * nz
 
 
 @njit_inline
@@ -399,7 +332,7 @@ def _trace_ray(i: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
             break
         record_event(state, i, progress.t, MIRRORED, part, left, absorption)
         reset_winding(state)
-        _reflect(scene.triangles, progress.t, work)
+        reflect(scene.triangles, progress.t, work)
         _start_segment(scene, t + progress.t, work)
         progress = Progress(0.0, left - absorption, min_power, np.int64(-1))
         reflections -= 1
@@ -407,7 +340,7 @@ def _trace_ray(i: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
     ray_end = end_ray(i, progress, end, absorption, state)
     _write_trace(traces, i, ray_end)
     if traces.incidence.size:
-        traces.incidence[i] = _incidence(ray_end, scene, work)
+        traces.incidence[i] = incidence_of(ray_end, scene, work)
     return 0
 
 

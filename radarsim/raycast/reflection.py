@@ -1,0 +1,81 @@
+"""What depends on the triangle that a ray ends at: incidence, and reflection.
+
+Arguments named ``scene``, ``ray`` and ``work`` are those of ``propagate``.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+
+from radarsim.jit import njit_inline
+from radarsim.raycast.attenuation import END_HIT, T_START, SegmentEnd
+from radarsim.raycast.intersect import STOP_TRIANGLE
+from radarsim.raycast.robot_boxes import box_incidence
+
+MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
+
+
+@njit_inline
+def triangle_normal(triangles: Any, k: Any) -> Any:
+    """Return the unit normal of a triangle."""
+    ax, ay = triangles[k, 3] - triangles[k, 0], triangles[k, 4] - triangles[k, 1]
+    bx, by = triangles[k, 6] - triangles[k, 0], triangles[k, 7] - triangles[k, 1]
+    az, bz = triangles[k, 5] - triangles[k, 2], triangles[k, 8] - triangles[k, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx / length, ny / length, nz / length
+
+
+@njit_inline
+def end_before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
+    """Drop the crossings that coincide with a mirror at the end of a segment.
+
+    The next segment starts a little before the mirror, and would cross them again.
+    """
+    mirror = scene.materials.mirror[ray.ray_class]
+    part, count = end.part, end.crossed
+    if ray.reflections <= 0 or part < 0 or part >= mirror.size or not mirror[part]:
+        return end
+    nx, ny, nz = triangle_normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
+    direction, crossings = work.direction, work.state.crossings
+    along = abs(nx * direction[0] + ny * direction[1] + nz * direction[2])
+    near = end.t - MIRROR_OFFSET / max(along, MIRROR_OFFSET)
+    while count > 0 and crossings[count - 1].t >= near:
+        count -= 1
+    return SegmentEnd(count, end.t, part)
+
+
+@njit_inline
+def reflect(triangles: Any, t: Any, work: Any) -> None:
+    """Set origin and direction of the segment that follows the last one at a mirror."""
+    origin, direction = work.origin, work.direction
+    nx, ny, nz = triangle_normal(triangles, work.buffer.fields[STOP_TRIANGLE])
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    if along > 0.0:  # the back of the triangle is hit
+        nx, ny, nz, along = -nx, -ny, -nz, -along
+    origin[0] += t * direction[0] + MIRROR_OFFSET * nx
+    origin[1] += t * direction[1] + MIRROR_OFFSET * ny
+    origin[2] += t * direction[2] + MIRROR_OFFSET * nz
+    direction[0] -= 2.0 * along * nx
+    direction[1] -= 2.0 * along * ny
+    direction[2] -= 2.0 * along * nz
+
+
+@njit_inline
+def incidence_of(end: Any, scene: Any, work: Any) -> Any:
+    """Return the cosine between a ray and the normal of the surface that it hit.
+
+    Args:
+        end: The ``RayEnd``; NaN is returned if it is no hit.
+        scene: The ``TracedScene``.
+        work: As the last segment left it.
+    """
+    if end.outcome != END_HIT:
+        return np.nan
+    direction, parts = work.direction, work.state.winding.size
+    if end.part >= parts:
+        t = end.t - work.state.segment[T_START]
+        return box_incidence(scene.boxes, end.part - parts, work.origin, direction, t)
+    nx, ny, nz = triangle_normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    return min(abs(along), 1.0)
