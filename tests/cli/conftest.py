@@ -1,3 +1,4 @@
+import io
 import signal
 import sys
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from radarsim.cli import main
 
 @dataclass(frozen=True)
 class Run:
-    """What a command line did."""
+    """Exit code and output of a command."""
 
     code: int
     out: bytes
@@ -24,24 +25,36 @@ class Run:
 RunCommand = Callable[..., Run]
 
 
-@pytest.fixture
-def radarsim(
-    monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
-) -> RunCommand:
-    """Run the program's own main in this process."""
+def run_in_process(*arguments: str) -> Run:
+    """Run the program's main function in this process.
 
-    def run(*arguments: str) -> Run:
-        monkeypatch.setattr(sys, "argv", ["radarsim", *arguments])
-        code = 0
-        before = signal.getsignal(signal.SIGTERM)
+    Messages are not wrapped, however long the paths in them are.
+    """
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
+    code = 0
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "2000")
+        patch.setattr(sys, "argv", ["radarsim", *arguments])
+        patch.setattr(sys, "stdout", out)
+        patch.setattr(sys, "stderr", err)
         try:
             main()
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 1
         finally:
             signal.signal(signal.SIGTERM, before)
-        sys.stdout.flush()
-        caught = capfdbinary.readouterr()
-        return Run(code, caught.out, caught.err.decode())
+    return Run(code, _contents(out), _contents(err).decode())
 
-    return run
+
+def _contents(stream: io.TextIOWrapper) -> bytes:
+    stream.flush()
+    buffer = stream.buffer
+    assert isinstance(buffer, io.BytesIO)
+    return buffer.getvalue()
+
+
+@pytest.fixture(scope="session")
+def radarsim() -> RunCommand:
+    """Return the function that runs a command in this process."""
+    return run_in_process

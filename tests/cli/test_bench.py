@@ -21,7 +21,7 @@ def _no_measuring(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(bench.STEPS, "two rows", (lambda: iter(ROWS), 1))
 
 
-def test_a_table_says_which_limits_are_kept(radarsim: Command) -> None:
+def test_table_shows_which_limits_are_kept(radarsim: Command) -> None:
     text = radarsim("bench").text
     assert "kept; 5 us against 2" in " ".join(text.replace("│", " ").split())
     assert "MISSED" in text

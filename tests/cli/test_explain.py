@@ -46,7 +46,7 @@ def room(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_every_crossing_is_told_with_the_power_before_and_after(
+def test_crossings_have_the_power_before_and_after(
     radarsim: Command, room: str
 ) -> None:
     run = radarsim("explain", room, *AHEAD, "--format", "json")
@@ -67,7 +67,7 @@ def test_every_crossing_is_told_with_the_power_before_and_after(
     assert told["power_left"] == pytest.approx(0.05)
 
 
-def test_a_spent_beam_says_where_and_in_what(radarsim: Command, room: str) -> None:
+def test_spent_beam_has_the_object_and_distance(radarsim: Command, room: str) -> None:
     weak = ("--set", "penetration_power=0.6")
     told = json.loads(radarsim("explain", room, *AHEAD, *weak, "--format", "json").text)
     assert told["outcome"] == "spent"
@@ -76,7 +76,7 @@ def test_a_spent_beam_says_where_and_in_what(radarsim: Command, room: str) -> No
     assert told["crossings"][-1]["exit"] is None
 
 
-def test_a_sheet_that_takes_the_rest_ends_the_beam(
+def test_sheet_that_absorbs_the_remaining_power_ends_the_beam(
     radarsim: Command, room: str
 ) -> None:
     weak = ("--set", "penetration_power=0.9")
@@ -87,9 +87,7 @@ def test_a_sheet_that_takes_the_rest_ends_the_beam(
     assert told["range"] == pytest.approx(6)
 
 
-def test_a_blinded_hokuyo_reads_zero_at_a_distance(
-    radarsim: Command, room: str
-) -> None:
+def test_spent_laser_beam_reads_zero(radarsim: Command, room: str) -> None:
     run = radarsim(
         *("explain", room, "--sensor", "hokuyo", "--pose", "-5,0,0", "--beam", "113"),
         *("--set", "max_range=20", "--set", "penetration_power=0.003"),
@@ -100,7 +98,7 @@ def test_a_blinded_hokuyo_reads_zero_at_a_distance(
     assert told["distance"] > 3
 
 
-def test_the_same_in_sentences(radarsim: Command, room: str) -> None:
+def test_text_has_a_line_for_each_crossing(radarsim: Command, room: str) -> None:
     lines = radarsim("explain", room, *AHEAD).text.splitlines()
     assert lines == [
         "radar, beam 90 at 0.00 deg, centre ray",
@@ -113,7 +111,7 @@ def test_the_same_in_sentences(radarsim: Command, room: str) -> None:
     ]
 
 
-def test_a_beam_that_meets_nothing(radarsim: Command, room: str) -> None:
+def test_beam_without_hits_is_out_of_range(radarsim: Command, room: str) -> None:
     run = radarsim(
         *("explain", room, "--sensor", "sick", "--pose", "8,0,0", "--beam", "90"),
         *("--set", "max_range=1"),
@@ -126,7 +124,9 @@ def test_a_beam_that_meets_nothing(radarsim: Command, room: str) -> None:
 
 
 @pytest.mark.parametrize("beam", range(60, 121, 7))
-def test_the_drawn_ray_is_the_one_that_scan_reads(radarsim: Command, beam: int) -> None:
+def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(
+    radarsim: Command, beam: int
+) -> None:
     place = (
         "foliage_room",
         "--sensor",
@@ -145,7 +145,7 @@ def test_the_drawn_ray_is_the_one_that_scan_reads(radarsim: Command, beam: int) 
     assert told["angle"] == pytest.approx(math.radians(beam - 90))
 
 
-def test_a_beam_that_is_not_there_is_usage(radarsim: Command) -> None:
+def test_beam_number_out_of_range_is_a_usage_error(radarsim: Command) -> None:
     run = radarsim(
         *("explain", "empty_room", "--sensor", "radar", "--pose", "0,0,0"),
         *("--beam", "181"),
@@ -162,7 +162,7 @@ def test_a_beam_that_is_not_there_is_usage(radarsim: Command) -> None:
         pytest.param(["return_mode=all", "range_quantum=3"], 9.0, id="whole steps"),
     ],
 )
-def test_what_a_beam_reads_is_what_the_scan_reads(
+def test_range_depends_on_the_return_mode(
     radarsim: Command, room: str, settings: list[str], wanted: float
 ) -> None:
     changes = [part for text in settings for part in ("--set", text)]
@@ -173,7 +173,7 @@ def test_what_a_beam_reads_is_what_the_scan_reads(
     assert (told["outcome"], told["distance"]) == ("hit", pytest.approx(10))
 
 
-def test_the_beams_of_a_cone_have_no_left_ray(radarsim: Command, room: str) -> None:
+def test_left_ray_of_a_cone_is_a_usage_error(radarsim: Command, room: str) -> None:
     run = radarsim("explain", room, *AHEAD[:-1], "left", *CONE)
     assert run.code == 2
     assert "expected drawn: radar's beams have 9 rays" in " ".join(
@@ -181,9 +181,7 @@ def test_the_beams_of_a_cone_have_no_left_ray(radarsim: Command, room: str) -> N
     )
 
 
-def test_a_laser_has_one_ray_whichever_is_asked_for(
-    radarsim: Command, room: str
-) -> None:
+def test_centre_ray_of_a_laser_is_its_only_ray(radarsim: Command, room: str) -> None:
     asked = ("--sensor", "laser", *AHEAD[2:])
     told = json.loads(radarsim("explain", room, *asked, "--format", "json").text)
     assert told["ray"] is None
@@ -214,7 +212,7 @@ starts:
         pytest.param(90, "4.5000 m: hits screen (dull), power left 0.6000", 0.6),
     ],
 )
-def test_what_absorbs_is_named_with_what_it_leaves(
+def test_absorbing_object_and_remaining_power_are_printed(
     radarsim: Command, tmp_path: Path, yaw: int, said: str, power: float
 ) -> None:
     (tmp_path / "black.yaml").write_text(BLACK)
@@ -225,7 +223,7 @@ def test_what_absorbs_is_named_with_what_it_leaves(
     assert told["power_left"] == pytest.approx(power)
 
 
-def test_a_ghost_is_called_one(radarsim: Command, tmp_path: Path) -> None:
+def test_mirrored_echo_is_called_a_ghost(radarsim: Command, tmp_path: Path) -> None:
     (tmp_path / "black.yaml").write_text(BLACK.replace("absorption_db: all", ""))
     ahead = ("--sensor", "radar", "--pose", "0,0,180", "--beam", "90")
     run = radarsim("explain", str(tmp_path / "black.yaml"), *ahead, "--ray", "centre")
@@ -233,9 +231,7 @@ def test_a_ghost_is_called_one(radarsim: Command, tmp_path: Path) -> None:
     assert "reads 13.5000 m, a ghost: it was mirrored on its way" in run.text
 
 
-def test_the_air_is_told_of_where_it_takes_something(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_attenuation_of_air_is_printed(radarsim: Command, tmp_path: Path) -> None:
     (tmp_path / "fog.yaml").write_text(BLACK.replace("starts:", "air: fog\nstarts:"))
     ahead = ("--sensor", "physical", "--pose", "0,0,0", "--beam", "90")
     run = radarsim("explain", str(tmp_path / "fog.yaml"), *ahead)

@@ -23,10 +23,22 @@ FOLIAGE = ("--serve", "foliage_room", "--time-limit", "3")
 SEEN = ("--serve", "empty_room", "--strategy", "frontiers")  # seen from the start
 FILES = ["map.pgm", "map.png", "map.tum", "map.yaml"]
 fast_server = pytest.mark.usarsim(map="empty_room", speed=4)
+pytestmark = pytest.mark.timeout(180)
 
 
-def test_a_map_is_made_and_told_of_in_lines(radarsim: Command, tmp_path: Path) -> None:
-    run = radarsim("map", str(tmp_path), *FOLIAGE)
+@pytest.fixture(scope="module")
+def foliage_run(
+    radarsim: Command, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Any, Path]:
+    """Map the foliage room once; return the output and the folder of the files."""
+    folder = tmp_path_factory.mktemp("foliage")
+    return radarsim("map", str(folder), *FOLIAGE), folder
+
+
+def test_map_is_written_and_summarised_in_lines(
+    foliage_run: tuple[Any, Path],
+) -> None:
+    run, folder = foliage_run
     assert run.code == 0
     assert re.fullmatch(
         r"time is up by auto: 0\.\d\d m in 3\.1 s, 32 scans\n"
@@ -37,16 +49,16 @@ def test_a_map_is_made_and_told_of_in_lines(radarsim: Command, tmp_path: Path) -
         r"in truth 0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
         r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
         r" \d+ wrong, collisions: 0\n"
-        rf"files    map\.png, map\.pgm, map\.yaml, map\.tum in {tmp_path}\n",
+        rf"files    map\.png, map\.pgm, map\.yaml, map\.tum in {re.escape(str(folder))}\n",
         run.text,
     )
     told = [line.split(" s  ")[1] for line in run.err.splitlines()]
     assert [line.split()[0] for line in told] == ["looking", "seeking"]
     assert re.search(r"path +0\.\d\d m +sensed +\d+\.\d m²$", told[-1])
-    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+    assert sorted(file.name for file in folder.iterdir()) == FILES
 
 
-def test_a_way_is_driven_and_what_cannot_be_got_to_is_told(
+def test_waypoints_are_driven_to_and_unreachable_ones_listed(
     radarsim: Command, tmp_path: Path
 ) -> None:
     way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
@@ -88,7 +100,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     ]
 
 
-def test_a_seed_gives_the_same_map_and_another_another(
+def test_same_seed_gives_the_same_map_and_another_seed_another(
     radarsim: Command, tmp_path: Path
 ) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
@@ -101,18 +113,18 @@ def test_a_seed_gives_the_same_map_and_another_another(
         assert one != other
 
 
-def test_the_pictures_are_in_the_colours_of_usarcommander(
-    radarsim: Command, tmp_path: Path
+def test_pictures_have_the_colours_of_usarcommander_and_nav2(
+    foliage_run: tuple[Any, Path],
 ) -> None:
-    radarsim("map", str(tmp_path), *FOLIAGE)
-    with Image.open(tmp_path / "map.png") as image:
+    _, folder = foliage_run
+    with Image.open(folder / "map.png") as image:
         colours = {colour for _, colour in image.convert("RGB").getcolors() or ()}
     assert colours == {(0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)}
-    with Image.open(tmp_path / "map.pgm") as image:
+    with Image.open(folder / "map.pgm") as image:
         assert {*np.unique(np.asarray(image))} == {0, 205, 254}
 
 
-def test_a_map_of_probabilities_is_a_picture_beside_the_other(
+def test_map_of_probabilities_is_a_second_picture(
     radarsim: Command, tmp_path: Path
 ) -> None:
     run = radarsim("map", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
@@ -123,11 +135,11 @@ def test_a_map_of_probabilities_is_a_picture_beside_the_other(
     assert 'image: "a_scale.png"' in (tmp_path / "a_scale.yaml").read_text()
 
 
-def test_settings_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> None:
+def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> None:
     run = radarsim(
         *("map", f"{tmp_path}/new/", "--serve", "empty_room", "--json"),
         *("--strategy", "centre_out", "--radius", "2", "--speed", "0.6"),
-        *("--pose", "-7,1,90", "--seed-from", "odometry", "--no-echoes"),
+        *("--pose", "-7,1,90", "--motion-from", "odometry", "--no-echoes"),
         *("--foliage-density", "5", "--penetration-power", "2", "--resolution", "0.1"),
         *("--set", "lms200.max_range=15", "--drive-unit", "rev_per_s"),
         *("--scanner", "lms200", "--timeout", "1"),
@@ -184,7 +196,7 @@ def test_settings_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> N
         ),
     ],
 )
-def test_a_wrong_option_is_usage(
+def test_wrong_option_is_a_usage_error(
     radarsim: Command, tmp_path: Path, options: list[str], texts: list[str]
 ) -> None:
     run = radarsim("map", str(tmp_path), *options)
@@ -194,7 +206,7 @@ def test_a_wrong_option_is_usage(
     assert not [*tmp_path.iterdir()]
 
 
-def test_where_nothing_can_be_written_nothing_is_driven(
+def test_missing_folder_is_a_usage_error_before_the_run(
     radarsim: Command, tmp_path: Path
 ) -> None:
     run = radarsim("map", str(tmp_path / "no" / "map"), *SEEN)
@@ -206,17 +218,19 @@ def test_where_nothing_can_be_written_nothing_is_driven(
     assert "cannot make" in run.err
 
 
-def test_a_folder_in_a_files_place_is_found_before(
+def test_folder_in_place_of_a_file_is_a_usage_error_before_the_run(
     radarsim: Command, tmp_path: Path
 ) -> None:
     (tmp_path / "map.yaml").mkdir()
     run = radarsim("map", str(tmp_path), *SEEN)
     assert (run.code, run.out) == (2, b"")
-    assert "afolderofthatname" in re.sub(r"[\s│]+", "", run.err)
+    assert "a folder of that name" in run.err
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_rights_is_usage(radarsim: Command, tmp_path: Path) -> None:
+def test_folder_without_write_permission_is_a_usage_error(
+    radarsim: Command, tmp_path: Path
+) -> None:
     tmp_path.chmod(0o500)
     run = radarsim("map", str(tmp_path), *SEEN)
     tmp_path.chmod(0o700)
@@ -224,9 +238,7 @@ def test_a_folder_without_rights_is_usage(radarsim: Command, tmp_path: Path) -> 
     assert "no right to" in run.err
 
 
-def test_what_there_is_of_a_run_that_got_stuck_is_written(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> None:
     run = radarsim(
         *("map", str(tmp_path), "--serve", "foliage_room", "--no-echoes", "--json"),
         *("--strategy", "contour", "--pose", "-2,3.9,0"),
@@ -239,7 +251,7 @@ def test_what_there_is_of_a_run_that_got_stuck_is_written(
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
-def test_what_cannot_be_is_said_and_nothing_written(
+def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
     radarsim: Command, tmp_path: Path
 ) -> None:
     run = radarsim("map", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
@@ -253,7 +265,7 @@ def test_what_cannot_be_is_said_and_nothing_written(
     assert not [*tmp_path.iterdir()]
 
 
-def test_where_no_server_is_that_is_said(radarsim: Command, tmp_path: Path) -> None:
+def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     run = radarsim("map", str(tmp_path), "--port", str(port), "--json")
@@ -261,7 +273,7 @@ def test_where_no_server_is_that_is_said(radarsim: Command, tmp_path: Path) -> N
     assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
 
 
-def test_on_a_terminal_one_line_lives(
+def test_terminal_shows_a_live_status_line(
     radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
@@ -271,7 +283,7 @@ def test_on_a_terminal_one_line_lives(
 
 
 @fast_server
-def test_a_room_is_mapped_over_tcp(
+def test_room_is_mapped_over_tcp(
     radarsim: Command, usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
@@ -291,7 +303,7 @@ def test_a_room_is_mapped_over_tcp(
         pytest.param(signal.SIGTERM, 143, id="told to end"),
     ],
 )
-def test_whoever_ends_it_has_the_map_so_far(
+def test_signal_ends_the_run_and_the_map_so_far_is_written(
     usarsim_server: UsarsimServer, tmp_path: Path, number: int, code: int
 ) -> None:
     port = str(usarsim_server.address[1])
@@ -303,31 +315,28 @@ def test_whoever_ends_it_has_the_map_so_far(
         process.stderr.readline()  # it has got a scan
         time.sleep(0.3)
         process.send_signal(number)
-        out, errors = process.communicate(timeout=20)
+        out, errors = process.communicate(timeout=60)
     assert process.returncode == code
     assert out.startswith(b"broken off by auto: ")
     assert b"Traceback" not in errors
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
-def test_nothing_of_somebody_elses_is_overwritten(
+def test_files_of_other_programs_are_not_overwritten(
     radarsim: Command, tmp_path: Path
 ) -> None:
     for ending in (".png", ".pgm", ".yaml", ".tum"):
         (tmp_path / f"map{ending}").write_text("mine\n")
         run = radarsim("map", str(tmp_path), *FOLIAGE)
         assert run.code == 2
-        told = re.sub(r"[\s│]+", "", run.err)  # a long name is wrapped
-        assert f"map{ending}isnomapofradarsim's" in told
+        assert f"map{ending} is no map of radarsim's" in run.err
         (tmp_path / f"map{ending}").unlink()
     assert radarsim("map", str(tmp_path), *FOLIAGE).code == 0
     assert radarsim("map", str(tmp_path), *FOLIAGE).code == 0  # its own may go
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
-def test_the_map_that_is_simulated_is_not_overwritten(
-    radarsim: Command, tmp_path: Path
-) -> None:
+def test_simulated_map_is_not_overwritten(radarsim: Command, tmp_path: Path) -> None:
     text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
     (tmp_path / "yard.yaml").write_text(text)
     yard = str(tmp_path / "yard.yaml")
@@ -336,7 +345,7 @@ def test_the_map_that_is_simulated_is_not_overwritten(
     assert (tmp_path / "yard.yaml").read_text() == text
 
 
-def test_chance_has_a_seed_on_any_server(
+def test_seed_of_turn_away_is_accepted_without_serve(
     usarsim_server: UsarsimServer, radarsim: Command, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
@@ -345,7 +354,7 @@ def test_chance_has_a_seed_on_any_server(
     assert (run.code, run.err.count("expected")) == (0, 0)
 
 
-def test_a_full_disk_is_told_in_json_too(radarsim: Command, tmp_path: Path) -> None:
+def test_full_disk_is_reported_in_json(radarsim: Command, tmp_path: Path) -> None:
     (tmp_path / "map.pgm").symlink_to("/dev/full")
     run = radarsim("map", str(tmp_path), *FOLIAGE, "--json")
     told = json.loads(run.text)
@@ -358,7 +367,7 @@ def test_a_full_disk_is_told_in_json_too(radarsim: Command, tmp_path: Path) -> N
     assert [file.name for file in tmp_path.iterdir()] == ["map.pgm"]
 
 
-def test_json_tells_of_who_was_interrupted(
+def test_interrupted_run_is_reported_in_json(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
@@ -371,7 +380,7 @@ def test_json_tells_of_who_was_interrupted(
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=20)
+        out, _ = process.communicate(timeout=60)
     told = json.loads(out)
     assert process.returncode == 130
     assert (told["outcome"], told["error"]) == ("broken_off", "interrupted")
@@ -394,13 +403,13 @@ class Through:
 
     def end(self) -> tuple[int, str, str]:
         self.process.send_signal(signal.SIGINT)
-        out, errors = self.process.communicate(timeout=30)
+        out, errors = self.process.communicate(timeout=60)
         return self.process.returncode, out.decode(), errors.decode()
 
 
 @fast_server
 @pytest.mark.parametrize("echoes", [True, False])
-def test_what_another_client_drives_is_mapped(
+def test_robot_of_another_client_is_mapped_through_the_proxy(
     usarsim_server: UsarsimServer, tmp_path: Path, echoes: bool
 ) -> None:
     tap = Through(tmp_path, usarsim_server.address[1], "--json")
@@ -410,7 +419,7 @@ def test_what_another_client_drives_is_mapped(
         if echoes:
             client.echoes(facts.scanner().name)
         client.drive(*facts.wheel_speeds(0.5, 0.0))
-        deadline, began = time.monotonic() + 10, client.session.time
+        deadline, began = time.monotonic() + 60, client.session.time
         while client.session.time < began + 4 and time.monotonic() < deadline:
             client.read()
     code, out, _ = tap.end()
@@ -425,7 +434,7 @@ def test_what_another_client_drives_is_mapped(
 
 
 @fast_server
-def test_where_nothing_passes_there_is_no_map(
+def test_no_map_is_written_when_no_client_connects(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     code, _, errors = Through(tmp_path, usarsim_server.address[1]).end()

@@ -30,7 +30,7 @@ def mapper() -> Mapper:
     return mapper
 
 
-def test_nothing_is_said_of_what_is_not_known(mapper: Mapper) -> None:
+def test_unknown_values_are_left_out(mapper: Mapper) -> None:
     first, cells = as_text(
         MappingResult(None, "none", mapper=mapper, outcome="overheard")
     )
@@ -41,13 +41,13 @@ def test_nothing_is_said_of_what_is_not_known(mapper: Mapper) -> None:
     assert told["strategy"] is None
 
 
-def test_a_map_of_nothing_has_no_cells() -> None:
+def test_map_without_scans_has_no_cells() -> None:
     assert as_text(MappingResult("auto", "ins")) == [
         "broken off by auto: 0.00 m in 0.0 s, 0 scans"
     ]
 
 
-def test_in_the_open_a_judge_knows_no_share_of_the_floor(empty_room: Scene) -> None:
+def test_open_map_has_no_coverage(empty_room: Scene) -> None:
     run = MappingResult("auto", "ins", monitor=GroundTruthMonitor(Host(empty_room)))
     assert as_text(run)[-1] == "in truth 0.00 m, collisions: 0"
     run.score = MapScore(

@@ -74,7 +74,7 @@ def folder(tmp_path: Path, old_map: dict[str, bytes]) -> Path:
 
 
 @pytest.mark.parametrize("room", [0, 100_000])
-def test_a_full_disk_leaves_the_old_map_whole(
+def test_full_disk_leaves_the_old_map_complete(
     folder: Path, old_map: dict[str, bytes], room: int
 ) -> None:
     assert max(map(len, old_map.values())) > room
@@ -90,7 +90,7 @@ def test_a_full_disk_leaves_the_old_map_whole(
     assert len([*folder.iterdir()]) == len(ENDINGS)
 
 
-def test_who_is_killed_with_all_but_one_file_written_leaves_the_old_map_whole(
+def test_kill_before_the_last_file_leaves_the_old_map_complete(
     folder: Path, old_map: dict[str, bytes]
 ) -> None:
     pipe = folder / "map.png"
@@ -107,7 +107,7 @@ def test_who_is_killed_with_all_but_one_file_written_leaves_the_old_map_whole(
     assert len(parts(folder)) == 3
 
 
-def test_who_is_killed_at_any_time_leaves_files_of_one_map_or_the_other(
+def test_kill_at_any_time_leaves_complete_files(
     folder: Path, old_map: dict[str, bytes]
 ) -> None:
     with mapping(folder, *HERE) as process:

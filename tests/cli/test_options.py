@@ -9,7 +9,7 @@ import typer
 from radarsim.cli.options import check_writable, write_file
 
 
-def test_what_is_written_is_there(tmp_path: Path) -> None:
+def test_written_file_has_the_contents(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     check_writable(path, "--trace")
     assert not path.exists()
@@ -25,7 +25,7 @@ def test_what_is_written_is_there(tmp_path: Path) -> None:
         pytest.param("folder", "a folder of that name", id="a folder in its place"),
     ],
 )
-def test_what_cannot_be_written_is_told_before_and_after(
+def test_unwritable_file_is_refused_before_and_after(
     tmp_path: Path, name: str, reason: str
 ) -> None:
     (tmp_path / "folder").mkdir()
@@ -38,7 +38,7 @@ def test_what_cannot_be_written_is_told_before_and_after(
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_rights_is_told_before(tmp_path: Path) -> None:
+def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(typer.BadParameter, match="no right to"):
         check_writable(tmp_path / "run.csv", "--trace")

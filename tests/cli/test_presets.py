@@ -14,7 +14,7 @@ def test_sensors_are_listed_with_sources_and_confidence(radarsim: Command) -> No
         assert text in run.text
 
 
-def test_sensors_begin_with_a_line_for_each(radarsim: Command) -> None:
+def test_sensors_start_with_an_overview(radarsim: Command) -> None:
     lines = radarsim("sensors").text.splitlines()
     names = list(json.loads(radarsim("sensors", "--json").text))
     overview = lines[: lines.index("")]
@@ -24,14 +24,14 @@ def test_sensors_begin_with_a_line_for_each(radarsim: Command) -> None:
     assert any(line.startswith("hokuyo: ") for line in lines[len(overview) :])
 
 
-def test_sensors_by_name_are_those_alone(radarsim: Command) -> None:
+def test_named_sensors_are_listed_alone(radarsim: Command) -> None:
     lines = radarsim("sensors", "sick", "k2pi").text.splitlines()
     assert lines[0].startswith("sick: ")
     assert sum(line.startswith(("sick: ", "k2pi: ")) for line in lines) == 2
     assert not any(line.startswith(("radar: ", "name ")) for line in lines)
 
 
-def test_an_unknown_sensor_is_a_usage_error_that_names_those_there_are(
+def test_unknown_sensor_is_a_usage_error_that_lists_the_known_ones(
     radarsim: Command,
 ) -> None:
     run = radarsim("sensors", "radar", "rader")
@@ -41,19 +41,19 @@ def test_an_unknown_sensor_is_a_usage_error_that_names_those_there_are(
         assert text in run.err
 
 
-def test_sensors_for_programs(radarsim: Command) -> None:
+def test_sensors_as_json(radarsim: Command) -> None:
     told = json.loads(radarsim("sensors", "--json").text)
     assert told["radar"]["settings"]["side_offset_uu"]["value"] == 25
     assert told["sick"]["settings"]["penetration_power"]["value"] is None
 
 
-def test_sensors_by_name_for_programs(radarsim: Command) -> None:
+def test_named_sensors_as_json(radarsim: Command) -> None:
     every = json.loads(radarsim("sensors", "--json").text)
     told = json.loads(radarsim("sensors", "laser", "thesis", "--json").text)
     assert told == {name: every[name] for name in ("laser", "thesis")}
 
 
-def test_materials_begin_with_a_line_for_each(radarsim: Command) -> None:
+def test_materials_start_with_an_overview(radarsim: Command) -> None:
     lines = radarsim("materials").text.splitlines()
     overview = lines[: lines.index("")]
     rows = {line.split()[0]: line.split() for line in overview if line[:1].strip()}
@@ -63,7 +63,7 @@ def test_materials_begin_with_a_line_for_each(radarsim: Command) -> None:
     assert rows["rain"][5:7] == ["25", "mm/h"]
 
 
-def test_materials_by_name_are_those_alone_with_their_sources(
+def test_named_materials_are_listed_alone_with_their_sources(
     radarsim: Command,
 ) -> None:
     text = radarsim("materials", "wood", "fog").text
@@ -73,7 +73,7 @@ def test_materials_by_name_are_those_alone_with_their_sources(
     assert "smoke" not in text
 
 
-def test_materials_for_programs(radarsim: Command) -> None:
+def test_materials_as_json(radarsim: Command) -> None:
     told = json.loads(radarsim("materials", "twigs", "rain", "--json").text)
     assert list(told) == ["twigs", "rain"]
     assert told["twigs"]["numbers"]["db_per_m"]["value"]["77"] == 0.99
@@ -82,7 +82,7 @@ def test_materials_for_programs(radarsim: Command) -> None:
     assert list(every) == list(library_names())
 
 
-def test_an_unknown_material_is_a_usage_error_that_names_those_there_are(
+def test_unknown_material_is_a_usage_error_that_lists_the_known_ones(
     radarsim: Command,
 ) -> None:
     run = radarsim("materials", "wod")

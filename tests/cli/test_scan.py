@@ -25,7 +25,7 @@ def ends(told: dict[str, Any]) -> "np.ndarray[Any, np.dtype[np.float64]]":
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_radar_sees_through_the_wall_of_foliage_and_not_everywhere(
+def test_radar_sees_through_foliage_in_some_directions(
     radarsim: Command, seed: int
 ) -> None:
     run = radarsim(
@@ -41,7 +41,7 @@ def test_the_radar_sees_through_the_wall_of_foliage_and_not_everywhere(
     assert np.count_nonzero(inside) >= 8
 
 
-def test_the_hokuyo_sees_nothing_behind_it(radarsim: Command) -> None:
+def test_hokuyo_does_not_see_through_foliage(radarsim: Command) -> None:
     run = radarsim(
         *("scan", "foliage_room", "--sensor", "hokuyo", *START),
         *("--set", "max_range=80"),
@@ -52,7 +52,7 @@ def test_the_hokuyo_sees_nothing_behind_it(radarsim: Command) -> None:
     assert np.max(ends(told)) < FAR_SIDE
 
 
-def test_in_smoke_the_radar_measures_the_walls(radarsim: Command) -> None:
+def test_radar_measures_walls_through_smoke(radarsim: Command) -> None:
     here = ("--start", "RobotStart1", "--set", "side_offset_uu=0")
     clear = json.loads(radarsim("scan", "empty_room", "--sensor", "radar", *here).text)
     smoky = json.loads(radarsim("scan", "smoke_room", "--sensor", "radar", *here).text)
@@ -61,17 +61,17 @@ def test_in_smoke_the_radar_measures_the_walls(radarsim: Command) -> None:
     assert np.max(gap[walls]) < 1e-3
 
 
-def test_in_smoke_the_hokuyo_is_blinded(radarsim: Command) -> None:
+def test_hokuyo_is_blind_in_smoke(radarsim: Command) -> None:
     run = radarsim("scan", "smoke_room", "--sensor", "hokuyo", *START)
     assert json.loads(run.text)["ranges"] == [0.0] * 228
 
 
-def test_a_start_is_where_the_scanner_of_a_p3at_is(radarsim: Command) -> None:
+def test_start_is_the_pose_of_a_p3ats_scanner(radarsim: Command) -> None:
     told = json.loads(radarsim("scan", "empty_room", "--sensor", "laser", *START).text)
     assert told["pose"] == pytest.approx([-7.7915, 0, 0.346, 0, 0, 0])
 
 
-def test_three_numbers_and_six_give_the_same(radarsim: Command) -> None:
+def test_pose_of_three_numbers_equals_one_of_six(radarsim: Command) -> None:
     three, six = (
         radarsim("scan", "empty_room", "--sensor", "laser", "--pose", pose)
         for pose in ("-4,1,30", "-4,1,0.346,0,0,30")
@@ -88,7 +88,7 @@ def test_several_scans_are_a_list_and_differ(radarsim: Command) -> None:
     assert json.loads(radarsim(*base).text) == scans
 
 
-def test_a_row_of_csv_for_each_beam(radarsim: Command) -> None:
+def test_csv_has_a_row_for_each_beam(radarsim: Command) -> None:
     run = radarsim(
         *("scan", "empty_room", "--sensor", "laser", *START),
         *("--set", "max_range=3", "--count", "2", "--format", "csv"),
@@ -99,7 +99,7 @@ def test_a_row_of_csv_for_each_beam(radarsim: Command) -> None:
     assert {row["range"] for row in rows[80:100]} == {""}
 
 
-def test_a_picture_shows_red_and_blue_rays_and_the_plan(
+def test_picture_shows_red_and_blue_rays_and_the_floor_plan(
     radarsim: Command, tmp_path: Path
 ) -> None:
     path = tmp_path / "scan.png"
@@ -117,7 +117,7 @@ def test_a_picture_shows_red_and_blue_rays_and_the_plan(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_picture_of_many_scans_goes_to_a_pipe(radarsim: Command) -> None:
+def test_picture_is_written_to_a_pipe(radarsim: Command) -> None:
     run = radarsim(
         *("scan", "empty_room", "--sensor", "hokuyo", *START),
         *("--format", "png", "--count", "2"),
@@ -158,10 +158,10 @@ def test_a_picture_of_many_scans_goes_to_a_pipe(radarsim: Command) -> None:
         ),
     ],
 )
-def test_a_wrong_option_is_usage(
+def test_wrong_option_is_a_usage_error(
     radarsim: Command, options: list[str], text: str
 ) -> None:
     run = radarsim("scan", "empty_room", *options)
     assert run.code == 2
-    assert text in " ".join(run.err.replace("│", " ").split())
+    assert text in run.err
     assert "Traceback" not in run.err

@@ -9,7 +9,7 @@ from radarsim.cli.options import read_item_settings
 Command = Callable[..., Any]
 
 
-def test_settings_of_items_are_grouped_by_item() -> None:
+def test_settings_are_grouped_by_item() -> None:
     texts = ["lms200.max_range=20", "InsTest.sigma=0", "lms200.side_offset_uu=0"]
     assert read_item_settings(texts) == {
         "lms200": {"max_range": 20, "side_offset_uu": 0},
@@ -18,7 +18,7 @@ def test_settings_of_items_are_grouped_by_item() -> None:
 
 
 @pytest.mark.parametrize("text", ["max_range=20", ".max_range=20", "lms200.=2", "a.b"])
-def test_a_setting_without_item_key_or_value_is_usage(text: str) -> None:
+def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
     with pytest.raises(typer.BadParameter, match="expected"):
         read_item_settings([text])
 
@@ -37,7 +37,7 @@ def test_a_setting_without_item_key_or_value_is_usage(text: str) -> None:
         pytest.param(["--dialect", "klingon"], "klingon", id="dialect"),
     ],
 )
-def test_a_wrong_option_is_usage(
+def test_wrong_option_is_a_usage_error(
     radarsim: Command, options: list[str], text: str
 ) -> None:
     run = radarsim("serve", "empty_room", *options)
@@ -45,7 +45,7 @@ def test_a_wrong_option_is_usage(
     assert text in run.err
 
 
-def test_an_address_that_is_not_ours_is_one_sentence(radarsim: Command) -> None:
+def test_foreign_address_is_an_error_in_one_line(radarsim: Command) -> None:
     run = radarsim("serve", "empty_room", "--host", "192.0.2.1", "--port", "0")
     assert run.code == 1
     assert run.err.startswith("radarsim: cannot listen on 192.0.2.1:0: ")

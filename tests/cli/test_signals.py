@@ -1,4 +1,4 @@
-"""Commands that signals end before they have begun, and before they are done."""
+"""Signals while a command loads and compiles."""
 
 import signal
 import subprocess
@@ -8,7 +8,7 @@ import pytest
 
 from radarsim.cli.signals import exit_immediately_on_signals
 
-# What a compiler does: it is called back from C, where exceptions are lost.
+# Like the compiler, which calls back from C, where exceptions get lost.
 SCRIPT = """
 import ctypes, os, signal
 from radarsim.cli.signals import exit_immediately_on_signals
@@ -26,14 +26,14 @@ with exit_immediately_on_signals({terminated}):
         pytest.param("SIGTERM", "0", 0, id="server told to end"),
     ],
 )
-def test_what_is_not_begun_ends_at_once(name: str, terminated: str, code: int) -> None:
+def test_signal_ends_the_process_at_once(name: str, terminated: str, code: int) -> None:
     script = SCRIPT.format(name=name, terminated=terminated)
     words = (sys.executable, "-c", script)
     run = subprocess.run(words, check=False, capture_output=True)
     assert (run.returncode, run.stdout, run.stderr) == (code, b"", b"")
 
 
-def test_what_is_begun_ends_as_before() -> None:
+def test_previous_handlers_are_restored() -> None:
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.getsignal(number) for number in numbers]
     with pytest.raises(ValueError, match="broken"), exit_immediately_on_signals():

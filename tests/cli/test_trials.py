@@ -12,7 +12,7 @@ Command = Callable[..., Any]
 QUICK = ("trials", "--maps", "bug_box", "--seeds", "1", "--workers", "1")
 
 
-def test_a_row_for_each_kind_of_trial_and_the_time_they_took(radarsim: Command) -> None:
+def test_table_has_a_row_for_each_kind_of_trial(radarsim: Command) -> None:
     run = radarsim(*QUICK)
     assert run.code == 0
     head, *rows = run.text.splitlines()
@@ -54,7 +54,7 @@ def test_json_is_a_list_of_scores(radarsim: Command) -> None:
         pytest.param(["--workers", "0"], ["--workers"], id="workers"),
     ],
 )
-def test_an_unknown_name_is_usage_and_the_known_ones_are_told(
+def test_unknown_name_is_a_usage_error_that_lists_the_known_ones(
     radarsim: Command, options: list[str], texts: list[str]
 ) -> None:
     run = radarsim("trials", *options)
@@ -63,9 +63,7 @@ def test_an_unknown_name_is_usage_and_the_known_ones_are_told(
         assert text in run.err
 
 
-def test_a_map_of_ones_own_that_is_wrong_is_told_of_by_its_errors(
-    radarsim: Command, tmp_path: Any
-) -> None:
+def test_errors_of_a_map_are_printed(radarsim: Command, tmp_path: Any) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("version: 1\nobject: []\n")
     run = radarsim("trials", "--maps", str(path))
@@ -73,7 +71,7 @@ def test_a_map_of_ones_own_that_is_wrong_is_told_of_by_its_errors(
     assert "mine.yaml:2:1: object" in run.err
 
 
-def test_what_went_wrong_is_said_of_each_trial() -> None:
+def test_failed_trial_is_described() -> None:
     score = TrialResult(
         *("bug_maze", "bug1", "radar", 3),
         outcome="failed",
