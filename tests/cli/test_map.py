@@ -39,6 +39,7 @@ def test_map_is_written_and_summarised_in_lines(
     foliage_run: tuple[Any, Path],
 ) -> None:
     run, folder = foliage_run
+    where = re.escape(str(folder))
     assert run.code == 0
     assert re.fullmatch(
         r"time is up by auto: 0\.\d\d m in 3\.1 s, 32 scans\n"
@@ -49,7 +50,7 @@ def test_map_is_written_and_summarised_in_lines(
         r"in truth 0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
         r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
         r" \d+ wrong, collisions: 0\n"
-        rf"files    map\.png, map\.pgm, map\.yaml, map\.tum in {re.escape(str(folder))}\n",
+        rf"files    map\.png, map\.pgm, map\.yaml, map\.tum in {where}\n",
         run.text,
     )
     told = [line.split(" s  ")[1] for line in run.err.splitlines()]
