@@ -76,13 +76,11 @@ def told(message: Message) -> list[list[str]]:
 
 
 @DIALECTS
-def test_who_does_not_ask_is_told_nothing(
-    foliage_room: Scene, dialect: Dialect
-) -> None:
+def test_no_echoes_without_a_request(foliage_room: Scene, dialect: Dialect) -> None:
     assert echoes_in(talk(foliage_room, dialect=dialect).hear(60)) == []
 
 
-def test_who_asks_is_told_with_every_scan_and_before_it(foliage_room: Scene) -> None:
+def test_requested_echoes_come_before_each_scan(foliage_room: Scene) -> None:
     client = talk(foliage_room)
     assert client.send(ASK) == []
     for _ in range(3):
@@ -112,7 +110,7 @@ def test_lines_are_of_the_scan_and_counted(
 
 
 @DIALECTS
-def test_the_other_lines_of_who_asks_stay_as_they_are(
+def test_echoes_do_not_change_the_other_lines(
     foliage_room: Scene, dialect: Dialect
 ) -> None:
     asking, silent = (talk(foliage_room, BOTH, dialect=dialect) for _ in range(2))
@@ -127,7 +125,7 @@ def test_the_other_lines_of_who_asks_stay_as_they_are(
         assert without_echoes(heard) == silent.hear(ticks)
 
 
-def test_nobody_else_is_sent_another_byte(foliage_room: Scene) -> None:
+def test_echoes_do_not_change_the_bytes_of_other_clients(foliage_room: Scene) -> None:
     heard = {}
     for asks in (False, True):
         host = Host(foliage_room)
@@ -142,7 +140,7 @@ def test_nobody_else_is_sent_another_byte(foliage_room: Scene) -> None:
 
 
 @pytest.mark.parametrize("word", [b"false", b"False", b"FALSE"])
-def test_it_can_be_switched_off(foliage_room: Scene, word: bytes) -> None:
+def test_echoes_can_be_switched_off(foliage_room: Scene, word: bytes) -> None:
     client, silent = talk(foliage_room), talk(foliage_room)
     client.send(ASK + ASK)
     assert echoes_in(client.hear(10))
@@ -161,7 +159,7 @@ def test_it_can_be_switched_off(foliage_room: Scene, word: bytes) -> None:
         pytest.param(b"SET {Name } {Type RangeScanner} {Params True} {Opcode Echoes}"),
     ],
 )
-def test_it_is_asked_for_in_any_case_and_order(
+def test_echoes_are_requested_in_any_case_and_order(
     foliage_room: Scene, dialect: Dialect, order: bytes
 ) -> None:
     client = talk(foliage_room, dialect=dialect)
@@ -177,7 +175,7 @@ def test_it_is_asked_for_in_any_case_and_order(
         pytest.param(b"{Name HOKUYO}", {"Hokuyo"}, id="another in any case"),
     ],
 )
-def test_a_name_means_one_scanner(
+def test_name_selects_one_scanner(
     foliage_room: Scene, name: bytes, heard: set[str]
 ) -> None:
     client = talk(foliage_room, BOTH)
@@ -187,7 +185,7 @@ def test_a_name_means_one_scanner(
     assert [line[:40].count(b"RangeScanner") for line in lines[-2:]] == [1, 1]
 
 
-def test_another_robot_has_to_be_asked_anew(foliage_room: Scene) -> None:
+def test_echoes_are_off_for_the_next_robot(foliage_room: Scene) -> None:
     client = talk(foliage_room)
     client.send(ASK)
     assert echoes_in(client.hear(SPAWN_COOLDOWN))
@@ -238,7 +236,7 @@ def test_another_robot_has_to_be_asked_anew(foliage_room: Scene) -> None:
         ),
     ],
 )
-def test_what_makes_no_sense_is_noticed_and_changes_nothing(
+def test_invalid_request_gives_a_diagnostic_and_no_effect(
     foliage_room: Scene, order: bytes, kind: str, text: str
 ) -> None:
     client = talk(foliage_room)
@@ -315,7 +313,7 @@ def test_the_last_end_of_a_beam_reads_what_its_range_reads(
     assert missed <= {dialect.ranges.format(80 if dialect is COMPAT else 20)}
 
 
-def test_a_robot_is_told_by_its_name(empty_room: Scene) -> None:
+def test_echo_line_has_the_name_of_the_robot(empty_room: Scene) -> None:
     client = talk(empty_room)
     name = b"Caf\xe9 \x07  2"
     init = b"INIT {ClassName P3AT} {Name %s} {Location -5,0,0}\r\n" % name
@@ -370,7 +368,7 @@ def test_a_scan_that_is_asked_for_has_its_echoes(foliage_room: Scene) -> None:
 @pytest.mark.parametrize("name", [b"", b" {Name LMS200}", b" {Name }"])
 @pytest.mark.parametrize("verb", [b"GETGEO", b"GETCONF"])
 @pytest.mark.parametrize("asks", [False, True])
-def test_drivers_that_ask_about_each_type_are_answered(
+def test_geometry_and_settings_of_the_echoes_type_are_those_of_the_scanner(
     foliage_room: Scene, dialect: Dialect, name: bytes, verb: bytes, asks: bool
 ) -> None:
     client = talk(foliage_room, dialect=dialect)

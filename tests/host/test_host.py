@@ -65,7 +65,7 @@ def heads(data: bytes) -> list[str]:
     ]
 
 
-def test_a_client_is_greeted_once_and_before_it_says_anything(host: Host) -> None:
+def test_client_is_greeted_once_and_at_once(host: Host) -> None:
     number = host.connect()
     assert host.unsent_bytes(number) == len(GREETING)
     assert host.take(number) == GREETING
@@ -74,7 +74,7 @@ def test_a_client_is_greeted_once_and_before_it_says_anything(host: Host) -> Non
     assert b"Gametype" not in host.take(number)
 
 
-def test_start_poses_are_answered_at_once_and_without_a_robot(host: Host) -> None:
+def test_start_poses_are_sent_at_once_without_a_robot(host: Host) -> None:
     number = greeted(host)
     assert host.receive(number, b"GETSTARTPOSES\r\n") == []
     assert host.take(number) == STARTS
@@ -83,7 +83,7 @@ def test_start_poses_are_answered_at_once_and_without_a_robot(host: Host) -> Non
     assert host.simulation.vehicles == ()
 
 
-def test_with_a_robot_answers_wait_for_the_write_of_the_tick(host: Host) -> None:
+def test_replies_wait_for_the_tick_when_there_is_a_robot(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"GETGEO {Type Robot}\r\n")
     assert host.take(number) == b""
@@ -91,7 +91,7 @@ def test_with_a_robot_answers_wait_for_the_write_of_the_tick(host: Host) -> None
     assert host.take(number) == GEO
 
 
-def test_questions_in_the_packet_of_init_are_answered(host: Host) -> None:
+def test_requests_in_the_packet_of_init_are_answered(host: Host) -> None:
     number = greeted(host)
     asked = b"GETSTARTPOSES\r\n" + INIT + b"GETGEO {Type Robot} {Name R1}\r\n"
     host.receive(number, asked)
@@ -99,7 +99,7 @@ def test_questions_in_the_packet_of_init_are_answered(host: Host) -> None:
     assert host.take(number) == STARTS + GEO
 
 
-def test_a_write_is_status_answers_poses_others_scan(host: Host) -> None:
+def test_write_is_status_replies_poses_other_readings_scan(host: Host) -> None:
     number = spawned(host)
     let_pass(host, 9)
     assert host.take(number) == b""
@@ -208,7 +208,7 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         ),
     ],
 )
-def test_what_cannot_be_done_is_noticed_and_does_nothing(
+def test_invalid_command_gives_a_diagnostic_and_no_effect(
     host: Host, line: bytes, kind: str, text: str
 ) -> None:
     number = greeted(host)
@@ -281,7 +281,7 @@ def test_what_cannot_be_done_is_noticed_and_does_nothing(
         ),
     ],
 )
-def test_what_the_robot_cannot_do_is_noticed_and_does_nothing(
+def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
     host: Host, line: bytes, kind: str, text: str
 ) -> None:
     number = spawned(host)
@@ -298,7 +298,7 @@ def test_what_the_robot_cannot_do_is_noticed_and_does_nothing(
     }
 
 
-def test_one_unknown_key_does_not_spoil_the_others(host: Host) -> None:
+def test_unknown_key_does_not_affect_the_others(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"DRIVE {Light True} {Beep 1} {Left 1} {Right 1}\r\n")
     let_pass(host, 20)
@@ -356,7 +356,7 @@ def test_a_robot_stands_where_init_says(
     assert robot.body.z == pytest.approx(0.146)
 
 
-def test_an_unknown_start_is_the_origin_and_noticed(host: Host) -> None:
+def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
     number = greeted(host)
     (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
     assert notice.kind == "start"
@@ -380,7 +380,7 @@ def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
     assert abs(pose.x - 10.4) + abs(pose.y + 1) < 1
 
 
-def test_robots_that_come_together_are_spread_over_ticks(host: Host) -> None:
+def test_spawns_are_spread_over_ticks(host: Host) -> None:
     numbers = [greeted(host) for _ in range(3 * SPAWNS_PER_TICK)]
     for i, number in enumerate(numbers):
         place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{i // 6 * 1.2:.1f},0}}"
@@ -394,7 +394,7 @@ def test_robots_that_come_together_are_spread_over_ticks(host: Host) -> None:
     assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_PER_TICK
 
 
-def test_who_sends_no_more_is_given_all_its_answers(host: Host) -> None:
+def test_client_that_sends_no_more_gets_all_replies(host: Host) -> None:
     number = greeted(host)
     questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_PER_TICK + 5)
     host.receive(number, INIT + questions)
@@ -402,7 +402,7 @@ def test_who_sends_no_more_is_given_all_its_answers(host: Host) -> None:
     assert host.drain_and_finish(number) == b""
 
 
-def test_a_search_for_a_place_is_the_only_one_in_its_tick(foliage_room: Scene) -> None:
+def test_only_one_search_for_a_free_place_in_a_tick(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
     numbers = [greeted(host) for _ in range(3)]
@@ -412,7 +412,7 @@ def test_a_search_for_a_place_is_the_only_one_in_its_tick(foliage_room: Scene) -
     assert [len(found) for found in told] == [0, 1, 1, 0]
 
 
-def test_an_unknown_start_in_a_bush_is_told_with_what_came_of_it(
+def test_diagnostic_joins_unknown_start_and_moved_pose(
     foliage_room: Scene,
 ) -> None:
     host = Host(foliage_room)
@@ -423,7 +423,7 @@ def test_an_unknown_start_in_a_bush_is_told_with_what_came_of_it(
     assert "INIT moved from (0.00, 0.00)" in notice.text
 
 
-def test_where_there_is_no_place_there_is_no_robot(host: Host) -> None:
+def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     first = greeted(host)
     host.receive(first, INIT)
     notices = []
@@ -603,12 +603,12 @@ def test_set_reset_begins_the_odometry_anew(host: Host) -> None:
     assert b"{Pose 0.0000,0.0000,0.0000}" in host.take(number)
 
 
-def test_conditions_that_no_robot_fits_are_refused(empty_room: Scene) -> None:
+def test_settings_of_an_unknown_item_are_refused(empty_room: Scene) -> None:
     with pytest.raises(PresetError, match="item 'lms'"):
         Host(empty_room, config=SimulationConfig(item_settings={"lms": {}}))
 
 
-def test_two_clients_do_not_hear_each_other(host: Host) -> None:
+def test_clients_do_not_get_replies_of_each_other(host: Host) -> None:
     one, other = spawned(host), greeted(host)
     host.receive(one, b"GETGEO {Type Robot}\r\n")
     let_pass(host, 20)
@@ -634,7 +634,7 @@ def test_the_foliage_room_takes_a_robot_far_outside(
     assert b"80.00,80.00,80.00" in host.take(number)
 
 
-def test_a_map_without_starts_says_so(empty_room: Scene) -> None:
+def test_map_without_starts_sends_zero_start_poses(empty_room: Scene) -> None:
     host = Host(replace(empty_room, starts=()))
     number = greeted(host)
     host.receive(number, b"GETSTARTPOSES\r\n")
