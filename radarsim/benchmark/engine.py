@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from radarsim.benchmark.measurement import BenchmarkRow, compare, measure
 from radarsim.benchmark.scenes import (
     SENSOR,
     bumpy_room,
@@ -21,6 +20,7 @@ from radarsim.benchmark.scenes import (
     foliage_wall,
     hall_of_mirrors,
 )
+from radarsim.benchmark.timing import BenchmarkRow, compare, measure
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plants.scenes import leaf_scene
 from radarsim.presets.robots import load_robot

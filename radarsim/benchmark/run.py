@@ -11,8 +11,8 @@ from radarsim.benchmark.engine import (
     scans_against_first_hits,
     throughput,
 )
-from radarsim.benchmark.measurement import BenchmarkRow
 from radarsim.benchmark.server import ROBOTS, lateness, start_up
+from radarsim.benchmark.timing import BenchmarkRow
 
 # The function of each step, and its share of the progress bar.
 STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {

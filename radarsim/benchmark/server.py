@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radarsim.benchmark.measurement import BenchmarkRow
+from radarsim.benchmark.timing import BenchmarkRow
 
 PROGRAM = (sys.executable, "-m", "radarsim")
 ROBOTS = 100

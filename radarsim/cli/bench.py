@@ -13,7 +13,7 @@ from radarsim.cli.options import JsonOption
 from radarsim.cli.signals import exit_143_on_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.benchmark.measurement import BenchmarkRow
+    from radarsim.benchmark.timing import BenchmarkRow
 
 
 def bench(*, as_json: JsonOption = False) -> None:
@@ -21,8 +21,8 @@ def bench(*, as_json: JsonOption = False) -> None:
     exit_143_on_sigterm()
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from radarsim.benchmark.measurement import GROUPS
     from radarsim.benchmark.run import run_all
+    from radarsim.benchmark.timing import GROUPS
 
     columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:

@@ -8,11 +8,11 @@ the code that writes requests and reads answers, which does no I/O. Reports are 
 from typing import Any
 
 from radarsim.client.aio import AsyncClient
-from radarsim.client.deprecation import warn_renamed
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, beam_angles
 from radarsim.client.session import Question, Session
 from radarsim.client.sync import Client
 from radarsim.client.transport import SocketTransport, Transport
+from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError, ClientTimeout
 from radarsim.protocol.dialect import DriveUnit
 

@@ -5,11 +5,11 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from radarsim.client import session as questions
-from radarsim.client.deprecation import warn_renamed
 from radarsim.client.requests import Exchange, Requests, Step
 from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session, check_timeout
 from radarsim.client.transport import CHUNK, SHORTEST_WAIT, STUCK
+from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import DriveUnit

@@ -23,7 +23,7 @@ from collections.abc import Iterable
 
 from radarsim.host.commands import CommandHandler
 from radarsim.host.connection import Client, Diagnostic
-from radarsim.host.echo_lines import echo_lines
+from radarsim.host.echo_reports import echo_lines
 from radarsim.protocol.reports import Greeting, Report, to_bytes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig

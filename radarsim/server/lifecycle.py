@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 from radarsim.errors import ServerError
-from radarsim.signals import INTERRUPTED, signal_handlers
+from radarsim.signal_handlers import INTERRUPTED, signal_handlers
 
 SEND_BUFFER_BYTES = 131_072  # what waits in the kernel is stale when it arrives
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from radarsim.benchmark import run as bench
-from radarsim.benchmark.measurement import BenchmarkRow
+from radarsim.benchmark.timing import BenchmarkRow
 
 Command = Callable[..., Any]
 ROWS = [

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.host.echo_lines import echo_lines
+from radarsim.host.echo_reports import echo_lines
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.echoes import ECHOES_A_LINE
 from radarsim.protocol.reports import EchoLine, TargetEchoes

@@ -3,8 +3,8 @@ from functools import partial
 
 import pytest
 
-from radarsim.benchmark.measurement import GROUPS, BenchmarkRow, compare, measure
 from radarsim.benchmark.run import STEPS, run_all
+from radarsim.benchmark.timing import GROUPS, BenchmarkRow, compare, measure
 
 
 def spin(rounds: int) -> int:
