@@ -74,7 +74,7 @@ def path_in_smoke(angles: Floats) -> Floats:
 
 
 def unchanged(clear: Scan, other: Scan) -> Mask:
-    """Tell which of the readings in clear air are the same to within a cell."""
+    """Return which ranges in clear air stay the same to within a cell."""
     found = np.isfinite(clear.ranges)
     with np.errstate(invalid="ignore"):  # inf - inf, of beams that are left out
         return np.asarray((np.abs(other.ranges - clear.ranges) <= CELL)[found])
@@ -163,7 +163,7 @@ def test_hokuyo_is_blinded_only_where_smoke_is_thick() -> None:
     clear = scan("hokuyo", **FAR_HOKUYO)
     smoky = scan("hokuyo", "smoke", **FAR_HOKUYO).ranges
     inside = path_in_smoke(clear.angles)
-    budget = 25 / SMOKE_DB  # m; half of its 50 dB, on one way
+    budget = 25 / SMOKE_DB  # m; one-way, half of its 50 dB
     blind = inside > budget + 0.1
     assert np.count_nonzero(blind) > 40
     assert (smoky[blind] == 0).all()

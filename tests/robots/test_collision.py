@@ -137,10 +137,10 @@ def test_robot_slides_along_a_wall_met_at_an_angle() -> None:
     drive(driven, 5, 5, 400)
     before = driven.pose
     drive(driven, 5, 5, 100)
-    way = 5 * 0.098
+    distance = 5 * 0.098
     assert driven.touched
     assert driven.pose.x == pytest.approx(before.x)
-    assert driven.pose.y - before.y == pytest.approx(way * math.sin(math.pi / 4))
+    assert driven.pose.y - before.y == pytest.approx(distance * math.sin(math.pi / 4))
 
 
 def test_robot_slides_into_a_corner_and_leaves_it() -> None:
@@ -314,9 +314,9 @@ class CountingObstacles(Obstacles):
 
     times = 0
 
-    def near(self, x: float, y: float, reach: float) -> Floats:
+    def near(self, x: float, y: float, distance: float) -> Floats:
         self.times += 1
-        return super().near(x, y, reach)
+        return super().near(x, y, distance)
 
 
 def test_walls_are_rarely_queried_on_open_floor() -> None:

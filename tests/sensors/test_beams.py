@@ -39,10 +39,10 @@ def test_beams_run_counter_clockwise_from_the_right() -> None:
 
 def test_first_beam_points_right_and_last_left() -> None:
     settings = load_settings("radar")
-    fan = aim(settings, HERE, 0)
-    assert fan.directions[0] == pytest.approx([0, -1, 0])
-    assert fan.directions[180] == pytest.approx([0, 1, 0])
-    assert fan.origins == pytest.approx(np.tile(HERE.position(), (181, 1)))
+    rays = aim(settings, HERE, 0)
+    assert rays.directions[0] == pytest.approx([0, -1, 0])
+    assert rays.directions[180] == pytest.approx([0, 1, 0])
+    assert rays.origins == pytest.approx(np.tile(HERE.position(), (181, 1)))
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -50,11 +50,13 @@ def test_perpendicular_ray_is_parallel_and_n_units_off(side: int) -> None:
     settings = load_settings("radar", side_offset_uu=50)
     middle = aim(settings, HERE, 0)
     beside = aim(settings, HERE, side)
-    way = beside.origins - middle.origins
+    offset = beside.origins - middle.origins
     across = np.cross([0, 0, 1], middle.directions)  # to the left of each beam
     assert beside.directions == pytest.approx(middle.directions)
-    assert np.linalg.norm(way, axis=1) == pytest.approx(np.full(181, 0.2))
-    assert np.einsum("ij,ij->i", way, across) == pytest.approx(np.full(181, side * 0.2))
+    assert np.linalg.norm(offset, axis=1) == pytest.approx(np.full(181, 0.2))
+    assert np.einsum("ij,ij->i", offset, across) == pytest.approx(
+        np.full(181, side * 0.2)
+    )
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -100,9 +102,9 @@ def test_ray_of_weight_zero_is_never_drawn() -> None:
 
 
 def test_tilted_sensor_scans_its_own_plane() -> None:
-    fan = aim(load_settings("radar"), Pose3(0, 0, 0, 0, 0.3, 0), 0)
-    assert fan.directions[90] == pytest.approx([math.cos(0.3), 0, -math.sin(0.3)])
-    assert fan.directions[0] == pytest.approx([0, -1, 0])
+    rays = aim(load_settings("radar"), Pose3(0, 0, 0, 0, 0.3, 0), 0)
+    assert rays.directions[90] == pytest.approx([math.cos(0.3), 0, -math.sin(0.3)])
+    assert rays.directions[0] == pytest.approx([0, -1, 0])
 
 
 CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
@@ -110,9 +112,9 @@ CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 
 def cone_offsets(pattern: BeamPattern, drawn: SampledRays, beam: int) -> Floats:
     """Return how far each ray of one beam is off it, (K, 2) rad to the left and up."""
-    ways = drawn.directions[:, beam]
-    across = np.arctan2(ways[:, 1], ways[:, 0]) - pattern.angles[beam]
-    return np.column_stack([across, np.arcsin(ways[:, 2])])
+    directions = drawn.directions[:, beam]
+    across = np.arctan2(directions[:, 1], directions[:, 0]) - pattern.angles[beam]
+    return np.column_stack([across, np.arcsin(directions[:, 2])])
 
 
 @pytest.mark.parametrize(
@@ -224,21 +226,21 @@ def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
         for settings in (cone, three)
     )
     assert one.weights == pytest.approx(other.weights)
-    ways = [
+    directions = [
         pattern.aim(HERE, pattern.sample(None)).directions for pattern in (one, other)
     ]
-    assert ways[0] == pytest.approx(ways[1])
+    assert directions[0] == pytest.approx(directions[1])
 
 
 def test_rays_of_a_beam_are_consecutive() -> None:
     pattern = BeamPattern(load_settings("radar", ray_choice="together"))
     drawn = pattern.sample(None)
     assert drawn.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
-    fan = pattern.aim(HERE, drawn)
+    rays = pattern.aim(HERE, drawn)
     for node, side in enumerate((-1, 0, 1)):
         alone = pattern.aim(HERE, pattern.one_side(side))
-        assert fan.origins[node::3].tolist() == alone.origins.tolist()
-        assert fan.directions[node::3].tolist() == alone.directions.tolist()
+        assert rays.origins[node::3].tolist() == alone.origins.tolist()
+        assert rays.directions[node::3].tolist() == alone.directions.tolist()
 
 
 @pytest.mark.parametrize(
@@ -278,5 +280,5 @@ def test_every_direction_is_a_unit_vector(
     )
     pattern = BeamPattern(settings)
     drawn = pattern.sample(generator_for(seed, "any"))
-    ways = pattern.aim(Pose3(0, 0, 0, 0.1, pitch, 1.0), drawn).directions
-    assert np.linalg.norm(ways, axis=1) == pytest.approx(np.ones(16), abs=1e-12)
+    directions = pattern.aim(Pose3(0, 0, 0, 0.1, pitch, 1.0), drawn).directions
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(16), abs=1e-12)

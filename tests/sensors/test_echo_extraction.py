@@ -50,8 +50,8 @@ def trace_ahead(
     parts: list[Part], power: float = 1.0, count: int = 1, *, incidence: bool = False
 ) -> Traces:
     """Trace rays ahead, all alike, from the origin."""
-    ways = np.tile([1.0, 0.0, 0.0], (count, 1))
-    rays = Rays.uniform(np.zeros((count, 3)), ways, max_range=50.0, power=power)
+    directions = np.tile([1.0, 0.0, 0.0], (count, 1))
+    rays = Rays.uniform(np.zeros((count, 3)), directions, max_range=50.0, power=power)
     return Tracer(parts).trace(rays, events=True, incidence=incidence)
 
 

@@ -108,10 +108,10 @@ def test_targets_describe_shrub_smoke_and_wall() -> None:
         block("back", WALL, (1, 4, 4), (7, 0, 0)),
     )
     targets = take(world, return_mode="all").echoes.targets
-    told = {target.object: target for target in targets.values()}
-    assert told["cloud"] == Target("cloud", "smoke", 0.0, 1.0, True, True)
-    assert told["shrub"] == Target("shrub", "leaf", 0.4, 0.6, False, False)
-    assert told["back"] == Target("back", "wall", math.inf, 0.0, False, False)
+    by_name = {target.object: target for target in targets.values()}
+    assert by_name["cloud"] == Target("cloud", "smoke", 0.0, 1.0, True, True)
+    assert by_name["shrub"] == Target("shrub", "leaf", 0.4, 0.6, False, False)
+    assert by_name["back"] == Target("back", "wall", math.inf, 0.0, False, False)
 
 
 @pytest.mark.parametrize(
@@ -178,8 +178,8 @@ def test_robot_is_a_target() -> None:
 
 def test_echoes_convert_to_json_types() -> None:
     world = scene(block("bush", LEAF, (1, 4, 4), (3, 0, 0)))
-    told = take(world, return_mode="all", side_offset_uu=0, ray_choice="drawn")
-    first, second = told.to_dict()["echoes"][1]
+    scan = take(world, return_mode="all", side_offset_uu=0, ray_choice="drawn")
+    first, second = scan.to_dict()["echoes"][1]
     assert first == {
         "range": pytest.approx(2.5),
         "kind": "enter",
@@ -199,9 +199,9 @@ def test_echoes_convert_to_json_types() -> None:
 
 def test_infinite_values_become_null() -> None:
     world = scene(block("wall", WALL, (1, 9, 4), (7, 0, 0)))
-    told = radarsim.load_sensor("laser").scan(world, (0, 0, 0)).to_dict()["echoes"]
-    assert told[0] == []
-    (echo,) = told[90]
+    lists = radarsim.load_sensor("laser").scan(world, (0, 0, 0)).to_dict()["echoes"]
+    assert lists[0] == []
+    (echo,) = lists[90]
     assert (echo["power"], echo["density"], echo["ray"]) == (None, None, None)
 
 

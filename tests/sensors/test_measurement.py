@@ -472,7 +472,7 @@ def test_second_robot_does_not_change_the_first_ones_scans(
 ) -> None:
     """The second one drives before the first, which draws the same all the same."""
     config = radarsim.SimulationConfig(item_settings={"lms200": settings})
-    told: list[list[str]] = []
+    ranges: list[list[str]] = []
     model = load_robot("P3AT")
     for others in (0, 1):
         simulation = Simulation(foliage_room, config=config, seed=3)
@@ -486,9 +486,9 @@ def test_second_robot_does_not_change_the_first_ones_scans(
             simulation.step()
             scans_ = simulation.collect_reports()[first.number].scans
             lines += [str(scan.ranges[:80].tolist()) for scan in scans_]
-        told.append(lines)
-    assert len(told[0]) == 5
-    assert told[0] == told[1]
+        ranges.append(lines)
+    assert len(ranges[0]) == 5
+    assert ranges[0] == ranges[1]
 
 
 @pytest.mark.parametrize("name", list(sensor_presets()))

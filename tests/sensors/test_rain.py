@@ -40,9 +40,9 @@ def rainy_scene(*parts: Part) -> Scene:
     return Scene("rain", "Rain", parts, air=POURING)
 
 
-def chances(q: float, cell: float, reach: float, from_: float = 1.0) -> Floats:
+def chances(q: float, cell: float, max_range: float, from_: float = 1.0) -> Floats:
     """Return the probability that the nearest cell that shows is this one, by cell."""
-    middles = np.arange(from_ + cell, reach, cell)
+    middles = np.arange(from_ + cell, max_range, cell)
     shows = np.exp(-(middles**2) / q)
     before = np.cumprod(np.concatenate([[1.0], 1 - shows[:-1]]))
     return np.asarray(shows * before)
@@ -186,7 +186,7 @@ def test_second_robot_does_not_change_the_rain_of_the_first(empty_room: Scene) -
     """It stands behind the first one, and draws from a generator of its own."""
     settings = {"lms200": {"return_mode": "first", "least_rcs_dbsm": -28}}
     config = SimulationConfig(item_settings=settings)
-    world, told = replace(empty_room, air=POURING), []
+    world, ranges = replace(empty_room, air=POURING), []
     for others in (0, 1):
         simulation = Simulation(world, config=config, seed=5)
         first = simulation.spawn("R1", load_robot("P3AT"), Pose2(-5, 0))
@@ -198,7 +198,7 @@ def test_second_robot_does_not_change_the_rain_of_the_first(empty_room: Scene) -
             simulation.step()
             scans = simulation.collect_reports()[first.number].scans
             lines += [str(scan.ranges.tolist()) for scan in scans]
-        told.append(lines)
-    assert len(told[0]) == 4
-    assert len(set(told[0])) == 4, "drops fall anew for each scan"
-    assert told[0] == told[1]
+        ranges.append(lines)
+    assert len(ranges[0]) == 4
+    assert len(set(ranges[0])) == 4, "each scan draws new rain"
+    assert ranges[0] == ranges[1]

@@ -31,8 +31,8 @@ def room(*parts: Part) -> Scene:
 
 
 def wall_distances(angles: Floats) -> Floats:
-    reach: Floats = 5 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
-    return reach
+    distances: Floats = 5 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
+    return distances
 
 
 def test_ideal_laser_measures_a_square_room() -> None:
@@ -188,13 +188,13 @@ def test_invalid_pose_is_rejected(pose: tuple[float, ...]) -> None:
 def test_scan_as_dict_distinguishes_no_return_from_blindness() -> None:
     cloud = block("cloud", SMOKE, (2, 0.2, 2), (2, 0, 1))
     hokuyo = radarsim.load_sensor("hokuyo", fov_deg=90, resolution_deg=45, max_range=5)
-    told = hokuyo.scan(room(cloud), (0, 0, 0)).to_dict()
-    assert told["ranges"] == [None, 0.0, None]
-    assert told["rays"] is None
-    assert told["angle_min"] == pytest.approx(-math.pi / 4)
-    assert told["angle_increment"] == pytest.approx(math.pi / 4)
-    assert (told["range_min"], told["range_max"]) == (0.1, 5)
-    assert told["pose"] == [0, 0, 0.346, 0, 0, 0]
+    plain = hokuyo.scan(room(cloud), (0, 0, 0)).to_dict()
+    assert plain["ranges"] == [None, 0.0, None]
+    assert plain["rays"] is None
+    assert plain["angle_min"] == pytest.approx(-math.pi / 4)
+    assert plain["angle_increment"] == pytest.approx(math.pi / 4)
+    assert (plain["range_min"], plain["range_max"]) == (0.1, 5)
+    assert plain["pose"] == [0, 0, 0.346, 0, 0, 0]
 
 
 def test_tracer_is_freed_with_its_scene() -> None:
