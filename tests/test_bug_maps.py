@@ -1,4 +1,4 @@
-"""The maps for bugs, tried with bugs that know exactly where everything is."""
+"""The maps for bugs, run with ideal bugs that know the map exactly."""
 
 import math
 from collections.abc import Callable
@@ -35,7 +35,7 @@ NEARER = 1e-3  # m
 
 @dataclass(frozen=True)
 class Task:
-    """Where a trial is to go."""
+    """Start and goal of a trial."""
 
     scene: Scene
     start: Position
@@ -58,8 +58,8 @@ def task(name: str) -> Task:
 
 
 @dataclass
-class RayState:
-    """What an ideal bug does: it goes along the edge of where it may be."""
+class BugRun:
+    """The run of an ideal bug, which follows the edge of the free space."""
 
     free: Polygon
     start: Position
@@ -69,16 +69,16 @@ class RayState:
     hits: list[Position] = field(default_factory=list)
 
     def go(self, here: Position) -> tuple[LineString, float] | None:
-        """Go towards the goal; give the boundary in the way, and where on it."""
+        """Go towards the goal; return the boundary met and the position along it, m."""
         line = LineString([here, self.goal])
         wide = self.free.buffer(1e-6, join_style="mitre")
         first = shapely.get_parts(shapely.intersection(wide, line))
-        way = min(first, key=Point(here).distance)
-        self.length += way.length
-        if way.length > line.length - NEARER:
+        segment = min(first, key=Point(here).distance)
+        self.length += segment.length
+        if segment.length > line.length - NEARER:
             self.outcome = "reached"
             return None
-        hit = line.interpolate(way.length)
+        hit = line.interpolate(segment.length)
         # clockwise around what is free: obstacles are on the left hand
         rings = shapely.get_rings(orient(self.free, -1.0)).tolist()
         ring = LineString(min(rings, key=hit.distance).coords)
@@ -86,57 +86,61 @@ class RayState:
         return ring, ring.project(hit)
 
     def is_free(self, here: Position) -> bool:
-        """Tell whether the goal's direction is free."""
+        """Return whether the goal's direction is free."""
         away = math.dist(here, self.goal)
         ahead = substring(LineString([here, self.goal]), NEARER, min(0.05, away))
         return bool(self.free.covers(ahead))
 
 
-def bug1(free: Polygon, start: Position, goal: Position) -> RayState:
-    walk = RayState(free, start, goal)
+def bug1(free: Polygon, start: Position, goal: Position) -> BugRun:
+    run = BugRun(free, start, goal)
     here = start
-    while met := walk.go(here):
+    while met := run.go(here):
         ring, hit = met
         leave = ring.project(Point(goal))
         there = (leave - hit) % ring.length
-        walk.length += ring.length + min(there, ring.length - there)
+        run.length += ring.length + min(there, ring.length - there)
         here = ring.interpolate(leave).coords[0]
-        if not walk.is_free(here):
-            walk.outcome = "no_path"
-            return walk
-    return walk
+        if not run.is_free(here):
+            run.outcome = "no_path"
+            return run
+    return run
 
 
 def bug2(
     free: Polygon, start: Position, goal: Position, *, patient: bool = True
-) -> RayState:
+) -> BugRun:
     """Follow Bug2; one that is not patient gives up where the line is no nearer."""
-    walk = RayState(free, start, goal)
+    run = BugRun(free, start, goal)
     line = LineString([start, goal])
     here: Position | None = start
-    while here and (met := walk.go(here)):
+    while here and (met := run.go(here)):
         ring, hit = met
         crossings = shapely.get_coordinates(shapely.intersection(ring, line)).tolist()
-        ways = sorted(
+        candidates = sorted(
             ((ring.project(Point(each)) - hit) % ring.length, (each[0], each[1]))
             for each in crossings
         )
-        ways = [way for way in ways if NEARER < way[0] < ring.length - NEARER]
-        far = math.dist(walk.hits[-1], goal) - NEARER
-        nearer = [way for way in ways if math.dist(way[1], goal) < far]
-        leaves = [way for way in nearer if walk.is_free(way[1])]
-        gives_up = not patient and ways[:1] != nearer[:1]
+        candidates = [
+            each for each in candidates if NEARER < each[0] < ring.length - NEARER
+        ]
+        far = math.dist(run.hits[-1], goal) - NEARER
+        nearer = [each for each in candidates if math.dist(each[1], goal) < far]
+        leaves = [each for each in nearer if run.is_free(each[1])]
+        gives_up = not patient and candidates[:1] != nearer[:1]
         if gives_up or not leaves:
-            walk.outcome = "no_path"
-            walk.length += ways[0][0] if gives_up else ring.length
-            return walk
-        walk.length += leaves[0][0]
+            run.outcome = "no_path"
+            run.length += candidates[0][0] if gives_up else ring.length
+            return run
+        run.length += leaves[0][0]
         here = leaves[0][1]
-    return walk
+    return run
 
 
-def along(name: str, *, seen_into: float = 0.0) -> tuple[Polygon, Position, Position]:
-    """Give the edge that bugs follow on a map, and the ends of their way."""
+def followed_edge(
+    name: str, *, seen_into: float = 0.0
+) -> tuple[Polygon, Position, Position]:
+    """Return the edge that bugs follow on a map, the start and the goal."""
     tried = task(name)
     distance = tried.safety_distance + FOLLOWED - seen_into
     free = component_around(free_space(tried.scene, distance), tried.start)
@@ -152,7 +156,9 @@ def test_all_variants_load_and_have_a_trial(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_start_and_goal_are_farther_from_everything_than_is_followed(name: str) -> None:
+def test_start_and_goal_are_farther_from_obstacles_than_the_followed_boundary(
+    name: str,
+) -> None:
     tried = task(name)
     free = free_space(tried.scene, tried.safety_distance + FOLLOWED)
     assert all(component_around(free, place) for place in tried.ends)
@@ -166,7 +172,7 @@ def test_start_and_goal_are_away_from_walls(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_there_is_a_path_but_to_the_closed_box(name: str) -> None:
+def test_every_goal_but_that_of_the_closed_box_has_a_path(name: str) -> None:
     tried = task(name)
     robot = load_robot("P3AT_Radar360")
     clearance = math.hypot(robot.length, robot.width) / 2
@@ -183,11 +189,11 @@ def test_passages_are_wide_enough_to_back_off_after_contact(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_ideal_bugs_find_out_within_their_bounds(name: str) -> None:
+def test_ideal_bugs_stay_within_their_bounds(name: str) -> None:
     tried = task(name)
     bounds = bug_bounds(tried.scene, *tried.ends, tried.safety_distance)
     outcome = "reached" if name in WITH_PATH else "no_path"
-    one, two = bug1(*along(name)), bug2(*along(name))
+    one, two = bug1(*followed_edge(name)), bug2(*followed_edge(name))
     assert one.outcome == two.outcome == outcome
     assert one.length <= bounds.bug1
     assert two.length <= bounds.bug2
@@ -195,51 +201,64 @@ def test_ideal_bugs_find_out_within_their_bounds(name: str) -> None:
 
 @pytest.mark.parametrize("name", MAPS)
 def test_no_path_is_longer_than_ins_is_accurate(name: str) -> None:
-    assert bug1(*along(name)).length < 100
-    assert bug2(*along(name)).length < 100
+    assert bug1(*followed_edge(name)).length < 100
+    assert bug2(*followed_edge(name)).length < 100
 
 
 @pytest.mark.parametrize("name", [n for n in OPAQUE if n != "bug_maze"])
-def test_an_ideal_bug_meets_one_obstacle_once(name: str) -> None:
-    assert len(bug1(*along(name)).hits) == len(bug2(*along(name)).hits) == 1
+def test_ideal_bug_meets_a_single_obstacle_once(name: str) -> None:
+    assert (
+        len(bug1(*followed_edge(name)).hits)
+        == len(bug2(*followed_edge(name)).hits)
+        == 1
+    )
 
 
-def test_on_the_box_bug2_is_the_shorter_by_far() -> None:
-    assert bug2(*along("bug_box")).length < 0.5 * bug1(*along("bug_box")).length
+def test_bug2_is_much_shorter_at_the_box() -> None:
+    assert (
+        bug2(*followed_edge("bug_box")).length
+        < 0.5 * bug1(*followed_edge("bug_box")).length
+    )
 
 
-def test_in_the_maze_bug1_is_the_shorter() -> None:
-    assert bug1(*along("bug_maze")).length < 0.92 * bug2(*along("bug_maze")).length
+def test_bug1_is_shorter_in_the_maze() -> None:
+    assert (
+        bug1(*followed_edge("bug_maze")).length
+        < 0.92 * bug2(*followed_edge("bug_maze")).length
+    )
 
 
 def test_bug_that_gives_up_at_the_line_misses_the_path_of_the_maze() -> None:
-    hasty = bug2(*along("bug_maze"), patient=False)
+    hasty = bug2(*followed_edge("bug_maze"), patient=False)
     assert hasty.outcome == "no_path"
-    assert bug2(*along("bug_maze")).hits == hasty.hits
+    assert bug2(*followed_edge("bug_maze")).hits == hasty.hits
 
 
 @pytest.mark.parametrize("name", [n for n in OPAQUE if n != "bug_maze"])
-def test_elsewhere_it_makes_no_difference_when_bug2_gives_up(name: str) -> None:
-    hasty, patient = bug2(*along(name), patient=False), bug2(*along(name))
+def test_give_up_rules_of_bug2_are_equal_on_other_maps(name: str) -> None:
+    hasty, patient = (
+        bug2(*followed_edge(name), patient=False),
+        bug2(*followed_edge(name)),
+    )
     assert hasty.outcome == patient.outcome
     assert hasty.length == pytest.approx(patient.length)
 
 
-def test_the_goal_of_the_closed_box_is_inside_of_it() -> None:
+def test_goal_of_the_closed_box_is_inside_it() -> None:
     tried = task("bug_closed_box")
     free = component_around(free_space(tried.scene, 0.0), tried.goal)
     assert free is not None
     assert free.area < 12
 
 
-def test_the_start_of_the_spiral_is_inside_of_it() -> None:
+def test_start_of_the_spiral_is_inside_it() -> None:
     tried = task("bug_spiral")
     (spiral,) = free_space(tried.scene, 0.01).geoms[0].interiors
     assert Polygon(spiral).convex_hull.contains(Point(tried.start))
     assert not Polygon(spiral).convex_hull.contains(Point(tried.goal))
 
 
-def test_a_radar_sees_into_hedges_but_not_through_them() -> None:
+def test_radar_sees_into_hedges_but_not_through_them() -> None:
     hedges = [p for p in load_map("hedge_garden").parts if p.material.penetrable]
     assert len(hedges) == 3
     for hedge in hedges:
@@ -257,8 +276,8 @@ def test_gaps_between_hedges_are_open_to_a_radar_and_closed_to_a_laser() -> None
 
 @pytest.mark.parametrize("bug", [bug1, bug2])
 def test_seeing_into_hedges_halves_the_path(
-    bug: Callable[[Polygon, Position, Position], RayState],
+    bug: Callable[[Polygon, Position, Position], BugRun],
 ) -> None:
-    radar = bug(*along("hedge_garden", seen_into=SEEN_INTO))
+    radar = bug(*followed_edge("hedge_garden", seen_into=SEEN_INTO))
     assert radar.outcome == "reached"
-    assert radar.length < 0.5 * bug(*along("hedge_garden")).length
+    assert radar.length < 0.5 * bug(*followed_edge("hedge_garden")).length

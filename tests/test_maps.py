@@ -17,7 +17,7 @@ BEYOND = 1.71  # m; no bush reaches this far along x
 
 
 def crossings(part: Part, origins: Floats, directions: Floats) -> list[Floats]:
-    """Give the distances, sorted, at which each ray crosses a part's triangles."""
+    """Return the distances, sorted, at which each ray crosses a part's triangles."""
     a, b, c = (part.vertices[part.faces[:, i]] for i in range(3))
     found = []
     for origin, direction in zip(origins, directions, strict=True):
@@ -35,7 +35,7 @@ def crossings(part: Part, origins: Floats, directions: Floats) -> list[Floats]:
 
 
 def fan(offset: float) -> tuple[Floats, Floats]:
-    """Give the rays of a fan that starts beside the sensor, to the left, m."""
+    """Return the rays of a fan that starts beside the sensor, to the left, m."""
     zero = np.zeros_like(ANGLES)
     directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), zero])
     left = np.column_stack([-np.sin(ANGLES), np.cos(ANGLES), zero])
@@ -43,7 +43,7 @@ def fan(offset: float) -> tuple[Floats, Floats]:
 
 
 def ends(scene: Scene, offset: float = 0.0) -> tuple[Floats, Floats]:
-    """Give the ends of beams of power 1, (181, 3) m, and what is left of it there."""
+    """Return the ends of beams of power 1, (181, 3) m, and what is left of it there."""
     origins, directions = fan(offset)
     walls = np.full(len(ANGLES), np.inf)
     chords: list[list[tuple[float, float, float]]] = [[] for _ in ANGLES]
@@ -64,7 +64,7 @@ def ends(scene: Scene, offset: float = 0.0) -> tuple[Floats, Floats]:
 def _reach(
     layers: list[tuple[float, float, float]], wall: float
 ) -> tuple[float, float]:
-    """Walk along one ray from layer to layer; overlapping ones both count."""
+    """Follow one ray from layer to layer; overlapping ones add up."""
     power = 1.0
     marks = sorted({0.0, wall, *(x for near, far, _ in layers for x in (near, far))})
     for start, end in pairwise(marks):
@@ -83,7 +83,7 @@ def bushes(scene: Scene) -> list[Part]:
 
 
 def circle(part: Part) -> tuple[Floats, float]:
-    """Give the centre of a sphere and the radius of its section at the sensor."""
+    """Return the centre of a sphere and the radius of its section at the sensor."""
     low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
     centre: Floats = (low + high) / 2
     radius = (high[2] - low[2]) / 2

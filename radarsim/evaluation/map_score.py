@@ -157,7 +157,7 @@ def score_map(
     scene: Scene,
     *,
     start: Position,
-    body: float,
+    robot_radius: float,
     height: float,
 ) -> MapScore:
     """Score a map.
@@ -166,8 +166,8 @@ def score_map(
         grid: The map.
         scene: The mapped scene.
         start: Start of the robot, m.
-        body: Half the diagonal of the robot, m.
-        height: Of its sensor in the map frame, m.
+        robot_radius: Half the diagonal of the robot, m.
+        height: Height of its sensor in the map frame, m.
     """
     frame = _around(grid.frame, scene)
     truth = Truth(scene, frame, height)
@@ -177,7 +177,7 @@ def score_map(
     known = classes != CellClass.UNKNOWN
     indoors = truth.indoors if _is_inside(truth.indoors, frame, start) else None
     free = truth.free()
-    hidden = free & _beyond(scene, frame, start, body)
+    hidden = free & _beyond(scene, frame, start, robot_radius)
     walls = classes == CellClass.OBSTACLE
     away = _distances(truth.faces(outdoors=indoors is None))[walls]
     astray = _distances(
@@ -217,7 +217,7 @@ def score_mapper(
         mapper.grid,
         scene,
         start=(start.x, start.y),
-        body=math.hypot(robot.length, robot.width) / 2,
+        robot_radius=math.hypot(robot.length, robot.width) / 2,
         height=floor + robot.origin_height + mapper.scanner.mount.z,
     )
 
@@ -252,16 +252,18 @@ def _distances(cells: Mask) -> Floats:
     return distance_field(cells, TOLERANCE + BESIDE)
 
 
-def _beyond(scene: Scene, frame: GridFrame, start: Position, body: float) -> Mask:
+def _beyond(
+    scene: Scene, frame: GridFrame, start: Position, robot_radius: float
+) -> Mask:
     """Return the cells where the robot would fit, but that it cannot reach."""
-    free = free_space(scene, body, places=[start])
+    free = free_space(scene, robot_radius, places=[start])
     home = component_around(free, start)
     others = [piece for piece in free.geoms if home is None or not piece.equals(home)]
     return _covered(shapely.union_all(others), frame)
 
 
 def _around(frame: GridFrame, scene: Scene) -> GridFrame:
-    """Give a frame that holds the whole scene too."""
+    """Return the frame extended to hold the whole scene."""
     low, high = scene.bounds[0], scene.bounds[1]
     return frame.extended_to(
         (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))

@@ -125,7 +125,7 @@ class _Search:
         return None
 
     def _expand(self, corner: int) -> NDArray[np.intp]:
-        """Return the visible corners that are reached sooner by way of this one."""
+        """Return the visible corners that are reached sooner through this one."""
         points = self._corners.points
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)

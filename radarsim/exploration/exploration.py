@@ -200,7 +200,7 @@ class Exploration:
             slam=SlamSettings(motion_source=plan.motion_source),
             resolution=plan.resolution,
             echo_wait=1.0 if plan.echoes else 0.0,
-            body=min(robot.length, robot.width) / 2,
+            robot_radius=min(robot.length, robot.width) / 2,
         )
         self.mapper = Mapper(scanner, mapper_settings, clock=client.transport.time)
         strategy = self._create_strategy(settings)
@@ -262,7 +262,7 @@ def warm_up() -> None:
     """Make small maps, with and without a motion source, and plan on them."""
     PointMap().add(np.zeros((_POINTS, 2)))
     for settings in (SlamSettings(), SlamSettings(motion_source="none")):
-        mapper = Mapper(_SCANNER, MapperSettings(slam=settings, body=0.2))
+        mapper = Mapper(_SCANNER, MapperSettings(slam=settings, robot_radius=0.2))
         for report in _reports():
             mapper.take(report)
         floor = TraversabilityMap(mapper.grid, 0.4)

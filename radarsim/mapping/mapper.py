@@ -75,14 +75,14 @@ class MapperSettings:
         resolution: Side of a cell, m.
         echo_wait: How long scans without echoes are kept off the map, since their
             echoes may still come, s; 0 if no client asked for echoes.
-        body: Radius of the disc around the robot that is free where it stands, m; 0
-            for none.
+        robot_radius: Radius of the disc around the robot that is marked free, m; 0 for
+            none.
     """
 
     slam: SlamSettings = field(default_factory=SlamSettings)
     resolution: float = RESOLUTION
     echo_wait: float = 1.0
-    body: float = 0.0
+    robot_radius: float = 0.0
 
 
 class Mapper:
@@ -204,8 +204,8 @@ class Mapper:
 
     def _add_to_grid(self, pose: Pose2, scan: PlanarScan) -> None:
         self.grid.add(pose, scan)
-        if self.settings.body:
-            self.grid.clear_disc(pose, self.settings.body)
+        if self.settings.robot_radius:
+            self.grid.clear_disc(pose, self.settings.robot_radius)
         self.scans += 1
         self.missing = self._missing_scan
 

@@ -154,19 +154,36 @@ def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
     return n, a, b, aa, ab, bb
 
 
+class LocalShape(NamedTuple):
+    """Distribution of the map's points around a point.
+
+    Attributes:
+        found: Whether there are enough points; otherwise the numbers are 0.
+        dx: x from the point to their mean, m.
+        dy: y from the point to their mean, m.
+        xx: Variance along x, m².
+        xy: Covariance, m².
+        yy: Variance along y, m².
+    """
+
+    found: bool
+    dx: float
+    dy: float
+    xx: float
+    xy: float
+    yy: float
+
+
 @njit_inline
 def shape_around(table: Any, x: Any, y: Any) -> Any:
-    """Return the shape of the map's points around a point, m.
-
-    Returns:
-        Whether there are enough of them; the vector from the point to their mean, x and
-        y; their covariance, xx, xy and yy.
-    """
+    """Return the ``LocalShape`` of the map around a point, m."""
     size = FINEST
     for level in range(LEVELS):
         n, a, b, aa, ab, bb = _window(table, level, size, x, y)
         if n >= MIN_WEIGHT:
             a, b = a / n, b / n
-            return True, a, b, aa / n - a * a, ab / n - a * b, bb / n - b * b
+            return LocalShape(
+                True, a, b, aa / n - a * a, ab / n - a * b, bb / n - b * b
+            )
         size *= 2.0
-    return False, 0.0, 0.0, 0.0, 0.0, 0.0
+    return LocalShape(False, 0.0, 0.0, 0.0, 0.0, 0.0)

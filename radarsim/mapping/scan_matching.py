@@ -136,11 +136,13 @@ def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
     px, py = points.places[i, 0], points.places[i, 1]
     dx, dy = points.along[i, 0], points.along[i, 1]
     rx, ry = c * px - s * py, s * px + c * py
-    found, ex, ey, a, b, d = shape_around(table, state[0] + rx, state[1] + ry)
-    if not found:
+    shape = shape_around(table, state[0] + rx, state[1] + ry)
+    if not shape.found:
         return _Match(rx, ry, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0)
     across = (-s * dx - c * dy, c * dx - s * dy)
-    information = _information((a, b, d), across, points.spread, points.spots)
+    covariance = shape.xx, shape.xy, shape.yy
+    information = _information(covariance, across, points.spread, points.spots)
+    ex, ey = shape.dx, shape.dy
     off = (
         information[0] * ex * ex
         + 2.0 * information[1] * ex * ey
@@ -158,7 +160,7 @@ def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
 def _score(information: Any, weight: Any) -> Any:
     """Return the score of a point when poses are compared.
 
-    Wide shapes are near to every point, so only narrow ones tell poses apart.
+    Wide shapes are near to every point, so only narrow ones distinguish poses.
     """
     trace = information[0] + information[2]
     return weight * trace / (trace + HALF_SCORE)
@@ -170,14 +172,13 @@ def _add_up(table: Any, points: Any, state: Any, normal: Any, gradient: Any) -> 
     turn = math.cos(state[2]), math.sin(state[2])
     score = 0.0
     for i in range(len(points.places)):
-        rx, ry, ex, ey, information, weight = _compare(table, points, i, state, turn)
-        score += _score(information, weight)
-        a, b, d = (
-            weight * information[0],
-            weight * information[1],
-            weight * information[2],
-        )
-        fx, fy = a * ex + b * ey, b * ex + d * ey
+        match = _compare(table, points, i, state, turn)
+        score += _score(match.information, match.weight)
+        a = match.weight * match.information[0]
+        b = match.weight * match.information[1]
+        d = match.weight * match.information[2]
+        fx, fy = a * match.ex + b * match.ey, b * match.ex + d * match.ey
+        rx, ry = match.rx, match.ry
         p, q = b * rx - a * ry, d * rx - b * ry
         gradient[0] += fx
         gradient[1] += fy

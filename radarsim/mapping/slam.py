@@ -40,7 +40,8 @@ class SlamSettings:
         motion_source: Where the robot's motion between scans is read from.
         beam_spread: Standard deviation of where across its beam an echo comes from, m.
             That of a radar with side rays N units away is N / 300.
-        still: Standard deviations of the reported motion while nothing moves, m, rad.
+        rest_sigma: Standard deviations of the reported motion of a robot at rest, m and
+            rad.
         drift: Standard deviation of the motion as a share of its length and turn.
         keyframe_distance: Distance between keyframes, m.
         keyframe_angle: Turn between keyframes, rad.
@@ -51,7 +52,7 @@ class SlamSettings:
 
     motion_source: MotionSource = "ins"
     beam_spread: float = 0.08
-    still: tuple[float, float] = (0.005, 0.003)
+    rest_sigma: tuple[float, float] = (0.005, 0.003)
     drift: float = 0.1
     keyframe_distance: float = 0.2
     keyframe_angle: float = 0.1
@@ -139,7 +140,7 @@ class Slam:
             predicted = Pose2(x, y, wrap_angle(self.pose.yaw + turn))
         else:
             predicted = self.pose.compose(after.relative_to(before))
-        sigma_distance, sigma_turn = self.settings.still
+        sigma_distance, sigma_turn = self.settings.rest_sigma
         sigma_distance += self.settings.drift * math.hypot(dx, dy)
         sigma_turn += self.settings.drift * abs(turn)
         return predicted, np.array([sigma_distance, sigma_distance, sigma_turn])

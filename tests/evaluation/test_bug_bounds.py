@@ -27,7 +27,7 @@ def close_to(perimeter: float) -> object:
     return pytest.approx(perimeter, rel=1e-3)
 
 
-def test_an_obstacle_is_grown_and_crossed_on_both_sides() -> None:
+def test_obstacle_is_grown_and_crossed_on_both_sides() -> None:
     bounds = bug_bounds(field(block(0, 0, (3, 2))), (-5, 0), (5, 0), 0.5)
     (ring,) = bounds.boundaries
     assert (bounds.direct, ring.crossings) == (10, 2)
@@ -36,7 +36,7 @@ def test_an_obstacle_is_grown_and_crossed_on_both_sides() -> None:
     assert bounds.bug2 == pytest.approx(10 + ring.perimeter)
 
 
-def test_the_perimeter_of_a_disc_is_that_of_a_wider_one() -> None:
+def test_perimeter_of_a_disc_is_that_of_the_grown_disc() -> None:
     scene = field(Part("silo", STONE, *cylinder(1.5, 2.0)))
     (ring,) = bug_bounds(scene, (-5, 0), (5, 0), 0.5).boundaries
     assert ring.perimeter == close_to(2 * math.pi * (1.5 + GROWN))
@@ -49,19 +49,19 @@ def test_obstacles_that_touch_when_grown_are_one() -> None:
     assert len(bug_bounds(scene, (-5, 0), (5, 0), 0.4).boundaries) == 2
 
 
-def test_an_obstacle_beside_the_line_counts_for_bug1_alone() -> None:
+def test_obstacle_beside_the_line_counts_for_bug1_alone() -> None:
     bounds = bug_bounds(field(block(3, 3, (1, 1))), (-5, 0), (5, 0), 0.5)
     (ring,) = bounds.boundaries
     assert ring.crossings == 0
     assert bounds.bug1 > bounds.bug2 == bounds.direct
 
 
-def test_an_obstacle_farther_from_the_goal_than_the_start_does_not_count() -> None:
+def test_obstacle_farther_from_the_goal_than_the_start_does_not_count() -> None:
     scene = field(block(-9, 0, (1, 1)), block(17, 0, (1, 1)))
     assert bug_bounds(scene, (-5, 0), (5, 0), 0.5) == BugBounds(10, ())
 
 
-def test_the_end_of_the_floor_is_no_obstacle() -> None:
+def test_edge_of_the_floor_is_no_obstacle() -> None:
     assert bug_bounds(field(), (-500, 0), (500, 0), 0.5).boundaries == ()
 
 
@@ -72,7 +72,7 @@ def test_start_in_a_room_counts_the_inside_of_its_walls() -> None:
     assert ring.perimeter == close_to(2 * (8 + 6))
 
 
-def test_bug2_goes_all_the_way_round_an_obstacle_around_the_goal() -> None:
+def test_bug2_circles_an_obstacle_around_the_goal_completely() -> None:
     bounds = bug_bounds(field(block(0, 0, (3, 2))), (-5, 0), (0, 0), 0.5)
     (ring,) = bounds.boundaries
     assert ring.crossings == 1

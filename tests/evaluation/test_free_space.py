@@ -65,7 +65,7 @@ def test_object_around_a_start_is_a_room() -> None:
     assert not is_connected(scene, (1, 1), (8, 0), 0.1)
 
 
-def test_the_walls_of_a_house_are_solid_and_its_room_is_free() -> None:
+def test_walls_of_a_house_are_solid_and_its_room_is_free() -> None:
     outer, faces = box(8, 6, 2)
     inner, _ = box(6, 4, 2)
     vertices = np.concatenate([outer, inner])

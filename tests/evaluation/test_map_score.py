@@ -1,4 +1,4 @@
-"""Maps whose rights and wrongs are known."""
+"""Scores of maps whose errors are known."""
 
 from typing import Any
 
@@ -18,15 +18,15 @@ from radarsim.scene.scene import Scene
 
 HEIGHT = 0.346
 START = (-8.0, 0.0)
-LATTICE = GridFrame(0.05).extended_to((-12.0, -8.0), (12.0, 8.0))
+FRAME = GridFrame(0.05).extended_to((-12.0, -8.0), (12.0, 8.0))
 
 
 class Painted(OccupancyGrid):
-    """A map that somebody has drawn."""
+    """A map with given classes."""
 
     def __init__(self, classes: NDArray[np.uint8]) -> None:
-        super().__init__(LATTICE.resolution)
-        self.frame = LATTICE
+        super().__init__(FRAME.resolution)
+        self.frame = FRAME
         self._painted = classes
 
     def classes(self) -> NDArray[np.uint8]:
@@ -38,7 +38,7 @@ class Painted(OccupancyGrid):
 
 def perfect(scene: Scene) -> NDArray[np.uint8]:
     """Draw a map that is right everywhere indoors."""
-    truth = Truth(scene, LATTICE, HEIGHT)
+    truth = Truth(scene, FRAME, HEIGHT)
     classes = np.where(truth.indoors, CellClass.FREE, CellClass.UNKNOWN).astype(
         np.uint8
     )
@@ -51,33 +51,37 @@ def perfect(scene: Scene) -> NDArray[np.uint8]:
     return classes
 
 
-def judged(classes: NDArray[np.uint8], scene: Scene, **wish: Any) -> MapScore:
-    values = {"start": START, "body": 0.371, "height": HEIGHT, **wish}
+def compute_score(
+    classes: NDArray[np.uint8], scene: Scene, **overrides: Any
+) -> MapScore:
+    values = {"start": START, "robot_radius": 0.371, "height": HEIGHT, **overrides}
     return score_map(Painted(classes), scene, **values)
 
 
 def around(x: float, y: float, radius: float) -> Mask:
-    across, up = LATTICE.cell_centers()
+    across, up = FRAME.cell_centers()
     return np.asarray(np.hypot(across - x, up[:, None] - y) <= radius)
 
 
 @pytest.mark.parametrize("name", ["empty_room", "foliage_room", "smoke_room"])
 def test_true_map_has_a_perfect_score(name: str) -> None:
     scene = load_map(name)
-    score = judged(perfect(scene), scene)
+    score = compute_score(perfect(scene), scene)
     assert score.wrong == score.unknown == 0
     assert score.coverage == score.within_one_cell == score.class_accuracy == 1.0
     assert score.false_obstacles == 0.0
     assert score.right > 100_000
 
 
-def test_the_floor_of_a_room_has_its_area(empty_room: Scene) -> None:
-    free = Truth(empty_room, LATTICE, HEIGHT).free()
+def test_free_floor_has_the_area_of_the_room(empty_room: Scene) -> None:
+    free = Truth(empty_room, FRAME, HEIGHT).free()
     assert np.count_nonzero(free) * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.01)
 
 
 def test_unknown_cells_are_not_wrong(foliage_room: Scene) -> None:
-    score = judged(np.full(LATTICE.shape, CellClass.UNKNOWN, np.uint8), foliage_room)
+    score = compute_score(
+        np.full(FRAME.shape, CellClass.UNKNOWN, np.uint8), foliage_room
+    )
     assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
     assert score.coverage == score.hidden_coverage == 0.0
     assert score.near_coverage == pytest.approx(0.1, abs=0.02)  # around the start
@@ -90,24 +94,24 @@ def test_unknown_cells_are_not_wrong(foliage_room: Scene) -> None:
 
 def test_hidden_floor_is_what_the_robot_cannot_reach(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
-    across, _ = LATTICE.cell_centers()
+    across, _ = FRAME.cell_centers()
     classes[:, across > 0.5] = CellClass.UNKNOWN
-    assert judged(classes, foliage_room).hidden_coverage == 0.0
+    assert compute_score(classes, foliage_room).hidden_coverage == 0.0
     classes = perfect(foliage_room)
     classes[:, across < 0.0] = CellClass.UNKNOWN
-    assert judged(classes, foliage_room).hidden_coverage == 1.0
+    assert compute_score(classes, foliage_room).hidden_coverage == 1.0
     # from behind it is the other side that is hidden
-    assert judged(classes, foliage_room, start=(6.0, 3.0)).hidden_coverage == 0.0
+    assert compute_score(classes, foliage_room, start=(6.0, 3.0)).hidden_coverage == 0.0
 
 
 def test_nothing_is_hidden_where_everything_is_reachable(empty_room: Scene) -> None:
-    assert judged(perfect(empty_room), empty_room).hidden_coverage is None
+    assert compute_score(perfect(empty_room), empty_room).hidden_coverage is None
 
 
 @pytest.mark.parametrize("cells", [0, 1, 2, 3])
 def test_walls_within_two_cells_are_right(empty_room: Scene, cells: int) -> None:
     classes = np.roll(perfect(empty_room), cells, axis=0)
-    score = judged(classes, empty_room)
+    score = compute_score(classes, empty_room)
     assert (score.wrong == 0) == (cells <= 2)
     assert score.within_two_cells is not None
     assert score.within_one_cell is not None
@@ -136,7 +140,7 @@ def test_wrong_cells_are_counted(
     spot = around(*place, 0.2)
     if place[1] < 7:
         classes[spot] = kind
-    score = judged(classes, foliage_room)
+    score = compute_score(classes, foliage_room)
     wrong = 0 if is_right else np.count_nonzero(spot)
     assert score.wrong == wrong
     in_the_air = kind == CellClass.OBSTACLE and not is_right
@@ -146,7 +150,7 @@ def test_wrong_cells_are_counted(
 def test_class_accuracy_counts_foliage_taken_for_walls(foliage_room: Scene) -> None:
     classes = perfect(foliage_room)
     classes[classes == CellClass.FOLIAGE] = CellClass.OBSTACLE
-    score = judged(classes, foliage_room)
+    score = compute_score(classes, foliage_room)
     assert score.wrong == 0
     assert score.class_accuracy is not None
     assert 0.0 < score.class_accuracy < 0.9
@@ -155,20 +159,20 @@ def test_class_accuracy_counts_foliage_taken_for_walls(foliage_room: Scene) -> N
 def test_smoke_has_to_be_classified_as_smoke(smoke_room: Scene) -> None:
     classes = perfect(smoke_room)
     classes[classes == CellClass.SMOKE] = CellClass.FREE
-    score = judged(classes, smoke_room)
+    score = compute_score(classes, smoke_room)
     assert score.wrong * 0.05**2 == pytest.approx(12.5 * 13, rel=0.06)
 
 
 def test_open_terrain_has_no_coverage() -> None:
     scene = load_map("bug_box")
-    score = judged(
-        np.full(LATTICE.shape, CellClass.FREE, np.uint8), scene, start=(-4.0, -0.4)
+    score = compute_score(
+        np.full(FRAME.shape, CellClass.FREE, np.uint8), scene, start=(-4.0, -0.4)
     )
     assert score.unknown is score.coverage is score.near_coverage is None
     assert score.wrong > 0  # the box is not free
 
 
-def test_leaves_have_no_inside() -> None:
+def test_leaves_have_no_interior() -> None:
     scene = load_map("forest_edge")
     frame = GridFrame(0.05).extended_to((-21.0, -16.0), (21.0, 16.0))
     truth = Truth(scene, frame, HEIGHT)
@@ -178,7 +182,7 @@ def test_leaves_have_no_inside() -> None:
 
 
 def test_json_values_are_rounded(empty_room: Scene) -> None:
-    told = judged(perfect(empty_room), empty_room).to_dict()
-    assert told["coverage"] == 1.0
-    assert told["hidden_coverage"] is None
-    assert all(len(str(value)) < 8 for value in told.values())
+    values = compute_score(perfect(empty_room), empty_room).to_dict()
+    assert values["coverage"] == 1.0
+    assert values["hidden_coverage"] is None
+    assert all(len(str(value)) < 8 for value in values.values())

@@ -95,7 +95,9 @@ def test_no_path_out_of_a_closed_box() -> None:
     assert shortest_path(scene, (0, 0), (5, 5), 0.5) is None
 
 
-def thorough(scene: Scene, start: Position, goal: Position, clearance: float) -> float:
+def exhaustive(
+    scene: Scene, start: Position, goal: Position, clearance: float
+) -> float:
     """Find the length of the shortest path from all corners to all others."""
     free = free_space(scene, clearance)
     corners = np.array([start, goal, *shapely.get_coordinates(free).tolist()])
@@ -127,12 +129,12 @@ sizes = st.tuples(*2 * [st.floats(0.1, 4)])
     st.lists(st.tuples(places, sizes), min_size=1, max_size=3),
     st.floats(0.1, 0.8),
 )
-def test_no_other_chain_of_corners_is_shorter(
+def test_shortest_path_matches_an_exhaustive_search(
     blocks: list[tuple[Position, tuple[float, float]]], clearance: float
 ) -> None:
     scene = field(*(block(x, y, size) for (x, y), size in blocks))
     start, goal = (-8.0, 0.0), (8.0, 0.5)
     assume(all(abs(x) + size[0] / 2 < 7 for (x, _), size in blocks))
     found = length(scene, start, goal, clearance)
-    assert found == pytest.approx(thorough(scene, start, goal, clearance), abs=1e-4)
+    assert found == pytest.approx(exhaustive(scene, start, goal, clearance), abs=1e-4)
     assert found == pytest.approx(length(scene, goal, start, clearance), abs=1e-4)

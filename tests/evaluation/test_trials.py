@@ -37,7 +37,7 @@ DONE = TrialResult(
 )
 
 
-def test_all_trials_are_all_combinations_map_by_map() -> None:
+def test_trials_are_all_combinations_ordered_by_map() -> None:
     every = all_trials(["a", "b"], ["bug1", "bug2"], ["radar"], 2)
     assert every[:3] == [
         TrialSpec("a", "bug1", "radar", 0),
@@ -60,7 +60,7 @@ def test_two_trials_are_correct_and_in_order() -> None:
     assert closed.circuits == 1
 
 
-def test_the_same_trial_gives_the_same_score_and_another_seed_another() -> None:
+def test_same_trial_gives_the_same_score_and_another_seed_another() -> None:
     score, again = run_trial(QUICK), run_trial(QUICK)
     assert score == again
     assert score.path_length != run_trial(replace(QUICK, seed=1)).path_length
@@ -109,15 +109,21 @@ def test_closing_the_iterator_terminates_the_trials() -> None:
         ),
     ],
 )
-def test_correct_results(change: dict[str, object], is_correct: bool) -> None:
+def test_results_that_the_map_allows_are_correct(
+    change: dict[str, object], is_correct: bool
+) -> None:
     assert replace(DONE, **change).is_correct is is_correct  # type: ignore[arg-type]
 
 
-def test_json_has_millimetres_and_none() -> None:
-    told = replace(DONE, shortest_path=None).to_dict()
-    assert told["path_length"] == 11.418
-    assert told["shortest_path"] is None
-    assert (told["map"], told["seed"], told["outcome"]) == ("bug_box", 0, "reached")
+def test_json_is_rounded_to_millimetres_and_has_null() -> None:
+    values = replace(DONE, shortest_path=None).to_dict()
+    assert values["path_length"] == 11.418
+    assert values["shortest_path"] is None
+    assert (values["map"], values["seed"], values["outcome"]) == (
+        "bug_box",
+        0,
+        "reached",
+    )
 
 
 def test_monitor_counts_each_touch_once_and_the_true_path_length(
@@ -141,7 +147,7 @@ def test_monitor_counts_each_touch_once_and_the_true_path_length(
     assert monitor.distance((9.0, 0.0)) < into_the_wall
 
 
-def test_an_unknown_sensor_and_a_map_without_a_trial_are_errors() -> None:
+def test_unknown_sensor_and_a_map_without_a_trial_are_errors() -> None:
     with pytest.raises(PresetError, match="expected one of"):
         config_with_sensor("sonar")
     with pytest.raises(MapError, match="empty_room: no 'trial'"):
@@ -172,7 +178,7 @@ def test_paths_keep_the_bounds_and_depend_on_the_map(map_: str, shorter: str) ->
 
 
 @pytest.mark.slow
-def test_in_the_hedge_garden_the_radar_finds_gaps_that_a_laser_does_not() -> None:
+def test_radar_finds_gaps_in_the_hedge_garden_that_a_laser_does_not() -> None:
     radar = [run_trial(entry) for entry in _of("hedge_garden", "radar")]
     laser = [run_trial(entry) for entry in _of("hedge_garden", "laser")]
     assert all(score.is_correct for score in (*radar, *laser))

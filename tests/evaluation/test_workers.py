@@ -8,7 +8,7 @@ from radarsim.evaluation.workers import worker_pool
 
 
 @pytest.mark.slow
-def test_a_pool_works_and_leaves_no_process() -> None:
+def test_pool_returns_results_and_leaves_no_process() -> None:
     before = {*active_children()}
     with worker_pool(2) as pool:
         assert list(pool.map(math.sqrt, [4, 9])) == [2, 3]

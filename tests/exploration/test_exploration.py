@@ -40,50 +40,52 @@ LASER = SimulationConfig(
 )
 
 
-def survey(**wish: Any) -> Exploration:
-    values = {"speed_limits": SpeedLimits(speed=0.6), **wish}
+def create_exploration(**overrides: Any) -> Exploration:
+    values = {"speed_limits": SpeedLimits(speed=0.6), **overrides}
     return Exploration(ExplorationPlan(**values), generator_for(0, "exploring"))
 
 
 def run(
-    scene: Scene, config: SimulationConfig | None = None, **wish: Any
+    scene: Scene, config: SimulationConfig | None = None, **overrides: Any
 ) -> Exploration:
-    made = survey(**wish)
+    exploration = create_exploration(**overrides)
     host = Host(scene, config=config)
     monitor = GroundTruthMonitor(host)
     with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
-        made.run(client)
+        exploration.run(client)
     assert monitor.collisions == 0
-    assert monitor.path_length == pytest.approx(made.trip.length, rel=0.05, abs=0.2)
-    return made
+    assert monitor.path_length == pytest.approx(
+        exploration.trip.length, rel=0.05, abs=0.2
+    )
+    return exploration
 
 
-def test_a_room_is_explored(empty_room: Scene) -> None:
-    made = run(empty_room, strategy=StrategyName.FRONTIERS)
-    assert made.outcome is Outcome.EXPLORED
-    assert made.trip.time < 15  # all is seen from the start
-    assert made.trip.length < 0.2
-    assert made.safety_distance == pytest.approx(0.5, abs=0.01)
+def test_room_is_explored(empty_room: Scene) -> None:
+    exploration = run(empty_room, strategy=StrategyName.FRONTIERS)
+    assert exploration.outcome is Outcome.EXPLORED
+    assert exploration.trip.time < 15  # all is seen from the start
+    assert exploration.trip.length < 0.2
+    assert exploration.safety_distance == pytest.approx(0.5, abs=0.01)
 
 
-def test_when_the_time_is_up_the_map_so_far_is_there(foliage_room: Scene) -> None:
+def test_timed_out_exploration_has_the_map_so_far(foliage_room: Scene) -> None:
     moments: list[ExplorationStep] = []
-    made = survey(time_limit=5.0)
+    exploration = create_exploration(time_limit=5.0)
     with Client(InProcessTransport(Host(foliage_room))) as client:
-        made.run(client, moments.append)
-    assert made.outcome is Outcome.TIME_LIMIT
-    assert made.mapper is not None
-    assert made.mapper.scans == len(moments) == 52
-    assert (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
-    assert made.trip.time == pytest.approx(5.1)
+        exploration.run(client, moments.append)
+    assert exploration.outcome is Outcome.TIME_LIMIT
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans == len(moments) == 52
+    assert (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+    assert exploration.trip.time == pytest.approx(5.1)
     assert moments[0].activity == "looking"
     assert {moment.activity for moment in moments} == {"looking", "seeking"}
 
 
-def test_the_robot_stands_when_it_is_done(empty_room: Scene) -> None:
+def test_robot_stands_after_exploration(empty_room: Scene) -> None:
     host = Host(empty_room)
     client = Client(InProcessTransport(host))
-    survey(time_limit=5.0).run(client)
+    create_exploration(time_limit=5.0).run(client)
     host.step()
     pose = host.simulation.vehicles[0].robot.pose
     for _ in range(10):
@@ -93,47 +95,51 @@ def test_the_robot_stands_when_it_is_done(empty_room: Scene) -> None:
 
 
 @pytest.mark.parametrize("seed", ["odometry", "none"])
-def test_other_motion_sources_map_too(empty_room: Scene, seed: Any) -> None:
-    made = run(empty_room, motion_source=seed, time_limit=15.0, start="RobotStart2")
-    assert made.mapper is not None
-    errors = trajectory_errors(made.mapper.trajectory, made.mapper.truth)
+def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
+    exploration = run(
+        empty_room, motion_source=seed, time_limit=15.0, start="RobotStart2"
+    )
+    assert exploration.mapper is not None
+    errors = trajectory_errors(exploration.mapper.trajectory, exploration.mapper.truth)
     assert errors.ate < 0.05
-    assert made.trip.start is not None
-    assert made.trip.start.y == pytest.approx(3.5, abs=0.05)
+    assert exploration.trip.start is not None
+    assert exploration.trip.start.y == pytest.approx(3.5, abs=0.05)
 
 
-def test_a_laser_sees_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:
-    made = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
-    assert made.mapper is not None
-    assert not made.mapper.grid.sensed(5.0, 0.0)
-    assert not (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
+def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:
+    exploration = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
+    assert exploration.mapper is not None
+    assert not exploration.mapper.grid.sensed(5.0, 0.0)
+    assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
 
 
-def test_without_echoes_it_has_to_stay_farther_away(foliage_room: Scene) -> None:
-    made = run(foliage_room, echoes=False, penetration_depth=1.43, time_limit=2.0)
-    assert made.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
-    assert made.mapper is not None
-    assert not (made.mapper.grid.classes() == CellClass.FOLIAGE).any()
+def test_safety_distance_is_larger_without_echoes(foliage_room: Scene) -> None:
+    exploration = run(
+        foliage_room, echoes=False, penetration_depth=1.43, time_limit=2.0
+    )
+    assert exploration.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
+    assert exploration.mapper is not None
+    assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
 
 
 def test_robot_that_pushes_against_something_unseen_is_stuck(
     foliage_room: Scene,
 ) -> None:
-    made = survey(
+    exploration = create_exploration(
         echoes=False, strategy=StrategyName.CONTOUR, pose=Pose2(-2.0, 3.9, 0.0)
     )
     with (
         Client(InProcessTransport(Host(foliage_room))) as client,
         pytest.raises(NavigationError, match="the robot stays at"),
     ):
-        made.run(client)
-    assert made.outcome is Outcome.STUCK
-    assert made.mapper is not None
-    assert made.mapper.scans > 10
+        exploration.run(client)
+    assert exploration.outcome is Outcome.STUCK
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans > 10
 
 
-class Mute(InProcessTransport):
-    """A server whose scans stay away after some s."""
+class ScansStop(InProcessTransport):
+    """A server whose scans stop after some s."""
 
     def receive(self, timeout: float) -> bytes:
         data = super().receive(timeout)
@@ -144,35 +150,35 @@ class Mute(InProcessTransport):
 
 
 def test_exploration_ends_when_scans_stop(empty_room: Scene) -> None:
-    made = survey(timeout=1.0)
+    exploration = create_exploration(timeout=1.0)
     with (
-        Client(Mute(Host(empty_room))) as client,
+        Client(ScansStop(Host(empty_room))) as client,
         pytest.raises(ClientError, match="no scan of 'lms200' within 1 s, what came"),
     ):
-        made.run(client)
-    assert made.outcome is Outcome.FAILED
-    assert made.mapper is not None
-    assert made.mapper.scans > 10
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans > 10
 
 
-class Still(InProcessTransport):
+class FrozenClock(InProcessTransport):
     """A server whose time stamps stand still."""
 
     def receive(self, timeout: float) -> bytes:
         return re.sub(rb"{Time [^}]*}", b"{Time 0.0000}", super().receive(timeout))
 
 
-def test_time_passes_by_the_clock_where_stamps_stand_still(empty_room: Scene) -> None:
-    made = survey(time_limit=5.0, echoes=False)
-    with Client(Still(Host(empty_room))) as client:
-        made.run(client)
-    assert made.outcome is Outcome.TIME_LIMIT
-    assert made.trip.time == pytest.approx(5.1)
-    assert made.mapper is not None
-    assert made.mapper.scans == 52
+def test_clock_counts_where_time_stamps_stand_still(empty_room: Scene) -> None:
+    exploration = create_exploration(time_limit=5.0, echoes=False)
+    with Client(FrozenClock(Host(empty_room))) as client:
+        exploration.run(client)
+    assert exploration.outcome is Outcome.TIME_LIMIT
+    assert exploration.trip.time == pytest.approx(5.1)
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans == 52
 
 
-class Jumping(InProcessTransport):
+class JumpingIns(InProcessTransport):
     """A server whose INS is suddenly a kilometre away."""
 
     def receive(self, timeout: float) -> bytes:
@@ -182,20 +188,20 @@ class Jumping(InProcessTransport):
         return re.sub(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", data)
 
 
-def test_a_map_of_two_places_far_apart_is_refused(empty_room: Scene) -> None:
-    made = survey(echoes=False)
+def test_map_of_two_distant_places_is_an_error(empty_room: Scene) -> None:
+    exploration = create_exploration(echoes=False)
     host = Host(empty_room)
     with (
-        Client(Jumping(host)) as client,
+        Client(JumpingIns(host)) as client,
         pytest.raises(MappingError, match="the place of the robot may be wrong"),
     ):
-        made.run(client)
-    assert made.outcome is Outcome.FAILED
-    assert made.mapper is not None
-    assert made.mapper.scans > 10
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans > 10
 
 
-class Narrowing(InProcessTransport):
+class BeamsLost(InProcessTransport):
     """A server whose scans have few beams after some s."""
 
     def receive(self, timeout: float) -> bytes:
@@ -206,28 +212,30 @@ class Narrowing(InProcessTransport):
 
 
 def test_exploration_ends_when_scans_lose_beams(empty_room: Scene) -> None:
-    made = survey(echoes=False)
+    exploration = create_exploration(echoes=False)
     with (
-        Client(Narrowing(Host(empty_room))) as client,
+        Client(BeamsLost(Host(empty_room))) as client,
         pytest.raises(ClientError, match="scan of 2 ranges from 'lms200', expected"),
     ):
-        made.run(client)
-    assert made.outcome is Outcome.FAILED
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
 
 
-def test_a_robot_that_looks_ahead_goes_where_it_is_sent(foliage_room: Scene) -> None:
-    way = ((-6.0, 2.0), (-3.0, 0.0))
-    made = run(foliage_room, robot_class="P3AT", waypoints=way)
-    assert made.outcome is Outcome.EXPLORED
-    assert made.unreached == ()
-    assert made.mapper is not None
-    poses = made.mapper.trajectory.poses
-    for place in way:
+def test_robot_with_a_forward_scanner_reaches_its_waypoints(
+    foliage_room: Scene,
+) -> None:
+    waypoints = ((-6.0, 2.0), (-3.0, 0.0))
+    exploration = run(foliage_room, robot_class="P3AT", waypoints=waypoints)
+    assert exploration.outcome is Outcome.EXPLORED
+    assert exploration.unreached == ()
+    assert exploration.mapper is not None
+    poses = exploration.mapper.trajectory.poses
+    for place in waypoints:
         assert min(math.dist(place, (pose.x, pose.y)) for pose in poses) < 0.3
 
 
 @pytest.mark.parametrize(
-    ("wish", "text"),
+    ("overrides", "text"),
     [
         pytest.param({"robot_class": "P3AT"}, "sees 180 degrees", id="half blind"),
         pytest.param({"safety_distance": 0.3}, "at least 0.371 m", id="too near"),
@@ -235,16 +243,16 @@ def test_a_robot_that_looks_ahead_goes_where_it_is_sent(foliage_room: Scene) -> 
     ],
 )
 def test_impossible_plans_fail_before_the_robot_moves(
-    empty_room: Scene, wish: dict[str, Any], text: str
+    empty_room: Scene, overrides: dict[str, Any], text: str
 ) -> None:
-    made = survey(**wish)
+    exploration = create_exploration(**overrides)
     with (
         Client(InProcessTransport(Host(empty_room))) as client,
         pytest.raises(NavigationError, match=text),
     ):
-        made.run(client)
-    assert made.outcome is Outcome.FAILED
-    assert made.trip.start is None
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+    assert exploration.trip.start is None
 
 
 def test_trip_sums_motion_above_noise() -> None:
@@ -264,10 +272,10 @@ def test_trip_sums_motion_above_noise() -> None:
 def test_no_strategy_drives_into_foliage(
     foliage_room: Scene, name: StrategyName
 ) -> None:
-    made = run(foliage_room, strategy=name, time_limit=100.0)
-    assert made.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
-    assert made.mapper is not None
-    assert max(pose.x for pose in made.mapper.trajectory.poses) < 0.0
+    exploration = run(foliage_room, strategy=name, time_limit=100.0)
+    assert exploration.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
+    assert exploration.mapper is not None
+    assert max(pose.x for pose in exploration.mapper.trajectory.poses) < 0.0
 
 
 def versions() -> dict[str, int]:
@@ -286,10 +294,10 @@ def test_exploration_compiles_nothing_after_warm_up(foliage_room: Scene) -> None
     warm_up()
     before = versions()
     assert before["radarsim.mapping.inverse_sensor_model.add_free_cells"] >= 1
-    for wish in (
+    for plan in (
         ExplorationPlan(time_limit=8.0),
         ExplorationPlan(motion_source="none", time_limit=2.0),
     ):
         with Client(InProcessTransport(Host(foliage_room))) as client:
-            Exploration(wish, generator_for(0, "exploring")).run(client)
+            Exploration(plan, generator_for(0, "exploring")).run(client)
     assert versions() == before

@@ -1,4 +1,4 @@
-"""What maps of whole drives show, by oracles that share nothing with map or judge.
+"""Maps of whole drives, against oracles that share no code with map or score.
 
 A map is read from its files, as others read them. What is where is read from the map
 file of the scene, and where the robot was from the lines of its server.
@@ -80,34 +80,34 @@ READING = re.compile(
 )
 
 
-class Listening(InProcessTransport):
-    """A connection that writes down what the server says of where the robot is."""
+class PoseRecorder(InProcessTransport):
+    """A connection that records the poses that the server reports."""
 
     def __init__(self, host: Host) -> None:
         super().__init__(host)
-        self.told: dict[bytes, list[list[float]]] = {b"INS": [], b"GroundTruth": []}
+        self.poses: dict[bytes, list[list[float]]] = {b"INS": [], b"GroundTruth": []}
 
     def receive(self, timeout: float) -> bytes:
         data = super().receive(timeout)
         for line in READING.finditer(data):
             x, y, _ = map(float, line[3].split(b","))
             yaw = float(line[4].split(b",")[2])
-            self.told[line[2]].append([float(line[1]), x, -y, -yaw])
+            self.poses[line[2]].append([float(line[1]), x, -y, -yaw])
         return data
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive that has been made, and poses by rows of s, m, m, rad."""
+    """A finished exploration, and its poses as rows of s, m, m, rad."""
 
-    survey: Exploration
+    exploration: Exploration
     truth: Floats
     ins: Floats
 
     @property
     def mapper(self) -> Mapper:
-        assert self.survey.mapper is not None
-        return self.survey.mapper
+        assert self.exploration.mapper is not None
+        return self.exploration.mapper
 
     @property
     def estimate(self) -> Floats:
@@ -116,19 +116,21 @@ class Drive:
 
 
 @cache
-def drive(name: str, way: FollowMode, robot: Robot, speed: float) -> Drive:
+def drive(name: str, waypoints: FollowMode, robot: Robot, speed: float) -> Drive:
     class_name, settings = robot
     plan = ExplorationPlan(
-        waypoints=way, robot_class=class_name, speed_limits=SpeedLimits(speed=speed)
+        waypoints=waypoints,
+        robot_class=class_name,
+        speed_limits=SpeedLimits(speed=speed),
     )
-    survey = Exploration(plan, generator_for(0, "exploring"))
+    exploration = Exploration(plan, generator_for(0, "exploring"))
     config = SimulationConfig(item_settings={"lms200": dict(settings)})
-    link = Listening(Host(load_map(name), config=config, seed=1))
+    link = PoseRecorder(Host(load_map(name), config=config, seed=1))
     with Client(link) as client:
-        survey.run(client)
-    assert survey.outcome is Outcome.EXPLORED
-    told = {kind: np.array(rows) for kind, rows in link.told.items()}
-    return Drive(survey, told[b"GroundTruth"], told[b"INS"])
+        exploration.run(client)
+    assert exploration.outcome is Outcome.EXPLORED
+    poses = {kind: np.array(rows) for kind, rows in link.poses.items()}
+    return Drive(exploration, poses[b"GroundTruth"], poses[b"INS"])
 
 
 def along_bushes(robot: Robot) -> Drive:
@@ -137,13 +139,13 @@ def along_bushes(robot: Robot) -> Drive:
 
 @dataclass(frozen=True)
 class NavMap:
-    """What nav2's map_server makes of its files: 100, 0 or -1, row 0 in the south."""
+    """A map as nav2's map_server reads it: 100, 0 or -1, row 0 in the south."""
 
     cells: NDArray[np.int8]
     origin: tuple[float, float]
 
     def at(self, x: Floats, y: Floats) -> NDArray[np.int8]:
-        """Look places up; what is beyond the map is unknown."""
+        """Return the values at places; those beyond the map are unknown."""
         columns = np.floor((x - self.origin[0]) / SIZE).astype(np.int64)
         rows = np.floor((y - self.origin[1]) / SIZE).astype(np.int64)
         height, width = self.cells.shape
@@ -184,7 +186,7 @@ def nav_of(robot: Robot) -> NavMap:
 
 
 def cut(thing: dict[str, Any]) -> Polygon:
-    """Give what is of a thing of a map file at the scanner's height."""
+    """Return the section of an object of a map file at the scanner's height."""
     x, y, z = thing["position"]
     if "box" in thing:
         half = [side / 2 for side in thing["box"]]
@@ -199,7 +201,7 @@ def cut(thing: dict[str, Any]) -> Polygon:
 
 
 def read_room() -> dict[str, Polygon]:
-    """Give the outlines of all that stands in the room, by name."""
+    """Return the outlines of all objects in the room, by name."""
     text = shipped_maps()["foliage_room"].read_text()
     things = YAML(typ="safe").load(text)["objects"]
     return {one["name"]: cut(one) for one in things if one["name"] != "floor"}
@@ -220,18 +222,18 @@ def within(shape: Any) -> Mask:
 
 @cache
 def away(shape: Any) -> Floats:
-    """Give how far the middle of each cell is from a shape, m."""
+    """Return the distance of each cell's centre from a shape, m."""
     return np.asarray(shapely.distance(shapely.points(X, Y), shape), np.float64)
 
 
 def beside(cells: int) -> float:
-    """Give how far the middle of a cell is at most that is so many cells aside, m."""
+    """Return the largest distance of the centre of a cell so many cells away, m."""
     return (cells + 0.5) * SIZE + 1e-9
 
 
 @cache
 def air() -> Mask:
-    """Give the cells of the room in which nothing is."""
+    """Return the empty cells of the room."""
     things = within(shapely.union_all([FOLIAGE, *THINGS.values()]))
     return within(INNER) & ~things
 
@@ -248,7 +250,7 @@ def occupied_near(nav: NavMap, name: str) -> int:
 @pytest.mark.parametrize(
     "robot", [*RADARS, pytest.param(EXACT_RADAR, id="N = 0"), *LASERS]
 )
-def test_it_drives_along_the_bushes_on_its_side_only(robot: Robot) -> None:
+def test_robot_drives_along_the_bushes_on_its_side_only(robot: Robot) -> None:
     _, x, y, _ = along_bushes(robot).truth.T
     assert (y.min(), y.max()) == pytest.approx((-5, 5), abs=0.3)
     assert x.max() == pytest.approx(-2, abs=0.2)
@@ -257,7 +259,7 @@ def test_it_drives_along_the_bushes_on_its_side_only(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("robot", RADARS)
-def test_the_radar_maps_what_is_behind_the_bushes(robot: Robot) -> None:
+def test_radar_maps_what_is_behind_the_bushes(robot: Robot) -> None:
     nav = nav_of(robot)
     assert np.mean(nav.at(X, Y)[hidden()] != -1) >= 0.6
     for name in THINGS:
@@ -265,7 +267,7 @@ def test_the_radar_maps_what_is_behind_the_bushes(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("robot", LASERS)
-def test_a_laser_maps_nothing_behind_the_bushes(robot: Robot) -> None:
+def test_laser_maps_nothing_behind_the_bushes(robot: Robot) -> None:
     nav = nav_of(robot)
     assert np.mean(nav.at(X, Y)[hidden()] != -1) < 0.02
     assert sum(occupied_near(nav, name) for name in THINGS) == 0
@@ -274,14 +276,14 @@ def test_a_laser_maps_nothing_behind_the_bushes(robot: Robot) -> None:
 
 
 def foliage_between(place: Floats, ends: Floats) -> Floats:
-    """Give how much foliage is on straight ways, by the chords of circles, (N,) m."""
+    """Return the length of foliage on straight lines, by chords of circles, (N,) m."""
     lengths = np.hypot(*(ends - place).T)
-    ways = (ends - place) / lengths[:, None]
+    directions = (ends - place) / lengths[:, None]
     total = np.zeros(len(ends))
     for name, bush in ROOM.items():
         if name.startswith(BUSHES):
             middle = np.array(bush.centroid.coords[0]) - place
-            along = ways @ middle
+            along = directions @ middle
             half = bush.area / math.pi - (middle @ middle - along**2)
             half = np.sqrt(np.maximum(half, 0))
             near, far = np.clip([along - half, along + half], 0, lengths)
@@ -290,19 +292,19 @@ def foliage_between(place: Floats, ends: Floats) -> Floats:
 
 
 def least_foliage(places: Floats, ends: Floats) -> Floats:
-    """Give how much foliage is at least before ends, past all that is solid, (N,) m."""
+    """Return the least foliage before ends on lines past solid objects, (N,) m."""
     solid = shapely.union_all(list(THINGS.values()))
     shapely.prepare(solid)
     least = np.full(len(ends), math.inf)
     for place in places:
         depth = foliage_between(place, ends)
-        ways = np.stack([np.broadcast_to(place, ends.shape), ends], axis=1)
-        depth[shapely.intersects(shapely.linestrings(ways), solid)] = math.inf
+        lines = np.stack([np.broadcast_to(place, ends.shape), ends], axis=1)
+        depth[shapely.intersects(shapely.linestrings(lines), solid)] = math.inf
         least = np.minimum(least, depth)
     return least
 
 
-def test_a_radar_senses_as_deep_into_foliage_as_its_power_leads_and_no_deeper() -> None:
+def test_radar_senses_foliage_exactly_to_the_depth_of_its_power() -> None:
     _, x, y, yaw = along_bushes(EXACT_RADAR).truth[::8].T
     places = np.column_stack([x + MOUNT * np.cos(yaw), y + MOUNT * np.sin(yaw)])
     some = np.zeros(X.shape, np.bool_)
@@ -318,7 +320,7 @@ def test_a_radar_senses_as_deep_into_foliage_as_its_power_leads_and_no_deeper() 
 
 
 @pytest.mark.parametrize("robot", RADARS)
-def test_the_far_sides_of_the_biggest_bushes_stay_unsensed(robot: Robot) -> None:
+def test_far_sides_of_the_biggest_bushes_are_not_sensed(robot: Robot) -> None:
     unsensed = nav_of(robot).at(X, Y) == -1
     for name in BIG:
         bush = within(ROOM[name])
@@ -350,7 +352,7 @@ def test_walls_are_mapped_where_they_are(robot: Robot, cells: int) -> None:
 
 
 @pytest.mark.parametrize("robot", RADARS)
-def test_next_to_nothing_is_mapped_in_free_air(robot: Robot) -> None:
+def test_almost_nothing_is_mapped_in_free_air(robot: Robot) -> None:
     found = nav_of(robot).at(X, Y)
     sensed_air = air() & (found != -1)
     off = np.minimum(away(SOLID), away(FOLIAGE))
@@ -362,8 +364,8 @@ def test_next_to_nothing_is_mapped_in_free_air(robot: Robot) -> None:
 @pytest.mark.parametrize("robot", [*RADARS, *LASERS])
 def test_files_have_the_classes_of_the_map(robot: Robot) -> None:
     grid = along_bushes(robot).mapper.grid
-    told = np.zeros(5, np.int8)
-    told[
+    expected = np.zeros(5, np.int8)
+    expected[
         [
             CellClass.UNKNOWN,
             CellClass.FREE,
@@ -373,11 +375,11 @@ def test_files_have_the_classes_of_the_map(robot: Robot) -> None:
         ]
     ] = (-1, 0, 100, 100, 0)
     places = np.meshgrid(*grid.frame.cell_centers())
-    assert (nav_of(robot).at(*places) == told[grid.classes()]).all()
+    assert (nav_of(robot).at(*places) == expected[grid.classes()]).all()
 
 
 def errors(poses: Floats, truth: Floats) -> tuple[float, float]:
-    """Give the roots of the mean squares of what poses are off, m and degrees."""
+    """Return the roots of the mean squares of what poses are off, m and degrees."""
     columns = (truth[:, 1], truth[:, 2], np.unwrap(truth[:, 3]))
     true = [np.interp(poses[:, 0], truth[:, 0], column) for column in columns]
     x, y, yaw = poses[:, 1:].T - true
@@ -386,26 +388,28 @@ def errors(poses: Floats, truth: Floats) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    ("name", "way"),
+    ("name", "waypoints"),
     [
         pytest.param("foliage_room", IN_ROOM, id="in the room"),
         pytest.param("forest_edge", ON_MEADOW, id="on the meadow"),
         pytest.param("forest_edge", THROUGH_CLEARING, id="through the clearing"),
     ],
 )
-def test_over_60_m_the_pose_stays_right_though_the_ins_drifts(
-    name: str, way: FollowMode
+def test_pose_stays_accurate_over_60_m_although_the_ins_drifts(
+    name: str, waypoints: FollowMode
 ) -> None:
-    made = drive(name, way, RADAR, speed=0.6)
-    assert np.hypot(*np.diff(made.truth[:, 1:3], axis=0).T).sum() > 60
-    assert made.estimate[-1, 0] > made.truth[-1, 0] - 1
-    off, turned = errors(made.estimate, made.truth)
+    finished = drive(name, waypoints, RADAR, speed=0.6)
+    assert np.hypot(*np.diff(finished.truth[:, 1:3], axis=0).T).sum() > 60
+    assert finished.estimate[-1, 0] > finished.truth[-1, 0] - 1
+    off, turned = errors(finished.estimate, finished.truth)
     assert off < 0.05
     assert turned < 1
-    drifted, twisted = errors(made.ins, made.truth)
+    drifted, twisted = errors(finished.ins, finished.truth)
     assert drifted > 0.10
     assert twisted > 1
-    run = MappingResult("way", "ins", trip=made.survey.trip, mapper=made.mapper)
-    told = json.loads(run.to_json())["pose_errors"]
-    assert told["ate"] == pytest.approx(off, abs=0.001)
-    assert told["yaw_deg"] == pytest.approx(turned, abs=0.02)
+    run = MappingResult(
+        "way", "ins", trip=finished.exploration.trip, mapper=finished.mapper
+    )
+    pose_errors = json.loads(run.to_json())["pose_errors"]
+    assert pose_errors["ate"] == pytest.approx(off, abs=0.001)
+    assert pose_errors["yaw_deg"] == pytest.approx(turned, abs=0.02)

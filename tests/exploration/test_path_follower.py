@@ -40,7 +40,7 @@ Look = Callable[..., PlanarScan]
 FAR = 9.0  # m to which the sensor sees
 STEP = 0.2  # s between two scans
 CLEARANCE = 0.371  # m; half the diagonal of a P3AT
-HABITS = ExplorationSettings(
+SETTINGS = ExplorationSettings(
     bumpers=Bumpers(safety_distance=0.5),
     speed_limits=SpeedLimits(speed=0.6, turn=1.0),
     radius=5.0,
@@ -49,7 +49,7 @@ STRAIGHT = Twist(0.3, 0.0)
 
 
 def rectangle(west: float, south: float, east: float, north: float) -> Floats:
-    """Give its sides, (4, 2, 2) m."""
+    """Return its sides, (4, 2, 2) m."""
     corners = np.array([[west, south], [east, south], [east, north], [west, north]])
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
@@ -72,7 +72,7 @@ TOO_NARROW = np.concatenate(
 
 @dataclass
 class World:
-    """Walls, a robot that goes exactly where it is told to, and the map it makes."""
+    """Walls, a robot that moves exactly as commanded, and its map."""
 
     look: Look
     walls: Floats
@@ -89,7 +89,7 @@ class World:
 
     @property
     def floor(self) -> TraversabilityMap:
-        return HABITS.traversability(self.grid)
+        return SETTINGS.traversability(self.grid)
 
     def scan(self) -> Observation:
         time = len(self.track) * STEP
@@ -107,10 +107,10 @@ class World:
 
     def move(self, twist: Twist) -> None:
         pose, middle = self.pose, self.pose.yaw + twist.turn * STEP / 2
-        way = twist.speed * STEP
+        distance = twist.speed * STEP
         self.pose = Pose2(
-            pose.x + way * math.cos(middle),
-            pose.y + way * math.sin(middle),
+            pose.x + distance * math.cos(middle),
+            pose.y + distance * math.sin(middle),
             pose.yaw + twist.turn * STEP,
         )
         self.track.append(self.pose)
@@ -140,16 +140,16 @@ def world(look: Look) -> Callable[..., World]:
 Make = Callable[..., World]
 
 
-def chance(seed: int = 0) -> np.random.Generator:
+def generator(seed: int = 0) -> np.random.Generator:
     return generator_for(seed, "exploring")
 
 
 @pytest.mark.parametrize("name", list(StrategyName))
-def test_every_strategy_ends_and_keeps_its_distance(
+def test_every_strategy_ends_and_keeps_the_safety_distance(
     world: Make, name: StrategyName
 ) -> None:
     here = world(TWO_ROOMS, -3.0, 0.4)
-    strategy = create_strategy(name, HABITS, chance())
+    strategy = create_strategy(name, SETTINGS, generator())
     here.run(strategy)
     assert strategy.is_done
     assert here.nearest > CLEARANCE
@@ -157,39 +157,39 @@ def test_every_strategy_ends_and_keeps_its_distance(
 
 
 @pytest.mark.parametrize("name", ["contour", "turn_away", "auto"])
-def test_a_room_is_seen_at_short_range_all_over(world: Make, name: str) -> None:
+def test_whole_room_is_seen_at_short_range(world: Make, name: str) -> None:
     here = world(HALL, -3.0, 0.4)
-    here.run(create_strategy(StrategyName(name), HABITS, chance()))
+    here.run(create_strategy(StrategyName(name), SETTINGS, generator()))
     floor = here.floor
     left = floor.unvisited & floor.reachable(here.pose)
     assert floor.area(left) < 1.0
 
 
 @pytest.mark.parametrize("wall_on_left", [True, False])
-def test_a_contour_is_followed_once_and_then_the_interior_filled(
+def test_contour_is_followed_once_and_then_the_interior_is_covered(
     world: Make, wall_on_left: bool
 ) -> None:
     here = world(np.concatenate([HALL, PILLAR]), -3.0, 0.5)
     settings = ExplorationSettings(
-        bumpers=HABITS.bumpers,
-        speed_limits=HABITS.speed_limits,
+        bumpers=SETTINGS.bumpers,
+        speed_limits=SETTINGS.speed_limits,
         wall_on_left=wall_on_left,
     )
     strategy = ContourStrategy(settings)
     here.run(strategy)
     assert here.activities == ["seeking", "aligning", "following", "filling"]
     assert strategy.contours == 1
-    way = shapely.LineString([(pose.x, pose.y) for pose in here.track])
+    path = shapely.LineString([(pose.x, pose.y) for pose in here.track])
     for corner in ((-4.2, -2.7), (4.2, -2.7), (4.2, 2.7), (-4.2, 2.7)):
-        assert way.distance(shapely.Point(corner)) < 0.4
+        assert path.distance(shapely.Point(corner)) < 0.4
     assert here.length < 2 * (8.5 + 5.5) + 25
     turns = np.diff([pose.yaw for pose in here.track])
     assert (turns.sum() < 0) == wall_on_left
 
 
 def test_island_is_left_for_a_wall_of_the_room(world: Make) -> None:
-    """Of a wall in the open nobody knows at first what it is of."""
-    strategy = ContourStrategy(HABITS)
+    """Whether a wall in the open belongs to a room is unknown at first."""
+    strategy = ContourStrategy(SETTINGS)
     here = world(PILLAR, 2.0, 0.0, math.pi)
     here.run(strategy)
     assert strategy.contours == 1  # that of the pillar, from outside
@@ -208,7 +208,7 @@ def test_robot_drives_ahead_when_no_wall_is_sensed(look: Look) -> None:
             )
 
     here = Nearsighted(look, HALL, Pose2(0.0, 0.0, 0.0))
-    strategy = ContourStrategy(HABITS)
+    strategy = ContourStrategy(SETTINGS)
     for _ in range(60):
         here.move(strategy.step(here.scan(), here.grid))
     assert here.pose.x > 3.0
@@ -217,7 +217,7 @@ def test_robot_drives_ahead_when_no_wall_is_sensed(look: Look) -> None:
 
 def test_frontiers_lead_through_doors(world: Make) -> None:
     here = world(TWO_ROOMS, -3.0, 0.4)
-    here.run(frontier_strategy(HABITS))
+    here.run(frontier_strategy(SETTINGS))
     assert here.pose.x > -1.0
     inside = shapely.box(-4.9, -2.4, 4.9, 2.4)
     across, up = here.floor.tile_centers()
@@ -226,17 +226,17 @@ def test_frontiers_lead_through_doors(world: Make) -> None:
     assert known.mean() > 0.99
 
 
-def test_frontiers_beyond_narrow_gaps_are_left(world: Make) -> None:
+def test_frontiers_beyond_narrow_gaps_are_skipped(world: Make) -> None:
     here = world(TOO_NARROW, -3.0, 0.4)
-    here.run(frontier_strategy(HABITS))
+    here.run(frontier_strategy(SETTINGS))
     assert max(pose.x for pose in here.track) < -CLEARANCE
 
 
 def test_strategy_is_done_at_once_in_a_closet(world: Make) -> None:
     here = world(CLOSET)
-    here.run(frontier_strategy(HABITS), steps=60)  # turns round once
+    here.run(frontier_strategy(SETTINGS), steps=60)  # turns round once
     assert here.pose.yaw > 2 * math.pi
-    here.run(coverage_strategy(HABITS), steps=20)
+    here.run(coverage_strategy(SETTINGS), steps=20)
     assert here.length == 0.0
 
 
@@ -246,7 +246,7 @@ def test_random_bounce_is_repeatable_by_its_seed(
     tracks = []
     for seed in (0, 0, 1):
         here = world(HALL, -3.0, 0.5)
-        strategy = RandomBounce(HABITS, chance(seed))
+        strategy = RandomBounce(SETTINGS, generator(seed))
         for _ in range(150):
             here.move(strategy.step(here.scan(), here.grid))
         tracks.append(here.track)
@@ -255,7 +255,7 @@ def test_random_bounce_is_repeatable_by_its_seed(
 
 def test_random_bounce_drives_straight_between_walls(world: Make) -> None:
     here = world(HALL, -3.0, 0.5)
-    strategy = RandomBounce(HABITS, chance())
+    strategy = RandomBounce(SETTINGS, generator())
     for _ in range(200):
         activity = strategy.activity
         twist = strategy.step(here.scan(), here.grid)
@@ -270,16 +270,16 @@ def test_random_bounce_drives_straight_between_walls(world: Make) -> None:
 
 def test_walled_in_robot_turns_about(world: Make) -> None:
     here = world(rectangle(-0.8, -0.8, 0.8, 0.8))
-    strategy = RandomBounce(HABITS, chance())
+    strategy = RandomBounce(SETTINGS, generator())
     here.run(strategy, steps=50)
     assert here.length == 0.0
 
 
-def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
+def test_spiral_widens(world: Make, nowhere: Floats) -> None:
     here = world(nowhere, 2.0, 1.0)
-    here.run(SpiralCoverage(HABITS))
+    here.run(SpiralCoverage(SETTINGS))
     far = [math.dist((pose.x, pose.y), (2.0, 1.0)) for pose in here.track]
-    assert max(far) == pytest.approx(HABITS.radius, abs=1.2)
+    assert max(far) == pytest.approx(SETTINGS.radius, abs=1.2)
     assert (np.maximum.accumulate(far) - far).max() < 1.0
     angles = np.unwrap([math.atan2(p.y - 1.0, p.x - 2.0) for p in here.track[80:]])
     assert angles[-1] - angles[0] > 2.0
@@ -289,14 +289,16 @@ def test_a_spiral_gets_ever_wider(world: Make, nowhere: Floats) -> None:
 def test_spiral_skips_blocked_points(world: Make) -> None:
     box = rectangle(1.5, 0.5, 4.0, 2.0)
     here = world(box, 0.0, 0.0)
-    here.run(SpiralCoverage(HABITS))
+    here.run(SpiralCoverage(SETTINGS))
     assert here.nearest > CLEARANCE
     assert max(pose.x for pose in here.track) > 2.0
 
 
-def test_a_spiral_ends_where_a_border_is_all_round(world: Make) -> None:
+def test_spiral_ends_at_a_border_on_all_sides(world: Make) -> None:
     here = world(CLOSET)
-    strategy = SpiralCoverage(ExplorationSettings(bumpers=HABITS.bumpers, radius=50.0))
+    strategy = SpiralCoverage(
+        ExplorationSettings(bumpers=SETTINGS.bumpers, radius=50.0)
+    )
     here.run(strategy, steps=300)
     assert here.length < 5
 
@@ -314,20 +316,20 @@ def test_auto_chooses_by_what_is_sensed(
     world: Make, walls: Floats, chosen: list[str]
 ) -> None:
     here = world(walls, -3.0, 0.4)
-    strategy = AutoStrategy(HABITS)
+    strategy = AutoStrategy(SETTINGS)
     here.run(strategy)
     assert [name.value for name in strategy.chosen] == chosen
 
 
-def test_auto_leaves_the_spiral_at_walls(world: Make) -> None:
-    """From before a house's open side nothing is seen all round but that side."""
+def test_auto_stops_the_spiral_at_walls(world: Make) -> None:
+    """In front of the open side of a house only that side is sensed."""
     house = np.concatenate(
         [rectangle(2.0, -4.0, 12.0, 4.0)[:3], [[[2.0, 2.5], [2.0, 4.0]]]]
     )
     here = world(house, 0.5, 0.0)
     strategy = AutoStrategy(
         ExplorationSettings(
-            bumpers=HABITS.bumpers, speed_limits=HABITS.speed_limits, radius=8.0
+            bumpers=SETTINGS.bumpers, speed_limits=SETTINGS.speed_limits, radius=8.0
         )
     )
     here.run(strategy)
@@ -336,7 +338,7 @@ def test_auto_leaves_the_spiral_at_walls(world: Make) -> None:
 
 
 def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
-    """Something at some bearings, deg, so near, m."""
+    """Return an observation with obstacles at some bearings, deg, and distances, m."""
     bearings = np.radians(np.arange(360.0) - 180)
     ranges = np.full(360, math.inf)
     for bearing, distance in near.items():
@@ -360,21 +362,21 @@ def sensed_with(near: dict[float, float], time: float = 0.0) -> Observation:
 def test_bumpers_overrule_the_path(
     near: dict[float, float], twist: Twist, allowed: Twist
 ) -> None:
-    assert HABITS.limit_by_bumpers(sensed_with(near), twist) == allowed
+    assert SETTINGS.limit_by_bumpers(sensed_with(near), twist) == allowed
 
 
-def test_the_nearest_clear_bearing_is_taken() -> None:
-    assert HABITS.clear_bearing(sensed_with({}), 0.2) == 0.2
-    clear = HABITS.clear_bearing(sensed_with({0: 0.4}), 0.1)
+def test_nearest_clear_bearing_is_chosen() -> None:
+    assert SETTINGS.clear_bearing(sensed_with({}), 0.2) == 0.2
+    clear = SETTINGS.clear_bearing(sensed_with({0: 0.4}), 0.1)
     assert 30 < math.degrees(clear) < 70
     walled_in = sensed_with(dict.fromkeys(range(-180, 181, 20), 0.4))
-    assert HABITS.clear_bearing(walled_in, 0.2) == 0.2
+    assert SETTINGS.clear_bearing(walled_in, 0.2) == 0.2
 
 
 def test_target_without_progress_is_given_up(world: Make) -> None:
-    """What holds the robot is on no map."""
+    """The obstacle that blocks the robot is on no map."""
     here = world(HALL, -3.0, 0.4)
-    strategy = coverage_strategy(HABITS)
+    strategy = coverage_strategy(SETTINGS)
     steps = round(PATIENCE / STEP) + 20
     ends: list[Any] = []
     for _ in range(steps):
@@ -386,17 +388,17 @@ def test_target_without_progress_is_given_up(world: Make) -> None:
 
 def test_robot_without_a_path_stands(world: Make) -> None:
     here = world(HALL)
-    walker = PathFollower(HABITS)
-    assert walker.step(here.scan()) == Twist(0.0, 0.0)
-    assert walker.end is None
-    assert walker.update_map(here.scan(), here.grid)
-    assert not walker.update_map(here.scan(), here.grid)
+    follower = PathFollower(SETTINGS)
+    assert follower.step(here.scan()) == Twist(0.0, 0.0)
+    assert follower.end is None
+    assert follower.update_map(here.scan(), here.grid)
+    assert not follower.update_map(here.scan(), here.grid)
 
 
 def test_waypoints_are_reached_in_turn(world: Make) -> None:
     here = world(HALL, -4.0)
     places = [(-3.0, -2.0), (3.0, -2.0), (3.0, 2.0)]
-    strategy = WaypointFollower(HABITS, places)
+    strategy = WaypointFollower(SETTINGS, places)
     here.run(strategy)
     assert strategy.unreached == []
     near = [
@@ -408,31 +410,29 @@ def test_waypoints_are_reached_in_turn(world: Make) -> None:
     assert set(here.activities) == {"underway"}
 
 
-def test_unreachable_waypoint_is_left_out(world: Make) -> None:
+def test_unreachable_waypoint_is_skipped(world: Make) -> None:
     here = world(TOO_NARROW, -4.0)
-    strategy = WaypointFollower(HABITS, [(3.0, 0.0), (-4.0, 1.5)])
+    strategy = WaypointFollower(SETTINGS, [(3.0, 0.0), (-4.0, 1.5)])
     here.run(strategy)
     assert strategy.unreached == [(3.0, 0.0)]
     assert math.dist((here.pose.x, here.pose.y), (-4.0, 1.5)) < WAYPOINT_RADIUS
     assert max(pose.x for pose in here.track) > -1.2  # as near as it can get
 
 
-def test_a_place_near_by_is_gone_to_and_not_left_out(world: Make) -> None:
+def test_nearby_waypoint_is_reached_and_not_skipped(world: Make) -> None:
     for away in np.arange(0.05, 0.6, 0.05):
         here = world(HALL, -3.0)
         place = (-3.0 - away, 0.0)
-        strategy = WaypointFollower(HABITS, [place])
+        strategy = WaypointFollower(SETTINGS, [place])
         here.run(strategy)
         assert strategy.unreached == []
         assert math.dist((here.pose.x, here.pose.y), place) < WAYPOINT_RADIUS
 
 
 @pytest.mark.parametrize("far", [8.0, 100.0, 1e6, 1e300])
-def test_a_place_outside_is_left_out_once_it_gets_no_nearer(
-    world: Make, far: float
-) -> None:
+def test_waypoint_outside_is_skipped_after_no_progress(world: Make, far: float) -> None:
     here = world(HALL, -3.0)
-    strategy = WaypointFollower(HABITS, [(far, 0.0), (0.0, 0.0)])
+    strategy = WaypointFollower(SETTINGS, [(far, 0.0), (0.0, 0.0)])
     here.run(strategy, steps=800)
     assert strategy.unreached == [(far, 0.0)]
     assert math.dist((here.pose.x, here.pose.y), (0.0, 0.0)) < WAYPOINT_RADIUS

@@ -17,7 +17,7 @@ STARTS = st.tuples(st.integers(0, 4), st.integers(0, 5))
 
 
 def cheapest(cost: Floats, start: tuple[int, int]) -> Floats:
-    """Give the cost of the way to each cell, relaxing until nothing changes."""
+    """Return the cost of the path to each cell, by relaxing until nothing changes."""
     best = np.full(cost.shape, math.inf)
     best[start] = 0.0
     for _ in range(cost.size):
@@ -32,10 +32,10 @@ def cheapest(cost: Floats, start: tuple[int, int]) -> Floats:
     return best
 
 
-def length(way: NDArray[np.int64], cost: Floats) -> float:
-    steps = np.hypot(*np.diff(way, axis=0).T)
+def length(path: NDArray[np.int64], cost: Floats) -> float:
+    steps = np.hypot(*np.diff(path, axis=0).T)
     return float(
-        sum(s * cost[tuple(cell)] for s, cell in zip(steps, way[1:], strict=True))
+        sum(s * cost[tuple(cell)] for s, cell in zip(steps, path[1:], strict=True))
     )
 
 
@@ -45,24 +45,28 @@ def test_path_is_the_cheapest(
 ) -> None:
     targets = np.zeros(cost.shape, np.bool_)
     targets[end] = True
-    due = cheapest(cost, start)[end]
-    way = shortest_path(cost, start, targets)
-    if math.isinf(due):
-        assert len(way) == 0
+    expected = cheapest(cost, start)[end]
+    path = shortest_path(cost, start, targets)
+    if math.isinf(expected):
+        assert len(path) == 0
         return
-    assert tuple(way[0]) == start
-    assert tuple(way[-1]) == end
-    assert np.abs(np.diff(way, axis=0)).max(initial=0) <= 1
-    assert length(way, cost) == pytest.approx(due)
+    assert tuple(path[0]) == start
+    assert tuple(path[-1]) == end
+    assert np.abs(np.diff(path, axis=0)).max(initial=0) <= 1
+    assert length(path, cost) == pytest.approx(expected)
 
 
 @given(cost=COSTS, start=STARTS)
 def test_path_leads_to_the_nearest_target(cost: Floats, start: tuple[int, int]) -> None:
     targets = np.zeros(cost.shape, np.bool_)
     targets[::2, ::3] = True
-    due = cheapest(cost, start)[targets].min()
-    way = shortest_path(cost, start, targets)
-    assert length(way, cost) == pytest.approx(due) if len(way) else math.isinf(due)
+    expected = cheapest(cost, start)[targets].min()
+    path = shortest_path(cost, start, targets)
+    assert (
+        length(path, cost) == pytest.approx(expected)
+        if len(path)
+        else math.isinf(expected)
+    )
 
 
 @given(cost=COSTS, start=STARTS)

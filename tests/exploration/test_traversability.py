@@ -39,7 +39,7 @@ def floor(look: Look, room: Floats) -> TraversabilityMap:
     return TraversabilityMap(seen(look, room, MIDDLE), SAFETY)
 
 
-def test_open_floor_keeps_its_distance(floor: TraversabilityMap) -> None:
+def test_open_floor_keeps_the_safety_distance(floor: TraversabilityMap) -> None:
     nearest = 4.0 - SAFETY - MARGIN  # of the wall at y = 4
     assert floor.is_open(0.0, nearest - 0.15)
     assert not floor.is_open(0.0, nearest + 0.15)
@@ -51,7 +51,7 @@ def test_open_lines_cross_no_obstacle(floor: TraversabilityMap) -> None:
     assert not floor.is_line_open(MIDDLE, -4.6, -2.0)  # a box is between
 
 
-def test_the_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> None:
+def test_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> None:
     across, up = floor.tile_centers()
     for x, y, due in [
         (4.5, 0.0, True),
@@ -71,14 +71,16 @@ def test_frontiers_are_where_the_unknown_begins(floor: TraversabilityMap) -> Non
     assert (np.abs(across[columns]) < 6).all()
 
 
-def test_path_to_a_frontier_keeps_its_distance(floor: TraversabilityMap) -> None:
-    way = floor.find_path(MIDDLE, floor.frontiers)
-    assert math.dist(way[0], (MIDDLE.x, MIDDLE.y)) < 0.1
-    assert all(floor.is_open(*place) for place in way)
-    assert max(math.dist(a, b) for a, b in pairwise(way)) < 0.15
+def test_path_to_a_frontier_keeps_the_safety_distance(floor: TraversabilityMap) -> None:
+    path = floor.find_path(MIDDLE, floor.frontiers)
+    assert math.dist(path[0], (MIDDLE.x, MIDDLE.y)) < 0.1
+    assert all(floor.is_open(*place) for place in path)
+    assert max(math.dist(a, b) for a, b in pairwise(path)) < 0.15
 
 
-def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -> None:
+def test_no_path_through_walls_or_from_outside_the_map(
+    floor: TraversabilityMap,
+) -> None:
     outside = floor.disc(0.0, 6.0, 1.0)
     assert not floor.find_path(MIDDLE, outside)
     assert not floor.find_path(Pose2(99.0, 0.0), floor.frontiers)
@@ -88,13 +90,13 @@ def test_nothing_leads_through_walls_or_from_nowhere(floor: TraversabilityMap) -
 def test_robot_too_near_to_something_may_leave(floor: TraversabilityMap) -> None:
     near = Pose2(0.0, 3.75)
     assert not floor.is_open(near.x, near.y)
-    way = floor.find_path(near, floor.disc(0.0, 1.0, 0.3))
-    assert way
-    assert way[0][1] == pytest.approx(3.75, abs=0.1)
+    path = floor.find_path(near, floor.disc(0.0, 1.0, 0.3))
+    assert path
+    assert path[0][1] == pytest.approx(3.75, abs=0.1)
     assert floor.reachable(near)[floor.disc(0.0, 1.0, 0.3)].all()
 
 
-def test_outer_boundary_leaves_out_islands(look: Look, room: Floats) -> None:
+def test_outer_boundary_excludes_islands(look: Look, room: Floats) -> None:
     corners = [Pose2(x, y) for x in (-5, 0, 5) for y in (-3, 3)]
     floor = TraversabilityMap(seen(look, room, *corners), SAFETY)
     outer_boundary = floor.outer_boundary(floor.reachable(MIDDLE))

@@ -31,5 +31,5 @@ def test_distance_field_holds_distances_to_the_nearest_cell(
     assert distance_field(cells, reach) == pytest.approx(by_hand(cells, reach))
 
 
-def test_without_true_cells_all_distances_are_infinite() -> None:
+def test_all_distances_are_infinite_without_true_cells() -> None:
     assert distance_field(np.zeros((0, 0), np.bool_), 3.0).shape == (0, 0)

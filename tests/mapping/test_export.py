@@ -1,4 +1,4 @@
-"""What others read in the files of a map."""
+"""Map files as other programs read them."""
 
 import io
 import math
@@ -80,7 +80,7 @@ def mapped(look: Look, room: Floats) -> OccupancyGrid:
 def pixel_of(
     grid: OccupancyGrid, image: Image.Image, origin: list[float], x: float, y: float
 ) -> Any:
-    """Look a place up as readers do: by the lower left corner, rows from the top."""
+    """Look up a place as readers do: by the lower left corner, rows from the top."""
     column = math.floor((x - origin[0]) / grid.frame.resolution)
     row = math.floor((y - origin[1]) / grid.frame.resolution)
     return image.getpixel((column, image.height - 1 - row))
@@ -107,7 +107,7 @@ def loaded(grid: OccupancyGrid, mode: Any) -> tuple[NDArray[np.int16], dict[str,
 
 
 def classes_in(grid: OccupancyGrid, head: dict[str, Any], shape: Any) -> Any:
-    """Cut out of a map's classes what a file covers."""
+    """Return the part of a map's classes that a file covers."""
     x, y, _ = head["origin"]
     row, column = grid.frame.cell(x + 0.01, y + 0.01) or (-1, -1)
     return grid.classes()[row : row + shape[0], column : column + shape[1]]

@@ -1,4 +1,4 @@
-"""The cells that beams cross, against a beam that is followed in tiny steps."""
+"""The cells that beams cross, against beams sampled in tiny steps."""
 
 import math
 from collections.abc import Sequence
@@ -34,8 +34,8 @@ starts = st.tuples(st.floats(17, 23), st.floats(17, 23))
 Mark = tuple[int, float, float, int]
 
 
-class Sheet:
-    """Some cells, and scans of them from one place."""
+class SmallGrid:
+    """A few cells, and scans of them from one place."""
 
     def __init__(self) -> None:
         self.cells = Cells(
@@ -52,9 +52,9 @@ class Sheet:
         short: float = 5.0,
         sees_through: bool = True,
     ) -> None:
-        """Take in beams of angle, reach and end, and marks of beam, near, far, what."""
+        """Add beams of angle, range and end, and hits of beam, near, far and layer."""
         angle, reach, ends = (np.array(column) for column in zip(*rays, strict=True))
-        ways = np.column_stack([np.cos(angle), np.sin(angle)])
+        directions = np.column_stack([np.cos(angle), np.sin(angle)])
         met = BeamHits(
             np.array([mark[0] for mark in hits], np.int64),
             np.array([mark[1] for mark in hits], np.float64),
@@ -64,7 +64,7 @@ class Sheet:
         beams = Beams(
             np.array(start),
             np.zeros(2, np.int64),
-            ways,
+            directions,
             reach.astype(np.float64),
             ends.astype(np.int8),
             short,
@@ -81,10 +81,10 @@ class Sheet:
 BARELY = 1e-9  # cells; so near to the edge of one, rounding decides
 
 
-def in_tiny_steps(
+def cells_by_sampling(
     start: tuple[float, float], angle: float, reach: float
 ) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
-    """Give the cells that a beam is in for sure, and those that rounding may add."""
+    """Return the cells that a beam crosses, without and with those of rounding."""
     t = np.append(np.arange(0, reach, 1e-3), reach)
     x, y = start[0] + t * math.cos(angle), start[1] + t * math.sin(angle)
     around = [
@@ -103,19 +103,19 @@ def in_tiny_steps(
 def test_traced_cells_are_those_the_beam_is_in(
     start: tuple[float, float], angle: float, reach: float
 ) -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     sheet.scan(start, [(angle, reach, BeamEnd.NOTHING)])
     crossed = {(int(i), int(j)) for i, j in np.argwhere(sheet.sensed())}
-    sure, maybe = in_tiny_steps(start, angle, reach)
+    sure, maybe = cells_by_sampling(start, angle, reach)
     assert sure <= crossed
     assert len(crossed - maybe) <= 2  # corners that tiny steps jump over
 
 
 @given(start=starts, angle=angles, reach=reaches)
-def test_hit_raises_the_evidence_of_its_cell_and_lowers_it_before(
+def test_hit_raises_evidence_in_its_cell_and_lowers_it_in_cells_before(
     start: tuple[float, float], angle: float, reach: float
 ) -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     sheet.scan(start, [(angle, reach, BeamEnd.HIT)], (0, reach, reach, Layer.SOLID))
     for layer in (Layer.SOLID, Layer.BEAM_END):
         evidence = sheet.cells.evidence[layer]
@@ -128,11 +128,11 @@ def test_hit_raises_the_evidence_of_its_cell_and_lowers_it_before(
 def test_foliage_is_mapped_along_the_crossed_stretch(
     start: tuple[float, float], angle: float, near: float, depth: float
 ) -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     far = near + depth
     sheet.scan(start, [(angle, far, BeamEnd.SPENT)], (0, near, far, Layer.FOLIAGE))
     bush = sheet.cells.evidence[Layer.FOLIAGE] > 0
-    _, beam = in_tiny_steps(start, angle, far)
+    _, beam = cells_by_sampling(start, angle, far)
     assert {(int(i), int(j)) for i, j in np.argwhere(bush)} <= {
         (i + di, j + dj) for i, j in beam for di in (-1, 0, 1) for dj in (-1, 0, 1)
     }
@@ -142,7 +142,7 @@ def test_foliage_is_mapped_along_the_crossed_stretch(
 
 
 def test_cell_gets_evidence_once_per_scan() -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     beams = [(0.001 * k, 10.0, BeamEnd.HIT) for k in range(20)]
     sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, Layer.SOLID) for k in range(20)])
     assert sheet.cells.evidence[Layer.SOLID, 20, 30] == LOG_ODDS_HIT
@@ -151,7 +151,7 @@ def test_cell_gets_evidence_once_per_scan() -> None:
 
 
 def test_hits_outweigh_beams_that_pass_in_the_same_scan() -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     beams = [
         (0.0, 10.0, BeamEnd.HIT),
         (0.01, 15.0, BeamEnd.NOTHING),
@@ -163,7 +163,7 @@ def test_hits_outweigh_beams_that_pass_in_the_same_scan() -> None:
 
 
 def test_evidence_is_limited() -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     for _ in range(30):
         sheet.scan(
             (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT)], (0, 10.0, 10.0, Layer.SOLID)
@@ -176,20 +176,20 @@ def test_evidence_is_limited() -> None:
 
 
 def test_scans_without_echoes_leave_foliage_evidence_unchanged() -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     sheet.scan((20.5, 20.5), [(0.0, 9.0, BeamEnd.NOTHING)], sees_through=False)
     assert not sheet.cells.evidence[[Layer.FOLIAGE, Layer.SMOKE]].any()
     assert sheet.cells.evidence[[Layer.SOLID, Layer.BEAM_END]].any()
 
 
 def test_blind_beam_changes_nothing() -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     sheet.scan((20.5, 20.5), [(0.0, 0.0, BeamEnd.BLIND)])
     assert not sheet.sensed().any()
 
 
 def test_near_cells_are_crossed_within_the_short_range() -> None:
-    sheet = Sheet()
+    sheet = SmallGrid()
     sheet.scan(
         (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT), (math.pi, 3.0, BeamEnd.HIT)], short=5.0
     )

@@ -1,4 +1,4 @@
-"""Reports in, map and trajectory out."""
+"""Maps and trajectories from reports."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -43,24 +43,26 @@ def scan(time: float, ahead: float, name: str = "lms200") -> RangeScan:
     return RangeScan(time, name, math.radians(10), FOV, ranges)
 
 
-def echoes(time: float, *events: tuple[float, str], **wish: Any) -> EchoLine:
-    """Tell what the beam ahead meets of a bush, in line ``line`` of ``lines``."""
+def echoes(time: float, *events: tuple[float, str], **overrides: Any) -> EchoLine:
+    """Return the echoes of a bush on the beam ahead, as line ``line`` of ``lines``."""
     count = len(events)
     seen = TargetEchoes(
-        wish.get("object", "bush"),
-        wish.get("material", "leaves"),
+        overrides.get("object", "bush"),
+        overrides.get("material", "leaves"),
         0.7,
         0.3,
         False,
-        wish.get("passes", False),
+        overrides.get("passes", False),
         np.full(count, AHEAD),
         np.array([range_ for range_, _ in events]),
         tuple(kind for _, kind in events),
         np.ones(count),
         np.ones(count),
     )
-    name = wish.get("name", "lms200")
-    return EchoLine(time, name, wish.get("line", 1), wish.get("lines", 1), seen)
+    name = overrides.get("name", "lms200")
+    return EchoLine(
+        time, name, overrides.get("line", 1), overrides.get("lines", 1), seen
+    )
 
 
 def no_echoes(time: float) -> EchoLine:
@@ -75,14 +77,14 @@ def truth(time: float, x: float = 0.0) -> GroundTruth:
     return GroundTruth(time, "GndTruth", Pose3(x, 0.0, 0.0))
 
 
-def mapper(**wish: Any) -> Mapper:
-    seed = wish.pop("seed", "ins")
+def mapper(**overrides: Any) -> Mapper:
+    seed = overrides.pop("seed", "ins")
     return Mapper(
-        SCANNER, MapperSettings(slam=SlamSettings(motion_source=seed), **wish)
+        SCANNER, MapperSettings(slam=SlamSettings(motion_source=seed), **overrides)
     )
 
 
-def fed(maker: Mapper, *reports: Report) -> list[Any]:
+def feed(maker: Mapper, *reports: Report) -> list[Any]:
     return [maker.take(report) for report in reports]
 
 
@@ -93,7 +95,7 @@ def class_at(maker: Mapper, x: float, y: float) -> int:
 
 def test_ranges_and_a_pose_make_a_map() -> None:
     maker = mapper(echo_wait=0.0)
-    fed(maker, ins(0.1, 1.0, 2.0, math.pi / 2), scan(0.1, 3.0))
+    feed(maker, ins(0.1, 1.0, 2.0, math.pi / 2), scan(0.1, 3.0))
     assert class_at(maker, 1.0, 2.0 + 0.2 + 3.0) == CellClass.OBSTACLE
     assert class_at(maker, 1.0, 4.0) == CellClass.FREE
     assert class_at(maker, 1.0, 6.0) == CellClass.UNKNOWN
@@ -102,9 +104,9 @@ def test_ranges_and_a_pose_make_a_map() -> None:
     assert maker.scans == 1
 
 
-def test_echoes_tell_foliage_from_walls() -> None:
+def test_echoes_distinguish_foliage_from_walls() -> None:
     maker = mapper()
-    fed(
+    feed(
         maker,
         ins(0.1),
         echoes(0.1, (2.0, "enter"), (3.0, "leave"), line=1, lines=2),
@@ -116,7 +118,7 @@ def test_echoes_tell_foliage_from_walls() -> None:
     assert class_at(maker, 5.2, 0.0) == CellClass.OBSTACLE
 
 
-def test_observation_holds_what_robots_cannot_enter() -> None:
+def test_observation_contains_what_robots_cannot_enter() -> None:
     maker = mapper()
     reports: list[Report] = [
         ins(0.1),
@@ -124,7 +126,7 @@ def test_observation_holds_what_robots_cannot_enter() -> None:
         echoes(0.1, (2.0, "enter"), (3.0, "spent"), object="b", line=2, lines=2),
         scan(0.1, 3.0),
     ]
-    *nothing, sensed = fed(maker, *reports)
+    *nothing, sensed = feed(maker, *reports)
     assert nothing == [None, None, None]
     assert sensed.time == 0.1
     assert sensed.pose == Pose2(0.0, 0.0)
@@ -133,46 +135,46 @@ def test_observation_holds_what_robots_cannot_enter() -> None:
     assert np.isinf(np.delete(sensed.ranges, AHEAD)).all()
 
 
-def test_scans_wait_for_echoes_that_may_come() -> None:
+def test_scans_wait_for_their_echoes() -> None:
     maker = mapper(echo_wait=0.5)
-    assert fed(maker, ins(0.1), scan(0.1, 3.0)) == [None, None]
+    assert feed(maker, ins(0.1), scan(0.1, 3.0)) == [None, None]
     assert "echoes" in maker.missing
     assert maker.scans == 0
-    (_, sensed) = fed(maker, no_echoes(0.2), scan(0.2, FAR))
+    (_, sensed) = feed(maker, no_echoes(0.2), scan(0.2, FAR))
     assert sensed is not None
     assert len(maker.trajectory) == 2  # for the pose all scans count
     # one without is left out, for it may be that a line was lost
-    assert fed(maker, scan(0.3, 3.0)) == [None]
-    assert fed(maker, echoes(0.4, (2.0, "hit"), lines=2), scan(0.4, 2.0))[1] is None
+    assert feed(maker, scan(0.3, 3.0)) == [None]
+    assert feed(maker, echoes(0.4, (2.0, "hit"), lines=2), scan(0.4, 2.0))[1] is None
     assert maker.scans == 1
     # but not for ever
-    assert fed(maker, scan(0.71, 3.0))[0] is not None
+    assert feed(maker, scan(0.71, 3.0))[0] is not None
 
 
-def test_ranges_count_when_no_echoes_come_for_a_while() -> None:
+def test_ranges_are_mapped_when_no_echoes_arrive_in_time() -> None:
     maker = mapper(echo_wait=1.0)
-    taken = [fed(maker, ins(t), scan(t, 3.0))[1] for t in (0.0, 0.5, 0.95, 1.0, 1.1)]
+    taken = [feed(maker, ins(t), scan(t, 3.0))[1] for t in (0.0, 0.5, 0.95, 1.0, 1.1)]
     assert [sensed is not None for sensed in taken] == [False, False, False, True, True]
 
 
-def test_echoes_of_another_time_or_scanner_are_not_of_this_scan() -> None:
+def test_echoes_of_another_time_or_scanner_are_not_used() -> None:
     maker = mapper(echo_wait=9.0)
-    fed(maker, ins(0.1), echoes(0.1, (2.0, "hit")))
-    assert fed(maker, scan(0.2, 2.0)) == [None]
+    feed(maker, ins(0.1), echoes(0.1, (2.0, "hit")))
+    assert feed(maker, scan(0.2, 2.0)) == [None]
     other = echoes(0.3, (2.0, "hit"), name="another")
-    assert fed(maker, other, scan(0.3, 2.0)) == [None, None]
+    assert feed(maker, other, scan(0.3, 2.0)) == [None, None]
 
 
-def test_lines_may_come_in_any_order_and_twice() -> None:
+def test_echo_lines_may_arrive_in_any_order_and_twice() -> None:
     maker = mapper()
     one = echoes(0.1, (2.0, "hit"), line=1, lines=2)
     two = echoes(0.1, (2.0, "rain"), object="air", line=2, lines=2)
-    assert fed(maker, ins(0.1), two, one, two, scan(0.1, 2.0))[-1] is not None
+    assert feed(maker, ins(0.1), two, one, two, scan(0.1, 2.0))[-1] is not None
 
 
 def test_other_scanners_and_reports_change_nothing() -> None:
     maker = mapper(echo_wait=0.0)
-    fed(maker, ins(0.1), scan(0.1, 3.0, "hokuyo"), Status(0.1, 99, False))
+    feed(maker, ins(0.1), scan(0.1, 3.0, "hokuyo"), Status(0.1, 99, False))
     assert maker.scans == len(maker.trajectory) == 0
 
 
@@ -183,35 +185,35 @@ def test_other_scanners_and_reports_change_nothing() -> None:
         pytest.param("odometry", ins(0.0), Odometry(0.1, "O", Pose2(0, 0)), id="odo"),
     ],
 )
-def test_no_scan_counts_without_its_motion_source(
+def test_scans_without_the_motion_source_are_not_mapped(
     seed: str, useless: Report, useful: Report
 ) -> None:
     maker = mapper(seed=seed, echo_wait=0.0)
     assert maker.missing == f"pose from {seed}"
-    fed(maker, useless, scan(0.0, 3.0))
+    feed(maker, useless, scan(0.0, 3.0))
     assert maker.scans == 0
-    fed(maker, useful, scan(0.1, 3.0))
+    feed(maker, useful, scan(0.1, 3.0))
     assert maker.scans == 1
 
 
 @pytest.mark.parametrize("seed", ["odometry", "none"])
-def test_map_begins_at_the_spawn_pose_for_every_motion_source(
+def test_map_starts_at_the_spawn_pose_for_every_motion_source(
     seed: str,
 ) -> None:
     maker = mapper(seed=seed, echo_wait=0.0)
-    fed(maker, truth(0.0, 4.0), Odometry(0.0, "O", Pose2(0, 0)), scan(0.0, 3.0))
+    feed(maker, truth(0.0, 4.0), Odometry(0.0, "O", Pose2(0, 0)), scan(0.0, 3.0))
     assert maker.trajectory.poses == [Pose2(4.0, 0.0)]
 
 
-def test_map_begins_at_the_origin_without_poses() -> None:
+def test_map_starts_at_the_origin_without_poses() -> None:
     maker = mapper(seed="none", echo_wait=0.0)
-    fed(maker, scan(0.0, 3.0))
+    feed(maker, scan(0.0, 3.0))
     assert maker.trajectory.poses == [Pose2(0.0, 0.0)]
 
 
 def test_true_poses_are_stored_at_a_limited_rate() -> None:
     maker = mapper()
-    fed(maker, *(truth(0.01 * k, 0.1 * k) for k in range(101)))
+    feed(maker, *(truth(0.01 * k, 0.1 * k) for k in range(101)))
     assert maker.truth.times == pytest.approx([0.05 * k for k in range(21)])
     assert maker.truth.poses[-1].x == pytest.approx(10.0)
 
@@ -219,22 +221,22 @@ def test_true_poses_are_stored_at_a_limited_rate() -> None:
 def test_scans_without_time_and_limits_are_mapped() -> None:
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
-    fed(maker, ins(math.nan), scan(math.nan, 3.0))
+    feed(maker, ins(math.nan), scan(math.nan, 3.0))
     assert class_at(maker, 3.0, 0.0) == CellClass.OBSTACLE
-    fed(maker, ins(math.nan), scan(math.nan, 1e9))  # nothing is that far away
+    feed(maker, ins(math.nan), scan(math.nan, 1e9))  # nothing is that far away
     assert max(maker.grid.frame.shape) < 9000
 
 
-def test_the_floor_under_the_robot_is_free() -> None:
-    maker = mapper(echo_wait=0.0, body=0.25)
-    fed(maker, ins(0.0), scan(0.0, 3.0))
+def test_floor_under_the_robot_is_free() -> None:
+    maker = mapper(echo_wait=0.0, robot_radius=0.25)
+    feed(maker, ins(0.0), scan(0.0, 3.0))
     assert class_at(maker, 0.0, 0.2) == class_at(maker, -0.2, 0.0) == CellClass.FREE
     assert class_at(maker, 0.0, 0.35) == CellClass.UNKNOWN
 
 
 @pytest.fixture
 def drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
-    """Give what comes of a robot that goes round in a room."""
+    """Return the reports of a robot that circles in a room."""
     return _drive(look, room)
 
 
@@ -252,7 +254,7 @@ def _drive(look: Callable[..., PlanarScan], room: Floats) -> Iterator[Report]:
 def test_map_does_not_grow_while_the_robot_circles_in_a_room(
     drive: Iterator[Report],
 ) -> None:
-    """The map and what poses are found by grow with the room, and not with time."""
+    """The grid and the point map grow with the room, not with time."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
     maker = Mapper(facts, MapperSettings(echo_wait=0.0))
     sizes = []
@@ -267,15 +269,15 @@ def test_map_does_not_grow_while_the_robot_circles_in_a_room(
 
 def test_missing_names_the_motion_source_when_it_stops() -> None:
     maker = mapper(echo_wait=0.0)
-    fed(maker, ins(0.0))
-    seen = fed(
+    feed(maker, ins(0.0))
+    seen = feed(
         maker, *[scan(0.1 * k, 5.0) for k in range(MAX_SCANS_WITHOUT_MOTION + 3)]
     )
     assert [one is not None for one in seen] == [True] * MAX_SCANS_WITHOUT_MOTION + [
         False
     ] * 3
     assert maker.missing == "pose from ins"
-    fed(maker, ins(9.0))
+    feed(maker, ins(9.0))
     assert maker.take(scan(9.0, 5.0)) is not None
 
 
@@ -283,7 +285,7 @@ def test_echoes_belong_to_scans_without_time_stamps_too() -> None:
     maker = mapper()
     for k in range(3):
         near = 2.0 + 0.1 * k
-        fed(maker, ins(math.nan), echoes(math.nan, (near, "enter"), (4.0, "spent")))
-        fed(maker, scan(math.nan, 4.0))
+        feed(maker, ins(math.nan), echoes(math.nan, (near, "enter"), (4.0, "spent")))
+        feed(maker, scan(math.nan, 4.0))
     assert maker.scans == 3
     assert class_at(maker, 0.2 + 3.0, 0.0) == CellClass.FOLIAGE

@@ -77,18 +77,18 @@ def test_frame_grows_in_steps_of_many_cells() -> None:
     assert frame.extended_to((-0.01, 0), (0, 0)).shape == (GROWTH_STEP, 2 * GROWTH_STEP)
 
 
-def test_outside_there_is_no_cell() -> None:
+def test_position_outside_has_no_cell() -> None:
     assert GridFrame(SIZE).cell(0, 0) is None
     assert holding((0.0, 0.0)).cell(-0.01, 0) is None
 
 
 @pytest.mark.parametrize("far", [1e4, math.inf, math.nan])
-def test_a_place_too_far_away_is_an_error(far: float) -> None:
+def test_position_too_far_away_is_an_error(far: float) -> None:
     with pytest.raises((MappingError, ValueError, OverflowError)):
         GridFrame(SIZE).extended_to((0.0, 0.0), (far, 0.0))
 
 
-def test_an_area_too_large_is_an_error() -> None:
+def test_area_too_large_is_an_error() -> None:
     side = SIZE * 8000
     frame = GridFrame(SIZE).extended_to((0.0, 0.0), (side, side))
     assert frame.shape > (8000, 8000)
@@ -109,7 +109,7 @@ def fan(n: int = 61) -> Floats:
 def thing(
     name: str, kind_near: str, near: Floats, kind_far: str, far: Floats, *, passes: bool
 ) -> TargetEchoes:
-    """Give the echoes of a thing that all beams enter and leave, or are spent in."""
+    """Return the echoes of an object that all beams enter, and leave or end in."""
     n = len(near)
     beams = np.repeat(np.arange(n), 2)
     ranges = np.column_stack([near, far]).ravel()
@@ -162,7 +162,7 @@ def test_empty_map_is_unknown() -> None:
     assert grid.drivable_cells(0.5).size == 0
 
 
-def test_a_room_is_free_within_and_unknown_behind_its_walls(
+def test_room_is_free_inside_and_unknown_behind_its_walls(
     mapped: OccupancyGrid,
 ) -> None:
     assert class_at(mapped, 1.0, -1.0) == CellClass.FREE
@@ -231,7 +231,7 @@ def test_spent_beam_leaves_a_beam_end_and_no_obstacle() -> None:
     assert grid.beam_end_cells()[cell]
 
 
-def test_a_safety_distance_is_kept_from_foliage_and_from_walls() -> None:
+def test_drivable_cells_keep_the_safety_distance_from_foliage_and_walls() -> None:
     grid = grid_of(through(2.0, 3.0, 6.0, passes=False))
     assert grid.drivable(1.3, 0.0, 0.6)
     assert not grid.drivable(1.5, 0.0, 0.6)
@@ -240,7 +240,7 @@ def test_a_safety_distance_is_kept_from_foliage_and_from_walls() -> None:
 
 
 @given(x=places, y=places, safety=st.floats(0, 1))
-def test_drivable_is_sensed_and_far_from_all_that_blocks(
+def test_drivable_cells_are_sensed_and_far_from_obstacles(
     mapped: OccupancyGrid, x: float, y: float, safety: float
 ) -> None:
     cell = mapped.frame.cell(x, y)
@@ -265,7 +265,7 @@ def test_beams_without_return_clear_up_to_their_limit(
     assert not grid.beam_end_cells().any()
 
 
-def test_map_does_not_depend_on_how_it_grew(look: Look, room: Floats) -> None:
+def test_map_does_not_depend_on_the_order_of_growth(look: Look, room: Floats) -> None:
     poses = [Pose2(-5.0, -3.0, 0.0), HERE, Pose2(5.0, 3.0, 2.0)]
     open_side = np.array([[[-6.5, -6.5], [6.5, -6.5]]])
     seen = [look(room, poses[0]), look(open_side, poses[1]), look(room, poses[2])]
@@ -309,13 +309,13 @@ def test_occupancy_is_a_probability_where_cells_are_known() -> None:
 
 @pytest.mark.parametrize("angle", [math.nan, math.inf])
 @pytest.mark.filterwarnings("ignore:invalid value")
-def test_a_beam_without_a_direction_is_an_error(angle: float) -> None:
+def test_beam_without_a_direction_is_an_error(angle: float) -> None:
     report = RangeScan(0.0, "lms200", 0.1, angle, np.ones(3))
     with pytest.raises(ValueError, match="beams without a direction"):
         OccupancyGrid().add(HERE, read_scan(report, max_range=9.0))
 
 
-def test_the_same_scans_give_the_same_map(look: Look, room: Floats) -> None:
+def test_same_scans_give_the_same_map(look: Look, room: Floats) -> None:
     one, other = (grid_of(look(room, HERE), pose=HERE) for _ in range(2))
     assert (one.classes() == other.classes()).all()
     assert (

@@ -26,7 +26,7 @@ def map_of(*parts: Floats) -> PointMap:
 
 
 def along_a_line(angle: float, spacing: float, off: float = 0.0) -> Floats:
-    """Give points on a line through the origin, 6 m both ways, a little off it."""
+    """Return points on a line through the origin, 6 m both ways, a little off it."""
     t = np.arange(-6, 6, spacing)
     sway = off * np.where(np.arange(len(t)) % 2, 1.0, -1.0)
     ahead = np.array([math.cos(angle), math.sin(angle)])
@@ -34,14 +34,14 @@ def along_a_line(angle: float, spacing: float, off: float = 0.0) -> Floats:
 
 
 def bump(x: float) -> float:
-    """Give the quadratic B-spline."""
+    """Return the quadratic B-spline."""
     if abs(x) <= 0.5:
         return 0.75 - x * x
     return 0.5 * max(1.5 - abs(x), 0.0) ** 2
 
 
 def by_hand(points: Floats, x: float, y: float) -> tuple[float, ...] | None:
-    """Give the shape as the definition says, point by point."""
+    """Compute the shape by its definition, point by point."""
     for level in range(LEVELS):
         size = FINEST * 2**level
         cell_centers = (np.floor(points / size) + 0.5) * size
@@ -56,13 +56,13 @@ def by_hand(points: Floats, x: float, y: float) -> tuple[float, ...] | None:
     return None
 
 
-def test_an_empty_map_knows_no_shape() -> None:
+def test_empty_map_has_no_shapes() -> None:
     assert len(PointMap()) == 0
-    assert not shape_around(PointMap().table, 0.0, 0.0)[0]
+    assert not shape_around(PointMap().table, 0.0, 0.0).found
 
 
 @given(seed=st.integers(0, 10**6), x=st.floats(-3, 3), y=st.floats(-3, 3))
-def test_shapes_are_those_of_the_definition(seed: int, x: float, y: float) -> None:
+def test_shapes_match_the_definition(seed: int, x: float, y: float) -> None:
     points = generator_for(seed, "points").uniform(-3, 3, (200, 2))
     found, *shape = shape_around(map_of(points).table, x, y)
     expected = by_hand(points, x, y)
@@ -72,7 +72,7 @@ def test_shapes_are_those_of_the_definition(seed: int, x: float, y: float) -> No
 
 
 @given(angle=st.floats(-1.5, 1.5), spacing=st.floats(0.02, 0.3))
-def test_a_line_is_found_where_it_is(angle: float, spacing: float) -> None:
+def test_line_is_found_at_its_position(angle: float, spacing: float) -> None:
     table = map_of(along_a_line(angle, spacing)).table
     nx, ny = -math.sin(angle), math.cos(angle)
     found, a, b, xx, xy, yy = shape_around(table, 0.03 * nx, 0.03 * ny)
@@ -82,23 +82,23 @@ def test_a_line_is_found_where_it_is(angle: float, spacing: float) -> None:
     assert across == pytest.approx(0.0, abs=1e-9)
 
 
-def test_dense_points_are_seen_in_a_smaller_window_than_sparse_ones() -> None:
+def test_window_is_smaller_for_dense_points_than_for_sparse_ones() -> None:
     def length(spacing: float) -> float:
-        found = shape_around(map_of(along_a_line(0.0, spacing)).table, 0.0, 0.0)
-        return math.sqrt(found[3])
+        shape = shape_around(map_of(along_a_line(0.0, spacing)).table, 0.0, 0.0)
+        return math.sqrt(shape.xx)
 
     assert length(0.01) < 0.1
     assert length(0.01) < length(0.1) < length(0.3)
 
 
 @given(x=places, y=places)
-def test_far_from_all_points_there_is_no_shape(x: float, y: float) -> None:
+def test_position_far_from_all_points_has_no_shape(x: float, y: float) -> None:
     table = map_of(along_a_line(0.3, 0.05) + 50.0).table
-    assert not shape_around(table, x, y)[0]
+    assert not shape_around(table, x, y).found
 
 
 @given(seed=st.integers(0, 10**6), cut=st.integers(0, 3000))
-def test_parts_make_the_same_map_as_the_whole(seed: int, cut: int) -> None:
+def test_points_added_in_parts_give_the_same_map(seed: int, cut: int) -> None:
     points = generator_for(seed, "points").uniform(-9, 9, (3000, 2))
     whole, parts = map_of(points), map_of(points[:cut], points[cut:])
     assert len(whole) == len(parts)

@@ -33,7 +33,7 @@ def on_the_map(places: Floats, pose: Pose2) -> Floats:
 
 
 def map_from(look: Look, walls: Floats, pose: Pose2) -> PointMap:
-    """Make a map of what is seen from around a pose, without error."""
+    """Create a map of what is seen from around a pose, without error."""
     known = PointMap()
     for dx, dy in [(-0.4, 0.0), (0.0, 0.3), (0.3, -0.2), (0.0, 0.0)]:
         near = Pose2(pose.x + dx, pose.y + dy, pose.yaw + dx)
@@ -51,7 +51,7 @@ def known(look: Look, room: Floats) -> PointMap:
 
 
 @given(dx=offsets, dy=offsets, turn=turns)
-def test_a_pose_is_found_again_from_near_by(
+def test_pose_is_found_from_a_start_nearby(
     look: Look, room: Floats, known: PointMap, dx: float, dy: float, turn: float
 ) -> None:
     start = off_by(HERE, dx, dy, turn)
@@ -78,7 +78,7 @@ def test_points_far_from_the_map_leave_the_prediction(
 
 
 @given(ahead=st.floats(-0.2, 0.2))
-def test_along_a_corridor_only_the_prediction_counts(
+def test_along_a_corridor_the_prediction_decides(
     look: Look, corridor: Floats, ahead: float
 ) -> None:
     middle = Pose2(0.0, 0.0, 0.0)
@@ -91,7 +91,7 @@ def test_along_a_corridor_only_the_prediction_counts(
     assert found.yaw == pytest.approx(0.0, abs=0.005)
 
 
-def test_a_surer_prediction_gives_way_less(look: Look, room: Floats) -> None:
+def test_prediction_with_less_variance_moves_less(look: Look, room: Floats) -> None:
     known = map_from(look, room, HERE)
     start = off_by(HERE, 0.08, 0.0, 0.0)
     points = points_of(look(room, HERE))
@@ -103,7 +103,7 @@ def test_a_surer_prediction_gives_way_less(look: Look, room: Floats) -> None:
     assert off[0] == pytest.approx(0.08, abs=0.001)
 
 
-def test_a_third_of_wrong_points_is_outvoted(
+def test_a_third_of_outliers_does_not_move_the_pose(
     look: Look, room: Floats, known: PointMap
 ) -> None:
     points = points_of(look(room, HERE))
@@ -116,7 +116,7 @@ def test_a_third_of_wrong_points_is_outvoted(
     assert math.hypot(found.x - HERE.x, found.y - HERE.y) < 0.01
 
 
-def test_echoes_from_beside_their_beams_average_out(
+def test_sideways_errors_of_echoes_average_out(
     look: Look, room: Floats, known: PointMap
 ) -> None:
     points = points_of(look(room, HERE), spread=0.08)
@@ -129,7 +129,7 @@ def test_echoes_from_beside_their_beams_average_out(
 
 
 def poles() -> tuple[PointMap, ScanPoints]:
-    """Make a map of five poles in the open, and a scan of them."""
+    """Create a map of five poles in the open, and a scan of them."""
     rng = generator_for(3, "poles")
     cell_centers = np.array([[4, 1], [3, -3], [-2, 4], [-4, -2], [1, 5]], np.float64)
     spots = np.repeat(cell_centers, 40, axis=0) + rng.normal(0, 0.05, (200, 2))
@@ -139,7 +139,7 @@ def poles() -> tuple[PointMap, ScanPoints]:
     return known, ScanPoints(cell_centers, along, 0.05, True)
 
 
-def test_spots_hold_a_pose_in_both_directions() -> None:
+def test_poles_fix_a_pose_in_both_directions() -> None:
     known, points = poles()
     start = Pose2(0.08, -0.06, 0.03)
     found, _ = fit(known.table, points, start, start, LOOSE)
@@ -147,7 +147,7 @@ def test_spots_hold_a_pose_in_both_directions() -> None:
     assert abs(found.yaw) < 0.01
 
 
-def test_spots_count_only_where_they_are_surely_things() -> None:
+def test_poles_count_only_if_they_are_dense() -> None:
     known, points = poles()
     start = Pose2(0.08, -0.06, 0.03)
     unsure = points._replace(spots=False)
@@ -156,7 +156,7 @@ def test_spots_count_only_where_they_are_surely_things() -> None:
     assert math.hypot(found.x - start.x, found.y - start.y) < 0.12
 
 
-def test_the_best_of_many_starts_is_the_nearest_one(
+def test_best_of_many_starts_is_the_nearest_one(
     look: Look, room: Floats, known: PointMap
 ) -> None:
     turns = np.radians([-60, -30, -12, 1, 14, 45])

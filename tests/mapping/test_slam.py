@@ -1,4 +1,4 @@
-"""Drives through a flat world whose truth is known."""
+"""SLAM in a flat world whose true poses are known."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -35,13 +35,13 @@ def drive() -> Iterator[Pose2]:
 
 
 def drifting(path: list[Pose2], share: float) -> list[Pose2]:
-    """Give what an INS makes of a path, which errs by a share of way and turn."""
+    """Return a path with INS errors proportional to distance and turn."""
     rng = generator_for(5, "drift")
     rows = np.array([[pose.x, pose.y, pose.yaw] for pose in path])
     steps = np.diff(rows, axis=0)
     steps[:, 2] = np.arctan2(np.sin(steps[:, 2]), np.cos(steps[:, 2]))
-    way = np.hypot(steps[:, 0], steps[:, 1])
-    size = np.column_stack([way, way, np.abs(steps[:, 2])])
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    size = np.column_stack([lengths, lengths, np.abs(steps[:, 2])])
     steps += share * size * rng.standard_normal(steps.shape)
     return [
         Pose2(*row) for row in np.vstack([rows[:1], rows[0] + steps.cumsum(axis=0)])
@@ -75,7 +75,7 @@ def matched(
     return slam
 
 
-def test_matching_takes_most_of_the_drift_away(
+def test_matching_removes_most_of_the_drift(
     scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     ins = drifting(path, 0.15)
@@ -89,10 +89,10 @@ def test_matching_takes_most_of_the_drift_away(
     assert slam.trajectory.times == pytest.approx([0.1 * i for i in range(len(path))])
 
 
-def test_odometry_may_count_from_anywhere(
+def test_odometry_may_have_any_origin(
     scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
-    """It counts from where it was switched on, on axes of its own."""
+    """Its origin and axes are those of the pose where it was switched on."""
     c, s = math.cos(START.yaw), math.sin(START.yaw)
     own = [
         Pose2(
@@ -115,7 +115,9 @@ def test_scans_suffice_without_a_motion_source(
     assert found.yaw_max < math.radians(0.5)
 
 
-def test_missing_priors_do_no_harm(scans: list[PlanarScan], path: list[Pose2]) -> None:
+def test_missing_priors_are_tolerated(
+    scans: list[PlanarScan], path: list[Pose2]
+) -> None:
     seeds = [pose if i % 7 else None for i, pose in enumerate(path)]
     slam = matched(scans, seeds, "ins")
     assert errors(path, slam.trajectory.poses).ate_max < 0.05
@@ -135,7 +137,7 @@ places = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1
 
 
 @given(seeds=st.lists(places, min_size=1, max_size=20))
-def test_in_the_open_an_ins_is_followed_on_the_axes_of_the_map(
+def test_without_points_ins_motion_is_applied_on_the_axes_of_the_map(
     look: Look, nowhere: Floats, seeds: list[Pose2]
 ) -> None:
     slam = Slam(SlamSettings(motion_source="ins"), START)
@@ -149,7 +151,7 @@ def test_in_the_open_an_ins_is_followed_on_the_axes_of_the_map(
 
 
 @given(seeds=st.lists(places, min_size=1, max_size=20))
-def test_in_the_open_odometry_is_followed_on_the_axes_of_the_robot(
+def test_without_points_odometry_is_applied_on_the_axes_of_the_robot(
     look: Look, nowhere: Floats, seeds: list[Pose2]
 ) -> None:
     slam = Slam(SlamSettings(motion_source="odometry"), START)
@@ -163,7 +165,7 @@ def test_in_the_open_odometry_is_followed_on_the_axes_of_the_robot(
         assert pose.y == pytest.approx(START.y + s * dx + c * dy, abs=1e-6)
 
 
-def test_pose_stays_in_the_open_without_a_motion_source(
+def test_pose_stays_without_points_and_motion_source(
     look: Look, nowhere: Floats
 ) -> None:
     slam = Slam(SlamSettings(motion_source="none"), START)
@@ -176,7 +178,7 @@ def test_first_prior_is_the_start_by_default(look: Look, room: Floats) -> None:
     assert Slam().step(look(room, START)) == Pose2(0.0, 0.0)
 
 
-def test_the_same_scans_give_the_same_poses(
+def test_same_scans_give_the_same_poses(
     scans: list[PlanarScan], path: list[Pose2]
 ) -> None:
     one, other = (matched(scans, [*path], "ins") for _ in range(2))

@@ -32,7 +32,7 @@ def carried(pose: Pose2, by: Pose2) -> Pose2:
 
 
 @given(path=st.lists(poses, min_size=1))
-def test_a_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
+def test_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
     trajectory = trajectory_of(*path)
     found = trajectory_errors(trajectory, trajectory)
     assert found.poses == len(path)
@@ -61,7 +61,7 @@ def test_absolute_errors_are_those_of_the_definition() -> None:
     assert found.length == 1.0
 
 
-def test_motions_that_are_too_long_by_a_tenth_err_by_that() -> None:
+def test_motions_ten_percent_too_long_have_ten_percent_error() -> None:
     guess = [Pose2(1.1 * pose.x, 0, 0) for pose in straight()]
     found = trajectory_errors(trajectory_of(*guess), trajectory_of(*straight()))
     assert found.rpe == pytest.approx(0.1)
@@ -72,7 +72,7 @@ def test_motions_that_are_too_long_by_a_tenth_err_by_that() -> None:
     assert longer.rpe_over == 2.0
 
 
-def test_a_heading_is_off_by_the_shorter_way_round() -> None:
+def test_heading_error_is_the_smaller_angle() -> None:
     one, other = Pose2(0, 0, math.pi - 0.05), Pose2(0, 0, 0.05 - math.pi)
     found = trajectory_errors(trajectory_of(one), trajectory_of(other))
     assert found.yaw == pytest.approx(0.1)
@@ -85,7 +85,7 @@ def test_short_path_has_no_relative_error() -> None:
     assert math.isnan(found.rpe_yaw)
 
 
-def test_between_two_true_poses_the_truth_is_between_them() -> None:
+def test_true_poses_are_interpolated() -> None:
     truth = trajectory_of(Pose2(0, 0, 3.1), Pose2(1, 2, -3.1), every=2.0)
     guess = Trajectory()
     guess.add(1.0, Pose2(0.5, 1.0, math.pi))
@@ -94,7 +94,7 @@ def test_between_two_true_poses_the_truth_is_between_them() -> None:
     assert found.yaw == pytest.approx(0.0, abs=1e-9)
 
 
-def test_only_the_time_that_both_cover_is_compared() -> None:
+def test_only_times_covered_by_both_are_compared() -> None:
     guess = Trajectory()
     for time in (-1.0, 0.0, 4.0, 11.0):
         guess.add(time, Pose2(0.5 * time, 0.0, 0.0))
@@ -109,7 +109,7 @@ def test_only_the_time_that_both_cover_is_compared() -> None:
         pytest.param(trajectory_of(Pose2(0, 0)), id="another time"),
     ],
 )
-def test_nothing_to_compare_is_an_error(truth: Trajectory) -> None:
+def test_trajectories_without_common_times_are_an_error(truth: Trajectory) -> None:
     guess = Trajectory()
     guess.add(5.0, Pose2(0, 0))
     with pytest.raises(ValueError, match="no pose of the estimate"):

@@ -20,7 +20,7 @@ CLEARANCE = 0.371  # m; half the diagonal of a P3AT
 
 @dataclass
 class Flatland:
-    """Walls, and a robot that goes exactly where it is told to.
+    """Walls, and a robot that moves exactly as commanded.
 
     Attributes:
         walls: (S, 2, 2) m.
@@ -39,33 +39,36 @@ class Flatland:
 
     @property
     def length(self) -> float:
-        """Of the way so far, m."""
+        """Length of the path so far, m."""
         ends = zip(self.track, self.track[1:], strict=False)
         return sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in ends)
 
     def scan(self) -> Observation:
-        """See what there is, from the robot's centre."""
+        """Return an exact scan from the robot's centre."""
         angles = BEARINGS + self.pose.yaw
-        ways = np.column_stack([np.cos(angles), np.sin(angles)])
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
         starts = self.walls[:, 0] - (self.pose.x, self.pose.y)
         sides = self.walls[:, 1] - self.walls[:, 0]
-        across = np.outer(ways[:, 0], sides[:, 1]) - np.outer(ways[:, 1], sides[:, 0])
+        across = np.outer(directions[:, 0], sides[:, 1]) - np.outer(
+            directions[:, 1], sides[:, 0]
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
             ranges = _cross(starts, sides) / across
             along = (
-                np.outer(ways[:, 1], -starts[:, 0]) + np.outer(ways[:, 0], starts[:, 1])
+                np.outer(directions[:, 1], -starts[:, 0])
+                + np.outer(directions[:, 0], starts[:, 1])
             ) / across
         met = (ranges > 0) & (along <= 0) & (along >= -1)
         nearest = np.where(met, ranges, math.inf).min(axis=1, initial=math.inf)
         return Observation(len(self.track) * STEP, self.pose, BEARINGS.copy(), nearest)
 
     def move(self, twist: Twist) -> None:
-        """Let one step pass."""
+        """Move the robot for one step."""
         pose, middle = self.pose, self.pose.yaw + twist.turn * STEP / 2
-        way = twist.speed * STEP
+        distance = twist.speed * STEP
         self.pose = Pose2(
-            pose.x + way * math.cos(middle),
-            pose.y + way * math.sin(middle),
+            pose.x + distance * math.cos(middle),
+            pose.y + distance * math.sin(middle),
             pose.yaw + twist.turn * STEP,
         )
         self.track.append(self.pose)
@@ -87,7 +90,7 @@ def _cross(starts: Floats, sides: Floats) -> Floats:
 
 
 def outline(shape: shapely.Polygon) -> Floats:
-    """Give the sides of a polygon and of its holes as segments, (S, 2, 2) m."""
+    """Return the sides of a polygon and of its holes as segments, (S, 2, 2) m."""
     rings = [shape.exterior, *shape.interiors]
     points = [np.array(ring.coords) for ring in rings]
     return np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in points])
@@ -95,7 +98,7 @@ def outline(shape: shapely.Polygon) -> Floats:
 
 @pytest.fixture
 def flatland() -> Callable[..., Flatland]:
-    """Make a world of polygons, with the robot at a pose."""
+    """Create a world of polygons, with the robot at a pose."""
 
     def make(*shapes: shapely.Polygon, at: Pose2) -> Flatland:
         sides = [outline(shape) for shape in shapes]

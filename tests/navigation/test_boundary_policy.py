@@ -19,7 +19,7 @@ STEP = 0.01  # rad on the circle
 
 
 def on_circle(angle: float) -> Pose2:
-    """A place on the way round, which is clockwise with the obstacle on the right."""
+    """A pose on the circle, facing along it."""
     return Pose2(
         RADIUS * math.cos(angle), RADIUS * math.sin(angle), angle + math.pi / 2
     )
@@ -29,39 +29,39 @@ def mark(angle: float) -> Landmark:
     return Landmark(on_circle(angle), angle + math.pi / 2, max_offset=0.7)
 
 
-def walk(angle: float, sense: int) -> tuple[float, Step]:
+def advance(angle: float, sense: int) -> tuple[float, Step]:
     angle += sense * STEP
     direction = angle + math.pi / 2
     return angle, Step(on_circle(angle), RADIUS * STEP, direction, free=True)
 
 
 @given(st.floats(0.2, 2 * math.pi - 0.2))
-def test_bug1_circles_once_and_returns_the_shorter_way(
+def test_bug1_circles_once_and_returns_by_the_shorter_side(
     at: float,
 ) -> None:
     goal = (9 * math.cos(at), 9 * math.sin(at))
-    circling = Bug1Policy(mark(0.0), goal, 0.7)
-    angle, sense, verdicts = 0.0, 1, []
+    policy = Bug1Policy(mark(0.0), goal, 0.7)
+    angle, sense, decisions = 0.0, 1, []
     for _ in range(2000):
-        angle, step = walk(angle, sense)
-        verdicts.append(circling.step(step))
-        sense = -1 if verdicts[-1] is Decision.BACK else sense
-        if verdicts[-1] is Decision.LEAVE:
+        angle, step = advance(angle, sense)
+        decisions.append(policy.step(step))
+        sense = -1 if decisions[-1] is Decision.BACK else sense
+        if decisions[-1] is Decision.LEAVE:
             break
-    assert circling.circuits == 1
+    assert policy.circuits == 1
     assert math.remainder(angle - at, 2 * math.pi) == pytest.approx(0.0, abs=0.05)
-    back = Decision.BACK in verdicts
+    back = Decision.BACK in decisions
     assert back == (at > math.pi) or abs(at - math.pi) < 0.05
-    travelled = len(verdicts) * STEP
+    travelled = len(decisions) * STEP
     assert travelled == pytest.approx(2 * math.pi + min(at, 2 * math.pi - at), abs=0.1)
 
 
 def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
-    circling = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
+    policy = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
     angle, verdict = 0.0, Decision.ONWARD
     while verdict is Decision.ONWARD:
-        angle, step = walk(angle, 1)
-        verdict = circling.step(Step(step.pose, step.moved, step.direction, free=False))
+        angle, step = advance(angle, 1)
+        verdict = policy.step(Step(step.pose, step.moved, step.direction, free=False))
     assert verdict is Decision.NO_PATH
     assert angle == pytest.approx(2.5 * math.pi, abs=0.05)
 
@@ -72,24 +72,24 @@ def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy
 
 def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
     for free in (True, False):
-        circling = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-9.0, 0.0))
+        policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-9.0, 0.0))
         angle, verdict = 0.0, Decision.ONWARD
         while verdict is Decision.ONWARD:
-            angle, step = walk(angle, 1)
-            verdict = circling.step(Step(step.pose, step.moved, step.direction, free))
+            angle, step = advance(angle, 1)
+            verdict = policy.step(Step(step.pose, step.moved, step.direction, free))
         assert verdict is (Decision.LEAVE if free else Decision.NO_PATH)
         assert angle == pytest.approx(math.pi if free else 2 * math.pi, abs=0.04)
-        assert circling.circuits == (not free)
+        assert policy.circuits == (not free)
 
 
 def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
     ends = {}
     for rule in GiveUp:  # the line passes the hit point and goes on to the right
-        circling = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
+        policy = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
         angle, verdict = 0.0, Decision.ONWARD
         while verdict is Decision.ONWARD:
-            angle, step = walk(angle, 1)
-            verdict = circling.step(step)
+            angle, step = advance(angle, 1)
+            verdict = policy.step(step)
         assert verdict is Decision.NO_PATH
         ends[rule] = angle
     assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.04)

@@ -45,9 +45,9 @@ def test_path_length_is_within_the_bounds_of_choset(
     flatland: World, shape: shapely.Polygon, algorithm: Algorithm, wall_on_left: bool
 ) -> None:
     world = flatland(shape, at=Pose2(-6.0, 0.0))
-    walker = bug(algorithm, (6.0, 0.2), wall_on_left=wall_on_left)
-    world.run(walker)
-    assert walker.activity is Activity.REACHED
+    navigator = bug(algorithm, (6.0, 0.2), wall_on_left=wall_on_left)
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
     assert math.hypot(world.pose.x - 6, world.pose.y - 0.2) <= 0.15
     assert world.nearest > 0.45
     grown = shape.buffer(S + 0.5).exterior
@@ -55,8 +55,8 @@ def test_path_length_is_within_the_bounds_of_choset(
     crossings = len(shapely.get_parts(grown.intersection(line)))
     share = 1.5 if algorithm is Algorithm.BUG1 else crossings / 2
     assert world.length <= 1.05 * (line.length + share * grown.length)
-    assert len(walker.hit_points) == len(walker.leave_points) == 1
-    assert walker.circuits == (algorithm is Algorithm.BUG1)
+    assert len(navigator.hit_points) == len(navigator.leave_points) == 1
+    assert navigator.circuits == (algorithm is Algorithm.BUG1)
 
 
 @BOTH
@@ -76,11 +76,11 @@ def test_bug_reports_that_there_is_no_path(
     goal: tuple[float, float],
 ) -> None:
     world = flatland(CELL, at=Pose2(*start, 1.0))
-    walker = bug(algorithm, goal, wall_on_left=wall_on_left)
-    world.run(walker)
-    assert walker.activity is Activity.NO_PATH
-    assert walker.circuits == 1
-    assert not walker.leave_points
+    navigator = bug(algorithm, goal, wall_on_left=wall_on_left)
+    world.run(navigator)
+    assert navigator.activity is Activity.NO_PATH
+    assert navigator.circuits == 1
+    assert not navigator.leave_points
     assert world.nearest > 0.45
 
 
@@ -90,34 +90,34 @@ def test_only_bug1_makes_a_complete_circuit(
 ) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     world.run(bug(algorithm, (6.0, 0.0)))
-    way = BOX.buffer(0.75).exterior.length
-    assert (world.length > 9 + way) == (algorithm is Algorithm.BUG1)
+    circuit = BOX.buffer(0.75).exterior.length
+    assert (world.length > 9 + circuit) == (algorithm is Algorithm.BUG1)
 
 
 def test_path_is_straight_without_obstacles(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0, 2.0))
-    walker = bug(Algorithm.BUG1, (3.0, -4.0))
-    world.run(walker)
+    navigator = bug(Algorithm.BUG1, (3.0, -4.0))
+    world.run(navigator)
     assert world.length == pytest.approx(5.0, abs=0.2)
-    assert walker.hit_points == walker.leave_points == []
+    assert navigator.hit_points == navigator.leave_points == []
 
 
 def test_waypoints_are_reached_in_turn(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-4.0, -4.0))
     goals = [(-4.0, 4.0), (4.0, 4.0), (4.0, -4.0)]
-    walker = bug(Algorithm.BUG2, *goals)
-    world.run(walker)
+    navigator = bug(Algorithm.BUG2, *goals)
+    world.run(navigator)
     places = iter(world.track)
     for x, y in goals:  # each after the one before
         assert any(math.hypot(p.x - x, p.y - y) < 0.11 for p in places)
 
 
-def test_start_at_the_goal_has_reached_it(flatland: World) -> None:
+def test_robot_that_starts_at_the_goal_has_reached_it(flatland: World) -> None:
     world = flatland(at=Pose2(1.0, 1.0))
-    walker = bug(Algorithm.BUG2, (1.05, 1.0), (0.98, 1.0))
-    world.run(walker)
+    navigator = bug(Algorithm.BUG2, (1.05, 1.0), (0.98, 1.0))
+    world.run(navigator)
     assert len(world.track) == 1
-    assert walker.goals == []
+    assert navigator.goals == []
 
 
 def test_no_goal_is_refused() -> None:
@@ -127,30 +127,32 @@ def test_no_goal_is_refused() -> None:
 
 def test_object_beyond_the_goal_is_no_obstacle(flatland: World) -> None:
     world = flatland(shapely.box(3, -5, 4, 5), at=Pose2(0.0, 0.0))
-    walker = bug(Algorithm.BUG2, (2.45, 0.0))  # 0.55 m before the wall
-    world.run(walker)
-    assert walker.hit_points == []
+    navigator = bug(Algorithm.BUG2, (2.45, 0.0))  # 0.55 m before the wall
+    world.run(navigator)
+    assert navigator.hit_points == []
 
 
-def test_a_goal_beside_the_boundary_is_reached_from_it(flatland: World) -> None:
+def test_goal_beside_the_boundary_is_reached_from_it(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    walker = bug(Algorithm.BUG1, (2.1, 0.5))  # 0.6 m behind the box
-    world.run(walker)
-    assert walker.activity is Activity.REACHED
-    assert walker.circuits == 0
+    navigator = bug(Algorithm.BUG1, (2.1, 0.5))  # 0.6 m behind the box
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
+    assert navigator.circuits == 0
 
 
-def test_the_shorter_rule_gives_up_where_hit_point_goes_on(flatland: World) -> None:
-    """Inside a hook the line is met farther from the goal, before the way out."""
+def test_shorter_rule_gives_up_where_the_hit_point_rule_continues(
+    flatland: World,
+) -> None:
+    """Inside a hook the line is met farther from the goal, before the exit."""
     hook = shapely.LineString(
         [(3, -3), (3, 3.5), (-7, 3.5), (-7, -3.5), (-2, -3.5), (-2, 0.8)]
     ).buffer(0.05, cap_style="flat", join_style="mitre")
     ends = {}
     for rule in GiveUp:
         world = flatland(hook, at=Pose2(0.5, 0.0))
-        walker = bug(Algorithm.BUG2, (6.5, 0.0), give_up=rule, wall_on_left=False)
-        world.run(walker)
-        ends[rule] = walker.activity
+        navigator = bug(Algorithm.BUG2, (6.5, 0.0), give_up=rule, wall_on_left=False)
+        world.run(navigator)
+        ends[rule] = navigator.activity
     assert ends == {GiveUp.HIT_POINT: Activity.REACHED, GiveUp.LINE: Activity.NO_PATH}
 
 
@@ -159,32 +161,32 @@ def test_goal_is_reached_with_any_number_of_bumpers(
     flatland: World, count: int
 ) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    walker = bug(
+    navigator = bug(
         Algorithm.BUG2, (6.0, 0.0), bumpers=Bumpers(safety_distance=S, count=count)
     )
-    world.run(walker)
-    assert walker.activity is Activity.REACHED
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
 def test_goal_is_reached_with_the_literal_rule(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.ALL)
-    walker = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
-    world.run(walker)
-    assert walker.activity is Activity.REACHED
+    navigator = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
-def test_boundary_that_vanishes_is_left(flatland: World) -> None:
+def test_robot_leaves_a_boundary_that_vanishes(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    walker = bug(Algorithm.BUG1, (6.0, 0.0))
-    while walker.activity != Activity.FOLLOWING:
-        world.move(walker.step(world.scan()))
+    navigator = bug(Algorithm.BUG1, (6.0, 0.0))
+    while navigator.activity != Activity.FOLLOWING:
+        world.move(navigator.step(world.scan()))
     empty = flatland(at=world.pose)
-    empty.run(walker)
-    assert walker.is_done
-    assert not walker.goals
+    empty.run(navigator)
+    assert navigator.is_done
+    assert not navigator.goals
 
 
 def turned_box(
@@ -210,23 +212,23 @@ def test_goal_behind_any_box_is_reached(
     flatland: World, algorithm: Algorithm, wall_on_left: bool, box: shapely.Polygon
 ) -> None:
     world = flatland(box, at=Pose2(-5.5, 0.0))
-    walker = bug(algorithm, (5.5, 0.0), wall_on_left=wall_on_left)
-    world.run(walker, steps=4000)
-    assert walker.activity is Activity.REACHED
+    navigator = bug(algorithm, (5.5, 0.0), wall_on_left=wall_on_left)
+    world.run(navigator, steps=4000)
+    assert navigator.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
 @BOTH
 @pytest.mark.parametrize("gap", [0.1, 0.25, 0.4, 0.48])
-def test_a_goal_that_is_too_near_to_something_ends_in_no_path_or_at_the_goal(
+def test_goal_too_near_to_an_obstacle_is_reached_or_has_no_path(
     flatland: World, algorithm: Algorithm, gap: float
 ) -> None:
     world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    walker = bug(algorithm, (-1.5 - gap, 0.3))
-    world.run(walker, steps=3000)
-    assert len(walker.hit_points) < 8
+    navigator = bug(algorithm, (-1.5 - gap, 0.3))
+    world.run(navigator, steps=3000)
+    assert len(navigator.hit_points) < 8
     assert world.nearest > 0.38
-    assert walker.activity in (Activity.NO_PATH, Activity.REACHED)
+    assert navigator.activity in (Activity.NO_PATH, Activity.REACHED)
 
 
 def gate(width: float) -> list[shapely.Polygon]:
@@ -246,9 +248,9 @@ def test_bug_passes_two_obstacles_at_any_distance(
     first = shapely.box(-2.5, -1, -1.5, 1)
     second = shapely.box(-1.5 + width, -1, -0.5 + width, 1)
     world = flatland(first, second, at=Pose2(-5.0, 0.3))
-    walker = bug(algorithm, (4.0, 0.3), wall_on_left=wall_on_left)
-    world.run(walker)
-    assert walker.activity is Activity.REACHED
+    navigator = bug(algorithm, (4.0, 0.3), wall_on_left=wall_on_left)
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -265,9 +267,9 @@ def test_bug_passes_gaps_wider_than_twice_the_safety_distance(
 ) -> None:
     room = shapely.box(-6, -4.1, 6, 4.1).exterior.buffer(0.1, cap_style="square")
     world = flatland(room, *gate(width), at=Pose2(-4.0, start))
-    walker = bug(algorithm, (4.0, 1.0), wall_on_left=wall_on_left)
-    world.run(walker)
-    assert walker.activity is Activity.REACHED
+    navigator = bug(algorithm, (4.0, 1.0), wall_on_left=wall_on_left)
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
     assert world.nearest > 0.42
 
 
@@ -281,6 +283,6 @@ def test_bug_leaves_a_dead_end(
         walls = shapely.box(-3, -half - 0.1, 3, half + 0.1)
         dead_end = walls.difference(shapely.box(-4, -half, 2.9, half))
         world = flatland(dead_end, at=Pose2(-6.0, 0.1))
-        walker = bug(algorithm, (6.0, 0.1), wall_on_left=wall_on_left)
-        world.run(walker)
-        assert walker.activity is Activity.REACHED
+        navigator = bug(algorithm, (6.0, 0.1), wall_on_left=wall_on_left)
+        world.run(navigator)
+        assert navigator.activity is Activity.REACHED

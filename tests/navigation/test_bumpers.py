@@ -20,7 +20,7 @@ def observation(ranges: object) -> Observation:
 
 
 def wall_ahead(distance: float) -> Observation:
-    """A flat wall across the way."""
+    """A flat wall ahead."""
     facing = np.cos(BEARINGS)
     return observation(
         np.where(facing > 1e-9, distance / np.maximum(facing, 1e-9), np.inf)
@@ -52,7 +52,7 @@ def test_every_beam_presses_exactly_one_bumper(count: int, ranges: list[float]) 
         pytest.param(5, True, id="a tenth"),
     ],
 )
-def test_a_bumper_is_pressed_by_a_tenth_of_its_45_beams(
+def test_bumper_is_pressed_by_a_tenth_of_its_45_beams(
     beams: int, pressed: bool
 ) -> None:
     ranges = np.full(360, 9.0)
@@ -73,9 +73,7 @@ def test_a_bumper_is_pressed_by_a_tenth_of_its_45_beams(
         pytest.param(0.99, True, True, id="too near"),
     ],
 )
-def test_the_band_is_half_a_metre(
-    distance: float, pressed: bool, too_near: bool
-) -> None:
+def test_band_is_half_a_metre(distance: float, pressed: bool, too_near: bool) -> None:
     for state in Bumpers(safety_distance=1.0).read(observation(distance)):
         assert (state.pressed, state.too_near) == (pressed, too_near)
         assert state.blocked == pressed
@@ -83,7 +81,7 @@ def test_the_band_is_half_a_metre(
 
 
 @given(st.sampled_from([4, 5, 6, 8]), st.floats(0.3, 7.0), st.floats(0.0, 1.0))
-def test_the_literal_rule_holds_at_a_flat_wall_where_it_is_said_to(
+def test_literal_rule_holds_at_a_flat_wall_at_the_documented_distances(
     count: int, safety: float, part: float
 ) -> None:
     bumpers = Bumpers(safety_distance=safety, count=count, rule=Rule.ALL)
@@ -110,7 +108,7 @@ def test_figures_of_the_literal_rule_are_those_of_the_docstring() -> None:
     assert 0.5 * four / (1 - four) == pytest.approx(1.21, abs=0.01)
 
 
-def test_towards_is_the_front_bumper_of_a_robot_that_faces_there() -> None:
+def test_towards_is_the_front_bumper_of_a_robot_facing_there() -> None:
     bumpers = Bumpers(safety_distance=1.0)
     for turn in (0.0, 0.7, math.pi, -2.0):
         facing = np.cos(BEARINGS - turn)
@@ -139,7 +137,7 @@ def test_bumpers_without_beams_are_named(fov: int, blind: tuple[str, ...]) -> No
     assert not any(states[name].blocked for name in blind)
 
 
-def test_names_of_four_are_those_of_the_thesis() -> None:
+def test_four_bumpers_have_the_names_of_the_thesis() -> None:
     assert set(Bumpers(safety_distance=1.0, count=4).names) == {
         "left",
         "right",
@@ -150,7 +148,9 @@ def test_names_of_four_are_those_of_the_thesis() -> None:
 
 
 @given(st.lists(st.floats(0, 100), min_size=1, max_size=60), st.floats(0.001, 1))
-def test_a_share_of_the_ranges_is_no_farther(ranges: list[float], share: float) -> None:
+def test_quantile_is_the_range_that_a_share_of_beams_does_not_exceed(
+    ranges: list[float], share: float
+) -> None:
     values = np.array(ranges)
     distance = nearest_share(values, share)
     assert np.mean(values <= distance) >= share - 1e-9

@@ -1,4 +1,4 @@
-"""A robot that gets nowhere is noticed, and one that does something is not."""
+"""Detection of stuck robots."""
 
 import math
 

@@ -17,8 +17,8 @@ from radarsim.simulation.config import SimulationConfig
 HALF_DIAGONAL = 0.371  # m, of a P3AT
 
 
-class Untold(InProcessTransport):
-    """A link to a server that tells no start poses."""
+class NoStartPoses(InProcessTransport):
+    """A link to a server that announces no start poses."""
 
     def receive(self, timeout: float) -> bytes:
         while b"StartPoses" in (data := super().receive(timeout)):
@@ -26,30 +26,32 @@ class Untold(InProcessTransport):
         return data
 
 
-def mission(**wish: Any) -> Mission:
-    values = {"algorithm": Algorithm.BUG1, "goals": ((-7.0, 0.0),), **wish}
+def mission(**overrides: Any) -> Mission:
+    values = {"algorithm": Algorithm.BUG1, "goals": ((-7.0, 0.0),), **overrides}
     return Mission(**values)
 
 
-def first_pose(link: InProcessTransport, **wish: Any) -> Pose2:
-    """Give where the robot really is when it starts."""
+def first_pose(link: InProcessTransport, **overrides: Any) -> Pose2:
+    """Return the true pose of the robot at its start."""
     poses: list[Pose2] = []
 
     def look(_: NavigationStep) -> None:
         poses.append(link.host.simulation.vehicles[0].robot.pose)
 
     with Client(link) as client:
-        run_mission(client, mission(time_limit=0.1, **wish), look)
+        run_mission(client, mission(time_limit=0.1, **overrides), look)
     return poses[0]
 
 
-def run(scene: Scene, config: SimulationConfig | None = None, **wish: Any) -> Result:
+def run(
+    scene: Scene, config: SimulationConfig | None = None, **overrides: Any
+) -> Result:
     with Client(InProcessTransport(Host(scene, config=config))) as client:
-        return run_mission(client, mission(**wish))
+        return run_mission(client, mission(**overrides))
 
 
 @pytest.mark.parametrize(
-    ("wish", "expected"),
+    ("overrides", "expected"),
     [
         pytest.param({}, Pose2(-8.0, 0.0), id="the server's first"),
         pytest.param({"start": "RobotStart2"}, Pose2(-8.0, 3.5), id="a name"),
@@ -58,10 +60,10 @@ def run(scene: Scene, config: SimulationConfig | None = None, **wish: Any) -> Re
     ],
 )
 def test_start_pose_of_a_mission(
-    foliage_room: Scene, wish: dict[str, Any], expected: Pose2
+    foliage_room: Scene, overrides: dict[str, Any], expected: Pose2
 ) -> None:
     pose = first_pose(
-        InProcessTransport(Host(foliage_room)), safety_distance=0.5, **wish
+        InProcessTransport(Host(foliage_room)), safety_distance=0.5, **overrides
     )
     assert (pose.x, pose.y) == pytest.approx((expected.x, expected.y), abs=0.05)
     assert math.remainder(pose.yaw - expected.yaw, 2 * math.pi) == pytest.approx(
@@ -69,7 +71,7 @@ def test_start_pose_of_a_mission(
     )
 
 
-def test_a_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
+def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
     with pytest.raises(NavigationError, match="start 'Nowhere', expected one of"):
         run(empty_room, start="Nowhere")
 
@@ -77,7 +79,7 @@ def test_a_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> No
 def test_start_is_not_checked_if_the_server_announces_none(
     foliage_room: Scene,
 ) -> None:
-    pose = first_pose(Untold(Host(foliage_room)), start="RobotStart2")
+    pose = first_pose(NoStartPoses(Host(foliage_room)), start="RobotStart2")
     assert (pose.x, pose.y) == pytest.approx((-8.0, 3.5), abs=0.05)
 
 
@@ -86,7 +88,7 @@ def test_robot_that_does_not_spawn_is_an_error(empty_room: Scene) -> None:
         run(empty_room, robot_class="Submarine")
 
 
-def test_half_a_circle_leaves_bumpers_blind(empty_room: Scene) -> None:
+def test_half_circle_of_beams_leaves_bumpers_blind(empty_room: Scene) -> None:
     with pytest.raises(
         NavigationError,
         match="sees 180 degrees, so the bumpers back_left, back, back_right are blind",
@@ -94,12 +96,12 @@ def test_half_a_circle_leaves_bumpers_blind(empty_room: Scene) -> None:
         run(empty_room, robot_class="P3AT")
 
 
-def test_a_safety_distance_below_the_hull_is_an_error(empty_room: Scene) -> None:
+def test_safety_distance_below_the_hull_is_an_error(empty_room: Scene) -> None:
     with pytest.raises(NavigationError, match=r"expected at least 0\.371 m"):
         run(empty_room, safety_distance=0.36)
 
 
-def test_a_safety_distance_below_what_is_seen_into_foliage_is_an_error(
+def test_safety_distance_below_what_is_seen_into_foliage_is_an_error(
     empty_room: Scene,
 ) -> None:
     with pytest.raises(
@@ -134,7 +136,7 @@ def test_robot_turns_the_boundary_to_the_chosen_side(
     foliage_room: Scene, wall_on_left: bool, sign: int
 ) -> None:
     turns: list[float] = []
-    wish = mission(
+    plan = mission(
         goals=((8.0, 0.0),),
         start="RobotStart1",
         safety_distance=2.0,
@@ -142,5 +144,5 @@ def test_robot_turns_the_boundary_to_the_chosen_side(
         time_limit=30.0,
     )
     with Client(InProcessTransport(Host(foliage_room))) as client:
-        run_mission(client, wish, lambda moment: turns.append(moment.twist.turn))
-    assert max(turns, key=abs) * sign == pytest.approx(wish.speed_limits.turn)
+        run_mission(client, plan, lambda moment: turns.append(moment.twist.turn))
+    assert max(turns, key=abs) * sign == pytest.approx(plan.speed_limits.turn)

@@ -36,7 +36,7 @@ def moment(
 
 
 def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
-    """Let a bug drive in a flat world, and record it."""
+    """Run a bug in a flat world and log it."""
     settings = BugSettings(
         algorithm=algorithm, bumpers=BUMPERS, speed_limits=SpeedLimits(0.6, 1.5)
     )
@@ -77,14 +77,14 @@ def test_goal_reached_at_a_boundary_is_no_leave_point() -> None:
     assert run_log.rows[-1].goal_distance == 0
 
 
-def test_a_run_that_begins_at_an_obstacle_begins_with_a_hit_point() -> None:
+def test_run_that_starts_at_an_obstacle_starts_with_a_hit_point() -> None:
     run_log = RunLog()
     run_log.add(moment(0, 0, Activity.FOLLOWING))
     run_log.add(moment(1, 0, Activity.GOING))
     assert (run_log.hit_points, run_log.leave_points) == ([(0, 0)], [(1, 0)])
 
 
-def test_empty_log() -> None:
+def test_empty_log_has_no_rows() -> None:
     run_log = RunLog()
     assert (run_log.time, run_log.path_length, run_log.nearest) == (0.0, 0.0, math.inf)
     assert run_log.path.shape == (0, 2)

@@ -27,52 +27,52 @@ ALWAYS, NEVER = 0.0, math.inf
 
 
 @dataclass
-class Ill:
-    """A link to a host, with something wrong for a while.
+class FaultyTransport:
+    """A link to a host that has a fault for some time.
 
     Attributes:
         host: The server.
-        fault: ``stalls``: all comes late; ``drops``: the connection is gone; else: no
-            lines come that hold this.
-        since: From when on, simulated s.
-        until: Until when.
-        driven: When DRIVE was sent, and what.
-        deaf: Whether no DRIVE arrives.
-        rewrite: What is made of all that comes, last.
+        fault: ``stalls``: all data is late; ``drops``: the connection is lost; else:
+            lines that contain this are removed.
+        since: Start of the fault, simulated s.
+        until: End of the fault, simulated s.
+        driven: Time and content of each DRIVE command.
+        deaf: Whether DRIVE commands are lost.
+        rewrite: Changes the data that arrives, last.
     """
 
     host: Host
     fault: str | bytes = "nothing"
     since: float = NEVER
     until: float = NEVER
-    deaf: bool = False
-    driven: list[tuple[float, Drive]] = field(default_factory=list)
+    ignores_drive: bool = False
+    drive_commands: list[tuple[float, Drive]] = field(default_factory=list)
     rewrite: Callable[[bytes], bytes] = bytes
 
     def __post_init__(self) -> None:
         self._link = InProcessTransport(self.host)
-        self._kept = b""
+        self._held = b""
 
     @property
-    def is_ill(self) -> bool:
+    def is_faulty(self) -> bool:
         return self.since <= self.time() < self.until
 
     def time(self) -> float:
         return self.host.simulation.time
 
     def send(self, data: bytes) -> None:
-        if self.fault == "drops" and self.is_ill:
+        if self.fault == "drops" and self.is_faulty:
             raise ConnectionError("the server closed the connection")
         command = parse_command(data.decode().strip(), COMPAT).command
         if isinstance(command, Drive):
-            self.driven.append((self.time(), command))
-        if not (self.deaf and isinstance(command, Drive)):
+            self.drive_commands.append((self.time(), command))
+        if not (self.ignores_drive and isinstance(command, Drive)):
             self._link.send(data)
 
     def receive(self, timeout: float) -> bytes:
         end = self.time() + max(timeout, TICK)
         while self.time() < end - TICK / 2:
-            if self.fault == "drops" and self.is_ill:
+            if self.fault == "drops" and self.is_faulty:
                 self._link.close()
                 raise ConnectionError("the server closed the connection")
             self.host.step()
@@ -82,13 +82,13 @@ class Ill:
         raise TimeoutError
 
     def _passing(self, data: bytes) -> bytes:
-        if isinstance(self.fault, bytes) and self.is_ill:
+        if isinstance(self.fault, bytes) and self.is_faulty:
             lines = data.splitlines(keepends=True)
             return b"".join(line for line in lines if self.fault not in line)
-        if self.fault == "stalls" and self.is_ill:
-            self._kept += data
+        if self.fault == "stalls" and self.is_faulty:
+            self._held += data
             return b""
-        data, self._kept = self._kept + data, b""
+        data, self._held = self._held + data, b""
         return data
 
     def close(self) -> None:
@@ -96,39 +96,43 @@ class Ill:
 
     @property
     def pose(self) -> Pose2:
-        """Where the robot really is."""
+        """True pose of the robot."""
         return self.host.simulation.vehicles[0].robot.pose
 
 
-def go(link: Ill, observe: Callable[[NavigationStep], None] = lambda _: None) -> Result:
+def go(
+    link: FaultyTransport, observe: Callable[[NavigationStep], None] = lambda _: None
+) -> Result:
     return go_with(link, observe=observe)
 
 
 def go_with(
-    link: Ill,
+    link: FaultyTransport,
     *,
     observe: Callable[[NavigationStep], None] = lambda _: None,
-    **wish: object,
+    **overrides: object,
 ) -> Result:
-    values = {"algorithm": Algorithm.BUG2, "goals": (GOAL,), **wish}
+    values = {"algorithm": Algorithm.BUG2, "goals": (GOAL,), **overrides}
     mission = Mission(**values)  # type: ignore[arg-type]
     return run_mission(Client(link), mission, observe)
 
 
-def stops(link: Ill) -> list[float]:
-    return [when for when, drive in link.driven if drive.left == drive.right == 0]
+def stops(link: FaultyTransport) -> list[float]:
+    return [
+        when for when, drive in link.drive_commands if drive.left == drive.right == 0
+    ]
 
 
 @pytest.mark.parametrize("pose_source", list(PoseSource))
 def test_goal_is_reached_by_any_pose_source(
     empty_room: Scene, pose_source: PoseSource
 ) -> None:
-    link = Ill(Host(empty_room))
+    link = FaultyTransport(Host(empty_room))
     moments: list[NavigationStep] = []
     result = go_with(link, pose_source=pose_source, observe=moments.append)
     assert (result.outcome, result.goals_left) == ("reached", 0)
     assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
-    assert stops(link) == [link.driven[-1][0]]
+    assert stops(link) == [link.drive_commands[-1][0]]
     assert result.path_length == pytest.approx(math.dist((-8, 0), GOAL), abs=0.3)
     assert result.time == pytest.approx((len(moments) - 1) * 0.1, abs=1e-6)
     assert moments[-1].activity is Activity.REACHED
@@ -138,7 +142,7 @@ def test_goal_is_reached_by_any_pose_source(
 
 
 def test_navigator_reaches_waypoints_in_turn(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room))
+    link = FaultyTransport(Host(empty_room))
     points = ((-7.0, 0.0), (-7.0, 1.5), GOAL)
     seen: list[object] = []
     result = go_with(
@@ -151,7 +155,7 @@ def test_navigator_reaches_waypoints_in_turn(empty_room: Scene) -> None:
 def test_robot_is_stopped_if_the_server_pauses_for_three_seconds(
     empty_room: Scene,
 ) -> None:
-    link = Ill(Host(empty_room), "stalls", since=3.0, until=6.0)
+    link = FaultyTransport(Host(empty_room), "stalls", since=3.0, until=6.0)
     with pytest.raises(ClientError) as error:
         go(link)
     assert str(error.value) == (
@@ -165,17 +169,17 @@ def test_robot_is_stopped_if_the_server_pauses_for_three_seconds(
 
 
 def test_run_goes_on_after_a_pause_shorter_than_the_timeout(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room), "stalls", since=3.0, until=6.0)
+    link = FaultyTransport(Host(empty_room), "stalls", since=3.0, until=6.0)
     result = go_with(link, timeout=5.0)
     assert result.outcome == "reached"
     stopped = stops(link)[0]
     assert 3.4 < stopped < 3.7
-    assert not [when for when, _ in link.driven if stopped < when < 6.0]
+    assert not [when for when, _ in link.drive_commands if stopped < when < 6.0]
     assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
 
 
 def test_dropped_connection_is_an_error(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room), "drops", since=3.0)
+    link = FaultyTransport(Host(empty_room), "drops", since=3.0)
     with pytest.raises(ClientError, match="the server closed the connection"):
         go(link)
     assert not link.host.simulation.vehicles  # it takes the robot with it
@@ -184,7 +188,7 @@ def test_dropped_connection_is_an_error(empty_room: Scene) -> None:
 def test_robot_is_stopped_if_no_more_scans_arrive(
     empty_room: Scene,
 ) -> None:
-    link = Ill(Host(empty_room), SCANS, since=3.0)
+    link = FaultyTransport(Host(empty_room), SCANS, since=3.0)
     with pytest.raises(ClientError) as error:
         go(link)
     assert re.fullmatch(
@@ -196,14 +200,14 @@ def test_robot_is_stopped_if_no_more_scans_arrive(
 
 
 def test_missing_scans_are_reported(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room), b"{Range ", since=ALWAYS)
+    link = FaultyTransport(Host(empty_room), b"{Range ", since=ALWAYS)
     with pytest.raises(ClientError, match="no scan of 'lms200' within 2 s"):
         go(link)
-    assert all(drive.left == drive.right == 0 for _, drive in link.driven)
+    assert all(drive.left == drive.right == 0 for _, drive in link.drive_commands)
 
 
 def test_robot_without_scanner_is_an_error(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room), SCANS, since=ALWAYS)
+    link = FaultyTransport(Host(empty_room), SCANS, since=ALWAYS)
     with pytest.raises(ClientError, match="expected a scanner"):
         go(link)
 
@@ -219,7 +223,7 @@ def test_robot_without_scanner_is_an_error(empty_room: Scene) -> None:
 def test_missing_poses_are_reported(
     empty_room: Scene, pose_source: PoseSource, line: bytes
 ) -> None:
-    link = Ill(Host(empty_room), line, since=ALWAYS)
+    link = FaultyTransport(Host(empty_room), line, since=ALWAYS)
     with pytest.raises(
         ClientError, match=f"no pose from {pose_source.value} within 2 s"
     ):
@@ -227,22 +231,22 @@ def test_missing_poses_are_reported(
 
 
 def test_stuck_robot_is_an_error(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room), deaf=True)
+    link = FaultyTransport(Host(empty_room), ignores_drive=True)
     with pytest.raises(NavigationError, match=r"stays at -8\.00 0\.00, told to go 3 m"):
         go(link)
-    assert stops(link) == [link.driven[-1][0]]
+    assert stops(link) == [link.drive_commands[-1][0]]
 
 
 def test_time_is_limited(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room))
+    link = FaultyTransport(Host(empty_room))
     result = go_with(link, time_limit=2.0)
     assert (result.outcome, result.goals_left) == ("failed", 1)
     assert result.time == pytest.approx(2.1)
-    assert stops(link) == [link.driven[-1][0]]
+    assert stops(link) == [link.drive_commands[-1][0]]
 
 
 def test_robot_is_stopped_after_any_error(empty_room: Scene) -> None:
-    link = Ill(Host(empty_room))
+    link = FaultyTransport(Host(empty_room))
 
     def interrupt(moment: NavigationStep) -> None:
         if moment.observation.time > 2.0:
@@ -250,7 +254,7 @@ def test_robot_is_stopped_after_any_error(empty_room: Scene) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         go(link, interrupt)
-    assert stops(link) == [link.driven[-1][0]]
+    assert stops(link) == [link.drive_commands[-1][0]]
 
 
 def without_stamps(data: bytes) -> bytes:
@@ -274,7 +278,7 @@ STAMPS = pytest.mark.parametrize(
 def test_time_is_limited_at_a_server_without_a_clock(
     empty_room: Scene, rewrite: Callable[[bytes], bytes]
 ) -> None:
-    link = Ill(Host(empty_room), rewrite=rewrite)
+    link = FaultyTransport(Host(empty_room), rewrite=rewrite)
     moments: list[NavigationStep] = []
     result = go_with(link, time_limit=2.0, observe=moments.append)
     assert result.outcome == "failed"
@@ -286,7 +290,7 @@ def test_time_is_limited_at_a_server_without_a_clock(
 def test_stuck_robot_is_an_error_at_a_server_without_a_clock(
     empty_room: Scene, rewrite: Callable[[bytes], bytes]
 ) -> None:
-    link = Ill(Host(empty_room), deaf=True, rewrite=rewrite)
+    link = FaultyTransport(Host(empty_room), ignores_drive=True, rewrite=rewrite)
     with pytest.raises(NavigationError, match="told to go 3 m"):
         go_with(link, time_limit=60.0)
 
@@ -297,17 +301,17 @@ def test_scanner_names_ignore_case(empty_room: Scene) -> None:
     def rewrite(data: bytes) -> bytes:
         return data.replace(b"lms200", b"LMS200") if seen else data
 
-    link = Ill(Host(empty_room), rewrite=rewrite)
+    link = FaultyTransport(Host(empty_room), rewrite=rewrite)
     assert go_with(link, observe=seen.append).outcome == "reached"
 
 
-def test_a_scan_that_lost_most_of_its_beams_is_refused(empty_room: Scene) -> None:
+def test_scan_that_lost_most_of_its_beams_is_refused(empty_room: Scene) -> None:
     seen: list[NavigationStep] = []
 
     def rewrite(data: bytes) -> bytes:
         return re.sub(rb"\{Range [^}]*\}", b"{Range 5,5}", data) if seen else data
 
-    link = Ill(Host(empty_room), rewrite=rewrite)
+    link = FaultyTransport(Host(empty_room), rewrite=rewrite)
     with pytest.raises(ClientError, match=r"scan of 2 ranges from .*, expected \d+$"):
         go_with(link, observe=seen.append)
-    assert stops(link) == [link.driven[-1][0]]
+    assert stops(link) == [link.drive_commands[-1][0]]

@@ -31,7 +31,9 @@ MODES = [
 
 def alongside(mode: FollowMode, *, distance: float) -> Pose2:
     """A pose beside a boundary at y = 0 that is above the robot."""
-    facing_east = mode.wall_on_left  # the boundary's hand, whatever the way along
+    facing_east = (
+        mode.wall_on_left
+    )  # the boundary's side, for either direction along it
     return Pose2(0.0, -distance, 0.0 if facing_east else math.pi)
 
 
@@ -93,7 +95,7 @@ def test_path_around_an_obstacle_is_its_boundary_offset_outward(
     assert inner.area < closed.area
 
 
-def test_lost_boundary_is_sought_on_its_side(flatland: World) -> None:
+def test_lost_boundary_is_searched_for_on_its_side(flatland: World) -> None:
     world = flatland(at=Pose2(0.0, 0.0))
     for mode in (
         FollowMode(),
@@ -127,7 +129,7 @@ def test_walled_in_follower_turns_on_the_spot(flatland: World) -> None:
     assert world.nearest > 0.4
 
 
-def test_the_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
+def test_tangent_is_the_direction_along_the_boundary(flatland: World) -> None:
     wall = shapely.box(-9, 0, 9, 1)
     for mode, expected in (
         (FollowMode(), 0.0),

@@ -60,7 +60,7 @@ def test_transmission_of_a_bare_ball_agrees_with_its_closed_form(
     assert measured == pytest.approx(transmission_of_ball(2 * density), abs=FACETS)
 
 
-def test_the_closed_form_is_the_integral_over_the_disc() -> None:
+def test_closed_form_is_the_integral_over_the_disc() -> None:
     out = np.sqrt((np.arange(100_000) + 0.5) / 100_000)
     chords = np.sqrt(1 - out**2)
     for opacity in (0.2, 0.999, 1.0, 1.4, 5.0):
@@ -68,7 +68,7 @@ def test_the_closed_form_is_the_integral_over_the_disc() -> None:
         assert transmission_of_ball(opacity) == pytest.approx(wanted, abs=1e-6)
 
 
-def test_nothing_gets_through_wood() -> None:
+def test_wood_transmits_nothing() -> None:
     vertices, faces = cylinder(0.5, 4.0)
     part = Part("trunk", Material("wood"), vertices + CENTRE, faces)
     measured = transmission([part], rays_at(1.0))
@@ -112,7 +112,7 @@ def test_all_shapes_of_a_shrub_have_the_same_transmission(
     assert target_transmission(SHRUB) == pytest.approx(1 / (3 * 1.4**2))
 
 
-def test_finer_shapes_spread_the_places_where_rays_are_spent(
+def test_finer_shapes_spread_the_points_where_rays_are_spent(
     compared: list[Comparison],
 ) -> None:
     spreads = [each.ranges.statistics() for each in compared]

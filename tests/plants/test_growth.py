@@ -107,7 +107,7 @@ def test_bark_is_closed_tubes_oriented_outward(parameters: PlantParameters) -> N
 
 
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -2, 3)])
-def test_a_tube_has_the_volume_of_its_frustum_and_its_tip(
+def test_tube_has_the_volume_of_its_frustum_and_its_tip(
     direction: tuple[float, float, float],
 ) -> None:
     along = np.array(direction) / np.linalg.norm(direction)
@@ -118,7 +118,7 @@ def test_a_tube_has_the_volume_of_its_frustum_and_its_tip(
     assert volumes(vertices, faces) == pytest.approx([frustum + tip], rel=1e-3)
 
 
-def test_a_ball_lies_on_its_sphere_and_fills_most_of_it() -> None:
+def test_ball_lies_on_its_sphere_and_fills_most_of_it() -> None:
     centre = np.array([1.0, 2.0, 3.0])
     vertices, faces = ball(centre, 0.25)
     assert np.linalg.norm(vertices - centre, axis=1) == pytest.approx(0.25)

@@ -14,7 +14,7 @@ from radarsim.scene.scene import Part
 from radarsim.scene.topology import is_closed, label_components
 
 
-def test_the_wood_of_all_shapes_is_the_same() -> None:
+def test_wood_of_all_shapes_is_the_same() -> None:
     shrubs = make_shrubs(3)
     assert tuple(shrubs) == SHAPES
     first, *others = (plant.pieces[WOOD] for plant in shrubs.values())

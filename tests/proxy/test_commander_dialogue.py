@@ -1,7 +1,7 @@
-"""UsarCommander drives and maps through the tap; nobody can tell, but for the map.
+"""UsarCommander drives through the proxy, which maps and changes no byte.
 
-Client and server take turns over real sockets, so that what either says is the same in
-every run: with a tap between them, and without one.
+Client and server take turns over real sockets, so that the bytes are the same in
+every run: with a proxy between them, and without one.
 """
 
 import asyncio
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
     from tests.dialogues import test_usarcommander as usarcommander
 
 LEGS = ((1, 0, 0), (1, 0, 1.5), (3, 4, 0.2))
-PATIENCE = 5.0  # s
-STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
-CONDITIONS = SimulationConfig(item_settings={"InsTest": STILL})
+TIMEOUT = 5.0  # s
+NOISELESS = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
+CONDITIONS = SimulationConfig(item_settings={"InsTest": NOISELESS})
 
 Address = tuple[str, int]
 
 
 @cache
-def stand_in() -> Any:
-    """Give the module of the stand-in for UsarCommander, which is itself a test."""
+def client_module() -> Any:
+    """Return the module of the stand-in for UsarCommander, which is itself a test."""
     path = Path(__file__).parents[1] / "dialogues" / "test_usarcommander.py"
     name = "stand_in_for_usarcommander"
     spec = importlib.util.spec_from_file_location(name, path)
@@ -57,7 +57,7 @@ def stand_in() -> Any:
 
 
 class Recorder(Host):
-    """Writes down what it hears and says, by connection."""
+    """Records the data of both directions, by connection."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene, config=CONDITIONS, seed=7)
@@ -99,7 +99,7 @@ class World:
         self._thread.start()
 
     def run(self, coroutine: Any) -> Any:
-        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(PATIENCE)
+        return asyncio.run_coroutine_threadsafe(coroutine, self.loop).result(TIMEOUT)
 
     async def tick(self) -> None:
         self.server.tick()
@@ -123,7 +123,7 @@ class Transport:
         self.got = b""
         self.inbox = b""
         self.index = len(world.host.said)
-        self.socket = socket.create_connection(world.address, PATIENCE)
+        self.socket = socket.create_connection(world.address, TIMEOUT)
         world.links.append(self)
         self._wait(lambda: len(world.host.said) > self.index)
         self._arrive()
@@ -162,22 +162,22 @@ class Transport:
         self._arrive()
 
     def _arrive(self) -> None:
-        """Wait for all that the server has said."""
+        """Wait for all that the server has sent."""
         self.world.run(asyncio.sleep(0))  # what it does about what it heard is done
         while len(self.got) < len(self.world.host.said[self.index]):
             data = self.socket.recv(65536)
             self.got += data
             self.inbox += data
 
-    def _wait(self, is_so: Callable[[], bool]) -> None:
-        until = time.monotonic() + PATIENCE
-        while not is_so():
+    def _wait(self, condition: Callable[[], bool]) -> None:
+        until = time.monotonic() + TIMEOUT
+        while not condition():
             assert time.monotonic() < until
             time.sleep(0.0001)
 
 
-class Played(NamedTuple):
-    """One dialogue: what each side said and heard, by connection, and the client."""
+class Dialogue(NamedTuple):
+    """One dialogue: the data of each side, by connection, and the client."""
 
     said: list[bytes]
     heard: list[bytes]
@@ -201,51 +201,51 @@ def running(scene: Scene) -> Iterator[World]:
 
 @contextmanager
 def tapped(world: World, listener: TrafficObserver) -> Iterator[None]:
-    tap = TcpProxy(world.server.address, listener.add_data)
-    world.run(tap.start())
-    world.address = tap.address
+    proxy = TcpProxy(world.server.address, listener.add_data)
+    world.run(proxy.start())
+    world.address = proxy.address
     listener.start()
     try:
         yield
     finally:
-        world.run(tap.stop())
+        world.run(proxy.stop())
         listener.finish()
 
 
-def play(world: World) -> Played:
-    _, commander = stand_in().dialogue(world.connect, LEGS)
+def play(world: World) -> Dialogue:
+    _, commander = client_module().dialogue(world.connect, LEGS)
     commander.link.close()
     host, links = world.host, world.links
     got, sent = [link.got for link in links], [link.sent for link in links]
-    return Played(host.said, host.heard, got, sent, commander)
+    return Dialogue(host.said, host.heard, got, sent, commander)
 
 
 class Mapping:
-    """Makes a map of what is overheard."""
+    """Makes a map of the observed traffic."""
 
     def __init__(self) -> None:
-        self.overheard: ConnectionState | None = None
+        self.connection: ConnectionState | None = None
         self.mapper: Mapper | None = None
 
-    def begin(self, overheard: ConnectionState, scanner: str) -> Mapper:
-        facts = overheard.scanner(scanner)
+    def begin(self, connection: ConnectionState, scanner: str) -> Mapper:
+        facts = connection.scanner(scanner)
         assert facts is not None
         assert facts.mount == Pose3(0.2085, 0.0, 0.2)
         assert facts.max_range == 80.0
-        assert not overheard.asks_for_echoes(scanner)
-        self.overheard = overheard
+        assert not connection.asks_for_echoes(scanner)
+        self.connection = connection
         self.mapper = Mapper(facts, MapperSettings(echo_wait=0.0))
         return self.mapper
 
 
 @pytest.fixture(scope="module")
-def direct(empty_room: Scene) -> Played:
+def direct(empty_room: Scene) -> Dialogue:
     with running(empty_room) as world:
         return play(world)
 
 
 def test_proxy_changes_no_byte_and_observer_maps(
-    empty_room: Scene, direct: Played
+    empty_room: Scene, direct: Dialogue
 ) -> None:
     mapping = Mapping()
     listener = TrafficObserver(
@@ -266,13 +266,13 @@ def test_proxy_changes_no_byte_and_observer_maps(
 def assert_mapped(
     mapping: Mapping, commander: "usarcommander.Commander", listener: TrafficObserver
 ) -> None:
-    overheard, mapper = mapping.overheard, mapping.mapper
+    connection, mapper = mapping.connection, mapping.mapper
     assert listener.error is None
-    assert overheard is not None
+    assert connection is not None
     assert mapper is not None
-    assert overheard.number == 3
-    assert overheard.robot is not None
-    assert (overheard.robot.class_name, overheard.robot.name) == ("P3AT", "Rob")
+    assert connection.number == 3
+    assert connection.robot is not None
+    assert (connection.robot.class_name, connection.robot.name) == ("P3AT", "Rob")
     assert len(mapper.trajectory) == commander.scans
     x, y, _ = commander.pose
     pose = mapper.trajectory.poses[-1]
@@ -280,12 +280,12 @@ def assert_mapped(
     assert mapper.grid.sensed(-5.0, 0.0)
     across, up = np.meshgrid(*mapper.grid.frame.cell_centers())
     walls = mapper.grid.classes() == CellClass.OBSTACLE
-    off = stand_in().wall_errors(np.column_stack([across[walls], up[walls]]))
+    off = client_module().wall_errors(np.column_stack([across[walls], up[walls]]))
     assert np.mean(off < 0.13) > 0.95  # two cells and a half
 
 
 def test_map_equals_that_of_what_the_client_received(
-    empty_room: Scene, direct: Played
+    empty_room: Scene, direct: Dialogue
 ) -> None:
     mapping = Mapping()
     listener = TrafficObserver(

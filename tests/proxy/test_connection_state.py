@@ -1,4 +1,4 @@
-"""What a listener knows of a scanner, by what was asked and by what it was given."""
+"""The state of a connection, from its lines and from defaults."""
 
 import math
 from collections.abc import Callable
@@ -28,42 +28,42 @@ OPEN = "1.00,20.00,20.00,20.00,20.00"
 
 
 @pytest.fixture
-def overheard() -> ConnectionState:
+def connection() -> ConnectionState:
     return ConnectionState(7)
 
 
-def test_before_a_scan_nothing_is_known_of_its_scanner(
-    overheard: ConnectionState, scan_line: ScanLine
+def test_scanner_is_unknown_before_its_first_scan(
+    connection: ConnectionState, scan_line: ScanLine
 ) -> None:
-    overheard.receive_server_line(GEO)
-    overheard.receive_server_line(CONF)
-    assert overheard.scanner() is None
-    overheard.receive_server_line(scan_line(1))
-    assert overheard.scanner("another") is None
+    connection.receive_server_line(GEO)
+    connection.receive_server_line(CONF)
+    assert connection.scanner() is None
+    connection.receive_server_line(scan_line(1))
+    assert connection.scanner("another") is None
 
 
-def test_answers_of_the_server_outweigh_defaults(
-    overheard: ConnectionState, scan_line: ScanLine
+def test_answers_of_the_server_override_defaults(
+    connection: ConnectionState, scan_line: ScanLine
 ) -> None:
     given = ScannerDefaults(Pose3(9, 9, 9), 5.0)
-    overheard.receive_server_line(scan_line(1))
-    assert not overheard.is_described("lms200")
-    overheard.receive_server_line(GEO)
-    assert not overheard.is_described("lms200")
-    overheard.receive_server_line(CONF)
-    assert overheard.is_described("lms200")
-    scanner = overheard.scanner(defaults=given)
+    connection.receive_server_line(scan_line(1))
+    assert not connection.is_described("lms200")
+    connection.receive_server_line(GEO)
+    assert not connection.is_described("lms200")
+    connection.receive_server_line(CONF)
+    assert connection.is_described("lms200")
+    scanner = connection.scanner(defaults=given)
     assert scanner is not None
     assert scanner.mount == Pose3(0.2085, -0.1, 0.2, yaw=-0.5)
     assert (scanner.min_range, scanner.max_range) == (0.1, 80.0)
     assert (scanner.name, scanner.beams) == ("lms200", 3)
 
 
-def test_defaults_fill_what_nobody_asks_for(
-    overheard: ConnectionState, scan_line: ScanLine
+def test_defaults_replace_answers_that_were_not_requested(
+    connection: ConnectionState, scan_line: ScanLine
 ) -> None:
-    overheard.receive_server_line(scan_line(1, OPEN))
-    scanner = overheard.scanner("lms200", ScannerDefaults(MOUNT, 5.0))
+    connection.receive_server_line(scan_line(1, OPEN))
+    scanner = connection.scanner("lms200", ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount, scanner.max_range) == (MOUNT, 5.0)
     assert (scanner.min_range, scanner.beams) == (0.0, 5)
@@ -71,11 +71,11 @@ def test_defaults_fill_what_nobody_asks_for(
 
 
 def test_defaults_complete_half_of_the_answers(
-    overheard: ConnectionState, scan_line: ScanLine
+    connection: ConnectionState, scan_line: ScanLine
 ) -> None:
-    overheard.receive_server_line(scan_line(1))
-    overheard.receive_server_line(GEO)
-    scanner = overheard.scanner(defaults=ScannerDefaults(MOUNT, 5.0))
+    connection.receive_server_line(scan_line(1))
+    connection.receive_server_line(GEO)
+    scanner = connection.scanner(defaults=ScannerDefaults(MOUNT, 5.0))
     assert scanner is not None
     assert (scanner.mount.x, scanner.max_range) == (0.2085, 5.0)
 
@@ -89,48 +89,48 @@ def test_defaults_complete_half_of_the_answers(
     ],
 )
 def test_largest_shared_range_is_the_maximum_range(
-    overheard: ConnectionState, scan_line: ScanLine, ranges: list[str], limit: float
+    connection: ConnectionState, scan_line: ScanLine, ranges: list[str], limit: float
 ) -> None:
     for k, text in enumerate(ranges):
-        overheard.receive_server_line(scan_line(k, text))
-    scanner = overheard.scanner()
+        connection.receive_server_line(scan_line(k, text))
+    scanner = connection.scanner()
     assert scanner is not None
     assert (scanner.mount, scanner.max_range) == (Pose3(0, 0, 0), limit)
 
 
-def test_the_scanner_that_scans_first_is_the_one(
-    overheard: ConnectionState, scan_line: ScanLine
+def test_scanner_with_the_first_scan_is_selected(
+    connection: ConnectionState, scan_line: ScanLine
 ) -> None:
     for name in ("second", "first", "second"):
-        overheard.receive_server_line(scan_line(1, name=name))
-    names = [s.name for s in (overheard.scanner(), overheard.scanner("first")) if s]
+        connection.receive_server_line(scan_line(1, name=name))
+    names = [s.name for s in (connection.scanner(), connection.scanner("first")) if s]
     assert names == ["second", "first"]
 
 
-def test_lines_are_parsed(overheard: ConnectionState, scan_line: ScanLine) -> None:
+def test_lines_are_parsed(connection: ConnectionState, scan_line: ScanLine) -> None:
     truth = "SEN {Type GroundTruth} {Name t} {Location 1,2,3} {Orientation 0,0,0}"
-    assert isinstance(overheard.receive_server_line(scan_line(1)), RangeScan)
-    said = overheard.receive_server_line(truth)
+    assert isinstance(connection.receive_server_line(scan_line(1)), RangeScan)
+    said = connection.receive_server_line(truth)
     assert isinstance(said, GroundTruth)
     assert (said.time, said.pose) == (1.0, Pose3(1, -2, -3))
-    assert overheard.receive_server_line("SEN {Type Sonar} {Name s}") is None
-    assert overheard.receive_server_line("\xff{{") is None
-    assert overheard.session.unread == 2
-    assert overheard.receive_client_line("getstartposes") == GetStartPoses()
-    assert overheard.receive_client_line("DRIVE {Left 1} {Right 2}") == Drive(1.0, 2.0)
-    assert overheard.receive_client_line("DRIVE {Left x}") is None
-    assert overheard.skipped_lines == 1
+    assert connection.receive_server_line("SEN {Type Sonar} {Name s}") is None
+    assert connection.receive_server_line("\xff{{") is None
+    assert connection.session.unread == 2
+    assert connection.receive_client_line("getstartposes") == GetStartPoses()
+    assert connection.receive_client_line("DRIVE {Left 1} {Right 2}") == Drive(1.0, 2.0)
+    assert connection.receive_client_line("DRIVE {Left x}") is None
+    assert connection.skipped_lines == 1
 
 
 def test_robot_is_that_of_the_init_command(
-    overheard: ConnectionState,
+    connection: ConnectionState,
 ) -> None:
-    overheard.receive_client_line("INIT {ClassName USARBot.P3AT} {Name Rob} {Start A}")
-    assert overheard.robot == Init("P3AT", "Rob", "A")
-    assert overheard.geometry is None
-    overheard.receive_server_line(ROBOT)
-    assert overheard.geometry is not None
-    assert overheard.geometry.dimensions == (0.552, 0.497, 0.46)
+    connection.receive_client_line("INIT {ClassName USARBot.P3AT} {Name Rob} {Start A}")
+    assert connection.robot == Init("P3AT", "Rob", "A")
+    assert connection.geometry is None
+    connection.receive_server_line(ROBOT)
+    assert connection.geometry is not None
+    assert connection.geometry.dimensions == (0.552, 0.497, 0.46)
 
 
 @pytest.mark.parametrize(
@@ -152,16 +152,16 @@ def test_robot_is_that_of_the_init_command(
         ),
     ],
 )
-def test_echoes_are_expected_of_a_scanner_that_was_told_to_send_them(
-    overheard: ConnectionState, orders: list[str], echoes: bool
+def test_echoes_are_expected_after_they_were_enabled(
+    connection: ConnectionState, orders: list[str], echoes: bool
 ) -> None:
-    overheard.receive_client_line("SET {Type INS} {Opcode ECHOES} {Params true}")
+    connection.receive_client_line("SET {Type INS} {Opcode ECHOES} {Params true}")
     for order in orders:
-        overheard.receive_client_line(f"SET {{Type RangeScanner}} {order}")
-    assert overheard.asks_for_echoes("LMS200") is echoes
+        connection.receive_client_line(f"SET {{Type RangeScanner}} {order}")
+    assert connection.asks_for_echoes("LMS200") is echoes
 
 
-def test_names_are_the_same_in_any_case(scan_line: ScanLine) -> None:
+def test_names_ignore_case(scan_line: ScanLine) -> None:
     heard = ConnectionState(1)
     heard.receive_server_line(
         "GEO {Type RangeScanner} {Name LMS200 Location 0.2,0,0 Orientation 0,0,0"

@@ -29,7 +29,7 @@ ECHO_LINE = "SEN {Time 1.00} {Type Echoes} {Name lms200} {Line 1}"
         pytest.param("client", SCAN_LINE, None, id="said by a client"),
     ],
 )
-def test_a_line_is_of_a_scan_by_its_type(
+def test_lines_of_scans_are_recognised_by_their_type(
     side: Side, text: str, part: ScanPart | None
 ) -> None:
     line = classify_line(3, side, text)
@@ -60,9 +60,7 @@ def texts(lines: list[Line]) -> list[str]:
 
 
 @given(st.lists(WORDS, max_size=5), st.lists(st.integers(0, 80), max_size=6))
-def test_lines_are_whole_however_they_were_cut(
-    words: list[str], cuts: list[int]
-) -> None:
+def test_lines_are_complete_for_any_chunks(words: list[str], cuts: list[int]) -> None:
     data = "".join(f"{word}\r\n" for word in words).encode("latin-1")
     places = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
     backlog = LineQueue()
@@ -71,7 +69,7 @@ def test_lines_are_whole_however_they_were_cut(
     assert texts(drain(backlog)) == words
 
 
-def test_both_sides_and_all_connections_have_lines_of_their_own() -> None:
+def test_lines_are_separate_for_each_side_and_connection() -> None:
     backlog = LineQueue()
     backlog.put(1, "client", b"GETSTART")
     backlog.put(1, "server", b"NFO {Level a}\r\nSTA")
@@ -84,7 +82,7 @@ def test_both_sides_and_all_connections_have_lines_of_their_own() -> None:
     ]
 
 
-def test_an_endless_line_is_left_out_and_the_next_is_heard() -> None:
+def test_endless_line_is_dropped_and_the_next_is_read() -> None:
     backlog = LineQueue()
     put(backlog, "STA {Time 1}", "x" * 70_000, "STA {Time 2}")
     assert texts(drain(backlog))[0] == "STA {Time 1}"
@@ -96,7 +94,9 @@ def test_an_endless_line_is_left_out_and_the_next_is_heard() -> None:
 
 
 @given(st.lists(st.sampled_from(["scan", "echoes", "status"]), max_size=40))
-def test_the_newest_scans_stay_with_their_echoes_and_all_else(kinds: list[str]) -> None:
+def test_newest_scans_with_their_echoes_and_other_lines_are_kept(
+    kinds: list[str],
+) -> None:
     made = {"scan": SCAN, "echoes": ECHOES, "status": STATUS}
     lines = [made[kind].format(k) for k, kind in enumerate(kinds)]
     backlog = LineQueue(max_scans=3)

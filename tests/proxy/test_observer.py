@@ -29,17 +29,17 @@ def pose(time: float) -> str:
     )
 
 
-class Made:
-    """Keeps what it takes, and how it was begun."""
+class RecordingConsumer:
+    """Records the reports and the scanners that it was started with."""
 
     def __init__(self) -> None:
-        self.begun: list[tuple[int, str]] = []
+        self.started: list[tuple[int, str]] = []
         self.times: list[float] = []
         self.max_range = math.nan
 
-    def begin(self, overheard: ConnectionState, scanner: str) -> "Made":
-        self.begun.append((overheard.number, scanner))
-        facts = overheard.scanner(scanner)
+    def begin(self, connection: ConnectionState, scanner: str) -> "RecordingConsumer":
+        self.started.append((connection.number, scanner))
+        facts = connection.scanner(scanner)
         assert facts is not None
         self.max_range = facts.max_range
         return self
@@ -50,95 +50,99 @@ class Made:
 
 
 @pytest.fixture
-def made() -> Made:
-    return Made()
+def consumer() -> RecordingConsumer:
+    return RecordingConsumer()
 
 
-def report(choice: RobotSelector, overheard: ConnectionState, *lines: str) -> None:
+def report(selector: RobotSelector, connection: ConnectionState, *lines: str) -> None:
     for line in lines:
-        parsed = overheard.receive_server_line(line)
+        parsed = connection.receive_server_line(line)
         if parsed is not None:
-            choice.take(overheard, parsed)
+            selector.take(connection, parsed)
 
 
-def test_the_first_connection_with_scans_is_followed_and_no_other(
-    made: Made, scan_line: ScanLine
+def test_only_the_first_connection_with_scans_is_observed(
+    consumer: RecordingConsumer, scan_line: ScanLine
 ) -> None:
-    choice = RobotSelector(made.begin)
+    selector = RobotSelector(consumer.begin)
     probe, robot, late = ConnectionState(1), ConnectionState(2), ConnectionState(3)
-    report(choice, probe, "NFO {Level a}", pose(50))
-    report(choice, robot, pose(1), pose(2))
-    assert choice.chosen is None
-    report(choice, robot, scan_line(3))
-    assert choice.chosen is robot
-    report(choice, late, scan_line(60), GEO, CONF)
-    report(choice, robot, GEO, pose(4))
-    assert choice.consumer is None
-    report(choice, robot, CONF)
-    assert choice.consumer is made
-    report(choice, robot, scan_line(5))
-    report(choice, late, scan_line(61))
-    assert made.begun == [(2, "lms200")]
-    assert made.times == [1, 2, 3, 4, 5]
-    assert made.max_range == 80.0
+    report(selector, probe, "NFO {Level a}", pose(50))
+    report(selector, robot, pose(1), pose(2))
+    assert selector.chosen is None
+    report(selector, robot, scan_line(3))
+    assert selector.chosen is robot
+    report(selector, late, scan_line(60), GEO, CONF)
+    report(selector, robot, GEO, pose(4))
+    assert selector.consumer is None
+    report(selector, robot, CONF)
+    assert selector.consumer is consumer
+    report(selector, robot, scan_line(5))
+    report(selector, late, scan_line(61))
+    assert consumer.started == [(2, "lms200")]
+    assert consumer.times == [1, 2, 3, 4, 5]
+    assert consumer.max_range == 80.0
 
 
 def test_selector_waits_for_a_client_that_does_not_ask(
-    made: Made, scan_line: ScanLine
+    consumer: RecordingConsumer, scan_line: ScanLine
 ) -> None:
-    choice, robot = RobotSelector(made.begin, patience=2.0), ConnectionState(1)
-    report(choice, robot, *[scan_line(k / 10) for k in range(20)])
-    assert choice.consumer is None
-    report(choice, robot, scan_line(2.0))
-    assert choice.consumer is made
-    assert len(made.times) == 21
-    assert math.isinf(made.max_range)
+    selector, robot = RobotSelector(consumer.begin, patience=2.0), ConnectionState(1)
+    report(selector, robot, *[scan_line(k / 10) for k in range(20)])
+    assert selector.consumer is None
+    report(selector, robot, scan_line(2.0))
+    assert selector.consumer is consumer
+    assert len(consumer.times) == 21
+    assert math.isinf(consumer.max_range)
 
 
-def test_where_no_time_is_told_scans_are_counted(
-    made: Made, scan_line: ScanLine
+def test_selector_counts_scans_without_time_stamps(
+    consumer: RecordingConsumer, scan_line: ScanLine
 ) -> None:
-    choice, robot = RobotSelector(made.begin), ConnectionState(1)
+    selector, robot = RobotSelector(consumer.begin), ConnectionState(1)
     scan = scan_line(0).replace("{Time 0.00} ", "")
-    report(choice, robot, *[scan] * (MAX_WAITING_SCANS - 1))
-    assert choice.consumer is None
-    report(choice, robot, scan)
-    assert len(made.times) == MAX_WAITING_SCANS
+    report(selector, robot, *[scan] * (MAX_WAITING_SCANS - 1))
+    assert selector.consumer is None
+    report(selector, robot, scan)
+    assert len(consumer.times) == MAX_WAITING_SCANS
 
 
-def test_one_scanner_may_be_asked_for(made: Made, scan_line: ScanLine) -> None:
-    choice = RobotSelector(made.begin, scanner="lms200")
+def test_one_scanner_can_be_selected(
+    consumer: RecordingConsumer, scan_line: ScanLine
+) -> None:
+    selector = RobotSelector(consumer.begin, scanner="lms200")
     other, robot = ConnectionState(1), ConnectionState(2)
-    report(choice, other, scan_line(1, name="sick"))
-    report(choice, robot, scan_line(1, name="sick"), scan_line(1), GEO, CONF)
-    assert made.begun == [(2, "lms200")]
+    report(selector, other, scan_line(1, name="sick"))
+    report(selector, robot, scan_line(1, name="sick"), scan_line(1), GEO, CONF)
+    assert consumer.started == [(2, "lms200")]
 
 
-def test_finish_ends_the_wait_for_answers(made: Made, scan_line: ScanLine) -> None:
-    choice, robot = RobotSelector(made.begin), ConnectionState(1)
-    choice.finish()
-    report(choice, robot, pose(1))
-    choice.finish()
-    assert made.begun == []
-    report(choice, robot, scan_line(2))
-    choice.finish()
-    choice.finish()
-    assert made.begun == [(1, "lms200")]
-    assert made.times == [1, 2]
+def test_finish_ends_the_wait_for_answers(
+    consumer: RecordingConsumer, scan_line: ScanLine
+) -> None:
+    selector, robot = RobotSelector(consumer.begin), ConnectionState(1)
+    selector.finish()
+    report(selector, robot, pose(1))
+    selector.finish()
+    assert consumer.started == []
+    report(selector, robot, scan_line(2))
+    selector.finish()
+    selector.finish()
+    assert consumer.started == [(1, "lms200")]
+    assert consumer.times == [1, 2]
 
 
 def test_newest_reports_before_the_first_scan_are_held(
-    made: Made, scan_line: ScanLine
+    consumer: RecordingConsumer, scan_line: ScanLine
 ) -> None:
-    choice, robot = RobotSelector(made.begin), ConnectionState(1)
-    report(choice, robot, *[pose(k) for k in range(1000)], scan_line(1000))
-    choice.finish()
-    assert made.times[-2:] == [999, 1000]
-    assert 100 < len(made.times) < 500
+    selector, robot = RobotSelector(consumer.begin), ConnectionState(1)
+    report(selector, robot, *[pose(k) for k in range(1000)], scan_line(1000))
+    selector.finish()
+    assert consumer.times[-2:] == [999, 1000]
+    assert 100 < len(consumer.times) < 500
 
 
-class Taker:
-    """Takes reports as slowly as it is told."""
+class SlowConsumer:
+    """Takes reports when it is allowed to."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
@@ -155,14 +159,16 @@ class Taker:
 
 
 @pytest.fixture
-def taker() -> Taker:
-    return Taker()
+def slow_consumer() -> SlowConsumer:
+    return SlowConsumer()
 
 
 @contextmanager
-def listening(taker: Consumer, max_scans: int = 1000) -> Iterator[TrafficObserver]:
-    choice = RobotSelector(lambda *_: taker, patience=0.0)
-    listener = TrafficObserver(choice, LineQueue(max_scans=max_scans))
+def listening(
+    slow_consumer: Consumer, max_scans: int = 1000
+) -> Iterator[TrafficObserver]:
+    selector = RobotSelector(lambda *_: slow_consumer, patience=0.0)
+    listener = TrafficObserver(selector, LineQueue(max_scans=max_scans))
     before = sys.getswitchinterval()
     listener.start()
     try:
@@ -177,50 +183,54 @@ def send(listener: TrafficObserver, *lines: str, number: int = 1) -> None:
         listener.add_data(number, "server", f"{line}\r\n".encode())
 
 
-def test_all_data_is_processed_by_the_end(taker: Taker, scan_line: ScanLine) -> None:
-    with listening(taker) as listener:
+def test_all_data_is_processed_by_the_end(
+    slow_consumer: SlowConsumer, scan_line: ScanLine
+) -> None:
+    with listening(slow_consumer) as listener:
         listener.add_data(1, "client", b"INIT {ClassName P3AT}\r\nGARB{\r\n")
         send(listener, *[scan_line(k) for k in range(100)])
         assert listener.finish()
-    assert taker.times == [*range(100)]
+    assert slow_consumer.times == [*range(100)]
     assert listener.error is None
     assert listener.dropped == 0
 
 
-def test_one_of_several_robots_is_observed(taker: Taker, scan_line: ScanLine) -> None:
-    with listening(taker) as listener:
+def test_one_of_several_robots_is_observed(
+    slow_consumer: SlowConsumer, scan_line: ScanLine
+) -> None:
+    with listening(slow_consumer) as listener:
         send(listener, "NFO {Level a}", number=1)
         for k in range(50):
             send(listener, scan_line(k), number=2)
             send(listener, scan_line(100 + k), number=3)
         assert listener.finish()
-    assert taker.times == [*range(50)]
+    assert slow_consumer.times == [*range(50)]
 
 
 def test_hanging_consumer_costs_scans_and_no_time(
-    taker: Taker, scan_line: ScanLine
+    slow_consumer: SlowConsumer, scan_line: ScanLine
 ) -> None:
-    taker.go.clear()
+    slow_consumer.go.clear()
     lines = [scan_line(k) for k in range(2000)]
-    with listening(taker, max_scans=10) as listener:
+    with listening(slow_consumer, max_scans=10) as listener:
         began = time.monotonic()
         send(listener, *lines)
         assert time.monotonic() - began < 1
         assert not listener.finish(timeout=0.05)
-        taker.go.set()
+        slow_consumer.go.set()
         assert listener.finish()
     assert 1980 <= listener.dropped <= 1990
-    assert taker.times[-10:] == [*range(1990, 2000)]
+    assert slow_consumer.times[-10:] == [*range(1990, 2000)]
 
 
 def test_error_of_a_consumer_is_kept_and_logged(
-    taker: Taker, scan_line: ScanLine, caplog: pytest.LogCaptureFixture
+    slow_consumer: SlowConsumer, scan_line: ScanLine, caplog: pytest.LogCaptureFixture
 ) -> None:
-    taker.fails_at = 3.0
-    with listening(taker) as listener:
+    slow_consumer.fails_at = 3.0
+    with listening(slow_consumer) as listener:
         send(listener, *[scan_line(k) for k in range(10)])
         assert listener.finish()
         send(listener, scan_line(11))
-    assert taker.times == [0, 1, 2, 3]
+    assert slow_consumer.times == [0, 1, 2, 3]
     assert isinstance(listener.error, ValueError)
     assert "nothing is made of what passes any more: a bug in the map" in caplog.text

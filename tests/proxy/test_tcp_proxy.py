@@ -66,30 +66,30 @@ class Peer:
         self.transport.abort()
 
 
-class Between:
-    """A server, clients, and the tap between them."""
+class ProxySetup:
+    """A server, clients, and the proxy between them."""
 
     def __init__(self) -> None:
         self.heard: dict[tuple[int, Side], bytearray] = {}
         self.peers: list[Peer] = []
         self.arrivals: asyncio.Queue[Peer] = asyncio.Queue()
-        self.tap = TcpProxy(("", 0), self.on_data)
+        self.proxy = TcpProxy(("", 0), self.on_data)
 
     def on_data(self, number: int, side: Side, data: bytes) -> None:
         self.heard.setdefault((number, side), bytearray()).extend(data)
 
-    def said(self, number: int) -> tuple[bytes, bytes]:
-        """Give what the tap showed of a connection: of its client, its server."""
+    def observed(self, number: int) -> tuple[bytes, bytes]:
+        """Return the observed data of a connection, of the client and the server."""
         client = self.heard.get((number, "client"), b"")
         return bytes(client), bytes(self.heard.get((number, "server"), b""))
 
     async def client(self) -> Peer:
-        peer = Peer(*await asyncio.open_connection(*self.tap.address, limit=2**14))
+        peer = Peer(*await asyncio.open_connection(*self.proxy.address, limit=2**14))
         self.peers.append(peer)
         return peer
 
     async def pair(self) -> tuple[Peer, Peer]:
-        """Give a client and the server's side of its connection."""
+        """Return a client and the server's side of its connection."""
         client = await self.client()
         return client, await asyncio.wait_for(self.arrivals.get(), 5)
 
@@ -101,59 +101,59 @@ class Between:
         self.arrivals.put_nowait(peer)
 
 
-async def comes_true(is_so: Callable[[], bool]) -> None:
+async def wait_until(condition: Callable[[], bool]) -> None:
     for _ in range(500):
-        if is_so():
+        if condition():
             return
         await asyncio.sleep(0.01)
-    raise AssertionError("it does not come true")
+    raise AssertionError("the condition does not become true")
 
 
 @asynccontextmanager
-async def opened() -> AsyncIterator[Between]:
-    between = Between()
-    server = await asyncio.start_server(between.arrive, "127.0.0.1", 0, limit=2**14)
-    between.tap = TcpProxy(server.sockets[0].getsockname(), between.on_data)
-    await between.tap.start()
+async def opened() -> AsyncIterator[ProxySetup]:
+    proxy_setup = ProxySetup()
+    server = await asyncio.start_server(proxy_setup.arrive, "127.0.0.1", 0, limit=2**14)
+    proxy_setup.proxy = TcpProxy(server.sockets[0].getsockname(), proxy_setup.on_data)
+    await proxy_setup.proxy.start()
     try:
-        yield between
+        yield proxy_setup
     finally:
-        await between.tap.stop()
+        await proxy_setup.proxy.stop()
         server.close()
-        for peer in between.peers:
+        for peer in proxy_setup.peers:
             peer.transport.abort()
-        for peer in between.peers:
+        for peer in proxy_setup.peers:
             with suppress(OSError):
                 await peer.writer.wait_closed()
 
 
 @pytest.fixture
-async def between() -> AsyncIterator[Between]:
-    async with opened() as between:
-        yield between
+async def proxy_setup() -> AsyncIterator[ProxySetup]:
+    async with opened() as proxy_setup:
+        yield proxy_setup
 
 
 @asynccontextmanager
-async def tapped(address: tuple[str, int]) -> AsyncIterator[Between]:
-    """Open a tap before a server that is, or is not, at an address."""
-    between = Between()
-    between.tap = TcpProxy(address, between.on_data)
-    await between.tap.start()
+async def proxy_for(address: tuple[str, int]) -> AsyncIterator[ProxySetup]:
+    """Start a proxy for an address where a server is, or is not."""
+    proxy_setup = ProxySetup()
+    proxy_setup.proxy = TcpProxy(address, proxy_setup.on_data)
+    await proxy_setup.proxy.start()
     try:
-        yield between
+        yield proxy_setup
     finally:
-        for peer in between.peers:
+        for peer in proxy_setup.peers:
             peer.writer.close()
-        await between.tap.stop()
-        for peer in between.peers:
+        await proxy_setup.proxy.stop()
+        for peer in proxy_setup.peers:
             with suppress(OSError):
                 await peer.writer.wait_closed()
 
 
 async def say(steps: list[tuple[str, bytes]]) -> None:
     sent = {"client": b"", "server": b""}
-    async with opened() as between:
-        client, server = await between.pair()
+    async with opened() as proxy_setup:
+        client, server = await proxy_setup.pair()
         peers = {"client": client, "server": server}
         reading = [asyncio.create_task(peer.rest()) for peer in (server, client)]
         for side, data in steps:
@@ -163,8 +163,8 @@ async def say(steps: list[tuple[str, bytes]]) -> None:
             peer.writer.write_eof()
         words = (sent["client"], sent["server"])
         assert tuple(await asyncio.gather(*reading)) == words
-        assert between.said(1) == words
-        await comes_true(lambda: between.tap.connections == 0)
+        assert proxy_setup.observed(1) == words
+        await wait_until(lambda: proxy_setup.proxy.connections == 0)
 
 
 @given(STEPS)
@@ -175,18 +175,22 @@ def test_both_sides_receive_what_the_other_sends(
     asyncio.run(say(steps))
 
 
-async def test_much_goes_both_ways_at_once(between: Between) -> None:
-    client, server = await between.pair()
+async def test_large_data_passes_in_both_directions_at_once(
+    proxy_setup: ProxySetup,
+) -> None:
+    client, server = await proxy_setup.pair()
     up, down = b"up" * 3_000_000, b"down" * 1_000_000
     reading = [asyncio.create_task(peer.rest()) for peer in (server, client)]
     await asyncio.gather(client.send(up), server.send(down))
     client.writer.write_eof()
     server.writer.write_eof()
-    assert tuple(await asyncio.gather(*reading)) == (up, down) == between.said(1)
+    assert (
+        tuple(await asyncio.gather(*reading)) == (up, down) == proxy_setup.observed(1)
+    )
 
 
-async def test_single_bytes_come_at_once(between: Between) -> None:
-    client, server = await between.pair()
+async def test_single_bytes_are_forwarded_at_once(proxy_setup: ProxySetup) -> None:
+    client, server = await proxy_setup.pair()
     loop = asyncio.get_running_loop()
     began = loop.time()
     for k in range(200):
@@ -199,9 +203,9 @@ async def test_single_bytes_come_at_once(between: Between) -> None:
 
 @pytest.mark.parametrize("first", ["client", "server"])
 async def test_half_closed_connection_still_receives(
-    between: Between, first: str
+    proxy_setup: ProxySetup, first: str
 ) -> None:
-    one, other = await between.pair()
+    one, other = await proxy_setup.pair()
     if first == "server":
         one, other = other, one
     await one.send(b"last words")
@@ -211,41 +215,43 @@ async def test_half_closed_connection_still_receives(
     for _ in range(3):
         await other.send(b"answer")
         assert await one.get(6) == b"answer"
-    assert between.tap.connections == 2
+    assert proxy_setup.proxy.connections == 2
     other.writer.write_eof()
     assert await one.rest() == b""
-    await comes_true(lambda: between.tap.connections == 0)
+    await wait_until(lambda: proxy_setup.proxy.connections == 0)
 
 
-async def test_data_sent_before_the_server_accepts_arrives(between: Between) -> None:
-    client = await between.client()
+async def test_data_sent_before_the_server_accepts_arrives(
+    proxy_setup: ProxySetup,
+) -> None:
+    client = await proxy_setup.client()
     await client.send(b"impatient")
     client.writer.write_eof()
-    server = await between.arrivals.get()
+    server = await proxy_setup.arrivals.get()
     assert await server.rest() == b"impatient"
 
 
 @pytest.mark.parametrize("broken", ["client", "server"])
 async def test_broken_connection_ends_the_other_after_its_data(
-    between: Between, broken: str
+    proxy_setup: ProxySetup, broken: str
 ) -> None:
     for number in range(1, 21):
-        one, other = await between.pair()
+        one, other = await proxy_setup.pair()
         if broken == "server":
             one, other = other, one
         await other.send(b"x" * 20_000)  # what is not read makes closing a break
         await one.send(b"last words")
         one.reset()
         assert await other.rest() == b"last words"
-        assert b"last words" in between.said(number)
+        assert b"last words" in proxy_setup.observed(number)
         other.writer.close()
-    await comes_true(lambda: between.tap.connections == 0)
+    await wait_until(lambda: proxy_setup.proxy.connections == 0)
 
 
 async def test_break_noticed_by_writing_loses_no_data(
-    between: Between,
+    proxy_setup: ProxySetup,
 ) -> None:
-    client, server = await between.pair()
+    client, server = await proxy_setup.pair()
     talking = asyncio.create_task(talk(server))
     await client.get(100)
     client.transport.pause_reading()
@@ -255,11 +261,11 @@ async def test_break_noticed_by_writing_loses_no_data(
     talking.cancel()
 
 
-async def test_late_reader_gets_all_data_after_a_break(between: Between) -> None:
-    client, server = await between.pair()
+async def test_late_reader_gets_all_data_after_a_break(proxy_setup: ProxySetup) -> None:
+    client, server = await proxy_setup.pair()
     await server.send(b"x" * 20_000)
     sending = asyncio.create_task(client.send(b"last words" * 500_000))
-    await comes_true(lambda: len(between.said(1)[0]) > 100_000)
+    await wait_until(lambda: len(proxy_setup.observed(1)[0]) > 100_000)
     await asyncio.sleep(0.05)
     client.reset()
     with suppress(ConnectionError):
@@ -267,7 +273,7 @@ async def test_late_reader_gets_all_data_after_a_break(between: Between) -> None
     await server.send(b"x" * 20_000)
     await asyncio.sleep(0.05)
     words = await server.rest()
-    assert words == between.said(1)[0]
+    assert words == proxy_setup.observed(1)[0]
     assert len(words) > 100_000
 
 
@@ -278,33 +284,33 @@ async def talk(peer: Peer) -> None:
 
 
 async def test_peer_that_does_not_close_is_closed_soon(
-    between: Between, monkeypatch: pytest.MonkeyPatch
+    proxy_setup: ProxySetup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.proxy.tcp_proxy.CLOSE_GRACE", 0.05)
-    client, server = await between.pair()
+    client, server = await proxy_setup.pair()
     talking = asyncio.create_task(talk(server))
     await client.get(100)
     client.reset()
-    await comes_true(lambda: between.tap.connections == 0)
-    await comes_true(talking.done)
+    await wait_until(lambda: proxy_setup.proxy.connections == 0)
+    await wait_until(talking.done)
 
 
 async def test_slow_reader_slows_only_its_sender(
-    between: Between,
+    proxy_setup: ProxySetup,
 ) -> None:
-    slow, server = await between.pair()
-    other, other_server = await between.pair()
+    slow, server = await proxy_setup.pair()
+    other, other_server = await proxy_setup.pair()
     slow.transport.pause_reading()
     sent = bytes(range(250)) * (MUCH // 250)
     sending = asyncio.create_task(server.send(sent))
     for _ in range(50):
         await other_server.send(b"tick")
         assert await other.get(4) == b"tick"
-    await slow.send(b"still here")  # the way back is free
+    await slow.send(b"still here")  # the other direction is free
     assert await server.get(10) == b"still here"
     await asyncio.sleep(0.1)
     assert not sending.done()
-    assert len(between.said(1)[1]) < MUCH / 2
+    assert len(proxy_setup.observed(1)[1]) < MUCH / 2
     slow.transport.resume_reading()
     assert await slow.get(MUCH) == sent
     await sending
@@ -315,16 +321,16 @@ async def test_client_is_closed_when_the_server_is_not_there(
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = taken.getsockname()
-    async with tapped(address) as between:
-        client = await between.client()
+    async with proxy_for(address) as proxy_setup:
+        client = await proxy_setup.client()
         with suppress(ConnectionError):
             assert await client.rest() == b""
     assert f"no server at 127.0.0.1:{address[1]}: " in caplog.text
 
 
 @asynccontextmanager
-async def busy() -> AsyncIterator[tuple[str, int]]:
-    """Give an address at which nobody answers, and nobody says so."""
+async def silent_address() -> AsyncIterator[tuple[str, int]]:
+    """Yield an address where connections are neither accepted nor refused."""
     loop = asyncio.get_running_loop()
     with socket.create_server(("127.0.0.1", 0), backlog=0) as listener:
         waiting = [socket.socket() for _ in range(3)]
@@ -340,82 +346,86 @@ async def busy() -> AsyncIterator[tuple[str, int]]:
                 sock.close()
 
 
-async def test_a_server_that_does_not_answer_is_given_up(
+async def test_connecting_to_a_silent_server_times_out(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("radarsim.proxy.tcp_proxy.CONNECT_TIMEOUT", 0.1)
-    async with busy() as address, tapped(address) as between:
-        client = await between.client()
+    async with silent_address() as address, proxy_for(address) as proxy_setup:
+        client = await proxy_setup.client()
         with suppress(ConnectionError):
             assert await client.rest() == b""
     assert "timed out" in caplog.text
 
 
-async def test_proxy_stops_at_once_with_clients_connected(between: Between) -> None:
-    pairs = [await between.pair() for _ in range(3)]
+async def test_proxy_stops_at_once_with_clients_connected(
+    proxy_setup: ProxySetup,
+) -> None:
+    pairs = [await proxy_setup.pair() for _ in range(3)]
     talking = [asyncio.create_task(talk(peer)) for pair in pairs for peer in pair]
     await asyncio.sleep(0.05)
-    async with busy() as address, tapped(address) as waiting:
+    async with silent_address() as address, proxy_for(address) as waiting:
         late = await waiting.client()
         await asyncio.sleep(0.02)
         async with asyncio.timeout(1):
-            await waiting.tap.stop()
-            await between.tap.stop()
+            await waiting.proxy.stop()
+            await proxy_setup.proxy.stop()
         with suppress(ConnectionError):
             assert await late.rest() == b""
     for task in talking:
         await asyncio.wait_for(task, 5)
-    assert between.tap.connections == 0
+    assert proxy_setup.proxy.connections == 0
     with pytest.raises(ConnectionError):
-        await between.client()
+        await proxy_setup.client()
 
 
-async def test_taken_port_is_a_server_error(between: Between) -> None:
-    host, port = between.tap.address
-    tap = TcpProxy((host, 1), between.on_data)
+async def test_taken_port_is_a_server_error(proxy_setup: ProxySetup) -> None:
+    host, port = proxy_setup.proxy.address
+    proxy = TcpProxy((host, 1), proxy_setup.on_data)
     with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}: "):
-        await tap.start(port=port)
-    await tap.stop()
+        await proxy.start(port=port)
+    await proxy.stop()
 
 
-async def test_probes_at_once_are_answered_each_on_its_own(
+async def test_simultaneous_probes_are_answered_independently(
     empty_room: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "radarsim.proxy")
     server = Server(Host(empty_room))
     await server.start(port=0)
     try:
-        async with tapped(server.address) as between:
-            answers = await asyncio.gather(*[probe(between) for _ in range(16)])
+        async with proxy_for(server.address) as proxy_setup:
+            answers = await asyncio.gather(*[probe(proxy_setup) for _ in range(16)])
             assert len(set(answers)) == 1
             assert answers[0].startswith(GREETING + b"NFO {StartPoses 3}")
-            assert {len(between.said(n)[1]) for n in range(1, 17)} == {len(answers[0])}
-            await comes_true(lambda: between.tap.connections == 0)
+            assert {len(proxy_setup.observed(n)[1]) for n in range(1, 17)} == {
+                len(answers[0])
+            }
+            await wait_until(lambda: proxy_setup.proxy.connections == 0)
     finally:
         await server.stop()
     assert "connected as number 16" in caplog.text
 
 
-async def probe(between: Between) -> bytes:
-    client = await between.client()
+async def probe(proxy_setup: ProxySetup) -> bytes:
+    client = await proxy_setup.client()
     await client.send(b"GETSTARTPOSES\r\n")
     client.writer.write_eof()
     return await client.rest()
 
 
-async def test_a_robot_goes_with_its_client(empty_room: Scene) -> None:
+async def test_robot_is_removed_with_its_client(empty_room: Scene) -> None:
     host = Host(empty_room)
     server = Server(host, speed=5)
     await server.start(port=0)
     try:
-        async with tapped(server.address) as between:
+        async with proxy_for(server.address) as proxy_setup:
             for leave in (Peer.reset, lambda peer: peer.writer.close()):
-                client = await between.client()
+                client = await proxy_setup.client()
                 await client.send(INIT)
                 await client.until(b"{Type RangeScanner}")
                 assert len(host.simulation.vehicles) == 1
                 leave(client)
-                await comes_true(lambda: not host.simulation.vehicles)
+                await wait_until(lambda: not host.simulation.vehicles)
     finally:
         await server.stop()
 
@@ -436,8 +446,8 @@ async def test_signal_ends_the_proxy_with_its_exit_code(number: int, code: int) 
         os.kill(os.getpid(), number)
         os.kill(os.getpid(), number)  # some people press Ctrl-C twice
 
-    tap = TcpProxy(("127.0.0.1", 1), lambda *_: None)
-    assert await forward_until_signal(tap, "127.0.0.1", 0, announce) == code
+    proxy = TcpProxy(("127.0.0.1", 1), lambda *_: None)
+    assert await forward_until_signal(proxy, "127.0.0.1", 0, announce) == code
     ((host, port),) = heard
     assert host == "127.0.0.1"
     with pytest.raises(ConnectionRefusedError):
@@ -450,8 +460,8 @@ async def test_taken_port_fails_before_the_announcement() -> None:
     before = signal.getsignal(signal.SIGINT)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        tap = TcpProxy(("127.0.0.1", 1), lambda *_: None)
+        proxy = TcpProxy(("127.0.0.1", 1), lambda *_: None)
         with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}"):
-            await forward_until_signal(tap, "127.0.0.1", port, heard.append)
+            await forward_until_signal(proxy, "127.0.0.1", port, heard.append)
     assert heard == []
     assert signal.getsignal(signal.SIGINT) == before

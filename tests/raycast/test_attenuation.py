@@ -28,7 +28,7 @@ Crossing = tuple[float, int, int]
 
 
 def state_of(crossings: list[Crossing], parts: int, events: int = 0) -> RayState:
-    """Write crossings down, sorted; so no ray is cast."""
+    """Return a state with given crossings, sorted, without casting a ray."""
     rows = np.zeros(max(len(crossings), 1), CROSSING)
     rows[: len(crossings)] = crossings
     sort_crossings(rows, len(crossings))
@@ -56,23 +56,23 @@ def ended(
     sheets: dict[int, float] | None = None,
     within: tuple[int, ...] = (),
 ) -> RayEnd:
-    walk = state_of(crossings, len(densities))
+    state = state_of(crossings, len(densities))
     losses = np.full(len(densities), np.nan)
     for part, loss in (sheets or {}).items():
         losses[part] = loss
     for part in within:
-        update_winding(walk, part, 1)
+        update_winding(state, part, 1)
     ending = follow(
         0,
         power,
         SegmentEnd(len(crossings), max_range, hit),
         RayCosts(np.array(densities), losses),
-        walk,
+        state,
     )
     assert isinstance(ending, RayEnd)
-    assert not walk.winding.any(), "winding numbers are forgotten"
-    assert not walk.seen.any()
-    assert walk.sizes.tolist() == [0, 0]
+    assert not state.winding.any(), "winding numbers are forgotten"
+    assert not state.seen.any()
+    assert state.sizes.tolist() == [0, 0]
     return ending
 
 
@@ -107,13 +107,13 @@ def test_overlapping_shells_of_one_part_count_once() -> None:
     assert ending.power == pytest.approx(0.7)
 
 
-def test_a_cavity_costs_nothing() -> None:
+def test_cavity_costs_nothing() -> None:
     ending = ended([(1, 0, 1), (2, 0, -1), (5, 0, 1), (6, 0, -1)], [0.1])
     assert ending.power == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize("first", [1, -1], ids=["in first", "out first"])
-def test_a_grazed_edge_costs_nothing_in_either_order(first: int) -> None:
+def test_grazed_edge_costs_nothing_in_either_order(first: int) -> None:
     ending = ended([(1, 0, first), (np.nextafter(1, 2), 0, -first)], [1.0])
     assert ending.power == pytest.approx(1.0, abs=1e-15)
 
@@ -123,7 +123,7 @@ def test_each_surface_of_a_sheet_takes_its_loss() -> None:
     assert ending == RayEnd(100.0, Outcome.NOTHING, -1, 0.25)
 
 
-def test_the_sheet_that_takes_the_rest_is_where_power_is_spent() -> None:
+def test_sheet_that_takes_the_rest_is_where_power_is_spent() -> None:
     crossings = [(float(t), 0, 1) for t in range(1, 12)]
     ending = ended(crossings, [0.0], sheets={0: 0.1})
     assert ending == RayEnd(10.0, Outcome.SPENT, 0, 0.0)
@@ -160,7 +160,7 @@ LAYERS = st.lists(
 def by_hand(
     layers: list[tuple[float, float, float]], power: float, max_range: float
 ) -> tuple[float, Outcome, float]:
-    """Work out the end in a stack of layers (start, thickness, density)."""
+    """Compute the end in a stack of layers (start, thickness, density)."""
     edges = sorted({0.0, max_range, *(x for a, d, _ in layers for x in (a, a + d))})
     for start, end in pairwise(edges):
         if start >= max_range:
@@ -221,11 +221,11 @@ def test_crossings_are_sorted_by_distance_then_part_then_entering_first(
 
 
 def test_events_beyond_the_capacity_are_counted() -> None:
-    walk = state_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
-    toll = RayCosts(np.array([0.1]), np.array([np.nan]))
-    follow(7, 1.0, SegmentEnd(2, 5.0, -1), toll, walk)
-    assert walk.events[-1]["ray"] == 3
-    assert walk.events[:2].tolist() == [
+    state = state_of([(1, 0, 1), (2, 0, -1)], 1, events=2)
+    costs = RayCosts(np.array([0.1]), np.array([np.nan]))
+    follow(7, 1.0, SegmentEnd(2, 5.0, -1), costs, state)
+    assert state.events[-1]["ray"] == 3
+    assert state.events[:2].tolist() == [
         (7, 1.0, 0, EventKind.ENTER, 1.0, 0.0, 0.0, 0.0, 0.0),
         (7, 2.0, 0, EventKind.LEAVE, 0.9, 0.0, 0.0, 0.0, 0.0),
     ]
@@ -248,14 +248,14 @@ def test_python_and_machine_code_agree(
     hit: int,
     power: float,
 ) -> None:
-    toll = RayCosts(np.array([0.1, 0.3, 0.0]), np.array([np.nan, np.nan, 0.2]))
+    costs = RayCosts(np.array([0.1, 0.3, 0.0]), np.array([np.nan, np.nan, 0.2]))
     stop = SegmentEnd(len(crossings), 100.0, hit)
 
     def run(state: RayState) -> tuple[Any, Any]:
         for part in within:
             attenuation.update_winding(state, part, 1)
         progress = attenuation.start_ray(0, power, state)
-        progress = attenuation.advance_ray(0, progress, stop, toll, state)
+        progress = attenuation.advance_ray(0, progress, stop, costs, state)
         end = attenuation.end_ray(0, progress, stop, 0.0, state)
         return end, state.events.tolist()
 

@@ -23,10 +23,17 @@ POINTS = st.tuples(UNIT, UNIT, UNIT).map(np.array)
 GRID = st.tuples(*[st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])] * 3).map(np.array)
 
 
-def crossings(corners: Floats, origin: Floats, way: Floats) -> list[tuple[int, float]]:
+def crossings(
+    corners: Floats, origin: Floats, ray_direction: Floats
+) -> list[tuple[int, float]]:
     """Cross all triangles, (F, 9); give the turns and distances of those crossed."""
     line, axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
-    project_line(np.asarray(origin, float), way / np.linalg.norm(way), line, axes)
+    project_line(
+        np.asarray(origin, float),
+        ray_direction / np.linalg.norm(ray_direction),
+        line,
+        axes,
+    )
     found = (cross_triangle(line, axes, row) for row in corners)
     return [(turn, t) for turn, t in found if turn]
 
@@ -46,10 +53,10 @@ BALL = triangles(shapes._icosahedron())
 def test_line_enters_by_the_front_and_leaves_by_the_back(
     axis: int, sign: float
 ) -> None:
-    way = np.zeros(3)
-    way[axis] = sign
+    ray_direction = np.zeros(3)
+    ray_direction[axis] = sign
     beside = np.roll([0.0, 0.1, 0.2], axis)
-    found = crossings(BRICK, beside - 3 * way, way)
+    found = crossings(BRICK, beside - 3 * ray_direction, ray_direction)
     assert sorted(t for _, t in found) == pytest.approx([2.5, 3.5])
     assert [turn for turn, _ in sorted(found, key=lambda f: f[1])] == [1, -1]
 
@@ -67,7 +74,7 @@ def test_line_in_the_plane_of_a_triangle_does_not_cross_it() -> None:
 @pytest.mark.parametrize("corners", [BRICK, BALL], ids=["brick", "ball"])
 @settings(deadline=None)  # the first call compiles
 @given(origin=GRID, end=GRID)
-def test_a_closed_surface_is_entered_as_often_as_left_along_any_line(
+def test_closed_surface_is_entered_as_often_as_left_along_any_line(
     corners: Floats, origin: Floats, end: Floats
 ) -> None:
     assume(np.any(origin != end))
@@ -86,11 +93,11 @@ def test_lines_through_corners_enter_as_often_as_they_leave(
     assert sum(turn for turn, _ in crossings(moved, start, corner - start)) == 0
 
 
-@pytest.mark.parametrize("way", list(itertools.product([-1, 0, 1], repeat=3)))
-def test_a_line_through_the_edges_and_corners_of_a_fan_crosses_it_once(
-    way: tuple[int, int, int],
+@pytest.mark.parametrize("ray_direction", list(itertools.product([-1, 0, 1], repeat=3)))
+def test_line_through_the_edges_and_corners_of_a_fan_crosses_it_once(
+    ray_direction: tuple[int, int, int],
 ) -> None:
-    direction = np.array(way, float)
+    direction = np.array(ray_direction, float)
     if not direction.any():
         return
     # From the middle every such line meets a corner, an edge or a diagonal.
@@ -100,20 +107,23 @@ def test_a_line_through_the_edges_and_corners_of_a_fan_crosses_it_once(
 
 @settings(deadline=None)  # the first call compiles
 @given(st.lists(POINTS, min_size=3, max_size=3), POINTS, POINTS)
-def test_a_crossing_is_within_the_triangle(
+def test_crossing_is_within_the_triangle(
     points: list[Floats], origin: Floats, end: Floats
 ) -> None:
     assume(np.linalg.norm(end - origin) > 1e-3)
-    way = (end - origin) / np.linalg.norm(end - origin)
-    along = [float((p - origin) @ way) for p in points]
-    for _, t in crossings(np.concatenate(points)[None], origin, way):
+    ray_direction = (end - origin) / np.linalg.norm(end - origin)
+    along = [float((p - origin) @ ray_direction) for p in points]
+    for _, t in crossings(np.concatenate(points)[None], origin, ray_direction):
         assert min(along) - 1e-9 <= t <= max(along) + 1e-9
 
 
-def test_a_triangle_without_area_is_never_crossed() -> None:
+def test_triangle_without_area_is_never_crossed() -> None:
     for corners in ([0.0] * 9, [0.0, 0, 0, 1, 1, 1, 2, 2, 2], [1.0, 0, 0] * 3):
-        for way in ([1.0, 0, 0], [1.0, 1, 1], [0.0, 0, -1]):
-            assert crossings(np.array([corners]), np.zeros(3), np.array(way)) == []
+        for ray_direction in ([1.0, 0, 0], [1.0, 1, 1], [0.0, 0, -1]):
+            assert (
+                crossings(np.array([corners]), np.zeros(3), np.array(ray_direction))
+                == []
+            )
 
 
 def test_python_and_machine_code_agree() -> None:
@@ -121,13 +131,13 @@ def test_python_and_machine_code_agree() -> None:
     compiled: list[Any] = [project_line, cross_triangle]
     plain_aim, plain_cross = (function.py_func for function in compiled)
     for _ in range(50):
-        way = rng.normal(size=3)
-        way /= np.linalg.norm(way)
+        ray_direction = rng.normal(size=3)
+        ray_direction /= np.linalg.norm(ray_direction)
         corners = rng.normal(size=9)
         line, axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
-        project_line(np.zeros(3), way, line, axes)
-        other, ways = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
-        plain_aim(np.zeros(3), way, other, ways)
+        project_line(np.zeros(3), ray_direction, line, axes)
+        other, other_axes = np.zeros(LINE_SIZE), np.zeros(AXES_SIZE, np.uint64)
+        plain_aim(np.zeros(3), ray_direction, other, other_axes)
         assert line.tolist() == other.tolist()
         assert plain_cross(line, axes, corners) == cross_triangle(line, axes, corners)
         assert math.isfinite(cross_triangle(line, axes, corners)[1])

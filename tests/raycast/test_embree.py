@@ -122,16 +122,16 @@ def ahead(
     scene: EmbreeScene,
     roles: list[int],
     origin: tuple[float, float, float],
-    way: tuple[float, float, float],
+    ray_direction: tuple[float, float, float],
     max_range: float = 100.0,
 ) -> tuple[list[tuple[float, int, int]], float, int]:
-    """Give the list that is ahead, in order, and what stops the ray."""
-    crossings, takes = np.zeros(32, CROSSING), np.array(roles, np.uint8)
+    """Return the list that is ahead, in order, and what stops the ray."""
+    crossings, role_table = np.zeros(32, CROSSING), np.array(roles, np.uint8)
     block = new_ray_buffer(scene.handle, crossings)
-    start, direction = np.array(origin, float), np.array(way, float)
+    start, direction = np.array(origin, float), np.array(ray_direction, float)
     span = Interval(0.0, max_range, math.inf)
     count, t, part = intersect_forward(
-        scene.handle, block, takes, start, direction, span
+        scene.handle, block, role_table, start, direction, span
     )
     return sorted(crossings[:count].tolist()), t, part
 
@@ -140,7 +140,7 @@ SLAB = [(1.0, 0, 1), (2.0, 0, -1)]
 
 
 def slabs() -> EmbreeScene:
-    """Make three slabs from 1 to 2, 3 to 4, 5 to 6 m ahead."""
+    """Create three slabs from 1 to 2, 3 to 4, 5 to 6 m ahead."""
     vertices, faces = shapes.box(1, 4, 4)
     return EmbreeScene(
         [Mesh(vertices + np.array([x, 0.1, 0.2]), faces) for x in (1.5, 3.5, 5.5)]
@@ -172,21 +172,23 @@ def test_surfaces_beyond_the_maximum_range_are_ignored(
 
 def test_surfaces_beyond_the_capacity_are_counted() -> None:
     scene, crossings = slabs(), np.zeros(2, CROSSING)
-    takes = np.full(3, COLLECT, np.uint8)
+    role_table = np.full(3, COLLECT, np.uint8)
     block = new_ray_buffer(scene.handle, crossings)
-    way = np.array([1.0, 0, 0])
+    ray_direction = np.array([1.0, 0, 0])
     span = Interval(0.0, 100.0, math.inf)
-    count, _, _ = intersect_forward(scene.handle, block, takes, np.zeros(3), way, span)
+    count, _, _ = intersect_forward(
+        scene.handle, block, role_table, np.zeros(3), ray_direction, span
+    )
     assert count == 6
 
 
 @pytest.mark.parametrize("x", [0.5, 1.0, 1.5, 3.5, 4.0, 9.0, np.nextafter(2, 1)])
 def test_no_surface_is_both_ahead_and_behind(x: float) -> None:
     scene, crossings = slabs(), np.zeros(32, CROSSING)
-    takes = np.full(3, COLLECT, np.uint8)
+    role_table = np.full(3, COLLECT, np.uint8)
     block = new_ray_buffer(scene.handle, crossings)
-    origin, way = np.array([x, 0, 0]), np.array([1.0, 0, 0])
-    count = intersect_backward(scene.handle, block, takes, origin, way)
+    origin, ray_direction = np.array([x, 0, 0]), np.array([1.0, 0, 0])
+    count = intersect_backward(scene.handle, block, role_table, origin, ray_direction)
     behind = crossings[:count].tolist()
     assert all(t <= BEHIND for t, _, _ in behind)
     listed, _, _ = ahead(scene, [COLLECT] * 3, (x, 0, 0), (1, 0, 0))
@@ -202,13 +204,13 @@ def test_first_hits_match_those_of_embreex() -> None:
     ]
     scene = EmbreeScene(meshes)
     origins = rng.uniform(-8, 8, (3000, 3))
-    ways: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    other = FirstHits(meshes, origins, ways).everything()
+    ray_directions: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
+    ray_directions /= np.linalg.norm(ray_directions, axis=1, keepdims=True)
+    other = FirstHits(meshes, origins, ray_directions).everything()
     roles = [OPAQUE] * len(meshes)
     found = [
-        ahead(scene, roles, tuple(origin), tuple(way), 1e3)
-        for origin, way in zip(origins, ways, strict=True)
+        ahead(scene, roles, tuple(origin), tuple(ray_direction), 1e3)
+        for origin, ray_direction in zip(origins, ray_directions, strict=True)
     ]
     parts = np.array([part for _, _, part in found])
     assert (parts >= 0).sum() > 500

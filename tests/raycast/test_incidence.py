@@ -18,8 +18,12 @@ WALL = Material("wall")
 LEAF = Material("leaf", density=0.5)
 
 
-def cosines(parts: list[Part], ways: Floats, boxes: Boxes | None = None) -> Floats:
-    cast = Rays.uniform(np.zeros((len(ways), 3)), ways, max_range=80.0, power=1.0)
+def cosines(
+    parts: list[Part], ray_directions: Floats, boxes: Boxes | None = None
+) -> Floats:
+    cast = Rays.uniform(
+        np.zeros((len(ray_directions), 3)), ray_directions, max_range=80.0, power=1.0
+    )
     return Tracer(parts).trace(cast, boxes, incidence=True).incidence
 
 
@@ -34,7 +38,7 @@ def part(
 
 @pytest.mark.parametrize("yaw_deg", [0, 30, 60, 85])
 @pytest.mark.parametrize("pitch_deg", [0, 45])
-def test_a_turned_board_is_hit_at_its_angle(yaw_deg: float, pitch_deg: float) -> None:
+def test_turned_board_is_hit_at_its_angle(yaw_deg: float, pitch_deg: float) -> None:
     yaw, pitch = math.radians(yaw_deg), math.radians(pitch_deg)
     vertices, faces = shapes.box(0.001, 40, 40)
     turned = vertices @ rotation_matrix(0, pitch, yaw).T + [10, 0, 0]
@@ -42,41 +46,43 @@ def test_a_turned_board_is_hit_at_its_angle(yaw_deg: float, pitch_deg: float) ->
     assert found == pytest.approx([math.cos(yaw) * math.cos(pitch)], abs=1e-12)
 
 
-def test_all_walls_of_a_room_from_its_middle() -> None:
+def test_incidence_on_all_walls_of_a_room_matches_the_angles() -> None:
     angles = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
-    ways = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(96)])
-    found = cosines([part("room", WALL, shapes.box(10, 10, 4), (0, 0, 0))], ways)
-    assert found == pytest.approx(np.abs(ways).max(axis=1), abs=1e-12)
+    ray_directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(96)])
+    found = cosines(
+        [part("room", WALL, shapes.box(10, 10, 4), (0, 0, 0))], ray_directions
+    )
+    assert found == pytest.approx(np.abs(ray_directions).max(axis=1), abs=1e-12)
 
 
 def test_foliage_before_the_wall_changes_nothing() -> None:
     bush = part("bush", LEAF, shapes.box(1, 4, 4), (3, 0, 0))
     wall = part("wall", WALL, shapes.box(1, 40, 40), (9, 0, 0))
-    way = np.array([[math.cos(0.3), math.sin(0.3), 0]])
-    assert cosines([bush, wall], way) == pytest.approx([math.cos(0.3)])
+    ray_direction = np.array([[math.cos(0.3), math.sin(0.3), 0]])
+    assert cosines([bush, wall], ray_direction) == pytest.approx([math.cos(0.3)])
 
 
 def test_rays_without_a_hit_have_no_incidence() -> None:
     bush = part("bush", LEAF, shapes.box(6, 4, 4), (6, 0, 0))
-    ways = np.array([[1.0, 0, 0], [-1, 0, 0]])
-    assert np.isnan(cosines([bush], ways)).all()
+    ray_directions = np.array([[1.0, 0, 0], [-1, 0, 0]])
+    assert np.isnan(cosines([bush], ray_directions)).all()
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 20, 44, 70])
-def test_a_robot_is_hit_at_the_angle_of_its_nearer_face(yaw_deg: float) -> None:
+def test_robot_is_hit_at_the_angle_of_its_nearer_face(yaw_deg: float) -> None:
     yaw = math.radians(yaw_deg)
     row = [5.0, 0.0, yaw, -1.0, 1.0, 0.5, 0.5, 3.0]
     found = cosines([], np.eye(3)[:1], Boxes(np.array([row])))
     assert found == pytest.approx([max(math.cos(yaw), math.sin(yaw))])
 
 
-def test_a_robot_is_hit_from_above_and_from_the_side() -> None:
+def test_robot_is_hit_from_above_and_from_the_side() -> None:
     below = [0.0, 0.0, 0.3, -2.0, -1.0, 0.5, 0.5, 3.0]
     beside = [0.0, 5.0, 0.0, -1.0, 1.0, 0.5, 0.5, 4.0]
-    ways = np.array([[0.2, 0.0, -1.0], [0.05, 1.0, 0.0]])
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    found = cosines([], ways, Boxes(np.array([below, beside])))
-    assert found == pytest.approx([-ways[0, 2], ways[1, 1]])
+    ray_directions = np.array([[0.2, 0.0, -1.0], [0.05, 1.0, 0.0]])
+    ray_directions /= np.linalg.norm(ray_directions, axis=1, keepdims=True)
+    found = cosines([], ray_directions, Boxes(np.array([below, beside])))
+    assert found == pytest.approx([-ray_directions[0, 2], ray_directions[1, 1]])
 
 
 def test_incidence_is_empty_unless_requested() -> None:
@@ -88,8 +94,8 @@ def test_requesting_incidence_changes_nothing_else() -> None:
     room = part("room", WALL, shapes.box(10, 10, 4), (0, 0, 0))
     ball = part("ball", LEAF, shapes.sphere(1.0), (3, 0, 0))
     angles = np.linspace(0, 6, 50)
-    ways = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(50)])
-    cast = Rays.uniform(np.zeros((50, 3)), ways, max_range=80.0, power=0.6)
+    ray_directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(50)])
+    cast = Rays.uniform(np.zeros((50, 3)), ray_directions, max_range=80.0, power=0.6)
     tracer = Tracer([room, ball])
     plain, asked = tracer.trace(cast), tracer.trace(cast, incidence=True)
     recorded = tracer.trace(cast, events=True, incidence=True)

@@ -35,18 +35,20 @@ def brick(
 
 
 def cast(
-    ways: Floats,
+    ray_directions: Floats,
     *,
     bounces: int = 2,
     power: float = 1.0,
     max_range: float = 80.0,
     **kind: Any,
 ) -> Rays:
-    n = len(ways)
-    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    n = len(ray_directions)
+    ray_directions = ray_directions / np.linalg.norm(
+        ray_directions, axis=1, keepdims=True
+    )
     return Rays(
         np.zeros((n, 3)),
-        ways,
+        ray_directions,
         np.full(n, max_range),
         np.full(n, power),
         np.zeros(n, np.uint8),
@@ -56,18 +58,18 @@ def cast(
 
 
 AHEAD = np.eye(3)[:1]
-# A mirror across the way at x = 4, turned by 45 degrees: rays go on to the left.
+# A mirror across the ray at x = 4, turned by 45 degrees: rays go on to the left.
 ACROSS = brick(MIRROR, (0.2, 4, 4), (4.0, 0, 0), -45)
 
 
 def mirrored(points: Floats, place: Floats, normal: Floats) -> Floats:
-    """Give the images of points in a mirror."""
+    """Return the images of points in a mirror."""
     apart = (points - place) @ normal
     images: Floats = points - 2 * apart[:, None] * normal
     return images
 
 
-def test_one_mirror_shows_the_image_of_a_ball_where_geometry_puts_it() -> None:
+def test_one_mirror_shows_the_image_of_a_ball_at_its_mirrored_position() -> None:
     """A small ball beside the sensor is seen in a wall that is a mirror."""
     wall = brick(MIRROR, (1, 20, 20), (6.5, 0, 0))  # its face is at x = 6
     vertices, faces = shapes.sphere(0.05)
@@ -76,13 +78,13 @@ def test_one_mirror_shows_the_image_of_a_ball_where_geometry_puts_it() -> None:
     rays = cast(image[None])
     traces = Tracer([wall, ball]).trace(rays)
     assert traces.parts.tolist() == [1]
-    way = rays.directions[0]
-    ghost = float(traces.ranges[0]) * way
+    ray_direction = rays.directions[0]
+    ghost = float(traces.ranges[0]) * ray_direction
     assert np.linalg.norm(ghost - image) == pytest.approx(0.05, abs=1e-3)
 
 
 def test_two_mirrors_show_the_image_of_an_image() -> None:
-    """Two mirrors at a right angle: the ray turns twice, the way is straight."""
+    """Two mirrors at a right angle: the ray turns twice, unfolded it is straight."""
     ahead = brick(MIRROR, (1, 40, 8), (6.5, 0, 0))  # face x = 6
     left = brick(MIRROR, (40, 1, 8), (0, 5.5, 0))  # face y = 5
     vertices, faces = shapes.sphere(0.05)
@@ -108,7 +110,7 @@ def test_two_mirrors_show_the_image_of_an_image() -> None:
     st.floats(-20, 20),
     st.floats(2, 9),
 )
-def test_a_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
+def test_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
     yaw: float, pitch: float, az: float, el: float, distance: float
 ) -> None:
     """A ball of leaves and a room, seen in a mirror; and both mirrored, without it."""
@@ -135,23 +137,23 @@ def test_a_ray_into_a_mirror_is_the_straight_ray_into_the_mirrored_scene(
         for p in parts
     ]
     a, e = math.radians(az), math.radians(el)
-    way = np.array(
+    ray_direction = np.array(
         [[math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]]
     )
-    ahead = float(way[0] @ normal)
+    ahead = float(ray_direction[0] @ normal)
     if abs(ahead) < 0.05:
         return
     hit = float(place @ normal) / ahead
-    at = hit * way[0]
+    at = hit * ray_direction[0]
     on_plate = np.abs((at - place) @ turn)[1:].max() < 29.9
     if hit <= 0 or hit > 40 or not on_plate:
         return
     if np.linalg.norm(middle) < 1.6 or np.linalg.norm(at - middle) < 1.6:
         return
-    straight = np.linalg.norm(np.cross(middle, way[0]))
-    if straight < 1.6 and 0 < middle @ way[0] < hit:
-        return  # the ball itself is in the way
-    rays = cast(way, bounces=1, max_range=500.0)
+    straight = np.linalg.norm(np.cross(middle, ray_direction[0]))
+    if straight < 1.6 and 0 < middle @ ray_direction[0] < hit:
+        return  # the ball hides its own image
+    rays = cast(ray_direction, bounces=1, max_range=500.0)
     seen = Tracer([mirror, *parts]).trace(rays)
     wanted = Tracer(images).trace(rays)
     assert seen.ranges == pytest.approx(wanted.ranges, abs=1e-6)
@@ -190,7 +192,7 @@ def test_foliage_on_both_segments_costs_power() -> None:
     assert spent.ranges[0] == pytest.approx(5 + 2 + 1)
 
 
-def test_a_mirror_within_foliage_stays_within_it() -> None:
+def test_ray_reflected_within_foliage_stays_within_it() -> None:
     bush = brick(LEAF, (8, 9, 9), (4, 0, 0))  # from 0 to 8, the sensor at its face
     mirror = brick(MIRROR, (1, 2, 2), (5.5, 0, 0))
     wall = brick(WALL, (1, 9, 9), (-5.5, 0, 0))
@@ -202,7 +204,7 @@ def test_a_mirror_within_foliage_stays_within_it() -> None:
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 30, 60, 75])
-def test_a_bush_that_touches_a_mirror_is_left_once_and_one_behind_never_entered(
+def test_bush_at_a_mirror_is_left_once_and_one_behind_is_never_entered(
     yaw_deg: float,
 ) -> None:
     turn = math.radians(yaw_deg)
@@ -219,8 +221,8 @@ def test_a_bush_that_touches_a_mirror_is_left_once_and_one_behind_never_entered(
     for parts in ([front, behind, mirror, room], [mirror, behind, front, room]):
         rays = cast(AHEAD, bounces=1, power=2.0)
         events = Tracer(parts).explain(rays)[0]
-        told = [(event.kind, parts[event.part].object_name) for event in events]
-        assert told == [
+        reported = [(event.kind, parts[event.part].object_name) for event in events]
+        assert reported == [
             (EventKind.ENTER, "leaf"),
             (EventKind.MIRRORED, "metal"),
             (EventKind.LEAVE, "leaf"),
@@ -230,7 +232,7 @@ def test_a_bush_that_touches_a_mirror_is_left_once_and_one_behind_never_entered(
         assert events[-1].power == pytest.approx(2.0 - lost, abs=1e-8)
 
 
-def test_a_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
+def test_robot_sees_itself_in_a_mirror_and_not_otherwise() -> None:
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     boxes = Boxes(np.array([[0, 0, 0, -1, 1, 0.5, 0.3, 7.0]]))
     rays = cast(AHEAD)
@@ -256,7 +258,7 @@ def test_events_have_positions() -> None:
     assert hit.t == pytest.approx(mirror.t + 6.0)
 
 
-def test_a_laser_sees_the_surface_of_a_radars_mirror() -> None:
+def test_laser_sees_the_surface_of_a_radars_mirror() -> None:
     mirror = brick(MIRROR, (1, 9, 9), (5.5, 0, 0))
     traces = Tracer([mirror]).trace(cast(AHEAD, medium=LASER))
     assert traces.ranges[0] == pytest.approx(5.0)
@@ -277,7 +279,7 @@ def test_a_laser_sees_the_surface_of_a_radars_mirror() -> None:
 def test_hit_needs_more_power_than_the_surface_absorbs(
     keeps: float, outcome: Outcome
 ) -> None:
-    """Its dB are lost once, those of the way out and back: one counts a half."""
+    """A surface absorbs its dB once, attenuation counts in both directions."""
     bush = brick(LEAF, (1, 9, 9), (3, 0, 0))
     black = brick(Material("black", absorption_db=keeps), (1, 9, 9), (5.5, 0, 0))
     traces = Tracer([bush, black]).trace(cast(AHEAD, power=1.1))
@@ -379,7 +381,7 @@ def test_rays_of_several_classes_are_traced_together() -> None:
 def test_wall_is_hit_exactly_if_the_margin_covers_the_two_way_attenuation(
     stack: list[tuple[float, float, float]], margin: float, power: float
 ) -> None:
-    """Whatever the scale: power is s M / 2, and a dB one way costs s."""
+    """Whatever the scale: power is s M / 2, and a dB in one direction costs s."""
     at, parts, lost, spent_at = 0.5, [], 0.0, math.inf
     for gap, depth, decibels in stack:
         material = Material("leaf", density=0.0, radar_db=(0, 0, decibels))

@@ -37,7 +37,7 @@ EXACT = 1e-6  # what float64 comes to, grazing rays included
 
 
 def ball(radius: float, at: Place, rough: int = 1) -> Solid:
-    """Make a sphere of 80 faces, or of 20 * 4**rough."""
+    """Create a sphere of 80 faces, or of 20 * 4**rough."""
     vertices, faces = shapes._icosahedron()
     for _ in range(rough):
         vertices, faces = shapes._subdivide(vertices, faces)
@@ -96,7 +96,7 @@ class Oracle:
         self.owner = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
 
     def hits(self, origin: Floats, direction: Floats, blur: float) -> NDArray[np.bool_]:
-        """Say which triangles the ray comes as near to as this share of them."""
+        """Return which triangles the ray comes as near to as this share of them."""
         a, b, c = self.corners.transpose(1, 0, 2)
         ab, ac, gap = b - a, c - a, origin - a
         p = np.cross(direction, ac)
@@ -111,7 +111,7 @@ class Oracle:
         return near
 
     def inside(self, index: int, points: Floats) -> NDArray[np.bool_]:
-        """Say which points a part contains: the solid angle of its faces."""
+        """Return which points a part contains: the solid angle of its faces."""
         corners = self.corners[self.owner == index]
         low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
         answer: NDArray[np.bool_] = ((points > low) & (points < high)).all(axis=1)
@@ -164,7 +164,7 @@ def compare(
     max_range: float = 80.0,
     medium: int = RADAR,
 ) -> None:
-    """Hold the engine against the oracle, ray by ray."""
+    """Compare the engine with the oracle, ray by ray."""
     rays = Rays.uniform(
         origins, directions, max_range=max_range, power=power, medium=medium
     )
@@ -187,7 +187,7 @@ def spheres_in_a_row(rng: np.random.Generator, count: int = 8) -> list[Part]:
 
 
 def room() -> Part:
-    """Make a room: a brick that is looked at from within."""
+    """Create a room: a brick that is looked at from within."""
     return part(CONCRETE, inverted(brick([16, 12, 6], [0, 0, 0])))
 
 
@@ -274,14 +274,16 @@ SCENES = [
 def some_rays(
     rng: np.random.Generator, parts: Sequence[Part], count: int
 ) -> tuple[Floats, Floats]:
-    """Give rays from anywhere to anywhere, and level ones; some start within things."""
+    """Return random rays, half of them level; some start within objects."""
     points = np.vstack([p.vertices for p in parts])
     low, high = points.min(axis=0), points.max(axis=0)
     origins = rng.uniform(low, high, (count, 3))
-    ways = rng.uniform(low, high, (count, 3)) - origins
+    ray_directions = rng.uniform(low, high, (count, 3)) - origins
     level = rng.random(count) < 0.3
-    ways[level, 2] = 0.0
-    return origins, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    ray_directions[level, 2] = 0.0
+    return origins, ray_directions / np.linalg.norm(
+        ray_directions, axis=1, keepdims=True
+    )
 
 
 @pytest.mark.parametrize("medium", [RADAR, LASER], ids=["radar", "laser"])
@@ -320,9 +322,11 @@ def test_scenes_match_the_oracle_from_a_kilometre_away(make: Make) -> None:
     parts = moved(make(rng), [480, 300, 3])
     points = np.vstack([p.vertices for p in parts])
     origins = np.array([-480.0, -300, 0]) + rng.uniform(-5, 5, (120, 3))
-    ways = points[rng.integers(len(points), size=120)] + rng.normal(0, 0.3, (120, 3))
-    ways -= origins
-    directions = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    ray_directions = points[rng.integers(len(points), size=120)] + rng.normal(
+        0, 0.3, (120, 3)
+    )
+    ray_directions -= origins
+    directions = ray_directions / np.linalg.norm(ray_directions, axis=1, keepdims=True)
     compare(parts, origins, directions, max_range=1500.0)
 
 
@@ -342,9 +346,7 @@ def in_many_ways(rng: np.random.Generator, parts: Sequence[Part]) -> list[Part]:
 @given(
     seed=st.integers(0, 2**32 - 1), make=st.sampled_from([s.values[0] for s in SCENES])
 )
-def test_the_order_of_parts_and_triangles_does_not_matter(
-    seed: int, make: Make
-) -> None:
+def test_order_of_parts_and_triangles_does_not_matter(seed: int, make: Make) -> None:
     rng = np.random.Generator(np.random.PCG64(seed))
     parts = make(rng)
     origins, directions = some_rays(rng, parts, 300)

@@ -17,7 +17,7 @@ TRACER = Tracer([Part("wall", Material("wall"), WALL[0] + [3.5, 0, 0], WALL[1])]
 
 
 def rays(**changed: Any) -> Rays:
-    """Give three rays ahead, some columns changed."""
+    """Return three rays ahead, some columns changed."""
     ahead = np.tile([1.0, 0, 0], (3, 1))
     return replace(
         Rays.uniform(np.zeros((3, 3)), ahead, max_range=9.0, power=1.0), **changed

@@ -10,25 +10,25 @@ from radarsim.raycast.robot_boxes import Boxes, intersect_boxes
 ROW = [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, 3.0]
 
 
-def met(
+def first_hit(
     rows: list[list[float]],
     origin: tuple[float, float, float],
-    way: tuple[float, float, float] = (1, 0, 0),
+    ray_direction: tuple[float, float, float] = (1, 0, 0),
     *,
     carrier_id: int = -1,
     max_range: float = 100.0,
 ) -> tuple[float, int]:
-    laid = Boxes(np.array(rows)).table(np.zeros(3))
-    direction = np.array(way, float)
+    table = Boxes(np.array(rows)).table(np.zeros(3))
+    direction = np.array(ray_direction, float)
     direction /= np.linalg.norm(direction)
     t, name = intersect_boxes(
-        laid, carrier_id, np.array(origin, float), direction, max_range
+        table, carrier_id, np.array(origin, float), direction, max_range
     )
     return t, name
 
 
 @pytest.mark.parametrize(
-    ("row", "origin", "way", "wanted"),
+    ("row", "origin", "ray_direction", "expected"),
     [
         pytest.param(ROW, (0, 0, 0.5), (1, 0, 0), (4.5, 3), id="front"),
         pytest.param(ROW, (9, 0, 0.5), (-1, 0, 0), (3.5, 3), id="back"),
@@ -58,25 +58,25 @@ def met(
 def test_box_is_hit_at_its_face(
     row: list[float],
     origin: tuple[float, float, float],
-    way: tuple[float, float, float],
-    wanted: tuple[float, int],
+    ray_direction: tuple[float, float, float],
+    expected: tuple[float, int],
 ) -> None:
-    assert met([row], origin, way) == pytest.approx(wanted)
+    assert first_hit([row], origin, ray_direction) == pytest.approx(expected)
 
 
 def test_nearest_box_is_hit_in_any_order() -> None:
     near, far = ROW, [8.0, *ROW[1:7], 4.0]
-    assert met([near, far], (0, 0, 0.5)) == (4.5, 3)
-    assert met([far, near], (0, 0, 0.5)) == (4.5, 3)
+    assert first_hit([near, far], (0, 0, 0.5)) == (4.5, 3)
+    assert first_hit([far, near], (0, 0, 0.5)) == (4.5, 3)
 
 
 def test_carrier_is_not_hit() -> None:
-    assert met([ROW], (5, 0, 0.5), carrier_id=3) == (100.0, -1)
+    assert first_hit([ROW], (5, 0, 0.5), carrier_id=3) == (100.0, -1)
 
 
 @pytest.mark.parametrize(("max_range", "name"), [(4.5, 3), (4.4, -1)])
 def test_maximum_range_is_inclusive(max_range: float, name: int) -> None:
-    assert met([ROW], (0, 0, 0.5), max_range=max_range) == (max_range, name)
+    assert first_hit([ROW], (0, 0, 0.5), max_range=max_range) == (max_range, name)
 
 
 def test_table_is_relative_to_the_centre() -> None:

@@ -46,17 +46,21 @@ def brick(
 
 def rays(
     origins: list[tuple[float, float, float]] | Floats,
-    way: tuple[float, float, float] | Floats = AHEAD,
+    ray_direction: tuple[float, float, float] | Floats = AHEAD,
     *,
     power: float = 1.0,
     max_range: float = 80.0,
     medium: int = RADAR,
 ) -> Rays:
-    ways = np.broadcast_to(np.asarray(way, float), (len(origins), 3))
-    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    ray_directions = np.broadcast_to(
+        np.asarray(ray_direction, float), (len(origins), 3)
+    )
+    ray_directions = ray_directions / np.linalg.norm(
+        ray_directions, axis=1, keepdims=True
+    )
     return Rays.uniform(
         np.asarray(origins, float),
-        ways,
+        ray_directions,
         max_range=max_range,
         power=power,
         medium=medium,
@@ -66,14 +70,14 @@ def rays(
 def one(
     parts: list[Part],
     origin: tuple[float, float, float] = (0, 0, 0),
-    way: tuple[float, float, float] = AHEAD,
+    ray_direction: tuple[float, float, float] = AHEAD,
     *,
     power: float = 1.0,
     max_range: float = 80.0,
     medium: int = RADAR,
 ) -> tuple[float, Outcome, int, float]:
     traces = Tracer(parts).trace(
-        rays([origin], way, power=power, max_range=max_range, medium=medium)
+        rays([origin], ray_direction, power=power, max_range=max_range, medium=medium)
     )
     t, left = float(traces.ranges[0]), float(traces.power[0])
     return t, Outcome(traces.outcomes[0]), int(traces.parts[0]), left
@@ -109,10 +113,10 @@ def test_chord_of_a_sphere_is_that_of_its_triangles(
     radius, far = 1.2, 1000.0
     ball = solid(foliage(0.1), shapes.sphere(radius), (at, at, 3.0))
     origin = np.array([at - 5, at + y - 5 * math.sin(yaw), 3 + z])
-    way = np.array([math.cos(yaw), math.sin(yaw), 0])
-    traces = Tracer([ball]).trace(rays(origin[None], way, max_range=far))
+    ray_direction = np.array([math.cos(yaw), math.sin(yaw), 0])
+    traces = Tracer([ball]).trace(rays(origin[None], ray_direction, max_range=far))
     gap = np.array([at, at, 3.0]) - origin
-    off = float(gap @ gap - (gap @ way) ** 2)
+    off = float(gap @ gap - (gap @ ray_direction) ** 2)
     chord = (1 - traces.power[0]) / 0.1
     longest = 2 * math.sqrt(max(radius**2 - off, 0.0))
     shortest = 2 * math.sqrt(max((radius * (1 - 0.0047)) ** 2 - off, 0.0))
@@ -143,7 +147,7 @@ def test_from_inside_a_closed_wall_its_inner_face_is_hit(medium: int) -> None:
     assert one([wall], (0.5, 0, 0), medium=medium) == (1.5, Outcome.HIT, 0, 1.0)
 
 
-def test_a_laser_in_foliage_hits_its_inner_face_and_a_radar_is_spent_there() -> None:
+def test_laser_in_foliage_hits_its_inner_face_and_a_radar_is_spent_there() -> None:
     bush = brick(foliage(0.7), (6, 6, 6), (0, 0, 0))
     assert one([bush], medium=LASER) == (3.0, Outcome.HIT, 0, 1.0)
     assert one([bush]) == (1 / 0.7, Outcome.SPENT, 0, 0.0)
@@ -171,14 +175,14 @@ def test_start_inside_a_volume_is_found_when_a_wall_hides_its_far_side() -> None
 
 @pytest.mark.parametrize("x", [-1.0, np.nextafter(-1, -2), np.nextafter(-1, 0)])
 @pytest.mark.parametrize(
-    ("way", "cost"),
+    ("ray_direction", "cost"),
     [(AHEAD, 0.2), ((-1.0, 0, 0), 0.0), ((1.0, 1, 0), 0.1 * math.sqrt(2))],
 )
-def test_start_on_a_face_costs_what_is_ahead_of_it(
-    x: float, way: tuple[float, float, float], cost: float
+def test_ray_from_a_face_is_attenuated_by_what_is_ahead(
+    x: float, ray_direction: tuple[float, float, float], cost: float
 ) -> None:
     bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
-    assert one([bush], (x, 0, 0), way)[3] == pytest.approx(1 - cost, abs=1e-9)
+    assert one([bush], (x, 0, 0), ray_direction)[3] == pytest.approx(1 - cost, abs=1e-9)
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.1, 1 / 3, 401.7])
@@ -234,7 +238,7 @@ def test_robot_in_foliage_costs_the_foliage_before_it() -> None:
 
 
 def sheets(count: int) -> Part:
-    """Make so many leaves, one behind the other."""
+    """Create so many leaves, one behind the other."""
     leaf = np.array([[0.0, -1, -1], [0, 1, -1], [0, 0, 1]])
     vertices = np.vstack([leaf + np.array([1 + i / 100, 0, 0]) for i in range(count)])
     faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
@@ -272,11 +276,11 @@ def test_explain_returns_events_in_order() -> None:
         brick(CONCRETE, (1, 2, 2), (6, 0, 0)),
     ]
     cast = rays([(0, 0, 0), (0, 0, 0)], np.array([AHEAD, (-1.0, 0, 0)]))
-    told = [
+    reported = [
         [(event.t, event.kind, event.part, round(event.power, 9)) for event in events]
         for events in Tracer(parts).explain(cast)
     ]
-    assert told == [
+    assert reported == [
         [
             (0.0, EventKind.START_INSIDE, 0, 1.0),
             (1.0, EventKind.LEAVE, 0, 0.9),
@@ -300,7 +304,7 @@ ENDS = {
 
 
 def forest(rng: np.random.Generator, trees: int) -> list[Part]:
-    """Make overlapping balls and bricks in a room that none of them touches."""
+    """Create overlapping balls and bricks in a room that none of them touches."""
     parts = []
     for i in range(trees):
         at = tuple(rng.uniform([-40, -40, -3], [40, 40, 3]))
@@ -381,13 +385,13 @@ def test_open_mesh_must_be_opaque_or_a_sheet() -> None:
 
 
 @pytest.mark.parametrize("material", [CONCRETE, foliage(1.0)], ids=["opaque", "volume"])
-def test_a_part_may_have_no_faces(material: Material) -> None:
+def test_part_may_have_no_faces(material: Material) -> None:
     nothing = Part("nothing", material, np.zeros((0, 3)), np.zeros((0, 3), np.int32))
     wall = brick(CONCRETE, (1, 1, 1), (3, 0, 0))
     assert one([nothing, wall]) == (2.5, Outcome.HIT, 1, 1.0)
 
 
-def test_a_scene_has_one_tracer() -> None:
+def test_scene_has_one_tracer() -> None:
     scene, other = Scene("one", "DM-One"), Scene("one", "DM-One")
     assert tracer_of(scene) is tracer_of(scene)
     assert tracer_of(scene) is not tracer_of(other)

@@ -89,12 +89,12 @@ def test_entry_becomes_a_material(entry: str, attributes: dict[str, Any]) -> Non
 
 @pytest.mark.parametrize("name", library_names())
 def test_entry_may_be_based_on_any_library_material(name: str) -> None:
-    told = material(f"{{based_on: {name}}}")
+    result = material(f"{{based_on: {name}}}")
     told_of = library_material(name)
-    assert told.name == "m"
+    assert result.name == "m"
     for field in type(told_of).__dataclass_fields__:
-        assert getattr(told, field) == getattr(told_of, field)
-    assert told.sheet_loss is None
+        assert getattr(result, field) == getattr(told_of, field)
+    assert result.sheet_loss is None
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_variant_overrides_air_and_materials_and_adds_objects() -> None:
     assert [start.name for start in scene.starts] == ["RobotStart1"]
 
 
-def test_map_itself_has_nothing_of_its_variants() -> None:
+def test_map_without_variant_has_nothing_of_its_variants() -> None:
     scene = load_map(Path("yard.yaml"))
     assert scene.name == "yard"
     assert scene.air == from_library("fog")

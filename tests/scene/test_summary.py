@@ -59,7 +59,7 @@ def test_empty_map_can_be_summarised() -> None:
 
 
 @pytest.mark.parametrize(
-    ("material", "told"),
+    ("material", "text"),
     [
         pytest.param(
             Material("m", 0.0, 0.0, radar_db=(2.0, 3.25, 4.0), laser_db=23),
@@ -91,10 +91,10 @@ def test_empty_map_can_be_summarised() -> None:
     ],
 )
 def test_summary_of_a_material_has_all_its_properties(
-    material: Material, told: str
+    material: Material, text: str
 ) -> None:
     lines = summarise(Scene("room", "DM-Room", materials={"m": material}))
-    assert f"  m: {told}; 0 triangles" in lines
+    assert f"  m: {text}; 0 triangles" in lines
 
 
 def test_summary_has_the_air() -> None:
@@ -105,5 +105,5 @@ def test_summary_has_the_air() -> None:
 def test_summary_has_the_trial() -> None:
     trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
     lines = summarise(Scene("room", "DM-Room", trial=trial))
-    told = "trial: RobotStart1 to 7.000 -2.500, 0.500 m away from all that is seen"
-    assert lines[-1] == told
+    text = "trial: RobotStart1 to 7.000 -2.500, 0.500 m away from all that is seen"
+    assert lines[-1] == text

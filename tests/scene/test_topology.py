@@ -185,7 +185,9 @@ def mirrored(mesh: Mesh) -> Mesh:
         pytest.param(stack(CUBE, moved(CUBE, 1)), id="wall with other diagonals"),
         pytest.param(stack(CUBE, moved(CUBE, 1, 1)), id="common edge"),
         pytest.param(stack(box(3, 3, 3), two_sided(CUBE)), id="walls inside"),
-        pytest.param(stack(CUBE, CUBE, inside_out(CUBE)), id="one way once more"),
+        pytest.param(
+            stack(CUBE, CUBE, inside_out(CUBE)), id="one orientation more often"
+        ),
         pytest.param((np.zeros((0, 3)), np.zeros((0, 3), np.int32)), id="nothing"),
     ],
 )

@@ -108,7 +108,7 @@ def test_nearest_obstacle_is_measured_from_the_centre_and_coloured(
     assert nearest(state) == (style, text)
 
 
-def test_warnings(state: RobotState) -> None:
+def test_panel_warns(state: RobotState) -> None:
     assert warnings(state, 0.1) == ["no scan yet"]
     state.take(scan(0.0, 0.0, 0.0))
     state.take(Status(1.0, battery=0, light=False))

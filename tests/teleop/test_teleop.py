@@ -1,4 +1,4 @@
-"""The loop at a keyboard of pipes, against real servers and odd ones."""
+"""Teleop at a keyboard of pipes, against real and faulty servers."""
 
 import asyncio
 import os
@@ -22,7 +22,7 @@ from radarsim.teleop.teleop import Teleop, TeleopSettings, prepare
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-Odd} {TimeLimit 0}\r\n"
 STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 99}\r\n"
 UP, PAGE_DOWN, ESCAPE, CTRL_C = "\x1b[A", "\x1b[6~", "\x1b", "\x03"
-WISH = TeleopSettings("P3AT", None, None, 0.4, "rad_per_s")
+SETTINGS = TeleopSettings("P3AT", None, None, 0.4, "rad_per_s")
 
 
 class Narrow(DummyOutput):
@@ -48,7 +48,7 @@ async def test_keys_drive_the_robot_and_it_stops_without_them(
     usarsim_server: UsarsimServer, keyboard: PipeInput
 ) -> None:
     async with await AsyncClient.connect(*usarsim_server.address) as client:
-        state = await prepare(client, WISH)
+        state = await prepare(client, SETTINGS)
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         running = asyncio.create_task(driver.run())
         await until(lambda: GroundTruth in state.poses)
@@ -69,12 +69,12 @@ async def test_keys_drive_the_robot_and_it_stops_without_them(
 
 
 @asynccontextmanager
-async def oddly_served(
+async def faulty_server(
     *, beats: int, drop: bool = False
 ) -> AsyncIterator[tuple[AsyncClient, list[bytes]]]:
-    """Connect to a server that says some lines, and then nothing more, or hangs up.
+    """Connect to a server that sends some lines, then nothing more, or disconnects.
 
-    Gives the client, which has a robot, and the lines that the server heard.
+    Yields the client, which has a robot, and the lines that the server received.
     """
     heard: list[bytes] = []
     done = asyncio.Event()
@@ -105,7 +105,7 @@ async def oddly_served(
 async def test_keys_zoom_and_set_the_speed(
     state: RobotState, keyboard: PipeInput, terminal: DummyOutput
 ) -> None:
-    async with oddly_served(beats=5) as (client, _):
+    async with faulty_server(beats=5) as (client, _):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=terminal)
         running = asyncio.create_task(driver.run())
         assert driver.radius == 10
@@ -133,7 +133,7 @@ async def test_exit_code_and_stop_command_at_the_end(
     state: RobotState, keyboard: PipeInput, text: str, number: int | None, code: int
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
-    async with oddly_served(beats=3) as (client, heard):
+    async with faulty_server(beats=3) as (client, heard):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         running = asyncio.create_task(driver.run())
         keyboard.send_text("W")
@@ -157,7 +157,7 @@ async def test_exit_code_and_stop_command_at_the_end(
 async def test_lost_server_ends_teleop(
     state: RobotState, keyboard: PipeInput, drop: bool, kind: type, text: str
 ) -> None:
-    async with oddly_served(beats=3, drop=drop) as (client, heard):
+    async with faulty_server(beats=3, drop=drop) as (client, heard):
         driver = Teleop(
             client,
             state,
@@ -175,7 +175,7 @@ async def test_lost_server_ends_teleop(
 async def test_closed_keyboard_ends_teleop(
     state: RobotState, keyboard: PipeInput
 ) -> None:
-    async with oddly_served(beats=1) as (client, heard):
+    async with faulty_server(beats=1) as (client, heard):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         keyboard.close()
         with pytest.raises(RadarsimError, match="keyboard"):
@@ -186,17 +186,19 @@ async def test_closed_keyboard_ends_teleop(
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
-        pytest.param(WISH, "", id="what there is"),
-        pytest.param(replace(WISH, start="RobotStart1"), "", id="a start"),
+        pytest.param(SETTINGS, "", id="what there is"),
+        pytest.param(replace(SETTINGS, start="RobotStart1"), "", id="a start"),
         pytest.param(
-            replace(WISH, start="Nowhere"), "'Nowhere', expected one of", id="no start"
+            replace(SETTINGS, start="Nowhere"),
+            "'Nowhere', expected one of",
+            id="no start",
         ),
         pytest.param(
-            replace(WISH, scanner="sonar"), "the scanner 'sonar'", id="no scanner"
+            replace(SETTINGS, scanner="sonar"), "the scanner 'sonar'", id="no scanner"
         ),
     ],
 )
-async def test_settings_are_met_or_reported_as_missing(
+async def test_settings_are_applied_or_reported_as_missing(
     usarsim_server: UsarsimServer, settings: TeleopSettings, expected: str
 ) -> None:
     async with await AsyncClient.connect(*usarsim_server.address) as client:
@@ -227,5 +229,5 @@ async def test_server_without_start_poses_chooses_the_start(
         port = server.sockets[0].getsockname()[1]
         async with await AsyncClient.connect(port=port, timeout=0.1) as client:
             with pytest.raises(ClientTimeout, match=missed):
-                await prepare(client, replace(WISH, start=start))
+                await prepare(client, replace(SETTINGS, start=start))
         await done.wait()
