@@ -1,0 +1,299 @@
+"""Problems of objects in map files."""
+
+import pytest
+from map_texts import objects, problems
+
+from radarsim.presets.materials import library_names
+
+pytestmark = pytest.mark.usefixtures("mesh_folder")
+KEYS = (
+    "['box', 'cylinder', 'material', 'materials', 'mesh', 'name', 'position', 'repeat',"
+    " 'rotation_deg', 'scale', 'scatter', 'sphere', 'up_axis', 'yaw_deg']"
+)
+SHAPES = "expected one of ['box', 'cylinder', 'mesh', 'sphere']"
+LIBRARY = f", or of the library, {list(library_names())}"
+CLOSED = (
+    "expected a closed volume with one outside,"
+    " since beams enter 'leaf', which has no sheet_loss"
+)
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "expected"),
+    [
+        pytest.param("sphere: 1, material: stone", 5, ".name: missing", id="no name"),
+        pytest.param(
+            "name: 'a{', sphere: 1, material: stone",
+            12,
+            ".name: 'a{', expected printable text without braces",
+            id="brace in a name",
+        ),
+        pytest.param(
+            'name: "\\t", sphere: 1, material: stone',
+            12,
+            ".name: '\\t', expected printable text without braces",
+            id="blank name",
+        ),
+        pytest.param(
+            "name: 3, sphere: 1, material: stone",
+            12,
+            ".name: 3, expected text",
+            id="number as name",
+        ),
+        pytest.param("name: a, material: stone", 5, f": no shape, {SHAPES}", id="none"),
+        pytest.param(
+            "name: a, sphere: 1, box: [1, 1, 1], material: stone",
+            5,
+            f": ['box', 'sphere'], {SHAPES}",
+            id="two shapes",
+        ),
+        pytest.param(
+            "name: a, sphere: 0, material: stone",
+            23,
+            ".sphere: 0, expected more than 0",
+            id="no size",
+        ),
+        pytest.param(
+            "name: a, sphere: 1001, material: stone",
+            23,
+            ".sphere: 1001, expected at most 1000",
+            id="too large",
+        ),
+        pytest.param(
+            "name: a, sphere: true, material: stone",
+            23,
+            ".sphere: True, expected a number",
+            id="truth as number",
+        ),
+        pytest.param(
+            "name: a, box: [1, 1], material: stone",
+            20,
+            ".box: [1, 1], expected 3 entries",
+            id="flat box",
+        ),
+        pytest.param(
+            "name: a, cylinder: [1, -1], material: stone",
+            29,
+            ".cylinder.1: -1, expected more than 0",
+            id="negative height",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, position: [0, 0, .inf], material: stone",
+            43,
+            ".position.2: '.inf', expected a finite number",
+            id="infinite",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, position: [0, 2000, 0], material: stone",
+            40,
+            ".position.1: 2000, expected at most 1000",
+            id="far away",
+        ),
+        pytest.param(
+            "name: a, sphere: 200, position: [0, -900, 0], material: stone",
+            5,
+            ": 1100.0 m from the map's origin, expected at most 1000",
+            id="reaches too far",
+        ),
+        pytest.param(
+            "name: a, sphere: 1",
+            5,
+            ": no material, expected 'material' or, for a mesh, 'materials'",
+            id="no material",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: ston",
+            36,
+            f".material: 'ston', expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
+            id="unknown material",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone, up_axis: y",
+            52,
+            ".up_axis: expected only for a mesh",
+            id="axis of a sphere",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone, yaw_deg: 3, rotation_deg: [1, 2, 3]",
+            69,
+            ".rotation_deg: expected either 'yaw_deg' or 'rotation_deg'",
+            id="turned twice",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone, colour: red",
+            43,
+            f".colour: unknown key, expected one of {KEYS}",
+            id="unknown key",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone, repeat: {count: 0, step: [0, 0, 1]}",
+            59,
+            ".repeat.count: 0, expected at least 1",
+            id="no copies",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone, repeat: {count: 2}",
+            51,
+            ".repeat.step: missing",
+            id="no step",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone, repeat: {count: 1000000000,"
+            " step: [0, 0, 1]}",
+            59,
+            ".repeat.count: 1000000000, expected at most 10000",
+            id="too many copies",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, position: [1, 0, 0], material: stone,"
+            " scatter: {count: 1, area: [[0, 0], [1, 1]], seed: 1}",
+            36,
+            ".position: [1, 0, 0], expected 0 for x and y, since 'scatter' has an area",
+            id="scattered around a place",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone,"
+            " scatter: {count: 1, area: [[0, 0], [-1, 1]], seed: 1}",
+            69,
+            ".scatter.area: [[0.0, 0.0], [-1.0, 1.0]], expected the lower corner first",
+            id="corners in the wrong order",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone,"
+            " scatter: {count: 1, area: [[0, 0], [1, 1]], seed: 1, scale: [2, 1]}",
+            103,
+            ".scatter.scale: [2.0, 1.0], expected the smaller one first",
+            id="scales in the wrong order",
+        ),
+        pytest.param(
+            "name: a, sphere: 1, material: stone,"
+            " scatter: {count: 9, area: [[0, 0], [1, 1]], seed: 1, min_distance: 9}",
+            52,
+            ".scatter: the area is full after 1 copies, expected 9",
+            id="full area",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/oak.glb, material: stone",
+            21,
+            ".mesh: 'meshes/oak.glb', expected an existing file",
+            id="missing file",
+        ),
+        pytest.param(
+            "name: a, mesh: ../oak.glb, material: stone",
+            21,
+            ".mesh: '../oak.glb', expected a file in the map's own folder",
+            id="file outside",
+        ),
+        pytest.param(
+            "name: a, mesh: m.yaml, material: stone",
+            21,
+            ".mesh: 'm.yaml', expected one of"
+            " ['.glb', '.gltf', '.obj', '.ply', '.stl']",
+            id="another format",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/broken.ply, material: stone",
+            21,
+            ".mesh: 'broken.ply': cannot be read as PLY: list index out of range",
+            id="broken file",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/line.obj, material: leaf",
+            21,
+            ".mesh: 'meshes/line.obj': no triangle of 'leaf' has an area",
+            id="no area",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/lid.obj, material: leaf",
+            21,
+            f".mesh: 'meshes/lid.obj': not closed: 4 edges have no partner, {CLOSED}",
+            id="open volume",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/double.obj, material: leaf",
+            21,
+            ".mesh: 'meshes/double.obj':"
+            " 12 faces are present in both orientations, with nothing inside,"
+            f" {CLOSED}",
+            id="each face in both orientations",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/flat.obj, material: leaf",
+            21,
+            ".mesh: 'meshes/flat.obj':"
+            " 4 faces enclose no volume, as sheets with two sides,"
+            f" {CLOSED}",
+            id="flat",
+        ),
+        pytest.param(
+            f"name: {'a' * 201}, sphere: 1, material: stone",
+            12,
+            f".name: '{'a' * 79}, expected at most 200 characters",
+            id="endless name",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/cube.obj, materials: {Leaves: lea}",
+            58,
+            ".materials.Leaves: 'lea',"
+            f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
+            id="unknown material of a mesh",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/tree.obj, materials: {Leaves: leaf}",
+            49,
+            ".materials: missing 'Bark' of the file",
+            id="a name without material",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/cube.obj, materials: {Leaves: leaf, Twig: leaf}",
+            70,
+            ".materials.Twig: 'Twig', expected one of ['Leaves']",
+            id="a name that is not in the file",
+        ),
+        pytest.param(
+            "name: a, mesh: meshes/plain.obj, materials: {}",
+            50,
+            ".materials: no names in parts of the file, expected 'material'",
+            id="a file without names",
+        ),
+    ],
+)
+def test_problem_of_an_object_has_place_and_expectation(
+    line: str, column: int, expected: str
+) -> None:
+    assert problems(objects(line)) == [f"m.yaml:7:{column}: objects.0{expected}"]
+
+
+def test_names_including_those_of_copies_are_unique() -> None:
+    repeat = "repeat: {count: 3, step: [1, 0, 0]}"
+    text = objects(
+        "name: a_2, sphere: 1, material: leaf",
+        f"name: a, sphere: 1, material: leaf, {repeat}",
+        "name: a_2, sphere: -1, material: leaf",
+    )
+    text += "starts:\n"
+    text += "  - {name: RobotA, position: [0, 0, 0]}\n"
+    text += "  - {name: Robota, position: [0, 0, 0]}\n"
+    assert problems(text) == [
+        "m.yaml:8:12: objects.1.name: 'a_2', expected a name not used by objects.0",
+        "m.yaml:9:25: objects.2.sphere: -1, expected more than 0",
+        "m.yaml:9:12: objects.2.name: 'a_2', expected a name not used by objects.0",
+        "m.yaml:12:12: starts.1.name: 'Robota', expected a name not used by starts.0",
+    ]
+
+
+def test_extent_of_all_objects_together_is_limited() -> None:
+    text = objects(
+        "name: a, box: [1, 1, 1], position: [-600, 0, 0], material: leaf",
+        "name: b, box: [1, 1, 1], position: [600, 0, 0], material: leaf",
+    )
+    message = "1201.0 x 1.0 x 1.0 m, expected at most 1000 m in each direction"
+    assert problems(text) == [f"m.yaml:7:3: objects: {message}"]
+
+
+def test_number_of_triangles_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("radarsim.scene.map_file.MAX_TRIANGLES", 100)
+    row = "box: [1, 1, 1], material: leaf, repeat: {count: 5, step: [1, 0, 0]}"
+    text = objects(f"name: a, {row}", f"name: b, {row}")
+    message = "60 triangles, expected at most 40 more"
+    assert problems(text) == [f"m.yaml:8:5: objects.1: {message}"]
