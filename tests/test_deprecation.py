@@ -46,6 +46,17 @@ def test_old_members_of_the_blocking_client_work(
         assert client.wait_for(Odometry).pose.x == 0
 
 
+def test_old_argument_of_the_blocking_client_works(
+    empty_room: Scene, link_to: Callable[[Host], Transport]
+) -> None:
+    transport = link_to(Host(empty_room))
+    with pytest.warns(DeprecationWarning, match=r"use Client\(transport=\.\.\.\)$"):
+        client = Client(link=transport)
+    assert client.transport is transport
+    with pytest.raises(TypeError, match="without a transport, expected one"):
+        Client()
+
+
 async def test_old_methods_of_the_asynchronous_client_work(
     usarsim_server: UsarsimServer,
 ) -> None:

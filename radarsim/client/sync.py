@@ -29,16 +29,29 @@ class Client:
         transport: Connection to the server; its clock is the only one that is used.
     """
 
-    def __init__(self, transport: Transport, *, timeout: float = 5.0) -> None:
+    def __init__(
+        self,
+        transport: Transport | None = None,
+        *,
+        timeout: float = 5.0,
+        link: Transport | None = None,
+    ) -> None:
         """Use a transport, which the client closes.
 
         Args:
             transport: Open connection.
             timeout: Default timeout of every call, s of the transport's clock.
+            link: Old name of ``transport``; deprecated.
 
         Raises:
+            TypeError: If there is no transport.
             ValueError: If the timeout is not above 0.
         """
+        if link is not None:
+            warn_renamed("Client(link=...)", "Client(transport=...)")
+        transport = transport or link
+        if transport is None:
+            raise TypeError("Client without a transport, expected one")
         self.transport = transport
         self._requests = Requests(transport.time, timeout=timeout)
 

@@ -43,7 +43,7 @@ async def test_one_task_reads_while_another_drives(
 
 
 @pytest.mark.usarsim(speed=5)
-async def test_a_read_that_was_cancelled_loses_nothing(
+async def test_cancelled_read_loses_no_report(
     usarsim_server: UsarsimServer,
 ) -> None:
     async with await AsyncClient.connect(port=usarsim_server.port) as client:
@@ -68,7 +68,7 @@ async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:
     assert set(await asyncio.gather(*[greeted() for _ in range(8)])) == {"DM-EmptyRoom"}
 
 
-async def test_a_reset_while_waiting_is_no_time_out(serve: Serve) -> None:
+async def test_connection_reset_is_not_a_timeout(serve: Serve) -> None:
     def reset(peer: socket.socket) -> None:
         peer.recv(4096)
         linger = struct.pack("ii", 1, 0)
@@ -82,7 +82,9 @@ async def test_a_reset_while_waiting_is_no_time_out(serve: Serve) -> None:
     assert not isinstance(it.value, ClientTimeout)
 
 
-async def test_leaving_does_not_wait_for_who_takes_nothing(serve: Serve) -> None:
+async def test_close_does_not_wait_for_a_server_that_does_not_read(
+    serve: Serve,
+) -> None:
     def stall(peer: socket.socket) -> None:
         while peer.send(b"\r\n" * 10_000):  # until the client has gone
             pass

@@ -33,7 +33,7 @@ STATUS = b"STA {Type GroundVehicle} {Time 1.00} {Battery 9}\r\n"
 
 
 @pytest.mark.usarsim(speed=5)
-def test_a_client_finds_out_and_drives(
+def test_client_requests_robot_info_and_drives(
     usarsim_server: UsarsimServer, connect: Connect
 ) -> None:
     client = connect(usarsim_server.port)
@@ -62,7 +62,9 @@ def test_a_client_finds_out_and_drives(
 
 
 @pytest.mark.usarsim(speed=5, map="foliage_room")
-def test_echoes_and_orders(usarsim_server: UsarsimServer, connect: Connect) -> None:
+def test_echoes_and_set_item_take_effect(
+    usarsim_server: UsarsimServer, connect: Connect
+) -> None:
     client = connect(usarsim_server.port)
     client.spawn("P3AT", start="RobotStart1")
     client.echoes("lms200")
@@ -78,7 +80,7 @@ def test_echoes_and_orders(usarsim_server: UsarsimServer, connect: Connect) -> N
 
 
 @pytest.mark.usarsim(speed=5, dialect="udk")
-def test_the_original_s_dialect_tells_enough_to_drive_by(
+def test_robot_info_is_complete_in_the_udk_dialect(
     usarsim_server: UsarsimServer, connect: Connect
 ) -> None:
     client = connect(usarsim_server.port)
@@ -93,19 +95,21 @@ def test_the_original_s_dialect_tells_enough_to_drive_by(
     assert np.allclose(np.degrees(scanner.angles), np.arange(360) - 179.5, atol=0.01)
 
 
-def test_nobody_there_is_an_error_with_the_address(connect: Connect) -> None:
+def test_connection_error_names_the_address(connect: Connect) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     with pytest.raises(ClientError, match=f"no server at 127.0.0.1:{port}: "):
         connect(port)
 
 
-def test_a_timeout_must_be_above_0(connect: Connect, serve: Serve) -> None:
+def test_timeout_must_be_above_0(connect: Connect, serve: Serve) -> None:
     with pytest.raises(ValueError, match="timeout 0, expected more than 0 s"):
         connect(serve(_be_silent), timeout=0)
 
 
-def test_a_silent_server_is_given_up(connect: Connect, serve: Serve) -> None:
+def test_calls_time_out_when_the_server_is_silent(
+    connect: Connect, serve: Serve
+) -> None:
     client = connect(serve(_be_silent), timeout=0.1)
     expected = r"no greeting within 0\.1 s, no whole line came"
     with pytest.raises(ClientTimeout, match=expected):
@@ -118,7 +122,7 @@ def test_a_silent_server_is_given_up(connect: Connect, serve: Serve) -> None:
         client.spawn("P3AT")
 
 
-def test_what_came_last_is_told(connect: Connect, serve: Serve) -> None:
+def test_timeout_error_quotes_the_last_line(connect: Connect, serve: Serve) -> None:
     def half(peer: socket.socket) -> None:
         peer.sendall(GREETING + b"XYZ {A 1}\r\nSEN {Type INS} {Loc")
         _be_silent(peer)
@@ -131,7 +135,7 @@ def test_what_came_last_is_told(connect: Connect, serve: Serve) -> None:
 
 
 @pytest.mark.parametrize("abruptly", [False, True], ids=["closed", "reset"])
-def test_a_connection_that_is_dropped(
+def test_lost_connection_raises_a_client_error(
     connect: Connect, serve: Serve, abruptly: bool
 ) -> None:
     def drop(peer: socket.socket) -> None:
@@ -157,7 +161,7 @@ def test_a_connection_that_is_dropped(
     client.close()
 
 
-def test_bytes_one_by_one_are_a_line(connect: Connect, serve: Serve) -> None:
+def test_line_may_arrive_byte_by_byte(connect: Connect, serve: Serve) -> None:
     def dribble(peer: socket.socket) -> None:
         for i in range(len(GREETING)):
             peer.sendall(GREETING[i : i + 1])
@@ -167,7 +171,9 @@ def test_bytes_one_by_one_are_a_line(connect: Connect, serve: Serve) -> None:
     assert connect(serve(dribble)).greeting().level == "DM-Odd"
 
 
-def test_rubbish_is_skipped_and_counted(connect: Connect, serve: Serve) -> None:
+def test_unreadable_lines_are_skipped_and_counted(
+    connect: Connect, serve: Serve
+) -> None:
     def rave(peer: socket.socket) -> None:
         peer.sendall(b"\x00\xff{{{\r\n\r\nSEN {Type INS} {Name I}\r\n" + b"x" * 100_000)
         peer.sendall(b"\n" + STATUS)
@@ -178,7 +184,7 @@ def test_rubbish_is_skipped_and_counted(connect: Connect, serve: Serve) -> None:
     assert client.session.unread >= 3
 
 
-def test_rubbish_without_end_does_not_hold_a_client_up(
+def test_endless_unknown_lines_do_not_prevent_the_timeout(
     connect: Connect, serve: Serve
 ) -> None:
     def rave(peer: socket.socket) -> None:
@@ -193,7 +199,9 @@ def test_rubbish_without_end_does_not_hold_a_client_up(
     assert time.monotonic() - began < 2
 
 
-def test_a_server_that_takes_nothing(connect: Connect, serve: Serve) -> None:
+def test_server_that_does_not_read_is_a_client_error(
+    connect: Connect, serve: Serve
+) -> None:
     client = connect(serve(_take_nothing), timeout=0.1)
     text = "x" * 60_000
     expected = r"^the server takes nothing any more, expected to send 'SET {Type A"
@@ -202,9 +210,7 @@ def test_a_server_that_takes_nothing(connect: Connect, serve: Serve) -> None:
     assert not client.stop()
 
 
-def test_a_robot_is_stopped_before_its_client_leaves(
-    connect: Connect, serve: Serve
-) -> None:
+def test_close_stops_the_robot(connect: Connect, serve: Serve) -> None:
     heard = bytearray()
 
     def listen(peer: socket.socket) -> None:
@@ -236,7 +242,7 @@ def test_a_robot_is_stopped_before_its_client_leaves(
     "text",
     [pytest.param("a\r\nDRIVE {Left 1}", id="a line"), pytest.param("}{", id="fields")],
 )
-def test_a_name_cannot_smuggle_in_an_order(
+def test_robot_name_cannot_inject_a_command(
     connect: Connect, serve: Serve, text: str
 ) -> None:
     client = connect(serve(_be_silent))

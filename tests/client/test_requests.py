@@ -61,7 +61,7 @@ class Puppet:
         self.closed = True
 
 
-def test_all_scanners_are_asked_for_at_once() -> None:
+def test_all_scanners_are_requested_at_once() -> None:
     answers = ABOUT_ROBOT | {
         "GETGEO {Type RangeScanner}": GEO,
         "GETCONF {Type RangeScanner}": CONF,
@@ -77,7 +77,7 @@ def test_all_scanners_are_asked_for_at_once() -> None:
     assert link.time() == pytest.approx(0.1)
 
 
-def test_where_nobody_answers_for_all_each_is_asked_by_its_name() -> None:
+def test_scanners_are_requested_by_name_without_a_reply_for_all() -> None:
     answers = ABOUT_ROBOT | {
         "GETGEO {Type RangeScanner} {Name S}": GEO,
         "GETCONF {Type RangeScanner} {Name S}": CONF,
@@ -91,7 +91,7 @@ def test_where_nobody_answers_for_all_each_is_asked_by_its_name() -> None:
     assert 4 <= link.time() < 4.5  # for all, and for T
 
 
-def test_where_nobody_answers_scans_have_to_do() -> None:
+def test_scanner_info_is_taken_from_scans_without_a_reply() -> None:
     link = Puppet(ABOUT_ROBOT, [SCAN])
     (scanner,) = Client(link).robot_info().scanners
     assert (scanner.mount, scanner.min_range, scanner.max_range) == (
@@ -102,7 +102,7 @@ def test_where_nobody_answers_scans_have_to_do() -> None:
     assert (scanner.resolution, scanner.fov, scanner.beams) == (0.5, 1, 3)
 
 
-def test_a_robot_without_scans_has_the_scanners_that_it_tells_of() -> None:
+def test_scanner_info_is_taken_from_replies_without_scans() -> None:
     answers = ABOUT_ROBOT | {
         "GETGEO {Type RangeScanner}": GEO,
         "GETCONF {Type RangeScanner}": CONF,
@@ -114,7 +114,7 @@ def test_a_robot_without_scans_has_the_scanners_that_it_tells_of() -> None:
     assert Client(Puppet(ABOUT_ROBOT, [STATUS])).robot_info().scanners == ()
 
 
-def test_without_the_robot_s_own_there_are_no_facts() -> None:
+def test_robot_info_times_out_without_the_robot_configuration() -> None:
     del (answers := dict(ABOUT_ROBOT))["GETCONF {Type Robot}"]
     link = Puppet(answers, [STATUS])
     with pytest.raises(ClientTimeout, match=r"no CONF of Robot within 3 s, .* 'STA"):
@@ -122,7 +122,7 @@ def test_without_the_robot_s_own_there_are_no_facts() -> None:
     assert 3 <= link.time() < 3.2
 
 
-def test_a_server_that_never_stops_talking_is_given_up_in_time() -> None:
+def test_timeout_holds_while_other_reports_arrive() -> None:
     link = Puppet({}, [STATUS, SCAN])
     client = Client(link)
     with pytest.raises(ClientTimeout, match=r"no Odometry of 'Odo' within 1\.5 s"):
@@ -132,7 +132,7 @@ def test_a_server_that_never_stops_talking_is_given_up_in_time() -> None:
     assert link.time() == pytest.approx(6.5)
 
 
-def test_what_comes_behind_an_answer_stays_to_be_read() -> None:
+def test_reports_after_the_awaited_one_can_still_be_read() -> None:
     client = Client(Puppet({}, [SCAN, STATUS, OTHER_SCAN]))
     assert client.wait_for(Status).battery == 9
     (rest,) = client.read()
@@ -142,7 +142,7 @@ def test_what_comes_behind_an_answer_stays_to_be_read() -> None:
     assert client.wait_for(RangeScan, name="T").name == "T"
 
 
-def test_the_first_words_of_a_robot_are_kept() -> None:
+def test_first_reports_of_a_robot_can_be_read_after_spawn() -> None:
     init = "INIT {ClassName USARBot.P3AT}"
     client = Client(Puppet({init: f"NFO {{Level a}}\r\n{STATUS}\r\n{SCAN}"}, []))
     client.spawn("P3AT")
@@ -150,7 +150,7 @@ def test_the_first_words_of_a_robot_are_kept() -> None:
     assert client.greeting() == Greeting("a")
 
 
-def test_another_robot_s_scans_are_forgotten() -> None:
+def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
     init = "INIT {ClassName USARBot.P3AT}"
     client = Client(Puppet({init: STATUS}, [SCAN]))
     client.read()
@@ -167,7 +167,7 @@ def test_another_robot_s_scans_are_forgotten() -> None:
         pytest.param(lambda client: client.geometry("INS"), id="ask"),
     ],
 )
-def test_a_silent_server_costs_the_timeout_and_no_more(
+def test_calls_wait_exactly_the_timeout_when_the_server_is_silent(
     call: Callable[[Client], object],
 ) -> None:
     link = Puppet({}, [])
@@ -176,7 +176,7 @@ def test_a_silent_server_costs_the_timeout_and_no_more(
     assert link.time() == pytest.approx(1)
 
 
-def test_a_robot_is_stopped_on_the_way_out_of_an_error() -> None:
+def test_robot_is_stopped_when_an_error_leaves_the_context() -> None:
     link = Puppet({"INIT {ClassName USARBot.P3AT}": STATUS}, [])
 
     def drive_into_an_error() -> None:
@@ -192,7 +192,7 @@ def test_a_robot_is_stopped_on_the_way_out_of_an_error() -> None:
     assert link.closed
 
 
-def test_who_has_no_robot_has_nothing_to_stop() -> None:
+def test_close_without_a_robot_sends_nothing() -> None:
     link = Puppet({}, [])
     Client(link).close()
     assert link.closed

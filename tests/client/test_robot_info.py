@@ -33,7 +33,7 @@ SCANNER = ScannerInfo("S", MOUNT, 0.1, 80, radians(1), radians(180), 181)
 ROBOT = RobotInfo("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
 
 
-def test_facts_of_a_robot_that_tells_all() -> None:
+def test_robot_info_from_complete_reports() -> None:
     facts = RobotInfo.from_reports(GEO, CONF, (SCANNER,), "rad_per_s")
     assert facts.max_wheel_speed == pytest.approx(0.8)
     assert replace(facts, max_wheel_speed=0.8) == ROBOT
@@ -41,7 +41,7 @@ def test_facts_of_a_robot_that_tells_all() -> None:
     assert ROBOT.top_speed == 0.8
 
 
-def test_a_unit_of_turns_is_no_other_robot() -> None:
+def test_drive_unit_does_not_change_the_robot() -> None:
     turns = RobotInfo.from_reports(
         GEO, replace(CONF, max_speed=8 / (2 * pi)), (), "rev_per_s"
     )
@@ -51,7 +51,7 @@ def test_a_unit_of_turns_is_no_other_robot() -> None:
 
 
 @given(speed=st.floats(-3, 3), turn=st.floats(-9, 9))
-def test_wheels_give_the_motion_or_a_slower_one_on_the_same_curve(
+def test_limited_wheel_speeds_follow_the_same_curve_slower(
     speed: float, turn: float
 ) -> None:
     left, right = (spin * 0.1 for spin in ROBOT.wheel_speeds(speed, turn))
@@ -74,7 +74,7 @@ def test_wheels_give_the_motion_or_a_slower_one_on_the_same_curve(
         ),
     ],
 )
-def test_a_hull_that_nobody_tells_of_reaches_beyond_the_wheels(
+def test_unreported_hull_reaches_beyond_the_wheels(
     geo: RobotGeo, least: tuple[float, float]
 ) -> None:
     facts = RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
@@ -94,14 +94,14 @@ def test_a_hull_that_nobody_tells_of_reaches_beyond_the_wheels(
         pytest.param(GEO, replace(CONF, max_speed=1e9), "MaxSpeed", id="fast"),
     ],
 )
-def test_wheels_that_nobody_can_drive_by_are_refused(
+def test_implausible_wheels_are_refused(
     geo: RobotGeo, conf: RobotConf, key: str
 ) -> None:
     with pytest.raises(ClientError, match=rf"{key} .* 'P3AT', expected 0.001 to"):
         RobotInfo.from_reports(geo, conf, (), "rad_per_s")
 
 
-def test_a_hull_of_less_than_nothing_is_refused() -> None:
+def test_negative_dimensions_are_refused() -> None:
     geo = replace(GEO, dimensions=(0.6, -1, 0.4))
     with pytest.raises(ClientError, match=r"Dimensions .*, expected none below 0"):
         RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
@@ -164,7 +164,7 @@ def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
     ("step_deg", "fov_deg"),
     [(1, 180), (1, 359), (0.5, 180), (0.25, 270), (0.36, 240), (0.1, 180), (2, 0)],
 )
-def test_beams_are_counted_right_by_what_is_printed(
+def test_beam_count_is_right_despite_rounding_on_the_wire(
     step_deg: float, fov_deg: float
 ) -> None:
     step, fov = radians(step_deg), radians(fov_deg)
@@ -176,7 +176,7 @@ def test_beams_are_counted_right_by_what_is_printed(
     assert (facts.mount, facts.max_range) == (Pose3(0, 0, 0), 80)
 
 
-def test_a_scan_tells_best_of_beams() -> None:
+def test_beam_count_is_taken_from_a_scan_if_there_is_one() -> None:
     scan = RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
     told = ScannerDescriptions()
     told.add(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
@@ -188,7 +188,7 @@ def test_a_scan_tells_best_of_beams() -> None:
     assert np.allclose(np.degrees(beam_angles(scan)), np.arange(-90, 91), atol=0.01)
 
 
-def test_what_scanners_do_not_tell_is_taken_from_scans_or_left_open() -> None:
+def test_missing_scanner_properties_are_taken_from_scans_or_defaults() -> None:
     told = ScannerDescriptions()
     told.add(NameConf("RangeScanner", ("S",)))
     told.add(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))

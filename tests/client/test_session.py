@@ -39,7 +39,7 @@ GEO = RobotGeo("P3AT", (1, 1, 1), (0, 0, 0), 0.1, 0.4, 0.3)
 
 
 @given(cuts=st.lists(st.integers(0, len(STREAM)), max_size=20))
-def test_how_bytes_are_cut_on_their_way_changes_nothing(cuts: list[int]) -> None:
+def test_reports_do_not_depend_on_how_the_stream_is_split(cuts: list[int]) -> None:
     session = Session()
     edges = [0, *sorted(cuts), len(STREAM)]
     reports: list[Report] = []
@@ -64,7 +64,7 @@ def test_no_bytes_break_a_session(data: list[bytes]) -> None:
 
 @pytest.mark.parametrize("size", [1000, 65536, 65537, 200_000])
 @pytest.mark.parametrize("chunk", [4096, 70_000, 10**6])
-def test_a_line_that_never_ends_costs_itself_alone(size: int, chunk: int) -> None:
+def test_only_the_overlong_line_is_lost(size: int, chunk: int) -> None:
     session = Session()
     data = STREAM + b"x" * size + b"\n" + STREAM
     reports: list[Report] = []
@@ -74,7 +74,7 @@ def test_a_line_that_never_ends_costs_itself_alone(size: int, chunk: int) -> Non
     assert session.unread >= 1
 
 
-def test_what_has_no_stamp_gets_the_newest_one() -> None:
+def test_report_without_time_gets_the_latest_time() -> None:
     session = Session()
     line = b"SEN {Type INS} {Name I} {Location 1,-2,-3} {Orientation 0,0,0}\r\n"
     assert isnan(session.time)
@@ -95,19 +95,19 @@ def test_what_has_no_stamp_gets_the_newest_one() -> None:
         pytest.param("{FOV 3.14} {Range 1,nan}", id="no number"),
     ],
 )
-def test_a_scan_that_cannot_be_is_skipped(fields: str) -> None:
+def test_implausible_scan_is_skipped(fields: str) -> None:
     session = Session()
     line = f"SEN {{Type RangeScanner}} {{Name S}} {{Resolution 0.1}} {fields}\r\n"
     assert session.receive(line.encode()) == []
     assert (session.unread, session.scans) == (1, {})
 
 
-def test_a_scan_of_one_beam_needs_no_fan() -> None:
+def test_scan_of_one_beam_may_have_zero_fov() -> None:
     line = b"SEN {Type RangeScanner} {Name S} {Resolution 0} {FOV 0} {Range 2}\r\n"
     assert len(Session().receive(line)) == 1
 
 
-def test_what_is_not_understood_is_counted_and_the_last_line_kept() -> None:
+def test_unknown_lines_are_counted_and_the_last_line_is_stored() -> None:
     session = Session()
     lines = b"RES {Type Camera}\r\nSEN {Type INS} {Name I}\r\n}{\r\n\r\n  \r\nhello\n"
     assert session.receive(lines) == []
@@ -171,7 +171,7 @@ def test_what_is_not_understood_is_counted_and_the_last_line_kept() -> None:
         ),
     ],
 )
-def test_a_question_knows_its_answer(
+def test_question_accepts_only_its_reply(
     question: Question, answer: Report, others: list[Report]
 ) -> None:
     assert question.accepts(answer)
@@ -209,5 +209,5 @@ def test_a_question_knows_its_answer(
         ),
     ],
 )
-def test_what_is_said(data: bytes, line: bytes) -> None:
+def test_requests_are_encoded_as_usarsim_lines(data: bytes, line: bytes) -> None:
     assert data == (line and line + b"\r\n")

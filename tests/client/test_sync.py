@@ -19,7 +19,7 @@ LinkTo = Callable[[Host], Transport]
 
 
 @pytest.mark.parametrize("name", sorted(robot_names()))
-def test_facts_are_those_of_the_robot_s_class(
+def test_robot_info_matches_the_robot_class(
     empty_room: Scene, link_to: LinkTo, name: str
 ) -> None:
     model = load_robot(name)
@@ -42,7 +42,7 @@ def test_facts_are_those_of_the_robot_s_class(
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
-def test_a_robot_moves_as_it_is_told(
+def test_robot_moves_at_the_commanded_speeds(
     empty_room: Scene, link_to: LinkTo, dialect: Dialect
 ) -> None:
     host = Host(empty_room, config=SimulationConfig(dialect))
@@ -65,7 +65,7 @@ def test_a_robot_moves_as_it_is_told(
     assert not host.simulation.collect_reports()
 
 
-def test_long_scans_come_whole(empty_room: Scene, link_to: LinkTo) -> None:
+def test_long_scans_arrive_complete(empty_room: Scene, link_to: LinkTo) -> None:
     settings = {"lms200": {"fov_deg": 270, "resolution_deg": 0.25}}
     host = Host(empty_room, config=SimulationConfig(item_settings=settings))
     with Client(link_to(host)) as client:
@@ -76,7 +76,7 @@ def test_long_scans_come_whole(empty_room: Scene, link_to: LinkTo) -> None:
     assert degrees(angles[0]) == pytest.approx(-135, abs=1e-4)
 
 
-def test_echoes_come_before_their_scan_and_end_when_they_are_to(
+def test_echoes_precede_their_scan_until_they_are_switched_off(
     foliage_room: Scene, link_to: LinkTo
 ) -> None:
     with Client(link_to(Host(foliage_room))) as client:
@@ -91,7 +91,7 @@ def test_echoes_come_before_their_scan_and_end_when_they_are_to(
             client.wait_for(EchoLine, timeout=0.5)
 
 
-def test_a_class_that_is_not_there_is_an_error_in_simulated_time(
+def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
     empty_room: Scene, link_to: LinkTo
 ) -> None:
     host = Host(empty_room)
@@ -104,9 +104,7 @@ def test_a_class_that_is_not_there_is_an_error_in_simulated_time(
         assert isinstance(client.read()[0], Status)
 
 
-def test_another_robot_takes_the_place_of_the_first(
-    empty_room: Scene, link_to: LinkTo
-) -> None:
+def test_second_spawn_replaces_the_robot(empty_room: Scene, link_to: LinkTo) -> None:
     with Client(link_to(Host(empty_room))) as client:
         client.spawn("P3AT", pose=Pose2(1, 2))
         client.spawn("P3AT_Radar360", pose=Pose2(3, -2, pi / 2))
@@ -115,7 +113,9 @@ def test_another_robot_takes_the_place_of_the_first(
         assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
 
 
-def test_a_closed_client_says_so(empty_room: Scene, link_to: LinkTo) -> None:
+def test_calls_on_a_closed_client_raise_an_error(
+    empty_room: Scene, link_to: LinkTo
+) -> None:
     client = Client(link_to(Host(empty_room)))
     client.spawn("P3AT")
     client.close()

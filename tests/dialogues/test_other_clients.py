@@ -257,7 +257,7 @@ class JavaController:
             self.readings.setdefault(kind, []).append(keys[2:])
 
 
-def test_the_java_controller_loses_the_status_and_nothing_else(wire: Wire) -> None:
+def test_the_java_controller_loses_only_the_status(wire: Wire) -> None:
     java = JavaController(wire)
     wire.send(
         "INIT {ClassName USARBot.P2AT} {Name 1} {Location -8,169998 5,700001 -2,250000}"
@@ -330,7 +330,9 @@ def test_the_matlab_toolbox_finds_every_reading(wire: Wire) -> None:
     assert "{LightToggle True}" in toolbox.find("GroundVehicle")
 
 
-def test_the_matlab_toolbox_leaves_without_a_word(empty_room: Scene) -> None:
+def test_the_place_and_name_are_free_after_the_matlab_toolbox_disconnects(
+    empty_room: Scene,
+) -> None:
     host = Host(empty_room)
     for _ in range(3):
         wire = Wire(host)
@@ -340,7 +342,7 @@ def test_the_matlab_toolbox_leaves_without_a_word(empty_room: Scene) -> None:
     assert host.simulation.vehicles == ()
 
 
-def test_a_student_client_drives_by_position_in_the_line(wire: Wire) -> None:
+def test_a_student_client_reads_fields_by_position(wire: Wire) -> None:
     wire.send("INIT {ClassName USARBot.P2DX} {Location -8,1.9,1.8} {Name R1}\r\n")
     scans = statuses = 0
     for data in wire.writes(3):
@@ -361,7 +363,7 @@ def test_a_student_client_drives_by_position_in_the_line(wire: Wire) -> None:
     assert vehicle.robot.pose.yaw < -0.5  # the left wheels are faster: it turns right
 
 
-def test_a_student_client_may_send_one_wheel_or_spread_its_commas(wire: Wire) -> None:
+def test_a_student_client_may_send_one_wheel_or_decimal_commas(wire: Wire) -> None:
     wire.send("INIT {ClassName USARBot.P2DX} {Location -8,0000, 0,0000, 0,0000}\r\n")
     wire.send("DRIVE {Left 1.0}\r\n")
     list(wire.writes(1))

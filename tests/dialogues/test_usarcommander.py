@@ -357,7 +357,7 @@ def seen_share(points: Floats) -> float:
     return len(pieces) / (2 * (20.8 + 12.8) / 0.5)
 
 
-def test_it_finds_the_level_the_starts_and_its_robot(empty_room: Scene) -> None:
+def test_level_start_poses_and_robot_are_found(empty_room: Scene) -> None:
     world = World(Host(empty_room))
     level, commander = dialogue(world.connect, [(1, 0, 0)])
     assert level == "DM-EmptyRoom"
@@ -393,16 +393,14 @@ def test_probes_leave_no_robot_behind(empty_room: Scene) -> None:
 
 
 @pytest.mark.parametrize("phase", [0, 40, 100, 105, 190])
-def test_its_map_starts_at_whatever_phase_its_clock_is(
-    empty_room: Scene, phase: int
-) -> None:
+def test_map_starts_at_any_phase_of_the_clock(empty_room: Scene, phase: int) -> None:
     world = World(Host(empty_room), phase=phase)
     _, commander = dialogue(world.connect, [(2, 0, 0)])
     assert len(commander.patches) == 1
     assert commander.patches[0].pose == (-8.0, 0.0, 0.0)
 
 
-def test_without_noise_its_walls_are_those_of_the_room(empty_room: Scene) -> None:
+def test_mapped_walls_match_the_room_without_noise(empty_room: Scene) -> None:
     world = World(Host(empty_room, config=NO_NOISE))
     _, commander = dialogue(world.connect, TOUR)
     points = commander.walls()
@@ -411,7 +409,7 @@ def test_without_noise_its_walls_are_those_of_the_room(empty_room: Scene) -> Non
     assert seen_share(points) > 0.95
 
 
-def test_with_side_beams_its_walls_are_those_of_the_room_on_average(
+def test_mapped_walls_match_the_room_on_average_with_side_beams(
     empty_room: Scene,
 ) -> None:
     world = World(Host(empty_room, config=NO_DRIFT))
@@ -421,7 +419,7 @@ def test_with_side_beams_its_walls_are_those_of_the_room_on_average(
     assert 0.05 < errors.max() < 0.105  # no ray is farther from its beam than 25 units
 
 
-def test_in_front_of_the_bushes_its_walls_are_those_of_the_room(
+def test_mapped_walls_match_the_room_in_front_of_bushes(
     foliage_room: Scene,
 ) -> None:
     world = World(Host(foliage_room, config=NO_NOISE))
@@ -433,7 +431,7 @@ def test_in_front_of_the_bushes_its_walls_are_those_of_the_room(
     assert (points[:, 0] > 2.5).sum() > 100  # and through the bushes it sees the rest
 
 
-async def test_over_tcp_its_walls_are_those_of_the_room(empty_room: Scene) -> None:
+async def test_mapped_walls_match_the_room_over_tcp(empty_room: Scene) -> None:
     speed = 8
     server = Server(Host(empty_room, config=NO_NOISE), speed=speed)
     await server.start(port=0)

@@ -72,12 +72,12 @@ ROWS = st.lists(
 ).map(lambda rows: sorted(rows, key=lambda row: row[0]))
 
 
-def test_a_scan_without_echoes_says_so_in_one_line() -> None:
+def test_scan_without_echoes_gives_one_empty_line() -> None:
     assert lines_of([]) == (EchoLine(14.2, "lms200", 0, 0, None),)
 
 
 @given(rows=ROWS)
-def test_lines_are_counted_from_one_to_all(rows: list[Row]) -> None:
+def test_lines_are_numbered_from_one_to_their_count(rows: list[Row]) -> None:
     lines = lines_of(rows)
     assert {(line.time, line.name) for line in lines} == {(14.2, "lms200")}
     assert {line.lines for line in lines} == {len(lines) if rows else 0}
@@ -85,7 +85,7 @@ def test_lines_are_counted_from_one_to_all(rows: list[Row]) -> None:
 
 
 @given(rows=ROWS)
-def test_every_echo_is_told_once_with_all_that_is_its_own(rows: list[Row]) -> None:
+def test_every_echo_is_reported_once_with_all_its_values(rows: list[Row]) -> None:
     echoes = echoes_of(rows)
     told = [
         row
@@ -112,7 +112,7 @@ def test_every_echo_is_told_once_with_all_that_is_its_own(rows: list[Row]) -> No
 
 
 @given(rows=ROWS.filter(bool))
-def test_objects_come_by_first_beam_then_part_and_their_echoes_as_they_came(
+def test_objects_are_ordered_by_first_beam_then_part(
     rows: list[Row],
 ) -> None:
     echoes = echoes_of(rows)
@@ -127,7 +127,7 @@ def test_objects_come_by_first_beam_then_part_and_their_echoes_as_they_came(
 
 
 @given(rows=ROWS.filter(bool))
-def test_a_line_is_full_before_the_next_one_of_its_object_begins(
+def test_lines_of_an_object_are_filled_in_turn(
     rows: list[Row],
 ) -> None:
     parts = [part for _, part in rows]
@@ -157,7 +157,7 @@ def test_a_target_of_many_echoes_gets_several_lines(
     assert {one.object for one in seen} == {"wall"}
 
 
-def test_an_object_of_two_materials_is_told_twice() -> None:
+def test_object_of_two_materials_gets_two_lines() -> None:
     seen = seen_of(lines_of([(3, LEAVES), (3, BARK), (4, LEAVES)]))
     assert [(one.object, one.material, len(one.kinds)) for one in seen] == [
         ("oak", "foliage", 2),
@@ -174,7 +174,9 @@ def test_an_object_of_two_materials_is_told_twice() -> None:
         pytest.param(5 + 7, ("robot", math.inf, 0.0, False, False), id="robot"),
     ],
 )
-def test_a_line_says_what_its_object_is(part: int, told: tuple[Any, ...]) -> None:
+def test_line_has_the_material_properties_of_its_object(
+    part: int, told: tuple[Any, ...]
+) -> None:
     (seen,) = seen_of(lines_of([(90, part)]))
     assert (
         seen.material,
@@ -185,7 +187,7 @@ def test_a_line_says_what_its_object_is(part: int, told: tuple[Any, ...]) -> Non
     ) == told
 
 
-def test_robots_have_their_own_names() -> None:
+def test_echoes_of_robots_have_their_names() -> None:
     seen = seen_of(lines_of([(10, 5 + 7), (20, 5 + 1), (30, 5 + 7)]))
     assert [one.object for one in seen] == ["R7", "R1"]
 
@@ -199,12 +201,12 @@ def test_robots_have_their_own_names() -> None:
         pytest.param(0.0, [0.0] * 4, id="none at all"),
     ],
 )
-def test_power_is_told_as_a_share(full: float, shares: list[float]) -> None:
+def test_power_is_a_fraction_of_full_power(full: float, shares: list[float]) -> None:
     (seen,) = seen_of(lines_of([(90, BUSH)] * 4, penetration_power=full))
     assert seen.power.tolist() == shares
 
 
-def test_rounding_leaves_shares_between_nothing_and_all() -> None:
+def test_fractions_are_clipped_to_zero_and_one() -> None:
     made = echoes_of([(90, BUSH)] * 4)
     made.power[:] = made.strength[:] = [-1e-17, -0.0, 0.5, 1 + 1e-12]
     (seen,) = seen_of(echo_lines(1.0, "lms200", made, ROBOTS))

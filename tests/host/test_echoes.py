@@ -96,7 +96,7 @@ def test_requested_echoes_come_before_each_scan(foliage_room: Scene) -> None:
 
 
 @DIALECTS
-def test_lines_are_of_the_scan_and_counted(
+def test_echo_lines_have_the_time_of_the_scan_and_are_numbered(
     foliage_room: Scene, dialect: Dialect
 ) -> None:
     client = talk(foliage_room, dialect=dialect)
@@ -249,7 +249,9 @@ def test_invalid_request_gives_a_diagnostic_and_no_effect(
 
 
 @DIALECTS
-def test_a_spent_beam_is_told_from_a_hit(foliage_room: Scene, dialect: Dialect) -> None:
+def test_spent_beams_and_hits_have_different_kinds(
+    foliage_room: Scene, dialect: Dialect
+) -> None:
     client = talk(foliage_room, dialect=dialect)
     client.send(ASK)
     kinds: dict[str, set[str]] = {}
@@ -272,7 +274,7 @@ def test_a_spent_beam_is_told_from_a_hit(foliage_room: Scene, dialect: Dialect) 
     }
 
 
-def test_the_beam_that_readers_know(foliage_room: Scene) -> None:
+def test_beam_into_a_bush_enters_and_is_spent(foliage_room: Scene) -> None:
     client = talk(foliage_room, settings={"lms200": {"side_offset_uu": 0}})
     client.send(ASK)
     found = [m for m in echoes_in(client.hear(10)) if m.get("Object") == "bush_4"]
@@ -292,7 +294,7 @@ def test_the_beam_that_readers_know(foliage_room: Scene) -> None:
         pytest.param({"range_noise": 0.1, "range_quantum": 0.07}, id="noise"),
     ],
 )
-def test_the_last_end_of_a_beam_reads_what_its_range_reads(
+def test_farthest_end_of_a_beam_equals_its_range(
     foliage_room: Scene, dialect: Dialect, settings: dict[str, Any]
 ) -> None:
     client = talk(foliage_room, dialect=dialect, settings={"lms200": settings})
@@ -331,7 +333,7 @@ def test_echo_line_has_the_name_of_the_robot(empty_room: Scene) -> None:
     assert {kind for _, _, kind, _, _ in told(robot)} == {"Hit"}
 
 
-def test_smoke_is_what_robots_and_some_lasers_pass(smoke_room: Scene) -> None:
+def test_smoke_is_passed_by_robots_and_some_lasers(smoke_room: Scene) -> None:
     client = talk(smoke_room, BOTH)
     client.send(b"SET {Type RangeScanner} {Opcode ECHOES} {Params true}\r\n")
     lines = client.hear(10)
@@ -342,7 +344,7 @@ def test_smoke_is_what_robots_and_some_lasers_pass(smoke_room: Scene) -> None:
     assert {kind for _, _, kind, _, _ in told(clouds["lms200"])} <= {"Enter", "Leave"}
 
 
-def test_a_scan_that_meets_nothing_has_one_line_that_says_so(
+def test_scan_that_hits_nothing_has_one_empty_echo_line(
     empty_room: Scene,
 ) -> None:
     client = talk(empty_room, b"INIT {ClassName P3AT} {Location 500,0,0}\r\n")
@@ -354,7 +356,7 @@ def test_a_scan_that_meets_nothing_has_one_line_that_says_so(
     assert lines[-1].endswith(b",80.00,80.00}\r\n")
 
 
-def test_a_scan_that_is_asked_for_has_its_echoes(foliage_room: Scene) -> None:
+def test_requested_scan_has_its_echoes(foliage_room: Scene) -> None:
     client = talk(foliage_room)
     client.send(ASK)
     client.hear(15)
@@ -383,7 +385,7 @@ def test_geometry_and_settings_of_the_echoes_type_are_those_of_the_scanner(
     assert answers[0] != answers[1]
 
 
-def test_echoes_of_what_is_not_there_are_not_answered(foliage_room: Scene) -> None:
+def test_unknown_scanner_of_echoes_gives_a_diagnostic(foliage_room: Scene) -> None:
     client = talk(foliage_room)
     assert client.send(b"GETCONF {Type Echoes} {Name InsTest}\r\n") == [
         ("no item", "no item of type 'Echoes' on this robot")
@@ -392,7 +394,7 @@ def test_echoes_of_what_is_not_there_are_not_answered(foliage_room: Scene) -> No
 
 
 @DIALECTS
-def test_every_line_keeps_to_the_rules_of_all_clients(
+def test_every_line_is_readable_by_all_clients(
     foliage_room: Scene, dialect: Dialect
 ) -> None:
     materials = {

@@ -112,9 +112,7 @@ def test_write_is_status_replies_poses_other_readings_scan(host: Host) -> None:
 
 
 @pytest.mark.parametrize("class_name", robot_names())
-def test_every_line_keeps_to_the_rules_of_all_clients(
-    host: Host, class_name: str
-) -> None:
+def test_every_line_is_readable_by_all_clients(host: Host, class_name: str) -> None:
     number = host.connect()
     types = ("Robot", "RangeScanner", "INS", "Encoder", "Battery", "MisPkg", "Touch")
     asked = [f"GET{verb} {{Type {t}}}" for t in types for verb in ("GEO", "CONF")]
@@ -346,7 +344,7 @@ def test_normalized_is_percent_and_stays(host: Host) -> None:
         pytest.param("{Start RobotStart3} {Location 1,1,1}", (-8, -3.5, 0), id="both"),
     ],
 )
-def test_a_robot_stands_where_init_says(
+def test_robot_is_spawned_at_the_pose_of_init(
     host: Host, fields: str, pose: tuple[float, float, float]
 ) -> None:
     init = f"INIT {{Classname USARBot.p3at}} {fields} \n\r"
@@ -444,7 +442,7 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     assert host.has_robot(clients[-1])
 
 
-def test_a_robot_leaves_with_its_client_and_its_name_is_free(host: Host) -> None:
+def test_disconnect_removes_the_robot_and_frees_its_name(host: Host) -> None:
     numbers = [spawned(host) for _ in range(1)]
     other = greeted(host)
     host.receive(other, b"INIT {ClassName P3AT} {Name R1} {Location 0,0,0}\r\n")
@@ -455,7 +453,7 @@ def test_a_robot_leaves_with_its_client_and_its_name_is_free(host: Host) -> None
     assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)", "R1"]
 
 
-def test_a_robot_without_a_name_gets_its_class_for_one(host: Host) -> None:
+def test_default_name_of_a_robot_is_its_class(host: Host) -> None:
     spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,0,0}\r\n")
     spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,2,0} {Name }\r\n")
     names = [vehicle.robot.name for vehicle in host.simulation.vehicles]
@@ -471,7 +469,7 @@ def test_a_second_init_replaces_the_robot(host: Host) -> None:
     assert vehicle.model.name == "P2AT"
 
 
-def test_a_client_has_no_more_than_one_robot_made_in_a_while(host: Host) -> None:
+def test_repeated_init_waits_for_the_cooldown(host: Host) -> None:
     number = greeted(host)
     host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
     assert host.is_busy(number)
@@ -487,7 +485,7 @@ def test_a_client_has_no_more_than_one_robot_made_in_a_while(host: Host) -> None
     assert host.simulation.vehicles[0].robot.pose.x > -8
 
 
-def test_a_flood_waits_for_the_next_ticks(host: Host) -> None:
+def test_commands_beyond_the_limit_wait_for_the_next_ticks(host: Host) -> None:
     number = spawned(host)
     other = spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
     drives = b"".join(
@@ -504,7 +502,7 @@ def test_a_flood_waits_for_the_next_ticks(host: Host) -> None:
     assert GEO in host.take(number)
 
 
-def test_notices_of_commands_that_waited_come_with_the_step(host: Host) -> None:
+def test_diagnostics_of_delayed_commands_are_returned_by_step(host: Host) -> None:
     number = greeted(host)
     notices = host.receive(number, b"FOO\r\n" * (COMMANDS_PER_TICK + 1))
     assert len(notices) == COMMANDS_PER_TICK
@@ -513,7 +511,7 @@ def test_notices_of_commands_that_waited_come_with_the_step(host: Host) -> None:
     assert notice.kind == "malformed line"
 
 
-def test_a_line_without_end_closes_after_what_came_before_it(host: Host) -> None:
+def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
     number = greeted(host)
     assert not host.must_close(number)
     (notice,) = host.receive(number, b"GETSTARTPOSES\r\n" + b"x" * 70_000)
@@ -525,7 +523,7 @@ def test_a_line_without_end_closes_after_what_came_before_it(host: Host) -> None
     assert host.take(number) == b""
 
 
-def test_half_a_command_waits_for_the_other_half(host: Host) -> None:
+def test_incomplete_command_waits_for_the_rest(host: Host) -> None:
     number = greeted(host)
     host.receive(number, b"GETSTAR")
     let_pass(host, 100)
@@ -534,7 +532,7 @@ def test_half_a_command_waits_for_the_other_half(host: Host) -> None:
     assert host.take(number) == STARTS
 
 
-def test_who_asks_without_reading_is_to_be_closed(empty_room: Scene) -> None:
+def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> None:
     starts = tuple(StartPose(f"RobotStart{n}", Pose3(n, 0, 0)) for n in range(99))
     host = Host(replace(empty_room, starts=starts))
     number = greeted(host)
@@ -549,7 +547,7 @@ def test_who_asks_without_reading_is_to_be_closed(empty_room: Scene) -> None:
     assert host.must_close(number)
 
 
-def test_who_does_not_read_loses_readings_and_no_answers(host: Host) -> None:
+def test_client_that_does_not_read_loses_readings_but_no_replies(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"GETGEO {Type Robot}\r\n")
     let_pass(host, 2000)
@@ -571,7 +569,7 @@ def test_who_does_not_read_loses_readings_and_no_answers(host: Host) -> None:
         ),
     ],
 )
-def test_set_scan_gives_one_more_scan_and_no_answer(host: Host, order: bytes) -> None:
+def test_set_scan_gives_one_extra_scan_and_no_reply(host: Host, order: bytes) -> None:
     number = spawned(host)
     let_pass(host, 15)
     host.take(number)
@@ -582,7 +580,7 @@ def test_set_scan_gives_one_more_scan_and_no_answer(host: Host, order: bytes) ->
     assert heads(host.take(number)).count("RangeScanner") == 1
 
 
-def test_set_pose_overwrites_the_ins_in_the_frame_of_the_wire(host: Host) -> None:
+def test_set_pose_sets_the_ins_in_the_wire_frame(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"SET {Type INS} {Opcode POSE} {Params 1,2,-3,0,0,0.5}\r\n")
     let_pass(host, 10)
@@ -592,7 +590,7 @@ def test_set_pose_overwrites_the_ins_in_the_frame_of_the_wire(host: Host) -> Non
     ) in host.take(number)
 
 
-def test_set_reset_begins_the_odometry_anew(host: Host) -> None:
+def test_set_reset_zeroes_the_odometry(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"DRIVE {Left 5} {Right 5}\r\n")
     let_pass(host, 100)
@@ -625,7 +623,7 @@ def test_the_greeting_names_the_level_of_the_map(
     assert b"{Level %s}" % expected[level] in host.take(host.connect())
 
 
-def test_the_foliage_room_takes_a_robot_far_outside(
+def test_robot_can_be_spawned_far_outside_the_map(
     foliage_room: Scene,
 ) -> None:
     host = Host(foliage_room)

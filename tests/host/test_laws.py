@@ -70,7 +70,7 @@ def play(host: Host, script: Script, cuts: list[int]) -> list[bytes]:
 
 @QUICK
 @given(script=SCRIPT, seed=st.integers(0, 3))
-def test_same_seed_same_bytes_at_the_same_ticks_same_bytes_back(
+def test_same_seed_and_input_give_the_same_output(
     foliage_room: Scene, script: Script, seed: int
 ) -> None:
     one = play(Host(foliage_room, seed=seed), script, [])
@@ -81,7 +81,7 @@ def test_same_seed_same_bytes_at_the_same_ticks_same_bytes_back(
 @given(script=SCRIPT, cuts=st.lists(st.integers(0, 400), max_size=12))
 @example(script=[([INITS[0], *COMMANDS[4:9], INITS[1]] * 3, 30)], cuts=[*range(300)])
 @example(script=[([INITS[0], *([COMMANDS[7]] * 150), COMMANDS[4]], 9)], cuts=[2000])
-def test_where_tcp_cuts_the_input_does_not_matter(
+def test_output_does_not_depend_on_how_the_input_is_split(
     empty_room: Scene, script: Script, cuts: list[int]
 ) -> None:
     whole = play(Host(empty_room), script, [])
@@ -90,9 +90,7 @@ def test_where_tcp_cuts_the_input_does_not_matter(
 
 @QUICK
 @given(script=SCRIPT)
-def test_a_seed_changes_nothing_but_the_noise(
-    empty_room: Scene, script: Script
-) -> None:
+def test_seed_changes_only_the_noise(empty_room: Scene, script: Script) -> None:
     one = play(Host(empty_room, seed=1), script, [])
     other = play(Host(empty_room, seed=2), script, [])
     # what a scan meets is noise, and there are as many lines of echoes as of that
@@ -151,7 +149,7 @@ def _first_of_two(scene: Scene, *, second: bytes | None) -> list[bytes]:
     return first.writes
 
 
-def test_another_robot_changes_none_of_the_first_ones_noise(
+def test_another_robot_does_not_change_the_noise_of_the_first(
     foliage_room: Scene,
 ) -> None:
     alone = _first_of_two(foliage_room, second=None)
@@ -161,7 +159,7 @@ def test_another_robot_changes_none_of_the_first_ones_noise(
         assert _first_of_two(foliage_room, second=second) == alone
 
 
-def test_a_robot_in_sight_is_seen(foliage_room: Scene) -> None:
+def test_robot_in_sight_changes_the_scans(foliage_room: Scene) -> None:
     alone = _first_of_two(foliage_room, second=None)
     in_sight = b"INIT {ClassName P3AT} {Name B} {Location -9.2,0,0}\r\n"
     assert _first_of_two(foliage_room, second=in_sight) != alone

@@ -84,7 +84,7 @@ def answers(
         pytest.param("GETCONF {Type MisPkg}", "CONF {Type MisPkg}", id="packages"),
     ],
 )
-def test_in_the_forms_that_clients_read(
+def test_replies_in_the_compat_dialect(
     empty_room: Scene, asked: str, answer: str
 ) -> None:
     assert answers(empty_room, asked, yaw=1.5) == [answer]
@@ -138,15 +138,13 @@ def test_in_the_forms_that_clients_read(
         ),
     ],
 )
-def test_in_the_forms_of_the_original(
-    empty_room: Scene, asked: str, answer: str
-) -> None:
+def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) -> None:
     assert answers(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
 @pytest.mark.parametrize("class_name", robot_names())
-def test_everything_that_a_robot_carries_is_answered_for(
+def test_every_item_of_every_robot_gets_a_reply(
     empty_room: Scene, class_name: str, dialect: Dialect
 ) -> None:
     items = load_robot(class_name).items
@@ -178,18 +176,18 @@ def test_everything_that_a_robot_carries_is_answered_for(
         pytest.param("GETCONF {Name lms200}", id="no type"),
     ],
 )
-def test_what_is_not_there_is_not_answered(empty_room: Scene, asked: str) -> None:
+def test_unknown_items_get_no_reply(empty_room: Scene, asked: str) -> None:
     assert answers(empty_room, asked) == []
 
 
-def test_two_scanners_share_a_line(empty_room: Scene) -> None:
+def test_two_scanners_are_in_one_reply(empty_room: Scene) -> None:
     (geo,) = answers(
         empty_room, "GETGEO {Type RangeScanner}", class_name="P3AT_Compare"
     )
     assert re.findall(r"{Name (\w+) Location", geo) == ["lms200", "Hokuyo"]
 
 
-def test_changed_settings_are_told(empty_room: Scene) -> None:
+def test_reply_has_the_changed_settings(empty_room: Scene) -> None:
     changed = SimulationConfig(
         item_settings={"LMS200": {"fov_deg": 90, "max_range": 12, "min_range": 1}}
     )
@@ -199,7 +197,7 @@ def test_changed_settings_are_told(empty_room: Scene) -> None:
     ]
 
 
-def test_the_largest_speed_is_in_the_unit_of_drive(empty_room: Scene) -> None:
+def test_top_speed_is_in_the_drive_unit(empty_room: Scene) -> None:
     turns = SimulationConfig(drive_unit="rev_per_s")
     (conf,) = answers(empty_room, "GETCONF {Type Robot}", config=turns)
     assert "{MaxSpeed 1.3000}" in conf

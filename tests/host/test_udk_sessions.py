@@ -37,7 +37,7 @@ def x_of(host: Host) -> float:
     return host.simulation.vehicles[0].robot.pose.x
 
 
-def test_a_tenth_and_two_tenths_of_a_second(host: Host) -> None:
+def test_lines_of_the_first_two_tenths_of_a_second(host: Host) -> None:
     number = spawned(host)
     assert run(host, number, 9) == []
     first = run(host, number, 1)
@@ -77,7 +77,7 @@ def test_a_tenth_and_two_tenths_of_a_second(host: Host) -> None:
         pytest.param("P3AT_Hokuyo", 30, id="hokuyo"),
     ],
 )
-def test_scanners_have_the_rates_of_the_original(
+def test_scanners_have_the_rates_of_usarsim(
     host: Host, class_name: str, ticks: int
 ) -> None:
     init = f"INIT {{ClassName USARBot.{class_name}}} {{Location -8,0,0}}\r\n"
@@ -97,7 +97,7 @@ def test_radar_and_sick_reach_20_m(host: Host, class_name: str) -> None:
     assert scan.count("20.00") == 181
 
 
-def test_wheels_turn_in_turns_a_second_and_no_faster_than_the_original(
+def test_drive_is_in_revolutions_per_second_and_limited(
     host: Host,
 ) -> None:
     number = spawned(host)
@@ -119,7 +119,7 @@ def test_only_lower_case_true_is_true(host: Host) -> None:
     assert "{LightToggle True}" in run(host, number, 10)[0]
 
 
-def test_start_poses_have_four_digits(host: Host) -> None:
+def test_start_poses_have_four_decimals(host: Host) -> None:
     number = host.connect()
     assert host.take(number) == (
         b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 20}\r\n"
@@ -130,7 +130,7 @@ def test_start_poses_have_four_digits(host: Host) -> None:
     )
 
 
-def test_the_battery_runs_out_and_only_the_status_goes_on(empty_room: Scene) -> None:
+def test_only_the_status_is_sent_after_the_battery_runs_out(empty_room: Scene) -> None:
     weak = replace(UDK, battery_start=2.0)  # seconds; twenty minutes take long
     host = Host(empty_room, config=SimulationConfig(weak))
     number = spawned(host)

@@ -87,7 +87,7 @@ def commands(stream: bytes) -> list[Command]:
         ),
     ],
 )
-def test_what_usarcommander_sends_is_understood(
+def test_usarcommander_commands_are_parsed(
     stream: bytes, expected: list[Command]
 ) -> None:
     assert commands(stream) == expected
@@ -124,9 +124,7 @@ def test_what_usarcommander_sends_is_understood(
         ),
     ],
 )
-def test_what_ros_node_sends_is_understood(
-    stream: bytes, expected: list[Command]
-) -> None:
+def test_ros_node_commands_are_parsed(stream: bytes, expected: list[Command]) -> None:
     assert commands(stream) == expected
 
 
@@ -163,7 +161,7 @@ def test_what_ros_node_sends_is_understood(
         ),
     ],
 )
-def test_what_player_drivers_send_is_understood(
+def test_player_driver_commands_are_parsed(
     stream: bytes, expected: list[Command]
 ) -> None:
     assert commands(stream) == expected
@@ -201,7 +199,7 @@ def test_what_player_drivers_send_is_understood(
         ),
     ],
 )
-def test_what_java_controller_sends_is_understood(
+def test_java_controller_commands_are_parsed(
     stream: bytes, expected: list[Command]
 ) -> None:
     assert commands(stream) == expected
@@ -239,9 +237,7 @@ def test_what_java_controller_sends_is_understood(
         ),
     ],
 )
-def test_what_matlab_toolbox_sends_is_understood(
-    stream: bytes, expected: Command
-) -> None:
+def test_matlab_toolbox_commands_are_parsed(stream: bytes, expected: Command) -> None:
     assert commands(stream) == [expected]
 
 
@@ -282,7 +278,7 @@ def test_what_matlab_toolbox_sends_is_understood(
         ),
     ],
 )
-def test_what_iridium_and_csharp_clients_send_is_understood(
+def test_iridium_and_csharp_commands_are_parsed(
     stream: bytes, expected: Command
 ) -> None:
     assert commands(stream) == [expected]
@@ -318,7 +314,5 @@ def test_what_iridium_and_csharp_clients_send_is_understood(
         ),
     ],
 )
-def test_what_python_clients_send_is_understood(
-    stream: bytes, expected: Command
-) -> None:
+def test_python_client_commands_are_parsed(stream: bytes, expected: Command) -> None:
     assert commands(stream) == [expected]

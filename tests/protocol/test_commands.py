@@ -1,5 +1,6 @@
 import re
 from contextlib import suppress
+from math import inf, nan
 
 import pytest
 from hypothesis import given
@@ -12,10 +13,12 @@ from radarsim.protocol.commands import (
     Drive,
     GetConf,
     GetGeo,
+    GetStartPoses,
     Init,
     ParsedCommand,
     SetItem,
     Unsupported,
+    encode_command,
     parse_command,
     parse_pose,
     parse_switch,
@@ -60,11 +63,13 @@ from radarsim.protocol.framing import LineBuffer
     ],
 )
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
-def test_other_commands(line: str, expected: Command, dialect: Dialect) -> None:
+def test_other_commands_are_parsed(
+    line: str, expected: Command, dialect: Dialect
+) -> None:
     assert parse_command(line, dialect).command == expected
 
 
-def test_fields_that_a_command_does_not_have_are_reported() -> None:
+def test_unknown_fields_are_reported() -> None:
     line = "drive {Left 1} {colour red} {RIGHT 1} {Speed 2} {Speed 3}"
     parsed = parse_command(line, COMPAT)
     assert parsed == ParsedCommand(Drive(1, 1), ("colour", "Speed", "Speed"))
@@ -83,7 +88,7 @@ def test_true_in_capitals_is_true_in_compat_only() -> None:
         *("GOTO", "MISPKG", "MOVE", "MULTIDRIVE", "PAUSE", "PING", "TEST", "TRACE"),
     ],
 )
-def test_what_the_originals_know_is_accepted(verb: str) -> None:
+def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
     assert parse_command(f"{verb} {{Name a}}", COMPAT).command == Unsupported(
         verb.upper()
     )
@@ -153,12 +158,12 @@ def test_what_the_originals_know_is_accepted(verb: str) -> None:
         ),
     ],
 )
-def test_a_bad_command_is_refused_whole(line: str, problem: str) -> None:
+def test_malformed_command_raises_an_error(line: str, problem: str) -> None:
     with pytest.raises(MalformedMessage, match=f"^{re.escape(problem)}$"):
         parse_command(line, COMPAT)
 
 
-def test_the_pose_of_an_order_comes_from_the_wire() -> None:
+def test_parse_pose_converts_from_the_wire_frame() -> None:
     assert parse_pose("1,2,3,0.1,0.2,0.3") == Pose3(1, -2, -3, 0.1, -0.2, -0.3)
     assert parse_pose("1,5 2 3 0 0 0") == Pose3(1.5, -2, -3)
     with pytest.raises(MalformedMessage, match="expected 6 numbers"):
@@ -175,12 +180,12 @@ def test_the_pose_of_an_order_comes_from_the_wire() -> None:
         ("fALSE", False),
     ],
 )
-def test_a_switch_is_on_or_off_in_any_case(params: str, on: bool) -> None:
+def test_parse_switch_accepts_true_and_false_in_any_case(params: str, on: bool) -> None:
     assert parse_switch(params) is on
 
 
 @pytest.mark.parametrize("params", ["", "1", "0", "yes", "truefalse", "true,true"])
-def test_a_switch_is_nothing_else(params: str) -> None:
+def test_parse_switch_rejects_everything_else(params: str) -> None:
     with pytest.raises(MalformedMessage) as caught:
         parse_switch(params)
     assert str(caught.value) == f"{params!r}, expected 'true' or 'false'"
@@ -197,7 +202,7 @@ PIECES += ["Left ", "1,5", "nan", "1e999", "Type ", "Opcode ", "\0", "\x85", "\x
     ),
     dialect=st.sampled_from([COMPAT, UDK]),
 )
-def test_random_bytes_raise_nothing_but_protocol_errors(
+def test_random_bytes_raise_only_protocol_errors(
     stream: bytes, dialect: Dialect
 ) -> None:
     for line in LineBuffer().feed(stream + b"\n"):
@@ -206,7 +211,7 @@ def test_random_bytes_raise_nothing_but_protocol_errors(
 
 
 @given(cut=st.integers(0, 120))
-def test_a_packet_cut_anywhere_means_the_same(cut: int) -> None:
+def test_commands_do_not_depend_on_how_the_stream_is_split(cut: int) -> None:
     stream = (
         b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\n\r"
         b"GETGEO {Type Robot}\n\rGETCONF {Type Robot}\n\r"
@@ -218,3 +223,73 @@ def test_a_packet_cut_anywhere_means_the_same(cut: int) -> None:
         GetGeo("Robot"),
         GetConf("Robot"),
     ]
+
+
+NUMBERS = st.floats(-1e9, 1e9)
+TRIPLES = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+WORDS = st.from_regex(r"[A-Za-z0-9_]{1,9}", fullmatch=True)
+TEXTS = st.from_regex(r"[!-z|~]([ -z|~]{0,20}[!-z|~])?", fullmatch=True)
+FLAGS = st.none() | st.booleans()
+COMMANDS = st.one_of(
+    st.builds(Init, WORDS, st.none() | TEXTS, TEXTS),
+    st.builds(
+        Init,
+        WORDS,
+        st.none() | TEXTS,
+        position=st.none() | TRIPLES,
+        rotation=st.none() | TRIPLES,
+    ),
+    st.builds(Drive, st.none() | NUMBERS, st.none() | NUMBERS, FLAGS, FLAGS, FLAGS),
+    st.just(GetStartPoses()),
+    st.builds(GetGeo, TEXTS, st.none() | TEXTS),
+    st.builds(GetConf, TEXTS, st.none() | TEXTS),
+    st.builds(SetItem, TEXTS, st.none() | TEXTS, TEXTS, st.just("") | TEXTS),
+    st.builds(Unsupported, st.sampled_from(["ACT", "PING", "MISPKG"])),
+)
+
+
+@given(command=COMMANDS, dialect=st.sampled_from([COMPAT, UDK]))
+def test_encoded_command_parses_to_the_same_command(
+    command: Command, dialect: Dialect
+) -> None:
+    assert parse_command(encode_command(command), dialect).command == command
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        pytest.param(
+            Init("P3AT", "R1", position=(1.0, 2.0, 0.5), rotation=(0.0, 0.0, 1.5)),
+            "INIT {ClassName USARBot.P3AT} {Name R1}"
+            " {Location 1.0,-2.0,-0.5} {Rotation 0.0,0.0,-1.5}",
+            id="axes of the wire",
+        ),
+        pytest.param(
+            Init("My.P3AT", start="A"),
+            "INIT {ClassName My.P3AT} {Start A}",
+            id="package",
+        ),
+        pytest.param(
+            Drive(1e-7, -1e9, light=True),
+            "DRIVE {Left 0.0000001} {Right -1000000000.0} {Light true}",
+            id="no exponent",
+        ),
+        pytest.param(Drive(-0.0, 0), "DRIVE {Left 0.0} {Right 0.0}", id="no minus"),
+    ],
+)
+def test_encode_command_writes_usarsim_lines(command: Command, line: str) -> None:
+    assert encode_command(command) == line
+
+
+@pytest.mark.parametrize("number", [nan, inf, -inf, 1.1e9])
+def test_encode_command_rejects_numbers_out_of_range(number: float) -> None:
+    with pytest.raises(ValueError, match=r"expected at most 1e\+09 in size"):
+        encode_command(Drive(0, number))
+
+
+@pytest.mark.parametrize("text", ["a\r\nDRIVE", "a}", "{a", "Straße", "a\tb"])
+def test_encode_command_rejects_text_that_would_inject_a_line_or_field(
+    text: str,
+) -> None:
+    with pytest.raises(ValueError, match="expected printable ASCII without braces"):
+        encode_command(Init("P3AT", name=text))

@@ -79,7 +79,7 @@ def test_the_longest_line_fits_into_one_read(dialect: Dialect, name: str) -> Non
         pytest.param("", "?", id="empty"),
     ],
 )
-def test_any_name_becomes_what_a_line_can_hold(name: str, told: str) -> None:
+def test_names_are_cleaned_for_the_line(name: str, told: str) -> None:
     seen = replace(WALL, object=name, material=name)
     assert field(seen, "Object") == told
     assert field(seen, "Material") == told
@@ -112,7 +112,7 @@ def test_every_density_of_a_map_can_be_written(
 
 @pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: dialect.name)
 @given(ranges=st.lists(st.floats(0, 1e5), min_size=1, max_size=20).map(np.array))
-def test_a_range_reads_as_it_does_in_a_scan(
+def test_echo_ranges_are_formatted_as_in_a_scan(
     dialect: Dialect, ranges: np.ndarray
 ) -> None:
     count = len(ranges)

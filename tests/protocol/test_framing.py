@@ -33,21 +33,21 @@ def cut(stream: bytes, places: list[int]) -> list[bytes]:
 
 
 @given(stream=STREAMS | st.binary(max_size=80), cuts=st.lists(st.integers(0, 400)))
-def test_where_tcp_cuts_the_stream_does_not_matter(
+def test_lines_do_not_depend_on_how_the_stream_is_split(
     stream: bytes, cuts: list[int]
 ) -> None:
     assert collect(cut(stream, cuts)) == collect([stream])
 
 
 @given(stream=STREAMS, cuts=st.lists(st.integers(0, 400)), limit=st.integers(0, 40))
-def test_where_tcp_cuts_an_overlong_stream_does_not_matter(
+def test_overflow_does_not_depend_on_how_the_stream_is_split(
     stream: bytes, cuts: list[int], limit: int
 ) -> None:
     assert collect(cut(stream, cuts), limit) == collect([stream], limit)
 
 
 @given(stream=st.binary(max_size=200))
-def test_lines_are_the_stretches_between_line_ends_that_are_not_blank(
+def test_lines_are_split_at_cr_and_lf_and_blank_ones_skipped(
     stream: bytes,
 ) -> None:
     stretches = [part.strip() for part in re.split("[\r\n]", stream.decode("latin-1"))]
@@ -72,7 +72,7 @@ def test_a_command_ends_with_any_mix_of_cr_and_lf(end: bytes) -> None:
     ]
 
 
-def test_a_line_without_its_end_waits() -> None:
+def test_incomplete_line_waits_for_its_end() -> None:
     buffer = LineBuffer()
     assert buffer.feed(b"DRIVE {Left") == []
     assert buffer.feed(b" 1}") == []
@@ -80,13 +80,13 @@ def test_a_line_without_its_end_waits() -> None:
     assert buffer.feed(b"\n") == []
 
 
-def test_a_line_of_the_limit_passes_and_one_byte_more_does_not() -> None:
+def test_line_one_byte_longer_than_the_limit_overflows() -> None:
     assert collect([b"x" * 65536 + b"\n"]) == (["x" * 65536], False)
     assert collect([b"x" * 65537]) == ([], True)
     assert collect([b"x" * 65537 + b"\n"]) == ([], True)
 
 
-def test_lines_before_an_overlong_one_are_given_and_none_after_it() -> None:
+def test_lines_before_an_overlong_line_are_returned_and_none_after_it() -> None:
     buffer = LineBuffer(limit=4)
     assert buffer.feed(b"A\nB\nCCCCC\nD\n") == ["A", "B"]
     assert str(buffer.overflow) == "line of 5 bytes, expected at most 4"

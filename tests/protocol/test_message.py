@@ -1,11 +1,21 @@
+import math
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import MalformedMessage
-from radarsim.protocol.message import Message, decode_message
+from radarsim.geometry import Pose3, rotation_matrix
+from radarsim.protocol.message import (
+    Message,
+    angles_on_wire,
+    decode_message,
+    flip_axes,
+    pose_from_wire,
+    position_on_wire,
+)
 
 WORDS = st.text(
     st.characters(codec="latin-1", exclude_characters="{}", exclude_categories=["C"]),
@@ -24,7 +34,7 @@ def test_decoding_undoes_encoding(message: Message) -> None:
 
 
 @given(text=st.text(st.sampled_from("A {}b\t"), max_size=20))
-def test_what_decodes_says_the_same_when_encoded_again(text: str) -> None:
+def test_decoded_message_round_trips(text: str) -> None:
     try:
         message = decode_message(text)
     except MalformedMessage:
@@ -48,7 +58,7 @@ def test_what_decodes_says_the_same_when_encoded_again(text: str) -> None:
         pytest.param("DRIVE {A 1} and } {B 2}", (("A", "1"), ("B", "2")), id="between"),
     ],
 )
-def test_groups_are_read_whatever_stands_around_them(
+def test_fields_are_decoded_despite_text_around_them(
     line: str, segments: tuple[tuple[str, str], ...]
 ) -> None:
     assert decode_message(line) == Message("DRIVE", segments)
@@ -88,13 +98,45 @@ def test_groups_are_read_whatever_stands_around_them(
         ),
     ],
 )
-def test_a_malformed_line_is_refused_with_its_place(line: str, problem: str) -> None:
+def test_malformed_line_raises_an_error_with_the_column(
+    line: str, problem: str
+) -> None:
     with pytest.raises(MalformedMessage, match=f"^{re.escape(problem)}$"):
         decode_message(line)
 
 
-def test_keys_are_found_in_any_case_and_the_first_counts() -> None:
+def test_keys_match_in_any_case_and_the_first_is_used() -> None:
     message = decode_message("DRIVE {LEFT 1} {left 2} {Right 3}")
     assert message.get("Left") == "1"
     assert message.get("right") == "3"
     assert message.get("Light") is None
+
+
+ANGLES = st.floats(-3, 3)
+
+
+def test_left_and_up_are_negative_on_the_wire() -> None:
+    pose = Pose3(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
+    assert position_on_wire(pose) == (1.0, -2.0, -3.0)
+    assert angles_on_wire(pose) == (0.1, -0.2, -0.3)
+
+
+@given(numbers=st.tuples(*[st.floats(-1e3, 1e3)] * 6))
+def test_pose_round_trips_over_the_wire(numbers: tuple[float, ...]) -> None:
+    pose = pose_from_wire(numbers)
+    assert (*position_on_wire(pose), *angles_on_wire(pose)) == numbers
+
+
+def test_zero_has_no_sign_on_the_wire() -> None:
+    for number in flip_axes((0.0, 0.0, 0.0)):
+        assert math.copysign(1, number) == 1
+
+
+@given(roll=ANGLES, pitch=ANGLES, yaw=ANGLES)
+def test_flipped_angles_give_the_rotation_in_flipped_axes(
+    roll: float, pitch: float, yaw: float
+) -> None:
+    half_turn = np.diag([1.0, -1.0, -1.0])
+    inside = rotation_matrix(roll, pitch, yaw)
+    outside = rotation_matrix(*flip_axes((roll, pitch, yaw)))
+    assert outside == pytest.approx(half_turn @ inside @ half_turn)

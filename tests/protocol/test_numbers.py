@@ -39,7 +39,7 @@ WRITABLE = st.floats(-2e9, 2e9) | st.floats(-1e-3, 1e-3) | st.floats(-100, 100)
         pytest.param("1e-400", 0.0, id="too small to matter"),
     ],
 )
-def test_numbers_are_read_in_every_locale(text: str, value: float) -> None:
+def test_numbers_are_parsed_in_every_locale(text: str, value: float) -> None:
     assert parse_number(text) == value
 
 
@@ -51,18 +51,18 @@ def test_numbers_are_read_in_every_locale(text: str, value: float) -> None:
         *("\0", "1\0", "\u00b2"),
     ],
 )
-def test_what_is_no_number_is_refused(text: str) -> None:
+def test_text_that_is_not_a_number_is_malformed(text: str) -> None:
     with pytest.raises(MalformedMessage, match=r", expected a number$"):
         parse_number(text)
 
 
 @pytest.mark.parametrize("text", ["1e400", "-1e400", "1e10", "9" * 400])
-def test_what_is_too_large_is_refused(text: str) -> None:
+def test_number_out_of_range_is_malformed(text: str) -> None:
     with pytest.raises(MalformedMessage, match=r", expected at most 1e\+09$"):
         parse_number(text)
 
 
-def test_a_long_text_is_cut_in_the_error() -> None:
+def test_error_truncates_a_long_text() -> None:
     with pytest.raises(MalformedMessage, match=f"^'{'x' * 80}', expected a number$"):
         parse_number("x" * 5000)
 
@@ -91,14 +91,14 @@ def test_any_text_is_a_finite_number_or_malformed(text: str) -> None:
         pytest.param("0,0,0", (0, 0, 0), id="zeros"),
     ],
 )
-def test_vectors_are_read_in_every_form(
+def test_vectors_are_parsed_with_any_separator(
     text: str, values: tuple[float, float, float]
 ) -> None:
     assert parse_numbers(text, 3) == values
 
 
 @pytest.mark.parametrize("text", ["", "1", "1,2", "1 2", "1,2,3,4", "1 2 3 4", "1,2,"])
-def test_a_vector_of_another_length_is_refused(text: str) -> None:
+def test_vector_of_wrong_length_is_malformed(text: str) -> None:
     with pytest.raises(MalformedMessage, match=r"expected (3 numbers|a number)$"):
         parse_numbers(text, 3)
 
@@ -106,7 +106,7 @@ def test_a_vector_of_another_length_is_refused(text: str) -> None:
 @pytest.mark.parametrize(
     "text", ["1,nan,2", "1 abc 2", "1,,2", "1,2,1e400", "1 2 3,,,"]
 )
-def test_a_vector_with_one_bad_number_is_refused(text: str) -> None:
+def test_vector_with_a_bad_number_is_malformed(text: str) -> None:
     with pytest.raises(MalformedMessage):
         parse_numbers(text, 3)
 
@@ -117,7 +117,7 @@ def test_a_vector_with_one_bad_number_is_refused(text: str) -> None:
         [(",", "."), (", ", "."), (" ", "."), (" ", ","), (", ", ",")]
     ),
 )
-def test_a_vector_means_the_same_in_all_forms(
+def test_vector_is_the_same_in_all_forms(
     values: tuple[float, float, float], form: tuple[str, str]
 ) -> None:
     between, point = form
@@ -125,7 +125,7 @@ def test_a_vector_means_the_same_in_all_forms(
     assert parse_numbers(text, 3) == values
 
 
-def test_only_the_lower_case_word_is_true_unless_case_is_free() -> None:
+def test_only_lower_case_true_is_true_unless_any_case_is_allowed() -> None:
     texts = ["true", "True", "TRUE", "false", "1", "yes", ""]
     assert [parse_flag(t, any_case=False) for t in texts] == [True] + [False] * 6
     assert [parse_flag(t, any_case=True) for t in texts] == [True] * 3 + [False] * 4
@@ -173,7 +173,7 @@ def test_truncated_numbers_follow_float32_arithmetic(
         pytest.param(50000.0, 4, "50000.0000", id="torque"),
     ],
 )
-def test_truncated_numbers_of_the_original(
+def test_truncated_numbers_match_usarsim(
     value: float, decimals: int, text: str
 ) -> None:
     assert NumberFormat(decimals, Rounding.TRUNCATED).format(value) == text
@@ -196,9 +196,7 @@ def test_engine_numbers_are_rounded_from_float32(
 
 @pytest.mark.parametrize("rule", list(Rounding))
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 2.0**31])
-def test_what_a_client_could_not_read_is_never_written(
-    rule: Rounding, value: float
-) -> None:
+def test_numbers_out_of_range_are_not_formatted(rule: Rounding, value: float) -> None:
     with pytest.raises(ValueError, match="expected less than"):
         NumberFormat(2, rule).format(value)
 
@@ -209,7 +207,7 @@ RANGES = st.floats(0, 201) | CENTIMETRES | HALVES | st.floats(-1, 1)
 
 
 @given(values=st.lists(RANGES, max_size=8), rule=st.sampled_from(list(Rounding)))
-def test_a_scan_is_written_range_by_range(values: list[float], rule: Rounding) -> None:
+def test_format_ranges_formats_each_range(values: list[float], rule: Rounding) -> None:
     form = NumberFormat(2, rule)
     text = format_ranges(np.array(values, dtype=np.float64), form)
     assert text == ",".join(form.format(value) for value in values)
@@ -219,7 +217,7 @@ def test_a_scan_is_written_range_by_range(values: list[float], rule: Rounding) -
     shares=st.lists(st.floats(0, 1) | st.floats(-0.1, 1.1), max_size=8),
     rule=st.sampled_from(list(Rounding)),
 )
-def test_shares_are_written_as_all_numbers_are(
+def test_format_fractions_formats_each_number(
     shares: list[float], rule: Rounding
 ) -> None:
     form = NumberFormat(4, rule)
@@ -228,7 +226,7 @@ def test_shares_are_written_as_all_numbers_are(
 
 
 @pytest.mark.parametrize("rule", list(Rounding))
-def test_a_share_of_nothing_has_no_sign(rule: Rounding) -> None:
+def test_format_fractions_drops_the_sign_of_zero(rule: Rounding) -> None:
     assert (
         format_fractions(np.array([-0.0, 0.0]), NumberFormat(4, rule)) == ["0.0000"] * 2
     )
@@ -236,6 +234,8 @@ def test_a_share_of_nothing_has_no_sign(rule: Rounding) -> None:
 
 @pytest.mark.parametrize("rule", list(Rounding))
 @pytest.mark.parametrize("share", [math.nan, math.inf])
-def test_a_share_that_is_not_finite_is_refused(rule: Rounding, share: float) -> None:
+def test_format_fractions_rejects_numbers_that_are_not_finite(
+    rule: Rounding, share: float
+) -> None:
     with pytest.raises(ValueError, match="expected less"):
         format_fractions(np.array([0.5, share]), NumberFormat(4, rule))

@@ -48,7 +48,7 @@ MOUNTS = (("S1", Pose3(0.2, 0, 0.1)), ("S2", Pose3(-0.2, 0, 0.1, 0, 0, -3.1)))
         ),
     ],
 )
-def test_mounts_of_all_generations(line: str, robot: str) -> None:
+def test_mounts_are_decoded_in_every_server_format(line: str, robot: str) -> None:
     assert decode_report(line) == ItemGeo("RangeScanner", MOUNTS, robot)
 
 
@@ -84,11 +84,13 @@ def test_mounts_of_all_generations(line: str, robot: str) -> None:
         pytest.param("CONF {Type Camera}", NameConf("Camera", ()), id="nothing"),
     ],
 )
-def test_settings_of_other_servers(line: str, expected: Report) -> None:
+def test_configurations_of_other_servers_are_decoded(
+    line: str, expected: Report
+) -> None:
     assert decode_report(line) == expected
 
 
-def test_what_a_client_can_do_without_may_be_missing() -> None:
+def test_optional_fields_may_be_missing() -> None:
     robot = decode_report(
         "GEO {Type LeggedRobot} {Dimensions 1,2,3} {WheelRadius 1} {WheelSeparation 2}"
     )
@@ -131,6 +133,6 @@ def test_what_a_client_can_do_without_may_be_missing() -> None:
         ),
     ],
 )
-def test_what_is_needed_is_asked_for(line: str, message: str) -> None:
+def test_missing_required_field_raises_an_error(line: str, message: str) -> None:
     with pytest.raises(MalformedMessage, match=message):
         decode_report(line)

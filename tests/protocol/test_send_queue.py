@@ -9,7 +9,9 @@ LINES = st.lists(
 
 
 @given(LINES)
-def test_what_fits_comes_out_as_it_went_in(lines: list[tuple[bytes, bool]]) -> None:
+def test_data_within_the_limit_is_returned_unchanged(
+    lines: list[tuple[bytes, bool]],
+) -> None:
     outbox = SendQueue(limit=10_000)
     for line, keep in lines:
         outbox.put(line, keep=keep)
@@ -22,7 +24,7 @@ def test_what_fits_comes_out_as_it_went_in(lines: list[tuple[bytes, bool]]) -> N
 
 
 @given(LINES, st.integers(1, 40))
-def test_beyond_the_limit_readings_are_lost_whole_and_the_oldest_first(
+def test_oldest_readings_are_dropped_whole_beyond_the_limit(
     lines: list[tuple[bytes, bool]], limit: int
 ) -> None:
     outbox = SendQueue(limit=limit)
@@ -41,7 +43,7 @@ def test_beyond_the_limit_readings_are_lost_whole_and_the_oldest_first(
     ]
 
 
-def test_half_of_the_readings_stay() -> None:
+def test_half_of_the_readings_remain_after_a_drop() -> None:
     outbox = SendQueue(limit=100)
     for number in range(11):
         outbox.put(b"%8d\r\n" % number, keep=False)
@@ -49,7 +51,7 @@ def test_half_of_the_readings_stay() -> None:
     assert outbox.dropped == 6
 
 
-def test_answers_beyond_the_ceiling_are_a_flood() -> None:
+def test_unread_replies_beyond_the_ceiling_overflow() -> None:
     outbox = SendQueue(limit=10, ceiling=30)
     for _ in range(5):
         outbox.put(b"123456789\n", keep=False)
@@ -62,7 +64,7 @@ def test_answers_beyond_the_ceiling_are_a_flood() -> None:
     assert outbox.overflowed  # what is wrong once stays wrong
 
 
-def test_many_answers_cost_no_more_each_than_few() -> None:
+def test_time_per_reply_does_not_grow_with_the_queue() -> None:
     outbox = SendQueue(limit=100)
     for _ in range(200_000):
         outbox.put(b"CONF {Type MisPkg}\r\n", keep=True)

@@ -212,5 +212,5 @@ UDK_LINES: list[tuple[str, Report, str]] = [
     ("report", "line"),
     [pytest.param(report, line, id=name) for name, report, line in UDK_LINES],
 )
-def test_lines_of_the_udk_dialect(report: Report, line: str) -> None:
+def test_reports_are_encoded_in_the_udk_dialect(report: Report, line: str) -> None:
     assert report.encode(UDK) == line

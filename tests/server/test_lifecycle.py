@@ -26,7 +26,9 @@ async def test_the_first_signal_gives_the_exit_code(number: int, code: int) -> N
 
 
 @pytest.mark.parametrize(("number", "code"), CODES)
-async def test_handlers_are_put_back_after_an_error(number: int, code: int) -> None:
+async def test_signal_handlers_are_restored_after_an_error(
+    number: int, code: int
+) -> None:
     before = signal.getsignal(number)
 
     def fail() -> None:
@@ -39,7 +41,7 @@ async def test_handlers_are_put_back_after_an_error(number: int, code: int) -> N
     assert signal.getsignal(number) == before
 
 
-def test_a_signal_after_the_loop_is_closed_is_nothing() -> None:
+def test_signal_after_the_loop_is_closed_is_ignored() -> None:
     async def handler() -> Callable[[int, FrameType | None], None]:
         with exit_code_of_signal():
             found = signal.getsignal(signal.SIGTERM)

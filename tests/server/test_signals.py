@@ -23,7 +23,7 @@ EXITS = [
 
 
 @pytest.mark.parametrize(("number", "code"), EXITS)
-async def test_a_signal_ends_it_with_its_code(
+async def test_signal_stops_the_server_with_its_exit_code(
     empty_room: Scene, number: int, code: int
 ) -> None:
     heard: list[tuple[str, int]] = []
@@ -47,12 +47,14 @@ class Broken(Host):
         raise RuntimeError("broken")
 
 
-async def test_a_bug_ends_it(empty_room: Scene) -> None:
+async def test_exception_in_a_tick_stops_the_server(empty_room: Scene) -> None:
     with pytest.raises(RuntimeError, match="broken"):
         await serve(Server(Broken(empty_room)), "127.0.0.1", 0, lambda _: None)
 
 
-async def test_a_taken_port_ends_it_before_anybody_is_told(empty_room: Scene) -> None:
+async def test_taken_port_is_an_error_before_the_address_is_announced(
+    empty_room: Scene,
+) -> None:
     heard: list[tuple[str, int]] = []
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
@@ -81,7 +83,7 @@ def listening_port(process: "subprocess.Popen[str]") -> int:
 
 @pytest.mark.usefixtures("empty_room")  # compiled by then
 @pytest.mark.parametrize(("number", "code"), EXITS)
-def test_the_program_ends_on_a_signal_while_robots_are_scanning(
+def test_program_exits_on_a_signal_while_robots_are_scanning(
     tmp_path: Path, number: int, code: int
 ) -> None:
     process = started(tmp_path, "empty_room", "--port", "0")
@@ -103,7 +105,7 @@ def test_the_program_ends_on_a_signal_while_robots_are_scanning(
         process.wait()
 
 
-def test_the_program_says_in_one_sentence_that_the_port_is_taken(
+def test_program_reports_a_taken_port_in_one_line(
     tmp_path: Path,
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:

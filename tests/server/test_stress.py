@@ -101,7 +101,7 @@ def memory(pid: int) -> float:
 
 @pytest.mark.usefixtures("foliage_room")  # compiled by then
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux' /proc")
-async def test_one_who_does_not_read_delays_none_of_fifteen(
+async def test_client_that_does_not_read_does_not_delay_fifteen_others(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     async with server(tmp_path) as (port, process):

@@ -36,7 +36,7 @@ def item(name: str, class_name: str = "P3AT") -> Item:
         ),
     ],
 )
-def test_drive_means_the_same_top_speed_in_either_unit(
+def test_top_speed_is_the_same_in_both_drive_units(
     config: SimulationConfig, drive: WheelDrive
 ) -> None:
     assert config.wheel_drive() == drive
@@ -52,7 +52,7 @@ def test_drive_means_the_same_top_speed_in_either_unit(
         pytest.param("Scanner1", "P2AT", 80, 20, id="radar of a P2AT"),
     ],
 )
-def test_the_longest_range_is_the_dialects(
+def test_default_max_range_depends_on_the_dialect(
     name: str, class_name: str, compat: float, udk: float
 ) -> None:
     scanner = item(name, class_name)
@@ -60,7 +60,7 @@ def test_the_longest_range_is_the_dialects(
     assert SimulationConfig(UDK).scanner(scanner).settings.max_range == udk
 
 
-def test_what_the_user_sets_counts_most() -> None:
+def test_item_settings_override_the_dialect() -> None:
     config = SimulationConfig(UDK, item_settings={"LMS200": {"max_range": 33}})
     assert config.scanner(item("lms200")).settings.max_range == 33
     assert config.scanner(item("lms200", "P3AT_SICK")).settings.max_range == 33
@@ -79,19 +79,19 @@ def test_what_the_user_sets_counts_most() -> None:
         pytest.param("W1", "P3AT", 0.1, 0.1, id="encoder"),
     ],
 )
-def test_rates_are_the_dialects(
+def test_intervals_depend_on_the_dialect(
     name: str, class_name: str, compat: float, udk: float
 ) -> None:
     assert SimulationConfig().interval(item(name, class_name)) == compat
     assert SimulationConfig(UDK).interval(item(name, class_name)) == udk
 
 
-def test_an_item_with_an_interval_of_its_own_keeps_it() -> None:
+def test_interval_of_an_item_overrides_the_dialect() -> None:
     slow = item("lms200").model_copy(update={"interval": 0.7})
     assert SimulationConfig(UDK).interval(slow) == 0.7
 
 
-def test_what_is_no_scanner_cannot_be_made_one() -> None:
+def test_scanner_of_another_item_type_is_an_error() -> None:
     with pytest.raises(ValueError, match="item 'W1': type Encoder, expected a scanner"):
         SimulationConfig().scanner(item("W1"))
 
@@ -106,7 +106,9 @@ def test_what_is_no_scanner_cannot_be_made_one() -> None:
         pytest.param({"Odometer": {}}, id="nothing of an item"),
     ],
 )
-def test_settings_that_fit_pass(dialect: Dialect, settings: dict[str, Any]) -> None:
+def test_valid_settings_pass_the_check(
+    dialect: Dialect, settings: dict[str, Any]
+) -> None:
     SimulationConfig(dialect, item_settings=settings).check()
 
 
@@ -132,15 +134,13 @@ def test_settings_that_fit_pass(dialect: Dialect, settings: dict[str, Any]) -> N
         ),
     ],
 )
-def test_settings_that_do_not_fit_are_refused(
-    settings: dict[str, Any], text: str
-) -> None:
+def test_invalid_settings_are_refused(settings: dict[str, Any], text: str) -> None:
     with pytest.raises(PresetError) as caught:
         SimulationConfig(item_settings=settings).check()
     assert str(caught.value) == text
 
 
-def test_a_setting_that_no_scanner_has_is_refused() -> None:
+def test_unknown_scanner_setting_is_refused() -> None:
     with pytest.raises(PresetError, match="no setting 'power'"):
         SimulationConfig(item_settings={"lms200": {"power": 1}}).check()
 
@@ -162,26 +162,26 @@ def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
         assert config.interval(item) == 1.0  # one turn in a second
 
 
-def test_a_sensor_named_again_keeps_what_the_class_says_of_it() -> None:
+def test_setting_the_same_sensor_keeps_the_settings_of_the_class() -> None:
     wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
     same = SimulationConfig(item_settings={"lms200": {"sensor": "radar"}})
     assert same.scanner(wide).settings == SimulationConfig().scanner(wide).settings
 
 
-def test_the_rate_that_is_set_counts_more_than_the_dialects() -> None:
+def test_scan_rate_setting_overrides_the_dialect() -> None:
     fast = SimulationConfig(dialect=UDK, item_settings={"lms200": {"scan_rate_hz": 20}})
     assert fast.interval(SCANNER) == pytest.approx(0.05)
     assert SimulationConfig(dialect=UDK).interval(SCANNER) == pytest.approx(0.2)
 
 
-def test_an_unknown_sensor_is_refused_before_anybody_connects() -> None:
+def test_unknown_sensor_is_refused_by_the_check() -> None:
     with pytest.raises(PresetError, match="sensor 'k3pi', expected one of"):
         SimulationConfig(item_settings={"lms200": {"sensor": "k3pi"}}).check()
     with pytest.raises(PresetError, match="sensor"):
         SimulationConfig(item_settings={"InsTest": {"sensor": "radar"}}).check()
 
 
-def test_the_time_of_a_tick_has_no_rounding_in_its_digits() -> None:
+def test_tick_time_has_no_rounding_error_in_its_digits() -> None:
     assert [repr(seconds(n)) for n in (0, 1, 7, 29, 30, 360_010)] == [
         *("0.0", "0.01", "0.07", "0.29", "0.3", "3600.1")
     ]
@@ -196,5 +196,5 @@ def test_the_time_of_a_tick_has_no_rounding_in_its_digits() -> None:
         pytest.param(TICK, 1, id="a tick"),
     ],
 )
-def test_an_interval_is_whole_ticks(interval: float, ticks: int) -> None:
+def test_interval_is_converted_to_whole_ticks(interval: float, ticks: int) -> None:
     assert ticks_of(interval) == ticks

@@ -57,7 +57,7 @@ def types(reports: tuple[Report, ...]) -> list[type]:
     return [type(report) for report in reports]
 
 
-def test_poses_are_read_before_everything_else(empty_room: Scene) -> None:
+def test_pose_readings_come_before_the_others(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     *before, (_, last) = run(simulation, 10)[vehicle.number]
@@ -69,7 +69,7 @@ def test_poses_are_read_before_everything_else(empty_room: Scene) -> None:
     assert types(last.scans) == [RangeScan]
 
 
-def test_phases_count_from_the_spawn(empty_room: Scene) -> None:
+def test_intervals_start_at_the_spawn(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     early = spawned(simulation, Pose2(-8, 0))
     run(simulation, 7)
@@ -82,7 +82,7 @@ def test_phases_count_from_the_spawn(empty_room: Scene) -> None:
     assert times == [0.17, 0.27, 0.37]
 
 
-def test_a_scan_is_of_the_room_from_the_sensors_place(empty_room: Scene) -> None:
+def test_scan_has_the_ranges_of_the_room_from_the_sensor(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(-8, 1, math.pi / 2))
     scan = scan_after(simulation, vehicle)
@@ -94,13 +94,13 @@ def test_a_scan_is_of_the_room_from_the_sensors_place(empty_room: Scene) -> None
     assert scan.ranges[-1] == pytest.approx(2.4)
 
 
-def test_what_does_not_come_back_reads_the_longest_range(empty_room: Scene) -> None:
+def test_beam_without_an_echo_reads_the_max_range(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(500, 0))
     assert scan_after(simulation, vehicle).ranges == pytest.approx(np.full(181, 80.0))
 
 
-def test_robots_see_each_other_and_not_themselves(empty_room: Scene) -> None:
+def test_scans_show_other_robots_but_not_the_own_one(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     one = spawned(simulation, Pose2(-8, 0))
     other = spawned(simulation, Pose2(-5, 0, math.pi), "R2")
@@ -116,7 +116,7 @@ def test_robots_see_each_other_and_not_themselves(empty_room: Scene) -> None:
     assert scan_after(simulation, one).ranges[90] == pytest.approx(18.4 - 0.2085)
 
 
-def test_a_laser_in_smoke_is_blinded_and_the_radar_is_not(smoke_room: Scene) -> None:
+def test_smoke_blinds_the_laser_but_not_the_radar(smoke_room: Scene) -> None:
     simulation = Simulation(smoke_room, config=EXACT)
     vehicle = simulation.spawn("R1", load_robot("P3AT_Compare"), Pose2(-8, 0))
     assert vehicle is not None
@@ -126,7 +126,7 @@ def test_a_laser_in_smoke_is_blinded_and_the_radar_is_not(smoke_room: Scene) -> 
     assert laser.ranges.tolist() == [0.0] * 228
 
 
-def test_a_place_that_is_taken_gives_the_nearest_that_is_free(
+def test_spawn_at_a_taken_place_uses_the_nearest_free_one(
     empty_room: Scene,
 ) -> None:
     simulation = Simulation(empty_room)
@@ -136,7 +136,7 @@ def test_a_place_that_is_taken_gives_the_nearest_that_is_free(
     assert pose.yaw == 0
 
 
-def test_where_nothing_is_free_no_robot_appears(empty_room: Scene) -> None:
+def test_spawn_without_a_free_place_makes_no_robot(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     model = load_robot("P3AT")
     made = [simulation.spawn("R", model, Pose2(0, 0)) for _ in range(15)]
@@ -145,7 +145,7 @@ def test_where_nothing_is_free_no_robot_appears(empty_room: Scene) -> None:
     assert len(simulation.vehicles) == sum(vehicle is not None for vehicle in made)
 
 
-def test_names_stay_different(empty_room: Scene) -> None:
+def test_robot_names_are_unique(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     made = [spawned(simulation, Pose2(-8 + 2 * k, 0), "R") for k in range(3)]
     assert [v.robot.name for v in made] == ["R", "R (2)", "R (3)"]
@@ -153,7 +153,7 @@ def test_names_stay_different(empty_room: Scene) -> None:
     assert spawned(simulation, Pose2(0, 3), "R").robot.name == "R (2)"
 
 
-def test_a_robot_stops_at_a_wall_and_its_bumper_says_so(empty_room: Scene) -> None:
+def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(9, 0))
     vehicle.robot.drive(8, 8)
@@ -170,7 +170,7 @@ def test_a_robot_stops_at_a_wall_and_its_bumper_says_so(empty_room: Scene) -> No
     assert ways[-1] == pytest.approx(8 * 0.098 * 2)  # the wheels turn on
 
 
-def test_readings_tell_of_one_and_the_same_moment(empty_room: Scene) -> None:
+def test_readings_of_a_tick_describe_the_same_moment(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(-8, 0, 0.3))
     vehicle.robot.drive(3, 4)
@@ -192,7 +192,7 @@ def test_readings_tell_of_one_and_the_same_moment(empty_room: Scene) -> None:
         assert tachometer.velocities == pytest.approx((4, 3, 4, 3))
 
 
-def test_an_extra_scan_comes_with_the_next_tick_and_leaves_the_phase(
+def test_extra_scan_comes_with_the_next_tick_and_keeps_the_schedule(
     empty_room: Scene,
 ) -> None:
     simulation = Simulation(empty_room)
@@ -224,7 +224,7 @@ def test_requests_that_do_not_fit_an_item_have_no_effect(empty_room: Scene) -> N
     assert all(not what.scans for _, what in run(simulation, 9)[vehicle.number])
 
 
-def test_reset_counts_from_here(empty_room: Scene) -> None:
+def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(5, 5)
@@ -244,7 +244,7 @@ def test_reset_counts_from_here(empty_room: Scene) -> None:
     ]
 
 
-def test_the_ins_believes_what_it_is_told(empty_room: Scene) -> None:
+def test_set_ins_sets_the_pose_of_the_ins(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     (ins,) = vehicle.model.items_of("INS")
@@ -254,7 +254,7 @@ def test_the_ins_believes_what_it_is_told(empty_room: Scene) -> None:
     assert reading.pose.numbers() == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
 
 
-def test_the_drift_is_drawn_by_simulated_time_whatever_the_rate(
+def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
     empty_room: Scene,
 ) -> None:
     simulation = Simulation(empty_room, seed=3)
@@ -271,7 +271,7 @@ def test_the_drift_is_drawn_by_simulated_time_whatever_the_rate(
     assert changes.tolist() == [1, 3, 5, 7, 9]  # every 0.2 s, at every second reading
 
 
-def test_simulated_time_has_no_end_of_digits(empty_room: Scene) -> None:
+def test_simulated_time_has_exact_digits_after_many_ticks(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     simulation.ticks = 123_456_789
     vehicle = spawned(simulation, Pose2(-8, 0))
@@ -281,7 +281,7 @@ def test_simulated_time_has_no_end_of_digits(empty_room: Scene) -> None:
     assert told.status.battery == 3599
 
 
-def test_with_an_empty_battery_a_robot_stands_and_tells_its_status_only(
+def test_robot_with_an_empty_battery_stands_and_sends_only_its_status(
     empty_room: Scene,
 ) -> None:
     weak = SimulationConfig(
@@ -302,7 +302,7 @@ def test_with_an_empty_battery_a_robot_stands_and_tells_its_status_only(
     assert not [what for _, what in told if what.readings or what.scans]
 
 
-def test_nobody_is_put_into_a_bush_though_there_is_room(foliage_room: Scene) -> None:
+def test_no_robot_is_spawned_inside_a_bush(foliage_room: Scene) -> None:
     simulation = Simulation(foliage_room)
     middle = Pose2(0.5, -1.64)  # of a bush of 1.2 m
     assert simulation.spawn("R1", load_robot("P3AT"), middle) is None
@@ -311,14 +311,14 @@ def test_nobody_is_put_into_a_bush_though_there_is_room(foliage_room: Scene) -> 
     assert edge.robot.pose.x < 0.5 - 1.15
 
 
-def test_smoke_is_a_place_to_stand_in(smoke_room: Scene) -> None:
+def test_robot_can_be_spawned_in_smoke(smoke_room: Scene) -> None:
     place = Pose2(-3.0, 0.0)
     vehicle = Simulation(smoke_room).spawn("R1", load_robot("P3AT"), place)
     assert vehicle is not None
     assert vehicle.robot.pose == place
 
 
-def test_a_scanner_scans_as_often_as_its_rate_says(empty_room: Scene) -> None:
+def test_scanner_scans_at_its_rate(empty_room: Scene) -> None:
     config = SimulationConfig(item_settings={"lms200": {"sensor": "k2pi"}})
     simulation = Simulation(empty_room, config=config)
     vehicle = spawned(simulation, Pose2(-8, 0))
