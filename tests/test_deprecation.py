@@ -1,16 +1,15 @@
 """Old names of the client still work, and say which name replaces them."""
 
 import asyncio
-from collections.abc import Callable
 
 import pytest
 
 import radarsim.client
-from radarsim.client import AsyncClient, Client, Transport
-from radarsim.host import Host
+from radarsim.client import AsyncClient, Client, SocketTransport
 from radarsim.protocol.reports import Odometry
 from radarsim.pytest_plugin import UsarsimServer
-from radarsim.scene.scene import Scene
+
+DEADLINE = 30.0  # s of the wall clock, for a busy machine
 
 
 @pytest.mark.parametrize(
@@ -32,10 +31,8 @@ def test_unknown_names_are_attribute_errors() -> None:
         radarsim.client.Linker  # noqa: B018 - looking is the test
 
 
-def test_old_members_of_the_blocking_client_work(
-    empty_room: Scene, link_to: Callable[[Host], Transport]
-) -> None:
-    with Client(link_to(Host(empty_room))) as client:
+def test_old_members_of_the_blocking_client_work(usarsim_server: UsarsimServer) -> None:
+    with Client.connect(port=usarsim_server.port, timeout=DEADLINE) as client:
         client.spawn("P3AT")
         with pytest.warns(DeprecationWarning, match=r"use Client\.transport$"):
             assert client.link is client.transport
@@ -47,12 +44,13 @@ def test_old_members_of_the_blocking_client_work(
 
 
 def test_old_argument_of_the_blocking_client_works(
-    empty_room: Scene, link_to: Callable[[Host], Transport]
+    usarsim_server: UsarsimServer,
 ) -> None:
-    transport = link_to(Host(empty_room))
+    transport = SocketTransport(*usarsim_server.address)
     with pytest.warns(DeprecationWarning, match=r"use Client\(transport=\.\.\.\)$"):
         client = Client(link=transport)
     assert client.transport is transport
+    client.close()
     with pytest.raises(TypeError, match="without a transport, expected one"):
         Client()
 
@@ -61,7 +59,7 @@ async def test_old_methods_of_the_asynchronous_client_work(
     usarsim_server: UsarsimServer,
 ) -> None:
     streams = await asyncio.open_connection(*usarsim_server.address)
-    async with AsyncClient(*streams) as client:
+    async with AsyncClient(*streams, timeout=DEADLINE) as client:
         await client.spawn("P3AT")
         with pytest.warns(DeprecationWarning, match=r"use AsyncClient\.robot_info$"):
             info = await client.facts()

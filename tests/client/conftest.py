@@ -1,4 +1,4 @@
-"""Servers for clients: a host in turns with its client, and odd ones behind sockets."""
+"""Fixtures: transports in simulated time, scripted TCP servers, both clients."""
 
 import asyncio
 import socket
@@ -12,11 +12,12 @@ import pytest
 from radarsim.client import AsyncClient, Client, Transport
 from radarsim.host import Host
 
+DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]
 
 
-class InTurns:
-    """A link to a host of this process, whose time passes while the client waits."""
+class LockstepTransport:
+    """A transport to a host in this process; simulated time passes while it waits."""
 
     def __init__(self, host: Host) -> None:
         self._host = host
@@ -28,12 +29,12 @@ class InTurns:
 
     def send(self, data: bytes) -> None:
         if not self._open:
-            raise ConnectionError("the link is closed")
+            raise ConnectionError("the transport is closed")
         self._host.receive(self._number, data)
 
     def receive(self, timeout: float) -> bytes:
         if not self._open:
-            raise ConnectionError("the link is closed")
+            raise ConnectionError("the transport is closed")
         until = self.time() + timeout
         while not (data := self._host.take(self._number)):
             if self.time() >= until:
@@ -49,16 +50,16 @@ class InTurns:
 
 @pytest.fixture
 def link_to() -> Callable[[Host], Transport]:
-    """Connect to a host in simulated time."""
-    return InTurns
+    """Return a function that connects to a host in simulated time."""
+    return LockstepTransport
 
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Serve one client behind a real socket by a function; gives the port."""
+    """Return a function that serves one client by a handler and returns the port."""
     with ExitStack() as cleanup:
 
-        def start(behave: Callable[[socket.socket], None]) -> int:
+        def start(handle: Callable[[socket.socket], None]) -> int:
             listener = cleanup.enter_context(socket.create_server(("127.0.0.1", 0)))
 
             peers: list[socket.socket] = []
@@ -68,7 +69,7 @@ def serve() -> Iterator[Serve]:
                     peer, _ = listener.accept()
                     with peer:
                         peers.append(peer)
-                        behave(peer)
+                        handle(peer)
 
             def hang_up() -> None:
                 for end in (listener, *peers):
@@ -76,7 +77,7 @@ def serve() -> Iterator[Serve]:
                         end.shutdown(socket.SHUT_RDWR)
 
             thread = threading.Thread(target=run, daemon=True)
-            cleanup.callback(thread.join, 5)
+            cleanup.callback(thread.join, DEADLINE)
             cleanup.callback(hang_up)
             thread.start()
             return int(listener.getsockname()[1])
@@ -84,8 +85,8 @@ def serve() -> Iterator[Serve]:
         yield start
 
 
-class Awaited:
-    """An ``AsyncClient`` whose calls run to their end, as those of a ``Client`` do."""
+class BlockingClient:
+    """An ``AsyncClient`` with blocking calls, like those of ``Client``."""
 
     def __init__(self, runner: asyncio.Runner, client: AsyncClient) -> None:
         self.runner = runner
@@ -99,17 +100,17 @@ class Awaited:
 
 @pytest.fixture(params=["blocking", "asynchronous"])
 def connect(request: pytest.FixtureRequest) -> Iterator[Callable[..., Client]]:
-    """Connect by each of the two faces; what is connected is closed in the end."""
-    request.getfixturevalue("serve")  # so that servers end after their clients
+    """Return a function that connects a client, which is closed at the end."""
+    request.getfixturevalue("serve")  # servers end after their clients
     with ExitStack() as cleanup:
         runner = asyncio.Runner()
 
-        def start(port: int, timeout: float = 5.0) -> Client:
+        def start(port: int, timeout: float = DEADLINE) -> Client:
             if request.param == "blocking":
                 client = Client.connect(port=port, timeout=timeout)
             else:
-                came = runner.run(AsyncClient.connect(port=port, timeout=timeout))
-                client = cast("Client", Awaited(runner, came))
+                opened = runner.run(AsyncClient.connect(port=port, timeout=timeout))
+                client = cast("Client", BlockingClient(runner, opened))
             cleanup.callback(client.close)
             return client
 

@@ -1,4 +1,4 @@
-"""What only tasks can do; all else is tested for both faces at once."""
+"""Concurrent use of ``AsyncClient``; test_clients.py tests what both clients share."""
 
 import asyncio
 import socket
@@ -11,6 +11,7 @@ from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.protocol.reports import GroundTruth, Odometry, RangeScan
 from radarsim.pytest_plugin import UsarsimServer
 
+DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]
 
 
@@ -19,7 +20,7 @@ async def test_one_task_reads_while_another_drives(
     usarsim_server: UsarsimServer,
 ) -> None:
     async with AsyncClient(
-        *await asyncio.open_connection(*usarsim_server.address)
+        *await asyncio.open_connection(*usarsim_server.address), timeout=DEADLINE
     ) as c:
         await c.spawn("P3AT", start="RobotStart1")
 
@@ -46,7 +47,9 @@ async def test_one_task_reads_while_another_drives(
 async def test_cancelled_read_loses_no_report(
     usarsim_server: UsarsimServer,
 ) -> None:
-    async with await AsyncClient.connect(port=usarsim_server.port) as client:
+    async with await AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
         await client.spawn("P3AT", start="RobotStart1")
         await client.wait_for(RangeScan)
         times: list[float] = []
@@ -62,7 +65,9 @@ async def test_cancelled_read_loses_no_report(
 
 async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:
     async def greeted() -> str:
-        async with await AsyncClient.connect(port=usarsim_server.port) as client:
+        async with await AsyncClient.connect(
+            port=usarsim_server.port, timeout=DEADLINE
+        ) as client:
             return (await client.greeting()).level
 
     assert set(await asyncio.gather(*[greeted() for _ in range(8)])) == {"DM-EmptyRoom"}
@@ -74,7 +79,7 @@ async def test_connection_reset_is_not_a_timeout(serve: Serve) -> None:
         linger = struct.pack("ii", 1, 0)
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
 
-    async with await AsyncClient.connect(port=serve(reset)) as client:
+    async with await AsyncClient.connect(port=serve(reset), timeout=DEADLINE) as client:
         with pytest.raises(
             ClientError, match=r"^the connection is lost: .*reset by peer"
         ) as it:
@@ -93,7 +98,8 @@ async def test_close_does_not_wait_for_a_server_that_does_not_read(
         for _ in range(100):
             await client.set_item("A", None, "B", "x" * 500_000)
 
-    async with await AsyncClient.connect(port=serve(stall), timeout=0.05) as client:
+    streams = await asyncio.open_connection("127.0.0.1", serve(stall))
+    async with AsyncClient(*streams, timeout=0.05) as client:
         with pytest.raises(
             ClientError, match=r"^the server takes nothing any more, exp"
         ):

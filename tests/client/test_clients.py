@@ -1,4 +1,4 @@
-"""Both faces of the client over TCP: the same calls, the same answers and errors."""
+"""Both clients over TCP: the same calls give the same results and errors."""
 
 import math
 import re
@@ -26,6 +26,7 @@ from radarsim.protocol.reports import (
 )
 from radarsim.pytest_plugin import UsarsimServer
 
+DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Connect = Callable[..., Client]
 Serve = Callable[[Callable[[socket.socket], None]], int]
 GREETING = b"NFO {Gametype X} {Level DM-Odd} {TimeLimit 0}\r\n"
@@ -44,15 +45,15 @@ def test_client_requests_robot_info_and_drives(
     assert isinstance(client.geometry("Robot"), RobotGeo)
     assert isinstance(client.geometry("INS", "InsTest"), ItemGeo)
     assert isinstance(client.configuration("GroundTruth"), IntervalConf)
-    facts = client.robot_info()
-    assert (facts.name, facts.length, facts.width) == ("P3AT", 0.552, 0.497)
-    assert facts.clearance == pytest.approx(0.3714, abs=1e-4)
-    assert facts.top_speed == pytest.approx(0.8, abs=1e-3)
+    info = client.robot_info()
+    assert (info.name, info.length, info.width) == ("P3AT", 0.552, 0.497)
+    assert info.clearance == pytest.approx(0.3714, abs=1e-4)
+    assert info.top_speed == pytest.approx(0.8, abs=1e-3)
     scan = client.wait_for(RangeScan, name="lms200")
-    assert len(scan.ranges) == len(facts.scanner().angles) == 181
+    assert len(scan.ranges) == len(info.scanner().angles) == 181
     before = client.wait_for(GroundTruth).pose
     assert (before.x, before.y) == pytest.approx((-8, 1), abs=1e-3)
-    client.drive(*facts.wheel_speeds(0.5, 0))
+    client.drive(*info.wheel_speeds(0.5, 0))
     while client.wait_for(GroundTruth).pose.y < 1.2:
         pass
     assert client.stop()
@@ -68,8 +69,8 @@ def test_echoes_and_set_item_take_effect(
     client = connect(usarsim_server.port)
     client.spawn("P3AT", start="RobotStart1")
     client.echoes("lms200")
-    told = client.wait_for(EchoLine)
-    assert told.echoes is not None
+    line = client.wait_for(EchoLine)
+    assert line.echoes is not None
     client.echoes("lms200", False)
     client.drive(5, 5)
     while client.wait_for(Odometry).pose.x < 0.2:
@@ -85,11 +86,11 @@ def test_robot_info_is_complete_in_the_udk_dialect(
 ) -> None:
     client = connect(usarsim_server.port)
     client.spawn("P3AT_Radar360", start="RobotStart1")
-    facts = client.robot_info(drive_unit="rev_per_s")
-    assert facts.top_speed == pytest.approx(0.8, abs=1e-3)
-    assert facts.clearance > 0.3714
-    assert facts.clearance < 0.45
-    scanner = facts.scanner("LMS200")
+    info = client.robot_info(drive_unit="rev_per_s")
+    assert info.top_speed == pytest.approx(0.8, abs=1e-3)
+    assert info.clearance > 0.3714
+    assert info.clearance < 0.45
+    scanner = info.scanner("LMS200")
     assert scanner.mount == Pose3(0.21, 0, 0.2)
     assert scanner.max_range == 20
     assert np.allclose(np.degrees(scanner.angles), np.arange(360) - 179.5, atol=0.01)
@@ -110,11 +111,11 @@ def test_timeout_must_be_above_0(connect: Connect, serve: Serve) -> None:
 def test_calls_time_out_when_the_server_is_silent(
     connect: Connect, serve: Serve
 ) -> None:
-    client = connect(serve(_be_silent), timeout=0.1)
-    expected = r"no greeting within 0\.1 s, no whole line came"
+    client = connect(serve(_be_silent), timeout=0.3)
+    expected = r"no greeting within 0\.3 s, no whole line came"
     with pytest.raises(ClientTimeout, match=expected):
         client.greeting()
-    with pytest.raises(ClientTimeout, match=r"no GEO of Robot within 0\.1 s"):
+    with pytest.raises(ClientTimeout, match=r"no GEO of Robot within 0\.3 s"):
         client.robot_info()
     with pytest.raises(ClientTimeout, match=r"no RangeScan of 'a' within 0\.02 s"):
         client.wait_for(RangeScan, name="a", timeout=0.02)
@@ -127,11 +128,11 @@ def test_timeout_error_quotes_the_last_line(connect: Connect, serve: Serve) -> N
         peer.sendall(GREETING + b"XYZ {A 1}\r\nSEN {Type INS} {Loc")
         _be_silent(peer)
 
-    client = connect(serve(half), timeout=0.1)
+    client = connect(serve(half))
     assert client.greeting().level == "DM-Odd"
     expected = "no report within .* the last line was 'XYZ {A 1}'; 1 lines were of no"
     with pytest.raises(ClientTimeout, match=expected):
-        client.read()
+        client.read(0.1)
 
 
 @pytest.mark.parametrize("abruptly", [False, True], ids=["closed", "reset"])
@@ -192,17 +193,17 @@ def test_endless_unknown_lines_do_not_prevent_the_timeout(
             peer.sendall(b"SEN {Type Sonar}\r\n" * 10)
             time.sleep(0.001)
 
-    client = connect(serve(rave), timeout=0.2)
+    client = connect(serve(rave), timeout=1)
     began = time.monotonic()
     with pytest.raises(ClientTimeout, match=r"'SEN {Type Sonar}'; .* of no known kind"):
         client.read()
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < DEADLINE
 
 
 def test_server_that_does_not_read_is_a_client_error(
     connect: Connect, serve: Serve
 ) -> None:
-    client = connect(serve(_take_nothing), timeout=0.1)
+    client = connect(serve(_take_nothing), timeout=0.5)
     text = "x" * 60_000
     expected = r"^the server takes nothing any more, expected to send 'SET {Type A"
     with pytest.raises(ClientError, match=expected):
@@ -227,7 +228,7 @@ def test_close_stops_the_robot(connect: Connect, serve: Serve) -> None:
         b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
         b"DRIVE {Left 1.0} {Right 2.5}\r\nDRIVE {Left 0.0} {Right 0.0}\r\n"
     )
-    until = time.monotonic() + 5
+    until = time.monotonic() + DEADLINE
     while bytes(heard) != expected and time.monotonic() < until:
         time.sleep(0.001)
     assert bytes(heard) == expected
@@ -260,7 +261,7 @@ def _be_silent(peer: socket.socket) -> None:
 def _take_nothing(peer: socket.socket) -> None:
     poller = select.poll()
     poller.register(peer, 0)  # wakes when the connection is gone, and only then
-    poller.poll(5000)
+    poller.poll(1000 * DEADLINE)
 
 
 def _flood(client: Client, text: str) -> None:

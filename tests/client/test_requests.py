@@ -1,4 +1,4 @@
-"""Talks with servers that tell little, in a time of their own: nothing really waits."""
+"""Requests to scripted servers that reply little, in simulated time."""
 
 from collections.abc import Callable
 from math import inf
@@ -27,8 +27,8 @@ ABOUT_ROBOT = {
 }
 
 
-class Puppet:
-    """A server that answers by a table, and says something at every tick of 0.1 s."""
+class ScriptedServer:
+    """A transport to a server with fixed replies and the same reports every 0.1 s."""
 
     def __init__(self, answers: dict[str, str], chatter: list[str]) -> None:
         self.heard: list[str] = []
@@ -66,15 +66,15 @@ def test_all_scanners_are_requested_at_once() -> None:
         "GETGEO {Type RangeScanner}": GEO,
         "GETCONF {Type RangeScanner}": CONF,
     }
-    link = Puppet(answers, [SCAN])
-    (scanner,) = Client(link).robot_info().scanners
+    server = ScriptedServer(answers, [SCAN])
+    (scanner,) = Client(server).robot_info().scanners
     assert (scanner.mount, scanner.max_range, scanner.beams) == (
         Pose3(0.2, 0, 0.1),
         20,
         3,
     )
-    assert link.heard == list(answers)
-    assert link.time() == pytest.approx(0.1)
+    assert server.heard == list(answers)
+    assert server.time() == pytest.approx(0.1)
 
 
 def test_scanners_are_requested_by_name_without_a_reply_for_all() -> None:
@@ -83,17 +83,17 @@ def test_scanners_are_requested_by_name_without_a_reply_for_all() -> None:
         "GETCONF {Type RangeScanner} {Name S}": CONF,
         "GETGEO {Type RangeScanner} {Name T}": GEO.replace("Name S", "Name T"),
     }
-    link = Puppet(answers, [STATUS, SCAN, OTHER_SCAN])
-    scanners = Client(link).robot_info().scanners
+    server = ScriptedServer(answers, [STATUS, SCAN, OTHER_SCAN])
+    scanners = Client(server).robot_info().scanners
     assert [s.name for s in scanners] == ["S", "T"]
     assert [s.max_range for s in scanners] == [20, inf]
     assert scanners[0].mount == scanners[1].mount == Pose3(0.2, 0, 0.1)
-    assert 4 <= link.time() < 4.5  # for all, and for T
+    assert 4 <= server.time() < 4.5  # for all, and for T
 
 
 def test_scanner_info_is_taken_from_scans_without_a_reply() -> None:
-    link = Puppet(ABOUT_ROBOT, [SCAN])
-    (scanner,) = Client(link).robot_info().scanners
+    server = ScriptedServer(ABOUT_ROBOT, [SCAN])
+    (scanner,) = Client(server).robot_info().scanners
     assert (scanner.mount, scanner.min_range, scanner.max_range) == (
         Pose3(0, 0, 0),
         0,
@@ -107,33 +107,33 @@ def test_scanner_info_is_taken_from_replies_without_scans() -> None:
         "GETGEO {Type RangeScanner}": GEO,
         "GETCONF {Type RangeScanner}": CONF,
     }
-    link = Puppet(answers, [STATUS])
-    (scanner,) = Client(link).robot_info().scanners
+    server = ScriptedServer(answers, [STATUS])
+    (scanner,) = Client(server).robot_info().scanners
     assert (scanner.fov, scanner.beams) == (1, 3)
-    assert 2 <= link.time() < 2.5
-    assert Client(Puppet(ABOUT_ROBOT, [STATUS])).robot_info().scanners == ()
+    assert 2 <= server.time() < 2.5
+    assert Client(ScriptedServer(ABOUT_ROBOT, [STATUS])).robot_info().scanners == ()
 
 
 def test_robot_info_times_out_without_the_robot_configuration() -> None:
     del (answers := dict(ABOUT_ROBOT))["GETCONF {Type Robot}"]
-    link = Puppet(answers, [STATUS])
+    server = ScriptedServer(answers, [STATUS])
     with pytest.raises(ClientTimeout, match=r"no CONF of Robot within 3 s, .* 'STA"):
-        Client(link, timeout=3).robot_info()
-    assert 3 <= link.time() < 3.2
+        Client(server, timeout=3).robot_info()
+    assert 3 <= server.time() < 3.2
 
 
 def test_timeout_holds_while_other_reports_arrive() -> None:
-    link = Puppet({}, [STATUS, SCAN])
-    client = Client(link)
+    server = ScriptedServer({}, [STATUS, SCAN])
+    client = Client(server)
     with pytest.raises(ClientTimeout, match=r"no Odometry of 'Odo' within 1\.5 s"):
         client.wait_for(Odometry, name="Odo", timeout=1.5)
     with pytest.raises(ClientTimeout, match="no start poses within 5 s"):
         client.start_poses()
-    assert link.time() == pytest.approx(6.5)
+    assert server.time() == pytest.approx(6.5)
 
 
 def test_reports_after_the_awaited_one_can_still_be_read() -> None:
-    client = Client(Puppet({}, [SCAN, STATUS, OTHER_SCAN]))
+    client = Client(ScriptedServer({}, [SCAN, STATUS, OTHER_SCAN]))
     assert client.wait_for(Status).battery == 9
     (rest,) = client.read()
     assert isinstance(rest, RangeScan)
@@ -144,7 +144,9 @@ def test_reports_after_the_awaited_one_can_still_be_read() -> None:
 
 def test_first_reports_of_a_robot_can_be_read_after_spawn() -> None:
     init = "INIT {ClassName USARBot.P3AT}"
-    client = Client(Puppet({init: f"NFO {{Level a}}\r\n{STATUS}\r\n{SCAN}"}, []))
+    client = Client(
+        ScriptedServer({init: f"NFO {{Level a}}\r\n{STATUS}\r\n{SCAN}"}, [])
+    )
     client.spawn("P3AT")
     assert [type(report) for report in client.read()] == [Status, RangeScan]
     assert client.greeting() == Greeting("a")
@@ -152,7 +154,7 @@ def test_first_reports_of_a_robot_can_be_read_after_spawn() -> None:
 
 def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
     init = "INIT {ClassName USARBot.P3AT}"
-    client = Client(Puppet({init: STATUS}, [SCAN]))
+    client = Client(ScriptedServer({init: STATUS}, [SCAN]))
     client.read()
     assert [*client.session.scans] == ["S"]
     client.spawn("P3AT")
@@ -170,17 +172,17 @@ def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
 def test_calls_wait_exactly_the_timeout_when_the_server_is_silent(
     call: Callable[[Client], object],
 ) -> None:
-    link = Puppet({}, [])
+    server = ScriptedServer({}, [])
     with pytest.raises(ClientTimeout, match="within 1 s, no whole line came"):
-        call(Client(link, timeout=1))
-    assert link.time() == pytest.approx(1)
+        call(Client(server, timeout=1))
+    assert server.time() == pytest.approx(1)
 
 
 def test_robot_is_stopped_when_an_error_leaves_the_context() -> None:
-    link = Puppet({"INIT {ClassName USARBot.P3AT}": STATUS}, [])
+    server = ScriptedServer({"INIT {ClassName USARBot.P3AT}": STATUS}, [])
 
     def drive_into_an_error() -> None:
-        with Client(link) as client:
+        with Client(server) as client:
             client.spawn("P3AT")
             client.drive(1, 1)
             client.read()
@@ -188,12 +190,12 @@ def test_robot_is_stopped_when_an_error_leaves_the_context() -> None:
 
     with pytest.raises(ClientError, match=r"no report within 0\.5 s"):
         drive_into_an_error()
-    assert link.heard[-1] == "DRIVE {Left 0.0} {Right 0.0}"
-    assert link.closed
+    assert server.heard[-1] == "DRIVE {Left 0.0} {Right 0.0}"
+    assert server.closed
 
 
 def test_close_without_a_robot_sends_nothing() -> None:
-    link = Puppet({}, [])
-    Client(link).close()
-    assert link.closed
-    assert not link.heard
+    server = ScriptedServer({}, [])
+    Client(server).close()
+    assert server.closed
+    assert not server.heard

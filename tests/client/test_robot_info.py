@@ -34,9 +34,9 @@ ROBOT = RobotInfo("P3AT", 0.6, 0.8, 0.4, 0.1, 0.4, 0.8, 1.0, (SCANNER,))
 
 
 def test_robot_info_from_complete_reports() -> None:
-    facts = RobotInfo.from_reports(GEO, CONF, (SCANNER,), "rad_per_s")
-    assert facts.max_wheel_speed == pytest.approx(0.8)
-    assert replace(facts, max_wheel_speed=0.8) == ROBOT
+    info = RobotInfo.from_reports(GEO, CONF, (SCANNER,), "rad_per_s")
+    assert info.max_wheel_speed == pytest.approx(0.8)
+    assert replace(info, max_wheel_speed=0.8) == ROBOT
     assert ROBOT.clearance == pytest.approx(0.5)
     assert ROBOT.top_speed == 0.8
 
@@ -77,9 +77,9 @@ def test_limited_wheel_speeds_follow_the_same_curve_slower(
 def test_unreported_hull_reaches_beyond_the_wheels(
     geo: RobotGeo, least: tuple[float, float]
 ) -> None:
-    facts = RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
-    assert (facts.length, facts.width) == pytest.approx(least)
-    assert facts.height == 0
+    info = RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
+    assert (info.length, info.width) == pytest.approx(least)
+    assert info.height == 0
 
 
 @pytest.mark.parametrize(
@@ -118,33 +118,33 @@ def test_negative_dimensions_are_refused() -> None:
         pytest.param((80, 0, 1e6, 1e6), "FOV 1e", id="all too wide"),
     ],
 )
-def test_a_scanner_that_cannot_be_is_refused(
+def test_implausible_scanner_is_refused(
     limits: tuple[float, float, float, float], text: str
 ) -> None:
-    told = ScannerDescriptions()
-    told.add(ScannerConf("RangeScanner", (("S", *limits),)))
+    descriptions = ScannerDescriptions()
+    descriptions.add(ScannerConf("RangeScanner", (("S", *limits),)))
     with pytest.raises(ClientError, match=rf"scanner 'S' has .*{text}"):
-        told.scanners({})
+        descriptions.scanners({})
 
 
 def test_a_scanner_away_from_its_robot_is_refused() -> None:
-    told = ScannerDescriptions()
-    told.add(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
+    descriptions = ScannerDescriptions()
+    descriptions.add(ItemGeo("RangeScanner", (("S", Pose3(8, 8, 0)),), "P3AT"))
     with pytest.raises(
         ClientError, match=r"mount 11\.3\d* m .*, expected at most 10 m"
     ):
-        told.scanners({})
+        descriptions.scanners({})
 
 
 def test_names_in_any_case_are_one_scanner() -> None:
-    told = ScannerDescriptions()
-    told.add(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
-    told.add(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
+    descriptions = ScannerDescriptions()
+    descriptions.add(ItemGeo("RangeScanner", (("lms200", MOUNT),), "P3AT"))
+    descriptions.add(ScannerConf("RangeScanner", (("Lms200", 20, 0.1, 0.5, 1),)))
     scans = {"LMS200": RangeScan(1, "LMS200", 0.5, 1.0, np.ones(3))}
-    assert told.names(scans) == ["lms200"]
-    assert told.incomplete(scans) == []
-    (facts,) = told.scanners(scans)
-    assert facts == ScannerInfo("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
+    assert descriptions.names(scans) == ["lms200"]
+    assert descriptions.incomplete(scans) == []
+    (info,) = descriptions.scanners(scans)
+    assert info == ScannerInfo("LMS200", MOUNT, 0.1, 20, 0.5, 1.0, 3)
 
 
 def test_a_scanner_is_found_by_its_name_in_any_case() -> None:
@@ -168,38 +168,38 @@ def test_beam_count_is_right_despite_rounding_on_the_wire(
     step_deg: float, fov_deg: float
 ) -> None:
     step, fov = radians(step_deg), radians(fov_deg)
-    told = ScannerDescriptions()
-    told.add(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
-    (facts,) = told.scanners({})
-    assert facts.beams == len(facts.angles) == int(fov_deg / step_deg + 1e-9) + 1
-    assert facts.angles[-1] == pytest.approx(fov / 2, abs=1e-5)
-    assert (facts.mount, facts.max_range) == (Pose3(0, 0, 0), 80)
+    descriptions = ScannerDescriptions()
+    descriptions.add(_printed(ScannerConf("RangeScanner", (("S", 80, 0, step, fov),))))
+    (info,) = descriptions.scanners({})
+    assert info.beams == len(info.angles) == int(fov_deg / step_deg + 1e-9) + 1
+    assert info.angles[-1] == pytest.approx(fov / 2, abs=1e-5)
+    assert (info.mount, info.max_range) == (Pose3(0, 0, 0), 80)
 
 
 def test_beam_count_is_taken_from_a_scan_if_there_is_one() -> None:
     scan = RangeScan(1, "S", 0.0174, 3.1415, np.zeros(181))
-    told = ScannerDescriptions()
-    told.add(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
-    told.add(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
-    (facts,) = told.scanners({"S": scan})
-    assert facts.beams == 181
-    assert facts.resolution == pytest.approx(radians(1), abs=1e-6)
-    assert np.array_equal(facts.angles, beam_angles(scan))
+    descriptions = ScannerDescriptions()
+    descriptions.add(ScannerConf("RangeScanner", (("S", 20, 0.1, 0.0174, 3.1415),)))
+    descriptions.add(ItemGeo("RangeScanner", (("S", MOUNT),), "P3AT"))
+    (info,) = descriptions.scanners({"S": scan})
+    assert info.beams == 181
+    assert info.resolution == pytest.approx(radians(1), abs=1e-6)
+    assert np.array_equal(info.angles, beam_angles(scan))
     assert np.allclose(np.degrees(beam_angles(scan)), np.arange(-90, 91), atol=0.01)
 
 
 def test_missing_scanner_properties_are_taken_from_scans_or_defaults() -> None:
-    told = ScannerDescriptions()
-    told.add(NameConf("RangeScanner", ("S",)))
-    told.add(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
+    descriptions = ScannerDescriptions()
+    descriptions.add(NameConf("RangeScanner", ("S",)))
+    descriptions.add(ItemGeo("RangeScanner", (("mute", MOUNT),), ""))
     scans = {
         "S": RangeScan(1, "S", 0.5, 1.0, np.ones(3)),
         "one": RangeScan(1, "one", 0.5, 0.0, np.ones(1)),
     }
-    assert told.names(scans) == ["mute", "S", "one"]
-    assert told.incomplete(scans) == ["mute", "S", "one"]
+    assert descriptions.names(scans) == ["mute", "S", "one"]
+    assert descriptions.incomplete(scans) == ["mute", "S", "one"]
     nowhere = Pose3(0, 0, 0)
-    assert told.scanners(scans) == (
+    assert descriptions.scanners(scans) == (
         ScannerInfo("S", nowhere, 0, inf, 0.5, 1.0, 3),
         ScannerInfo("one", nowhere, 0, inf, 0.5, 0.0, 1),
     )

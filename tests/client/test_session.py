@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.client import session as asking
+from radarsim.client import session as questions
 from radarsim.client.session import Question, Session
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT
@@ -117,54 +117,56 @@ def test_unknown_lines_are_counted_and_the_last_line_is_stored() -> None:
 @pytest.mark.parametrize(
     ("question", "answer", "others"),
     [
-        pytest.param(asking.greeting(), Greeting("a"), [StartPoses(())], id="greeting"),
         pytest.param(
-            asking.start_poses(), StartPoses(()), [Greeting("a")], id="start poses"
+            questions.greeting(), Greeting("a"), [StartPoses(())], id="greeting"
         ),
         pytest.param(
-            asking.geometry("robot"),
+            questions.start_poses(), StartPoses(()), [Greeting("a")], id="start poses"
+        ),
+        pytest.param(
+            questions.geometry("robot"),
             GEO,
             [ItemGeo("Robot", (), ""), RobotConf("P3AT", 1, 1, 1)],
             id="robot",
         ),
         pytest.param(
-            asking.geometry("INS"),
+            questions.geometry("INS"),
             ItemGeo("ins", (("I", HERE),), ""),
             [GEO, ItemGeo("Odometry", (), "")],
             id="all of a type",
         ),
         pytest.param(
-            asking.geometry("INS", "i"),
+            questions.geometry("INS", "i"),
             ItemGeo("INS", (("I", HERE),), ""),
             [ItemGeo("INS", (("J", HERE),), ""), ItemGeo("INS", (), "")],
             id="one of a type",
         ),
         pytest.param(
-            asking.configuration("Robot"),
+            questions.configuration("Robot"),
             RobotConf("P3AT", 1, 1, 1),
             [GEO, IntervalConf("Robot", ())],
             id="abilities",
         ),
         pytest.param(
-            asking.configuration("RangeScanner"),
+            questions.configuration("RangeScanner"),
             ScannerConf("rangescanner", (("S", 1, 1, 1, 1),)),
             [ItemGeo("RangeScanner", (), ""), IntervalConf("INS", ())],
             id="settings",
         ),
         pytest.param(
-            asking.configuration("INS", "I"),
+            questions.configuration("INS", "I"),
             IntervalConf("INS", (("i", 0.1),)),
             [IntervalConf("INS", (("J", 0.1),)), NameConf("INS", ("J",))],
             id="settings of one",
         ),
         pytest.param(
-            asking.configuration("Camera", "C"),
+            questions.configuration("Camera", "C"),
             NameConf("Camera", ("C",)),
             [NameConf("Camera", ()), NameConf("Lamp", ("C",))],
             id="no settings",
         ),
         pytest.param(
-            asking.spawn("P3AT"),
+            questions.spawn("P3AT"),
             GroundTruth(1, "G", HERE),
             [Greeting("a"), GEO],
             id="robot made",
@@ -181,29 +183,31 @@ def test_question_accepts_only_its_reply(
 @pytest.mark.parametrize(
     ("data", "line"),
     [
-        pytest.param(asking.greeting().data, b"", id="nothing"),
+        pytest.param(questions.greeting().data, b"", id="nothing"),
         pytest.param(
-            asking.geometry("INS", "I").data, b"GETGEO {Type INS} {Name I}", id="where"
+            questions.geometry("INS", "I").data,
+            b"GETGEO {Type INS} {Name I}",
+            id="where",
         ),
         pytest.param(
-            asking.spawn("P3AT", pose=Pose2(1, 2, 0.5)).data,
+            questions.spawn("P3AT", pose=Pose2(1, 2, 0.5)).data,
             b"INIT {ClassName USARBot.P3AT}"
             b" {Location 1.0,-2.0,0.0} {Rotation 0.0,0.0,-0.5}",
             id="a place on the floor",
         ),
         pytest.param(
-            asking.spawn("P3AT", pose=Pose3(1, 2, 3, 4, 5, 6)).data,
+            questions.spawn("P3AT", pose=Pose3(1, 2, 3, 4, 5, 6)).data,
             b"INIT {ClassName USARBot.P3AT}"
             b" {Location 1.0,-2.0,-3.0} {Rotation 4.0,-5.0,-6.0}",
             id="a place in space",
         ),
         pytest.param(
-            asking.echoes("S", on=False),
+            questions.echoes("S", on=False),
             b"SET {Type RangeScanner} {Name S} {Opcode ECHOES} {Params false}",
             id="echoes",
         ),
         pytest.param(
-            asking.set_item("Odometry", None, "RESET"),
+            questions.set_item("Odometry", None, "RESET"),
             b"SET {Type Odometry} {Opcode RESET}",
             id="order",
         ),

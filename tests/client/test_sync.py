@@ -1,4 +1,4 @@
-"""A client and a host in turns, in simulated time: every number against the presets."""
+"""``Client`` with a host in simulated time; its numbers are those of the presets."""
 
 from collections.abc import Callable
 from math import degrees, pi
@@ -25,16 +25,16 @@ def test_robot_info_matches_the_robot_class(
     model = load_robot(name)
     with Client(link_to(Host(empty_room))) as client:
         client.spawn(name, start="RobotStart1")
-        facts = client.robot_info()
-        scans = [client.wait_for(RangeScan, name=s.name) for s in facts.scanners]
-    hull = (facts.length, facts.width, facts.height)
+        info = client.robot_info()
+        scans = [client.wait_for(RangeScan, name=s.name) for s in info.scanners]
+    hull = (info.length, info.width, info.height)
     assert hull == pytest.approx(model.dimensions)
-    assert (facts.wheel_radius, facts.wheel_separation) == pytest.approx(
+    assert (info.wheel_radius, info.wheel_separation) == pytest.approx(
         (model.wheel_radius, model.wheel_separation)
     )
-    assert facts.top_speed == pytest.approx(8.17 * model.wheel_radius)
+    assert info.top_speed == pytest.approx(8.17 * model.wheel_radius)
     for scanner, item, scan in zip(
-        facts.scanners, model.items_of("RangeScanner"), scans, strict=True
+        info.scanners, model.items_of("RangeScanner"), scans, strict=True
     ):
         assert (scanner.name, scanner.mount) == (item.name, item.mount)
         assert len(scan.ranges) == scanner.beams
@@ -48,8 +48,8 @@ def test_robot_moves_at_the_commanded_speeds(
     host = Host(empty_room, config=SimulationConfig(dialect))
     with Client(link_to(host)) as client:
         client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
-        facts = client.robot_info(drive_unit=dialect.drive_unit)
-        client.drive(*facts.wheel_speeds(0.4, 0.5))
+        info = client.robot_info(drive_unit=dialect.drive_unit)
+        client.drive(*info.wheel_speeds(0.4, 0.5))
         start = client.wait_for(GroundTruth)
         while (now := client.wait_for(GroundTruth)).time < start.time + 2:
             pass
@@ -122,7 +122,7 @@ def test_calls_on_a_closed_client_raise_an_error(
     client.close()
     assert client.read()  # what had come already
     with pytest.raises(
-        ClientError, match=r"^the link is closed, expected report, the la"
+        ClientError, match=r"^the transport is closed, expected report, the la"
     ):
         client.read()
     assert not client.stop()

@@ -1,7 +1,7 @@
-"""Stand-ins for other clients, each with the quirks that cost its author a day.
+"""Simulated versions of other clients with the quirks of their parsers.
 
-They are pumped in lockstep. An assertion in a stand-in is where the real client would
-drop what came, stall, or crash.
+They run in lockstep with a host. An assertion in one of them is where the real client
+would drop data, stall or crash.
 """
 
 import re
@@ -26,7 +26,7 @@ class Wire:
         self.host.receive(self.number, text.encode("ascii"))
 
     def writes(self, seconds: float) -> Iterator[bytes]:
-        """Let time pass; give each write of the server as it is made."""
+        """Let time pass and yield each write of the server."""
         for tick in range(1 + round(seconds * 100)):
             if tick:
                 self.host.step()
@@ -41,7 +41,7 @@ class Wire:
 
     @property
     def x(self) -> float:
-        """Where the robot is."""
+        """The x coordinate of the robot, m."""
         (vehicle,) = self.host.simulation.vehicles
         return vehicle.robot.pose.x
 
@@ -53,7 +53,7 @@ def wire(empty_room: Scene) -> Wire:
 
 @dataclass
 class RosNode:
-    """Keeps one question of each kind open; drives when it knows robot and sensors."""
+    """Has one open request of each type; drives when robot and sensors are known."""
 
     wire: Wire
     infos: dict[str, set[str]] = field(
@@ -99,7 +99,7 @@ class RosNode:
         return all(infos >= wanted for infos in self.infos.values())
 
     def handle(self, line: str) -> None:
-        tokens = re.findall(r"[^{}\s]+", line)  # braces mean nothing to it
+        tokens = re.findall(r"[^{}\s]+", line)  # the node ignores braces
         assert all(len(token) < 1024 for token in tokens if token.count(",") < 3)
         values = dict(pairwise(tokens))
         verb = tokens[0]
@@ -159,7 +159,7 @@ def test_the_ros_node_learns_its_robot_and_drives(wire: Wire) -> None:
 
 @dataclass
 class PlayerDriver:
-    """Holds a line in 4096 bytes, and reads only lines that have a name in them."""
+    """Has a line buffer of 4096 bytes and parses only lines with a name."""
 
     wire: Wire
     buffer: bytes = b""
@@ -222,16 +222,16 @@ def test_the_player_driver_gets_its_geometry_and_scans(wire: Wire) -> None:
     # the first range is the right one, from y = 1 to the wall at y = 6.4
     assert driver.scans[0][0] == pytest.approx(5.4, abs=0.02)
     assert driver.scans[0][-1] == pytest.approx(7.4, abs=0.02)
-    ways = [pose[0] for pose in driver.odometry]
-    assert max(ways[:10]) == pytest.approx(0.2, abs=0.03)
-    assert max(ways[11:]) == pytest.approx(0.2, abs=0.03)
+    distances = [pose[0] for pose in driver.odometry]
+    assert max(distances[:10]) == pytest.approx(0.2, abs=0.03)
+    assert max(distances[11:]) == pytest.approx(0.2, abs=0.03)
 
 
 class JavaController:
-    """Eats one byte before each line that it reads.
+    """Drops one byte for each line that it reads.
 
-    What has been eaten is missed by the first line of the next write, which loses as
-    many bytes as the write before it had lines.
+    The bytes are missing at the start of the next write, whose first line loses as many
+    bytes as the write before it had lines.
     """
 
     def __init__(self, wire: Wire) -> None:
@@ -284,7 +284,7 @@ def test_the_java_controller_drives_in_percent(wire: Wire) -> None:
 
 
 class MatlabToolbox:
-    """Searches the next 1000 lines for a reading; gives up after 0.5 s without data."""
+    """Searches the next 1000 lines for a reading; stops after 0.5 s without data."""
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire

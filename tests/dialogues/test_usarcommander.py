@@ -1,8 +1,7 @@
-"""A stand-in for UsarCommander probes, drives and maps, in lockstep and over TCP.
+"""A simulated UsarCommander probes, drives and maps, in lockstep and over TCP.
 
-What it parses, ignores, throws away and dies of is what its source does; nothing of it
-is shared with the server. An assertion inside the stand-in is where the real one would
-throw.
+It parses, ignores and rejects what the source of UsarCommander does, and shares no code
+with the server. An assertion inside it is where the real program would throw.
 """
 
 import asyncio
@@ -52,19 +51,19 @@ class Transport(Protocol):
 
 
 class World:
-    """A host and its connections, pumped in lockstep; its clock is the only one."""
+    """A host and its connections in lockstep; all use its clock."""
 
     def __init__(self, host: Host, *, phase: int = 0) -> None:
         self.host = host
         self.phase = phase  # ms that the client's clock is ahead
         self.links: list[LockstepLink] = []
-        self.notices: list[Diagnostic] = []
+        self.diagnostics: list[Diagnostic] = []
 
     def connect(self) -> Transport:
         return LockstepLink(self)
 
     def tick(self) -> None:
-        self.notices += [notice for _, notice in self.host.step()]
+        self.diagnostics += [notice for _, notice in self.host.step()]
         for link in self.links:
             link.inbox += self.host.take(link.number)
 
@@ -77,7 +76,7 @@ class LockstepLink:
         world.links.append(self)
 
     def send(self, data: bytes) -> None:
-        self.world.notices += self.world.host.receive(self.number, data)
+        self.world.diagnostics += self.world.host.receive(self.number, data)
 
     def read(self) -> bytes:
         for _ in range(100):
@@ -106,9 +105,11 @@ class LockstepLink:
 
 
 class SocketTransport:
-    def __init__(self, address: tuple[str, int], speed: float) -> None:
-        self.socket = socket.create_connection(address, timeout=5)
-        self.speed = speed
+    """A TCP connection; its seconds are simulated, so that a slow server may lag."""
+
+    def __init__(self, address: tuple[str, int], seconds: Callable[[], float]) -> None:
+        self.socket = socket.create_connection(address, timeout=30)
+        self.seconds = seconds
 
     def send(self, data: bytes) -> None:
         self.socket.sendall(data)
@@ -117,10 +118,9 @@ class SocketTransport:
         return self.socket.recv(ONE_READ)
 
     def sleep(self, seconds: float) -> None:
-        time.sleep(seconds / self.speed)
-
-    def seconds(self) -> float:
-        return time.monotonic() * self.speed
+        until = self.seconds() + seconds
+        while self.seconds() < until:
+            time.sleep(0.001)
 
     def milliseconds(self) -> int:
         return int(time.monotonic() * 1000)
@@ -141,7 +141,7 @@ def numbers(text: str, count: int) -> list[float]:
 
 @dataclass
 class Patch:
-    """A scan in the map: the pose that the robot believed, and ranges left to right."""
+    """A scan in the map: the estimated pose of the robot, and ranges left to right."""
 
     pose: tuple[float, float, float]
     fov: float
@@ -151,7 +151,7 @@ class Patch:
 
 @dataclass
 class Commander:
-    """The agent: its answers drive the chain of questions, its scans make the map."""
+    """The agent: each reply triggers the next request, scans make the map."""
 
     link: Transport
     name: str = "Rob"
@@ -176,7 +176,7 @@ class Commander:
         )
 
     def drive(self, forward: float, left: float) -> None:
-        """Send speeds; an agent that believes its battery empty pauses itself."""
+        """Send speeds unless the reported battery is empty."""
         if self.battery >= 1:
             a, b = forward - left, forward + left
             line = f"DRIVE {{Left {a:g}}} {{Right {b:g}}} {{Light False}}"
@@ -199,7 +199,7 @@ class Commander:
             self.handle(line.removesuffix("\r"))
 
     def handle(self, line: str) -> None:
-        head = line[: line.index(" ")]  # no blank: the driver thread dies here
+        head = line[: line.index(" ")]  # without a blank the driver thread would crash
         assert head in HEADS
         fields: dict[str, str] = {}
         for part in parts_of(line):
@@ -255,7 +255,7 @@ class Commander:
         if fields["name"] != "lms200":
             return
         self.scans += 1
-        assert round(fov / step) + 1 >= len(ranges)  # else the scan is swallowed
+        assert round(fov / step) + 1 >= len(ranges)  # else the scan is dropped
         if self.link.milliseconds() % 200 > 100:
             return
         if self.first is None:
@@ -264,14 +264,14 @@ class Commander:
             self.patches.append(Patch(self.pose, fov, step, ranges))
 
     def is_patch(self) -> bool:
-        """Tell whether a scan extends the map, or starts it where the first one was."""
+        """Return whether a scan extends the map or starts it at the first pose."""
         if not self.patches:
             assert self.first is not None
             return not apart(self.pose, self.first, 0.020, math.radians(2))
         return apart(self.pose, self.patches[-1].pose, 0.200, math.radians(5))
 
     def walls(self) -> Floats:
-        """Give the points of the map, (N, 2) m, in USARSim's frame with y right."""
+        """Return the points of the map, (N, 2) m, in USARSim's frame with y right."""
         points = []
         for patch in self.patches:
             x, y, yaw = patch.pose
@@ -289,15 +289,17 @@ class Commander:
 def apart(
     one: tuple[float, float, float],
     other: tuple[float, float, float],
-    way: float,
+    distance: float,
     turn: float,
 ) -> bool:
     moved = math.hypot(one[0] - other[0], one[1] - other[1])
-    return moved > way or abs(math.remainder(one[2] - other[2], 2 * math.pi)) > turn
+    return (
+        moved > distance or abs(math.remainder(one[2] - other[2], 2 * math.pi)) > turn
+    )
 
 
 def probe_level(connect: Callable[[], Transport]) -> str:
-    """Read the level as the dialogs do, which never ask for a robot."""
+    """Read the level as the dialogs do, without a robot."""
     link = connect()
     link.sleep(1)
     text = link.read().decode("ascii")
@@ -306,7 +308,7 @@ def probe_level(connect: Callable[[], Transport]) -> str:
 
 
 def probe_starts(connect: Callable[[], Transport]) -> dict[str, tuple[str, str]]:
-    """Read the start poses as the dialogs do: one read a second after the question."""
+    """Read the start poses as the dialogs do: one read a second after the request."""
     link = connect()
     link.sleep(1)
     link.read()
@@ -327,7 +329,7 @@ def probe_starts(connect: Callable[[], Transport]) -> dict[str, tuple[str, str]]
 def dialogue(
     connect: Callable[[], Transport], legs: Iterable[tuple[float, float, float]]
 ) -> tuple[str, Commander]:
-    """Do all that a user does: look at the map, choose a start, drive about."""
+    """Do what a user does: read the map name, choose a start pose, drive about."""
     level = probe_level(connect)
     location, rotation = probe_starts(connect)["RobotStart1"]
     commander = Commander(connect())
@@ -339,7 +341,7 @@ def dialogue(
 
 
 def wall_errors(points: Floats) -> Floats:
-    """Give the distances of points from the walls of the shipped rooms, m."""
+    """Return the distances of points from the walls of the shipped rooms, m."""
     beyond = np.abs(points) - (10.4, 6.4)
     outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
     errors: Floats = np.abs(np.where(outside > 0, outside, beyond.max(axis=1)))
@@ -347,7 +349,7 @@ def wall_errors(points: Floats) -> Floats:
 
 
 def seen_share(points: Floats) -> float:
-    """Give the share of 0.5 m pieces of the four walls that have a point."""
+    """Return the share of 0.5 m pieces of the four walls that have a point."""
     pieces = set()
     for x, y in points:
         if abs(abs(y) - 6.4) < 0.1:
@@ -376,7 +378,7 @@ def test_level_start_poses_and_robot_are_found(empty_room: Scene) -> None:
     assert float(geo["wheelbase"]) == 0.248
     assert commander.offset == (0.2085, 0.0)
     assert commander.pose == (-8.0, 0.0, 0.0)
-    assert {notice.text for notice in world.notices} == {
+    assert {notice.text for notice in world.diagnostics} == {
         "no item of type 'Camera' on this robot"
     }
 
@@ -432,12 +434,14 @@ def test_mapped_walls_match_the_room_in_front_of_bushes(
 
 
 async def test_mapped_walls_match_the_room_over_tcp(empty_room: Scene) -> None:
-    speed = 8
-    server = Server(Host(empty_room, config=NO_NOISE), speed=speed)
+    host = Host(empty_room, config=NO_NOISE)
+    server = Server(host, speed=8)
     await server.start(port=0)
     try:
         level, commander = await asyncio.to_thread(
-            dialogue, lambda: SocketTransport(server.address, speed), SHORT_TOUR
+            dialogue,
+            lambda: SocketTransport(server.address, lambda: host.simulation.time),
+            SHORT_TOUR,
         )
         commander.link.close()
     finally:

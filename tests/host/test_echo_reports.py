@@ -1,4 +1,4 @@
-"""Which echoes go into which line, in which order, and as which shares."""
+"""Distribution of echoes over report lines: order, size and values."""
 
 import math
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ Row = tuple[int, int]  # beam and part
 
 
 def echoes_of(rows: Sequence[Row], **settings: Any) -> Echoes:
-    """Make echoes that differ from each other in every column."""
+    """Create echoes with different values in every column."""
     count = len(rows)
     beams, parts = np.array(rows, np.int64).reshape(-1, 2).T
     made = load_settings("radar", **settings)
@@ -60,10 +60,10 @@ def lines_of(rows: Sequence[Row], **settings: Any) -> tuple[EchoLine, ...]:
     return echo_lines(14.2, "lms200", echoes_of(rows, **settings), ROBOTS)
 
 
-def seen_of(lines: Sequence[EchoLine]) -> list[TargetEchoes]:
-    seen = [line.echoes for line in lines if line.echoes is not None]
-    assert len(seen) == len(lines)
-    return seen
+def targets_of(lines: Sequence[EchoLine]) -> list[TargetEchoes]:
+    targets = [line.echoes for line in lines if line.echoes is not None]
+    assert len(targets) == len(lines)
+    return targets
 
 
 ROWS = st.lists(
@@ -87,7 +87,7 @@ def test_lines_are_numbered_from_one_to_their_count(rows: list[Row]) -> None:
 @given(rows=ROWS)
 def test_every_echo_is_reported_once_with_all_its_values(rows: list[Row]) -> None:
     echoes = echoes_of(rows)
-    told = [
+    reported = [
         row
         for line in echo_lines(1.0, "lms200", echoes, ROBOTS)
         if line.echoes is not None
@@ -108,7 +108,7 @@ def test_every_echo_is_reported_once_with_all_its_values(rows: list[Row]) -> Non
         echoes.strength.tolist(),
         strict=True,
     )
-    assert sorted(told) == sorted(expected)
+    assert sorted(reported) == sorted(expected)
 
 
 @given(rows=ROWS.filter(bool))
@@ -117,13 +117,15 @@ def test_objects_are_ordered_by_first_beam_then_part(
 ) -> None:
     echoes = echoes_of(rows)
     part_at = dict(zip(echoes.ranges.tolist(), echoes.parts.tolist(), strict=True))
-    told = [
+    reported = [
         (int(beam), part_at[far], far)
-        for seen in seen_of(echo_lines(1.0, "lms200", echoes, ROBOTS))
-        for beam, far in zip(seen.beams.tolist(), seen.ranges.tolist(), strict=True)
+        for target in targets_of(echo_lines(1.0, "lms200", echoes, ROBOTS))
+        for beam, far in zip(target.beams.tolist(), target.ranges.tolist(), strict=True)
     ]
     first = {part: min(b for b, p in rows if p == part) for _, part in rows}
-    assert told == sorted(told, key=lambda echo: (first[echo[1]], echo[1], echo[2]))
+    assert reported == sorted(
+        reported, key=lambda echo: (first[echo[1]], echo[1], echo[2])
+    )
 
 
 @given(rows=ROWS.filter(bool))
@@ -137,7 +139,7 @@ def test_lines_of_an_object_are_filled_in_turn(
     ):
         full, rest = divmod(parts.count(part), ECHOES_A_LINE)
         expected += [ECHOES_A_LINE] * full + [rest] * (rest > 0)
-    assert [len(seen.kinds) for seen in seen_of(lines_of(rows))] == expected
+    assert [len(target.kinds) for target in targets_of(lines_of(rows))] == expected
 
 
 @pytest.mark.parametrize(
@@ -152,21 +154,23 @@ def test_lines_of_an_object_are_filled_in_turn(
 def test_a_target_of_many_echoes_gets_several_lines(
     count: int, sizes: list[int]
 ) -> None:
-    seen = seen_of(lines_of([(beam, WALL) for beam in range(count)]))
-    assert [len(one.kinds) for one in seen] == sizes
-    assert {one.object for one in seen} == {"wall"}
+    targets = targets_of(lines_of([(beam, WALL) for beam in range(count)]))
+    assert [len(target.kinds) for target in targets] == sizes
+    assert {target.object for target in targets} == {"wall"}
 
 
 def test_object_of_two_materials_gets_two_lines() -> None:
-    seen = seen_of(lines_of([(3, LEAVES), (3, BARK), (4, LEAVES)]))
-    assert [(one.object, one.material, len(one.kinds)) for one in seen] == [
+    targets = targets_of(lines_of([(3, LEAVES), (3, BARK), (4, LEAVES)]))
+    assert [
+        (target.object, target.material, len(target.kinds)) for target in targets
+    ] == [
         ("oak", "foliage", 2),
         ("oak", "bark", 1),
     ]
 
 
 @pytest.mark.parametrize(
-    ("part", "told"),
+    ("part", "expected"),
     [
         pytest.param(WALL, ("concrete", math.inf, 0.0, False, False), id="opaque"),
         pytest.param(BUSH, ("foliage", 0.7, 0.3, False, False), id="shrub"),
@@ -175,21 +179,21 @@ def test_object_of_two_materials_gets_two_lines() -> None:
     ],
 )
 def test_line_has_the_material_properties_of_its_object(
-    part: int, told: tuple[Any, ...]
+    part: int, expected: tuple[Any, ...]
 ) -> None:
-    (seen,) = seen_of(lines_of([(90, part)]))
+    (target,) = targets_of(lines_of([(90, part)]))
     assert (
-        seen.material,
-        seen.density,
-        pytest.approx(seen.transparency),
-        seen.laser_passes,
-        seen.robot_passes,
-    ) == told
+        target.material,
+        target.density,
+        pytest.approx(target.transparency),
+        target.laser_passes,
+        target.robot_passes,
+    ) == expected
 
 
 def test_echoes_of_robots_have_their_names() -> None:
-    seen = seen_of(lines_of([(10, 5 + 7), (20, 5 + 1), (30, 5 + 7)]))
-    assert [one.object for one in seen] == ["R7", "R1"]
+    targets = targets_of(lines_of([(10, 5 + 7), (20, 5 + 1), (30, 5 + 7)]))
+    assert [target.object for target in targets] == ["R7", "R1"]
 
 
 @pytest.mark.parametrize(
@@ -202,14 +206,14 @@ def test_echoes_of_robots_have_their_names() -> None:
     ],
 )
 def test_power_is_a_fraction_of_full_power(full: float, shares: list[float]) -> None:
-    (seen,) = seen_of(lines_of([(90, BUSH)] * 4, penetration_power=full))
-    assert seen.power.tolist() == shares
+    (target,) = targets_of(lines_of([(90, BUSH)] * 4, penetration_power=full))
+    assert target.power.tolist() == shares
 
 
 def test_fractions_are_clipped_to_zero_and_one() -> None:
     made = echoes_of([(90, BUSH)] * 4)
     made.power[:] = made.strength[:] = [-1e-17, -0.0, 0.5, 1 + 1e-12]
-    (seen,) = seen_of(echo_lines(1.0, "lms200", made, ROBOTS))
-    for shares in (seen.power, seen.strength):
+    (target,) = targets_of(echo_lines(1.0, "lms200", made, ROBOTS))
+    for shares in (target.power, target.strength):
         assert shares.tolist() == [0.0, 0.0, 0.5, 1.0]
         assert not np.signbit(shares).any()

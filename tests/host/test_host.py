@@ -1,4 +1,4 @@
-"""What one client sees of the host, in the dialect that clients of all kinds speak."""
+"""What a client receives from the host in the ``compat`` dialect."""
 
 import re
 from dataclasses import replace
@@ -38,26 +38,26 @@ def host(empty_room: Scene) -> Host:
     return Host(empty_room)
 
 
-def greeted(host: Host) -> int:
+def connected(host: Host) -> int:
     number = host.connect()
     host.take(number)
     return number
 
 
 def spawned(host: Host, init: bytes = INIT) -> int:
-    number = greeted(host)
+    number = connected(host)
     assert host.receive(number, init) == []
     assert host.has_robot(number)
     return number
 
 
-def let_pass(host: Host, ticks: int) -> None:
+def run_ticks(host: Host, ticks: int) -> None:
     for _ in range(ticks):
         host.step()
 
 
 def heads(data: bytes) -> list[str]:
-    """Name the lines: by their verb, and readings by their type."""
+    """Return the verb of each line, or the type of a reading."""
     lines = data.decode("ascii").split("\r\n")[:-1]
     return [
         re.findall(r"{Type (\w+)}", line)[0] if line.startswith("SEN") else line[:3]
@@ -70,15 +70,15 @@ def test_client_is_greeted_once_and_at_once(host: Host) -> None:
     assert host.unsent_bytes(number) == len(GREETING)
     assert host.take(number) == GREETING
     host.receive(number, INIT)
-    let_pass(host, 30)
+    run_ticks(host, 30)
     assert b"Gametype" not in host.take(number)
 
 
 def test_start_poses_are_sent_at_once_without_a_robot(host: Host) -> None:
-    number = greeted(host)
+    number = connected(host)
     assert host.receive(number, b"GETSTARTPOSES\r\n") == []
     assert host.take(number) == STARTS
-    let_pass(host, 100)
+    run_ticks(host, 100)
     assert host.take(number) == b""
     assert host.simulation.vehicles == ()
 
@@ -92,7 +92,7 @@ def test_replies_wait_for_the_tick_when_there_is_a_robot(host: Host) -> None:
 
 
 def test_requests_in_the_packet_of_init_are_answered(host: Host) -> None:
-    number = greeted(host)
+    number = connected(host)
     asked = b"GETSTARTPOSES\r\n" + INIT + b"GETGEO {Type Robot} {Name R1}\r\n"
     host.receive(number, asked)
     host.step()
@@ -101,7 +101,7 @@ def test_requests_in_the_packet_of_init_are_answered(host: Host) -> None:
 
 def test_write_is_status_replies_poses_other_readings_scan(host: Host) -> None:
     number = spawned(host)
-    let_pass(host, 9)
+    run_ticks(host, 9)
     assert host.take(number) == b""
     host.receive(number, b"GETGEO {Type Robot}\r\nGETSTARTPOSES\r\n")
     host.step()
@@ -137,7 +137,7 @@ def test_every_line_is_readable_by_all_clients(host: Host, class_name: str) -> N
 
 def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
     number = spawned(host)
-    let_pass(host, 100)
+    run_ticks(host, 100)
     times = re.findall(rb"{Time ([0-9.]+)}", host.take(number))
     assert len(times) == 9 * 10
     assert times == sorted(times, key=float)
@@ -209,10 +209,10 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
 def test_invalid_command_gives_a_diagnostic_and_no_effect(
     host: Host, line: bytes, kind: str, text: str
 ) -> None:
-    number = greeted(host)
-    (notice,) = host.receive(number, line + b"\r\n")
-    assert (notice.kind, notice.text) == (kind, text)
-    let_pass(host, 20)
+    number = connected(host)
+    (diagnostic,) = host.receive(number, line + b"\r\n")
+    assert (diagnostic.kind, diagnostic.text) == (kind, text)
+    run_ticks(host, 20)
     assert host.take(number) in (b"", STARTS)
     assert host.receive(number, b"GETSTARTPOSES\r\n") == []
     assert host.take(number) == STARTS
@@ -283,10 +283,10 @@ def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
     host: Host, line: bytes, kind: str, text: str
 ) -> None:
     number = spawned(host)
-    (notice,) = host.receive(number, line + b"\r\n")
-    assert notice.kind == kind
-    assert notice.text.startswith(text)
-    let_pass(host, 20)
+    (diagnostic,) = host.receive(number, line + b"\r\n")
+    assert diagnostic.kind == kind
+    assert diagnostic.text.startswith(text)
+    run_ticks(host, 20)
     sent = host.take(number)
     assert b"-8.0000,0.0000,-0.1460" in sent
     assert b"{LightToggle True}" not in sent
@@ -299,7 +299,7 @@ def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
 def test_unknown_key_does_not_affect_the_others(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"DRIVE {Light True} {Beep 1} {Left 1} {Right 1}\r\n")
-    let_pass(host, 20)
+    run_ticks(host, 20)
     assert b"{LightToggle True}" in host.take(number)
     assert host.simulation.vehicles[0].robot.pose.x > -8
 
@@ -307,11 +307,11 @@ def test_unknown_key_does_not_affect_the_others(host: Host) -> None:
 def test_drive_holds_until_it_is_changed(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"Drive {left 2,0} {RIGHT +2}\n\r")
-    let_pass(host, 300)
+    run_ticks(host, 300)
     pose = host.simulation.vehicles[0].robot.pose
     assert pose.x == pytest.approx(-8 + 2 * 0.098 * 3)
     host.receive(number, b"DRIVE {Light True}\r\nDRIVE {Flip true}\r\n")
-    let_pass(host, 100)
+    run_ticks(host, 100)
     pose = host.simulation.vehicles[0].robot.pose
     assert pose.x == pytest.approx(-8 + 2 * 0.098 * 4)
 
@@ -319,11 +319,11 @@ def test_drive_holds_until_it_is_changed(host: Host) -> None:
 def test_normalized_is_percent_and_stays(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"DRIVE {Left 50} {Right 50} {Normalized true}\r\n")
-    let_pass(host, 100)
+    run_ticks(host, 100)
     x = -8 + 0.5 * 8.17 * 0.098
     assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
     host.receive(number, b"DRIVE {Left 10} {Right 10}\r\n")
-    let_pass(host, 100)
+    run_ticks(host, 100)
     x += 0.1 * 8.17 * 0.098
     assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
 
@@ -355,10 +355,10 @@ def test_robot_is_spawned_at_the_pose_of_init(
 
 
 def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
-    number = greeted(host)
-    (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
-    assert notice.kind == "start"
-    assert notice.text == (
+    number = connected(host)
+    (diagnostic,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert diagnostic.kind == "start"
+    assert diagnostic.text == (
         "start 'Nowhere', expected one of ['RobotStart1', 'RobotStart2', 'RobotStart3']"
         "; taken as the origin"
     )
@@ -366,20 +366,22 @@ def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
 
 
 def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
-    number = greeted(host)
-    (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Location 10.4,1,0}\r\n")
-    assert notice.kind == "moved"
+    number = connected(host)
+    (diagnostic,) = host.receive(
+        number, b"INIT {ClassName P3AT} {Location 10.4,1,0}\r\n"
+    )
+    assert diagnostic.kind == "moved"
     assert re.fullmatch(
         r"INIT moved from \(10\.40, -1\.00\) to \([0-9.]+, -[0-9.]+\), "
         "the nearest free place",
-        notice.text,
+        diagnostic.text,
     )
     pose = host.simulation.vehicles[0].robot.pose
     assert abs(pose.x - 10.4) + abs(pose.y + 1) < 1
 
 
 def test_spawns_are_spread_over_ticks(host: Host) -> None:
-    numbers = [greeted(host) for _ in range(3 * SPAWNS_PER_TICK)]
+    numbers = [connected(host) for _ in range(3 * SPAWNS_PER_TICK)]
     for i, number in enumerate(numbers):
         place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{i // 6 * 1.2:.1f},0}}"
         host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
@@ -393,7 +395,7 @@ def test_spawns_are_spread_over_ticks(host: Host) -> None:
 
 
 def test_client_that_sends_no_more_gets_all_replies(host: Host) -> None:
-    number = greeted(host)
+    number = connected(host)
     questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_PER_TICK + 5)
     host.receive(number, INIT + questions)
     assert host.drain_and_finish(number).count(b"GEO ") == COMMANDS_PER_TICK + 5
@@ -403,48 +405,48 @@ def test_client_that_sends_no_more_gets_all_replies(host: Host) -> None:
 def test_only_one_search_for_a_free_place_in_a_tick(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
-    numbers = [greeted(host) for _ in range(3)]
-    notices = [host.receive(number, bush) for number in numbers]
-    assert [len(found) for found in notices] == [1, 0, 0]
-    told = [host.step() for _ in range(4)]
-    assert [len(found) for found in told] == [0, 1, 1, 0]
+    numbers = [connected(host) for _ in range(3)]
+    diagnostics = [host.receive(number, bush) for number in numbers]
+    assert [len(found) for found in diagnostics] == [1, 0, 0]
+    later = [host.step() for _ in range(4)]
+    assert [len(found) for found in later] == [0, 1, 1, 0]
 
 
 def test_diagnostic_joins_unknown_start_and_moved_pose(
     foliage_room: Scene,
 ) -> None:
     host = Host(foliage_room)
-    number = greeted(host)
-    (notice,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
-    assert notice.kind == "start, moved"
-    assert "'Nowhere'" in notice.text
-    assert "INIT moved from (0.00, 0.00)" in notice.text
+    number = connected(host)
+    (diagnostic,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert diagnostic.kind == "start, moved"
+    assert "'Nowhere'" in diagnostic.text
+    assert "INIT moved from (0.00, 0.00)" in diagnostic.text
 
 
 def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
-    first = greeted(host)
+    first = connected(host)
     host.receive(first, INIT)
-    notices = []
-    clients = [greeted(host) for _ in range(10)]
+    diagnostics = []
+    clients = [connected(host) for _ in range(10)]
     for number in clients:
         host.step()
-        notices += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
-    kinds = [notice.kind for notice in notices]
+        diagnostics += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
+    kinds = [diagnostic.kind for diagnostic in diagnostics]
     assert kinds[:3] == ["moved"] * 3
     assert kinds[-2:] == ["no place", "GETGEO without robot"]
     assert not host.has_robot(clients[-1])
-    assert notices[-2].text == (
+    assert diagnostics[-2].text == (
         "INIT at (-8.00, 0.00), expected a free place within 1 m"
     )
     host.disconnect(first)
-    let_pass(host, FAILED_SPAWN_COOLDOWN)
+    run_ticks(host, FAILED_SPAWN_COOLDOWN)
     assert host.receive(clients[-1], INIT) == []
     assert host.has_robot(clients[-1])
 
 
 def test_disconnect_removes_the_robot_and_frees_its_name(host: Host) -> None:
     numbers = [spawned(host) for _ in range(1)]
-    other = greeted(host)
+    other = connected(host)
     host.receive(other, b"INIT {ClassName P3AT} {Name R1} {Location 0,0,0}\r\n")
     assert [v.robot.name for v in host.simulation.vehicles] == ["R1", "R1 (2)"]
     host.disconnect(numbers[0])
@@ -462,15 +464,15 @@ def test_default_name_of_a_robot_is_its_class(host: Host) -> None:
 
 def test_a_second_init_replaces_the_robot(host: Host) -> None:
     number = spawned(host)
-    let_pass(host, SPAWN_COOLDOWN)
+    run_ticks(host, SPAWN_COOLDOWN)
     host.receive(number, b"INIT {ClassName USARBot.P2AT} {Location 0,0,0}\r\n")
-    let_pass(host, 1)
+    run_ticks(host, 1)
     (vehicle,) = host.simulation.vehicles
     assert vehicle.model.name == "P2AT"
 
 
 def test_repeated_init_waits_for_the_cooldown(host: Host) -> None:
-    number = greeted(host)
+    number = connected(host)
     host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
     assert host.is_busy(number)
     seen = set()
@@ -503,20 +505,20 @@ def test_commands_beyond_the_limit_wait_for_the_next_ticks(host: Host) -> None:
 
 
 def test_diagnostics_of_delayed_commands_are_returned_by_step(host: Host) -> None:
-    number = greeted(host)
-    notices = host.receive(number, b"FOO\r\n" * (COMMANDS_PER_TICK + 1))
-    assert len(notices) == COMMANDS_PER_TICK
-    ((who, notice),) = host.step()
+    number = connected(host)
+    diagnostics = host.receive(number, b"FOO\r\n" * (COMMANDS_PER_TICK + 1))
+    assert len(diagnostics) == COMMANDS_PER_TICK
+    ((who, diagnostic),) = host.step()
     assert who == number
-    assert notice.kind == "malformed line"
+    assert diagnostic.kind == "malformed line"
 
 
 def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
-    number = greeted(host)
+    number = connected(host)
     assert not host.must_close(number)
-    (notice,) = host.receive(number, b"GETSTARTPOSES\r\n" + b"x" * 70_000)
-    assert notice.kind == "line"
-    assert notice.text == "line of 70000 bytes, expected at most 65536"
+    (diagnostic,) = host.receive(number, b"GETSTARTPOSES\r\n" + b"x" * 70_000)
+    assert diagnostic.kind == "line"
+    assert diagnostic.text == "line of 70000 bytes, expected at most 65536"
     assert host.must_close(number)
     assert host.take(number) == STARTS
     assert host.receive(number, b"\r\nGETSTARTPOSES\r\n") == []
@@ -524,9 +526,9 @@ def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
 
 
 def test_incomplete_command_waits_for_the_rest(host: Host) -> None:
-    number = greeted(host)
+    number = connected(host)
     host.receive(number, b"GETSTAR")
-    let_pass(host, 100)
+    run_ticks(host, 100)
     assert host.take(number) == b""
     host.receive(number, b"TPOSES\n")
     assert host.take(number) == STARTS
@@ -535,7 +537,7 @@ def test_incomplete_command_waits_for_the_rest(host: Host) -> None:
 def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> None:
     starts = tuple(StartPose(f"RobotStart{n}", Pose3(n, 0, 0)) for n in range(99))
     host = Host(replace(empty_room, starts=starts))
-    number = greeted(host)
+    number = connected(host)
     host.receive(number, b"GETSTARTPOSES\r\n")
     size = host.unsent_bytes(number)
     assert 4000 < size < 4096  # as many as fit into one read
@@ -550,7 +552,7 @@ def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> N
 def test_client_that_does_not_read_loses_readings_but_no_replies(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"GETGEO {Type Robot}\r\n")
-    let_pass(host, 2000)
+    run_ticks(host, 2000)
     assert host.dropped_readings(number) > 100
     assert host.unsent_bytes(number) < 270_000
     sent = host.take(number)
@@ -571,19 +573,19 @@ def test_client_that_does_not_read_loses_readings_but_no_replies(host: Host) -> 
 )
 def test_set_scan_gives_one_extra_scan_and_no_reply(host: Host, order: bytes) -> None:
     number = spawned(host)
-    let_pass(host, 15)
+    run_ticks(host, 15)
     host.take(number)
     host.receive(number, order + b"\r\n")
-    let_pass(host, 1)
+    run_ticks(host, 1)
     assert heads(host.take(number)) == ["RangeScanner"]
-    let_pass(host, 10)
+    run_ticks(host, 10)
     assert heads(host.take(number)).count("RangeScanner") == 1
 
 
 def test_set_pose_sets_the_ins_in_the_wire_frame(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"SET {Type INS} {Opcode POSE} {Params 1,2,-3,0,0,0.5}\r\n")
-    let_pass(host, 10)
+    run_ticks(host, 10)
     assert (
         b"{Type INS} {Name InsTest} {Location 1.0000,2.0000,-3.0000} "
         b"{Orientation 0.0000,0.0000,0.5000}"
@@ -593,11 +595,11 @@ def test_set_pose_sets_the_ins_in_the_wire_frame(host: Host) -> None:
 def test_set_reset_zeroes_the_odometry(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"DRIVE {Left 5} {Right 5}\r\n")
-    let_pass(host, 100)
+    run_ticks(host, 100)
     host.receive(number, b"SET {Type Odometry} {Name Odometer} {Opcode RESET} \r\n")
     host.receive(number, b"DRIVE {Left 0} {Right 0}\r\n")
     host.take(number)
-    let_pass(host, 10)
+    run_ticks(host, 10)
     assert b"{Pose 0.0000,0.0000,0.0000}" in host.take(number)
 
 
@@ -607,9 +609,9 @@ def test_settings_of_an_unknown_item_are_refused(empty_room: Scene) -> None:
 
 
 def test_clients_do_not_get_replies_of_each_other(host: Host) -> None:
-    one, other = spawned(host), greeted(host)
+    one, other = spawned(host), connected(host)
     host.receive(one, b"GETGEO {Type Robot}\r\n")
-    let_pass(host, 20)
+    run_ticks(host, 20)
     assert host.take(other) == b""
     assert GEO in host.take(one)
 
@@ -628,13 +630,13 @@ def test_robot_can_be_spawned_far_outside_the_map(
 ) -> None:
     host = Host(foliage_room)
     number = spawned(host, b"INIT {ClassName P3AT} {Location 1e9,-1e9,1e9}\r\n")
-    let_pass(host, 10)
+    run_ticks(host, 10)
     assert b"80.00,80.00,80.00" in host.take(number)
 
 
 def test_map_without_starts_sends_zero_start_poses(empty_room: Scene) -> None:
     host = Host(replace(empty_room, starts=()))
-    number = greeted(host)
+    number = connected(host)
     host.receive(number, b"GETSTARTPOSES\r\n")
     assert host.take(number) == b"NFO {StartPoses 0}\r\n"
     spawned(host, b"INIT {ClassName P3AT} {Location 1,1,0}\r\n")

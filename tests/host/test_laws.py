@@ -1,4 +1,4 @@
-"""What holds whatever clients send, and however it is cut on its way."""
+"""Properties of the host for any input, however it is split into packets."""
 
 from itertools import pairwise
 
@@ -28,7 +28,7 @@ COMMANDS = (
     *(b"SET {Type Encoder} {Opcode RESET}\r\n", b"SET {Type GPS} {Opcode RESET}\r\n"),
     *(b"FOO {", b"}\r\n", b"\r\n\r\n", b"{Name }", b"MISPKG {Link 1}\r\n", b"\xff\x00"),
 )
-SCRIPT = st.lists(  # what is sent before each of some steps
+SCRIPT = st.lists(  # data sent before a number of steps
     st.tuples(st.lists(st.sampled_from(COMMANDS), max_size=6), st.integers(1, 12)),
     max_size=8,
 )
@@ -41,8 +41,8 @@ QUICK = settings(
 Script = list[tuple[list[bytes], int]]
 
 
-class Talk:
-    """A client that sends, and keeps what comes, write by write."""
+class RecordingClient:
+    """A client that records each write of the host."""
 
     def __init__(self, host: Host) -> None:
         self.host = host
@@ -61,11 +61,11 @@ class Talk:
 
 
 def play(host: Host, script: Script, cuts: list[int]) -> list[bytes]:
-    talk = Talk(host)
+    client = RecordingClient(host)
     for commands, ticks in script:
-        talk.send(b"".join(commands), cuts)
-        talk.step(ticks)
-    return talk.writes
+        client.send(b"".join(commands), cuts)
+        client.step(ticks)
+    return client.writes
 
 
 @QUICK
@@ -120,24 +120,24 @@ def test_nothing_that_a_client_sends_raises(
     foliage_room: Scene, data: list[bytes], udk: bool
 ) -> None:
     host = Host(foliage_room, config=SimulationConfig(UDK) if udk else None)
-    talk = Talk(host)
+    client = RecordingClient(host)
     for piece in data:
-        host.receive(talk.number, piece)
-        talk.step(1)
-    talk.step(30)
-    for write in talk.writes:
+        host.receive(client.number, piece)
+        client.step(1)
+    client.step(30)
+    for write in client.writes:
         assert not write or write.endswith(b"\r\n")
         write.decode("ascii")
-    host.disconnect(talk.number)
+    host.disconnect(client.number)
     assert host.simulation.vehicles == ()
 
 
 def _first_of_two(scene: Scene, *, second: bytes | None) -> list[bytes]:
-    """Give what a robot is told that looks west, with another behind it or none."""
+    """Return the writes to a robot that faces west, with another behind it or none."""
     host = Host(scene, seed=5)
-    first = Talk(host)
+    first = RecordingClient(host)
     if second is not None:
-        other = Talk(host)
+        other = RecordingClient(host)
     first.send(
         b"INIT {ClassName P3AT} {Name A} {Location -8,0,0} {Rotation 0,0,3.14159}\r\n"
         b"DRIVE {Left 0.5} {Right 0.6}\r\n",

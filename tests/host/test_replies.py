@@ -1,4 +1,4 @@
-"""GETGEO and GETCONF, byte for byte, for everything that robots carry."""
+"""Replies to GETGEO and GETCONF, byte for byte, for all items of robots."""
 
 import re
 
@@ -11,7 +11,7 @@ from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 
 
-def answers(
+def ask(
     scene: Scene,
     asked: str,
     *,
@@ -19,7 +19,7 @@ def answers(
     config: SimulationConfig | None = None,
     yaw: float = 0.0,
 ) -> list[str]:
-    """Ask a robot on its first tick, in which it has nothing else to say."""
+    """Return the replies in the first tick of a robot, which has no other output."""
     host = Host(scene, config=config)
     number = host.connect()
     init = f"INIT {{ClassName {class_name}}} {{Location -8,0,0}} {{Rotation 0,0,{yaw}}}"
@@ -87,7 +87,7 @@ def answers(
 def test_replies_in_the_compat_dialect(
     empty_room: Scene, asked: str, answer: str
 ) -> None:
-    assert answers(empty_room, asked, yaw=1.5) == [answer]
+    assert ask(empty_room, asked, yaw=1.5) == [answer]
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_replies_in_the_compat_dialect(
     ],
 )
 def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) -> None:
-    assert answers(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
+    assert ask(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
@@ -153,14 +153,14 @@ def test_every_item_of_every_robot_gets_a_reply(
         for item in items
         for verb in ("GETGEO", "GETCONF")
     ]
-    told = answers(
+    replies = ask(
         empty_room,
         "\r\n".join(asked),
         class_name=class_name,
         config=SimulationConfig(dialect),
     )
-    assert len(told) == 2 * len(items)
-    for question, answer in zip(asked, told, strict=True):
+    assert len(replies) == 2 * len(items)
+    for question, answer in zip(asked, replies, strict=True):
         verb, kind, name = re.findall(r"GET(\w+) {Type (\w+)} {Name (\w+)}", question)[
             0
         ]
@@ -177,13 +177,11 @@ def test_every_item_of_every_robot_gets_a_reply(
     ],
 )
 def test_unknown_items_get_no_reply(empty_room: Scene, asked: str) -> None:
-    assert answers(empty_room, asked) == []
+    assert ask(empty_room, asked) == []
 
 
 def test_two_scanners_are_in_one_reply(empty_room: Scene) -> None:
-    (geo,) = answers(
-        empty_room, "GETGEO {Type RangeScanner}", class_name="P3AT_Compare"
-    )
+    (geo,) = ask(empty_room, "GETGEO {Type RangeScanner}", class_name="P3AT_Compare")
     assert re.findall(r"{Name (\w+) Location", geo) == ["lms200", "Hokuyo"]
 
 
@@ -191,7 +189,7 @@ def test_reply_has_the_changed_settings(empty_room: Scene) -> None:
     changed = SimulationConfig(
         item_settings={"LMS200": {"fov_deg": 90, "max_range": 12, "min_range": 1}}
     )
-    assert answers(empty_room, "GETCONF {Type RangeScanner}", config=changed) == [
+    assert ask(empty_room, "GETCONF {Type RangeScanner}", config=changed) == [
         "CONF {Type RangeScanner} {Name lms200} {MaxRange 12.0000} {MinRange 1.0000} "
         "{Resolution 0.017453} {Fov 1.570796}"
     ]
@@ -199,5 +197,5 @@ def test_reply_has_the_changed_settings(empty_room: Scene) -> None:
 
 def test_top_speed_is_in_the_drive_unit(empty_room: Scene) -> None:
     turns = SimulationConfig(drive_unit="rev_per_s")
-    (conf,) = answers(empty_room, "GETCONF {Type Robot}", config=turns)
+    (conf,) = ask(empty_room, "GETCONF {Type Robot}", config=turns)
     assert "{MaxSpeed 1.3000}" in conf

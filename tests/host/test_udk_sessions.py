@@ -1,4 +1,4 @@
-"""Whole sessions in the dialect of the original server."""
+"""Whole sessions in the ``udk`` dialect."""
 
 import re
 from dataclasses import replace
@@ -131,7 +131,7 @@ def test_start_poses_have_four_decimals(host: Host) -> None:
 
 
 def test_only_the_status_is_sent_after_the_battery_runs_out(empty_room: Scene) -> None:
-    weak = replace(UDK, battery_start=2.0)  # seconds; twenty minutes take long
+    weak = replace(UDK, battery_start=2.0)  # s; the real 20 minutes take too long
     host = Host(empty_room, config=SimulationConfig(weak))
     number = spawned(host)
     host.receive(number, b"DRIVE {Left 0.1} {Right -0.1} {Light true}\r\n")
@@ -157,5 +157,5 @@ def test_only_the_status_is_sent_after_the_battery_runs_out(empty_room: Scene) -
     stopped = host.simulation.vehicles[0].robot.pose
     run(host, number, 10)
     assert host.simulation.vehicles[0].robot.pose == stopped
-    assert host.receive(number, INIT) == []  # a robot with a full one
+    assert host.receive(number, INIT) == []  # the new robot has a full battery
     assert "{Battery 1}" in run(host, number, 10)[0]

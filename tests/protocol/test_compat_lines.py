@@ -231,7 +231,7 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
     ("report", "line"),
     [pytest.param(report, line, id=name) for name, report, line in COMPAT_LINES],
 )
-def test_lines_of_the_compat_dialect(report: Report, line: str) -> None:
+def test_reports_are_encoded_in_the_compat_dialect(report: Report, line: str) -> None:
     assert report.encode(COMPAT) == line
 
 

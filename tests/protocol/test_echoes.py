@@ -28,12 +28,12 @@ WALL = TargetEchoes(
 )
 
 
-def written(seen: TargetEchoes, dialect: Dialect = COMPAT) -> str:
-    return EchoLine(1.0, "lms200", 1, 1, seen).encode(dialect)
+def encoded(target: TargetEchoes, dialect: Dialect = COMPAT) -> str:
+    return EchoLine(1.0, "lms200", 1, 1, target).encode(dialect)
 
 
-def field(seen: TargetEchoes, key: str, dialect: Dialect = COMPAT) -> str | None:
-    return decode_message(written(seen, dialect)).get(key)
+def field(target: TargetEchoes, key: str, dialect: Dialect = COMPAT) -> str | None:
+    return decode_message(encoded(target, dialect)).get(key)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS, ids=lambda dialect: dialect.name)
@@ -67,7 +67,7 @@ def test_the_longest_line_fits_into_one_read(dialect: Dialect, name: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "expected"),
     [
         pytest.param("bush 4", "bush 4", id="blank"),
         pytest.param("  bush\t \xa04 ", "bush 4", id="blanks of all kinds"),
@@ -79,15 +79,15 @@ def test_the_longest_line_fits_into_one_read(dialect: Dialect, name: str) -> Non
         pytest.param("", "?", id="empty"),
     ],
 )
-def test_names_are_cleaned_for_the_line(name: str, told: str) -> None:
-    seen = replace(WALL, object=name, material=name)
-    assert field(seen, "Object") == told
-    assert field(seen, "Material") == told
+def test_names_are_cleaned_for_the_line(name: str, expected: str) -> None:
+    target = replace(WALL, object=name, material=name)
+    assert field(target, "Object") == expected
+    assert field(target, "Material") == expected
 
 
 @given(name=st.text(), dialect=st.sampled_from(DIALECTS))
 def test_no_name_breaks_a_line(name: str, dialect: Dialect) -> None:
-    line = written(replace(WALL, object=name, material=name), dialect)
+    line = encoded(replace(WALL, object=name, material=name), dialect)
     assert line.isascii()
     assert re.fullmatch(r"SEN( \{[^{}\s]+( [^{}\s]+)+\})+", line)
     assert len(decode_message(line).segments) == 12
@@ -116,7 +116,7 @@ def test_echo_ranges_are_formatted_as_in_a_scan(
     dialect: Dialect, ranges: np.ndarray
 ) -> None:
     count = len(ranges)
-    seen = replace(
+    target = replace(
         WALL,
         beams=np.arange(count),
         ranges=ranges,
@@ -124,7 +124,7 @@ def test_echo_ranges_are_formatted_as_in_a_scan(
         power=np.ones(count),
         strength=np.ones(count),
     )
-    echoes = (field(seen, "Echoes", dialect) or "").split(" ")
+    echoes = (field(target, "Echoes", dialect) or "").split(" ")
     assert [echo.split(",")[1] for echo in echoes] == [
         dialect.ranges.format(r) for r in ranges.tolist()
     ]

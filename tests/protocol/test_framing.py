@@ -17,7 +17,7 @@ STREAMS = st.lists(
 
 
 def collect(chunks: list[bytes], limit: int = 65536) -> tuple[list[str], bool]:
-    """Feed chunks until the end or an overflow; give the lines, and whether it came."""
+    """Feed chunks; return the lines and whether one was too long."""
     buffer = LineBuffer(limit)
     lines: list[str] = []
     for chunk in chunks:

@@ -251,7 +251,7 @@ def test_damaged_line_is_decoded_or_malformed(
 
 
 def _sent(report: Report, dialect: Dialect) -> Report:
-    """Give what of a report a dialect tells at all."""
+    """Return a report with only the values that a dialect transmits."""
     changes: dict[str, Any] = {}
     match report:
         case Status():
@@ -272,11 +272,11 @@ def _sent(report: Report, dialect: Dialect) -> Report:
 
 
 class Angle(float):
-    """A number of which whole turns do not count."""
+    """An angle, compared modulo full turns."""
 
 
 def _numbers_and_texts(value: Any) -> list[Any]:
-    """Take a report apart."""
+    """Return all numbers and texts in a report."""
     match value:
         case np.ndarray():
             return list(value)
@@ -291,7 +291,7 @@ def _numbers_and_texts(value: Any) -> list[Any]:
 
 
 def _is_close(some: list[Any], others: list[Any]) -> bool:
-    """Compare up to two digits after the point, and the 24 bits of the original."""
+    """Compare up to two decimals and the 24 bits of single precision."""
     return len(some) == len(others) and all(map(_is_same, some, others))
 
 

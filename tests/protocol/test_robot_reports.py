@@ -1,4 +1,4 @@
-"""GEO and CONF of servers of all generations."""
+"""GEO and CONF lines of USARSim servers of all generations."""
 
 from dataclasses import astuple
 from math import isnan

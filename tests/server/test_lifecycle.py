@@ -1,4 +1,4 @@
-"""What signals do to what runs in the foreground."""
+"""Exit codes and handlers of signals to a program in the foreground."""
 
 import asyncio
 import os

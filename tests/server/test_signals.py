@@ -1,4 +1,4 @@
-"""How a server ends: by a signal, by a bug, and before it begins."""
+"""How a server ends: by a signal, by an exception, and when its port is taken."""
 
 import asyncio
 import os
@@ -26,18 +26,18 @@ EXITS = [
 async def test_signal_stops_the_server_with_its_exit_code(
     empty_room: Scene, number: int, code: int
 ) -> None:
-    heard: list[tuple[str, int]] = []
+    announced: list[tuple[str, int]] = []
 
     def announce(address: tuple[str, int]) -> None:
-        heard.append(address)
+        announced.append(address)
         os.kill(os.getpid(), number)
-        os.kill(os.getpid(), number)  # some people press Ctrl-C twice
+        os.kill(os.getpid(), number)  # users press Ctrl-C twice
 
     assert await serve(Server(Host(empty_room)), "127.0.0.1", 0, announce) == code
-    ((host, port),) = heard
+    ((host, port),) = announced
     assert host == "127.0.0.1"
     with pytest.raises(ConnectionRefusedError):
-        socket.create_connection((host, port), 1)
+        socket.create_connection((host, port), 30)
 
 
 class Broken(Host):
@@ -55,12 +55,12 @@ async def test_exception_in_a_tick_stops_the_server(empty_room: Scene) -> None:
 async def test_taken_port_is_an_error_before_the_address_is_announced(
     empty_room: Scene,
 ) -> None:
-    heard: list[tuple[str, int]] = []
+    announced: list[tuple[str, int]] = []
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}"):
-            await serve(Server(Host(empty_room)), "127.0.0.1", port, heard.append)
-    assert heard == []
+            await serve(Server(Host(empty_room)), "127.0.0.1", port, announced.append)
+    assert announced == []
     assert asyncio.get_running_loop().remove_signal_handler(signal.SIGINT) is False
 
 
@@ -89,14 +89,14 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
     process = started(tmp_path, "empty_room", "--port", "0")
     try:
         with socket.create_connection(
-            ("127.0.0.1", listening_port(process)), 10
+            ("127.0.0.1", listening_port(process)), 60
         ) as client:
             client.sendall(INIT)
             while b"RangeScanner" not in client.recv(65536):
                 pass
             process.send_signal(number)
-            process.send_signal(number)  # some people press Ctrl-C twice
-            out, errors = process.communicate(timeout=30)
+            process.send_signal(number)  # users press Ctrl-C twice
+            out, errors = process.communicate(timeout=60)
         assert process.returncode == code
         assert out == ""
         assert "Traceback" not in errors
@@ -111,7 +111,7 @@ def test_program_reports_a_taken_port_in_one_line(
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         process = started(tmp_path, "empty_room", "--port", str(port))
-        out, errors = process.communicate(timeout=30)
+        out, errors = process.communicate(timeout=60)
     assert process.returncode == 1
     assert out == ""
     assert errors.count("\n") == 1

@@ -1,4 +1,4 @@
-"""Many robots, and a client that never reads, on a server in a process of its own."""
+"""Many robots and a client that does not read, on a server in its own process."""
 
 import asyncio
 import os
@@ -29,10 +29,10 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(SECONDS + 60)]
 
 @dataclass
 class Scans:
-    """What one client got: simulated times and wall clock times of its scans."""
+    """Simulated times and wall clock times of the scans of one client."""
 
-    told: list[float] = field(default_factory=list)
-    came: list[float] = field(default_factory=list)
+    simulated: list[float] = field(default_factory=list)
+    arrived: list[float] = field(default_factory=list)
 
 
 @asynccontextmanager
@@ -61,8 +61,8 @@ def init(number: int) -> bytes:
     )
 
 
-async def deaf(port: int) -> None:
-    """Ask for scans all the time and read nothing."""
+async def request_without_reading(port: int) -> None:
+    """Request scans all the time and read nothing."""
     with socket.socket() as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         sock.setblocking(False)
@@ -76,17 +76,19 @@ async def deaf(port: int) -> None:
 
 
 async def driver(port: int, number: int, until: float) -> Scans:
-    """Drive about and note every scan."""
+    """Drive about and record every scan."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     scans = Scans()
     writer.write(init(number))
     while time.monotonic() < until:
-        line = await asyncio.wait_for(reader.readline(), 10)
+        line = await asyncio.wait_for(reader.readline(), 30)
         if match := SCAN.match(line):
-            scans.told.append(float(match[1]))
-            scans.came.append(time.monotonic())
-            if len(scans.told) % 10 == 0:
-                left, right = np.sin([len(scans.told), number + len(scans.told)]) * 5
+            scans.simulated.append(float(match[1]))
+            scans.arrived.append(time.monotonic())
+            if len(scans.simulated) % 10 == 0:
+                left, right = (
+                    np.sin([len(scans.simulated), number + len(scans.simulated)]) * 5
+                )
                 writer.write(b"DRIVE {Left %.2f} {Right %.2f}\r\n" % (left, right))
     writer.close()
     await writer.wait_closed()
@@ -94,7 +96,7 @@ async def driver(port: int, number: int, until: float) -> Scans:
 
 
 def memory(pid: int) -> float:
-    """Give the resident memory of a process, MB."""
+    """Return the resident memory of a process, MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -105,7 +107,7 @@ async def test_client_that_does_not_read_does_not_delay_fifteen_others(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     async with server(tmp_path) as (port, process):
-        stopped = asyncio.create_task(deaf(port))
+        stopped = asyncio.create_task(request_without_reading(port))
         until = time.monotonic() + SECONDS
         running = [
             asyncio.create_task(driver(port, number, until))
@@ -118,10 +120,10 @@ async def test_client_that_does_not_read_does_not_delay_fifteen_others(
         assert not stopped.done()
         stopped.cancel()
     for scans in results:
-        assert np.diff(scans.told) == pytest.approx(0.1)  # not one is missing
-        rate = (len(scans.came) - 1) / (scans.came[-1] - scans.came[0])
+        assert np.diff(scans.simulated) == pytest.approx(0.1)  # not one is missing
+        rate = (len(scans.arrived) - 1) / (scans.arrived[-1] - scans.arrived[0])
         assert rate > LEAST_RATE
-    worst = max(float(np.diff(scans.came).max()) for scans in results)
+    worst = max(float(np.diff(scans.arrived).max()) for scans in results)
     record_property("memory, its growth in MB and longest wait in s", (growth, worst))
     assert worst < 1
     assert growth < MOST_GROWTH

@@ -1,4 +1,4 @@
-"""Real sockets: what clients do to a server, and what they do not to each other."""
+"""The TCP server with real clients, which must not disturb each other."""
 
 import asyncio
 import logging
@@ -48,7 +48,7 @@ class Peer:
         return await asyncio.wait_for(self.reader.readline(), DEADLINE)
 
     async def until(self, part: bytes) -> bytes:
-        """Skip lines up to one that has a part; nothing is left when all was read."""
+        """Return the next line that contains a part, or nothing at the end."""
         while line := await self.line():
             if part in line:
                 break
@@ -59,7 +59,7 @@ class Peer:
         return await asyncio.wait_for(self.reader.read(), DEADLINE)
 
     async def scans(self, count: int) -> list[float]:
-        """Give the times of the next scans."""
+        """Return the times of the next scans."""
         lines = [await self.until(b"{Type RangeScanner}") for _ in range(count)]
         return [float(match[1]) for line in lines if (match := TIME.match(line))]
 
@@ -78,7 +78,7 @@ class Peer:
 
 
 class RunningServer:
-    """A running server, and the clients that came to it."""
+    """A running server and its clients."""
 
     def __init__(self, host: Host, server: Server) -> None:
         self.host = host
@@ -87,7 +87,7 @@ class RunningServer:
 
     async def peer(self, *, small: bool = False) -> Peer:
         sock = socket.socket()
-        if small:  # little fits on the way to who does not read
+        if small:  # a client that does not read soon fills its buffer
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         sock.setblocking(False)
         try:
@@ -318,7 +318,7 @@ async def test_diagnostics_of_commands_that_waited_are_logged(
 
 
 class Talkative(Host):
-    """Finds ever new things to notice."""
+    """Reports 1000 kinds of diagnostics for every packet."""
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         super().receive(number, data)
@@ -418,7 +418,7 @@ async def test_lost_time_is_logged_and_no_scan_is_skipped(
 
 
 class Broken(Host):
-    """Stops working after a while."""
+    """Fails in its fifth tick."""
 
     def step(self) -> list[tuple[int, Diagnostic]]:
         if self.simulation.ticks == 5:

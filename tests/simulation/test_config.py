@@ -149,8 +149,8 @@ SCANNER = load_robot("P3AT").items_of("RangeScanner")[0]
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK])
-def test_a_robot_may_carry_another_sensor_whole(dialect: Dialect) -> None:
-    """What its class and the dialect say is for the sensor that it had."""
+def test_another_sensor_replaces_all_settings(dialect: Dialect) -> None:
+    """Settings of the class and the dialect hold for the original sensor only."""
     wide = load_robot("P3AT_Radar360").items_of("RangeScanner")[0]
     for item in (SCANNER, wide):
         settings = {"LMS200": {"sensor": "k2pi", "min_range": 1.0}}

@@ -1,4 +1,4 @@
-"""Robots in a scene: where they get, what they see of it and of each other."""
+"""Robots in a scene: motion, readings and scans."""
 
 import math
 from dataclasses import replace
@@ -38,13 +38,13 @@ def spawned(simulation: Simulation, pose: Pose2, name: str = "R1") -> Vehicle:
 
 
 def run(simulation: Simulation, ticks: int) -> dict[int, list[tuple[int, TickOutput]]]:
-    """Let time pass; give what each robot told, with the ticks."""
-    told: dict[int, list[tuple[int, TickOutput]]] = {}
+    """Let time pass and return the outputs of each robot with their ticks."""
+    outputs: dict[int, list[tuple[int, TickOutput]]] = {}
     for _ in range(ticks):
         simulation.step()
-        for number, what in simulation.collect_reports().items():
-            told.setdefault(number, []).append((simulation.ticks, what))
-    return told
+        for number, output in simulation.collect_reports().items():
+            outputs.setdefault(number, []).append((simulation.ticks, output))
+    return outputs
 
 
 def scan_after(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> RangeScan:
@@ -61,7 +61,7 @@ def test_pose_readings_come_before_the_others(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     vehicle = spawned(simulation, Pose2(-8, 0))
     *before, (_, last) = run(simulation, 10)[vehicle.number]
-    assert all(told == TickOutput(None, (), (), ()) for _, told in before)
+    assert all(output == TickOutput(None, (), (), ()) for _, output in before)
     assert last.status is not None
     assert types(last.readings) == [
         *(GroundTruth, Ins, Odometry, Tachometer, Encoder, Encoder, Touch)
@@ -74,11 +74,16 @@ def test_intervals_start_at_the_spawn(empty_room: Scene) -> None:
     early = spawned(simulation, Pose2(-8, 0))
     run(simulation, 7)
     late = spawned(simulation, Pose2(-8, 3), "R2")
-    told = run(simulation, 33)
-    assert [t for t, what in told[early.number] if what.scans] == [10, 20, 30, 40]
-    assert [t for t, what in told[late.number] if what.scans] == [17, 27, 37]
-    assert [t for t, what in told[late.number] if what.status] == [17, 27, 37]
-    times = [what.scans[0].time for _, what in told[late.number] if what.scans]
+    outputs = run(simulation, 33)
+    assert [t for t, output in outputs[early.number] if output.scans] == [
+        10,
+        20,
+        30,
+        40,
+    ]
+    assert [t for t, output in outputs[late.number] if output.scans] == [17, 27, 37]
+    assert [t for t, output in outputs[late.number] if output.status] == [17, 27, 37]
+    times = [output.scans[0].time for _, output in outputs[late.number] if output.scans]
     assert times == [0.17, 0.27, 0.37]
 
 
@@ -104,9 +109,9 @@ def test_scans_show_other_robots_but_not_the_own_one(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     one = spawned(simulation, Pose2(-8, 0))
     other = spawned(simulation, Pose2(-5, 0, math.pi), "R2")
-    told = run(simulation, 10)
+    outputs = run(simulation, 10)
     for vehicle in (one, other):
-        (scan,) = told[vehicle.number][-1][1].scans
+        (scan,) = outputs[vehicle.number][-1][1].scans
         assert scan.ranges[90] == pytest.approx(3 - 0.2085 - HALF_LENGTH)
         seen = np.flatnonzero(scan.ranges < 3)
         # as wide as the hull, at the distance of its front
@@ -157,27 +162,33 @@ def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -
     simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(9, 0))
     vehicle.robot.drive(8, 8)
-    told = run(simulation, 200)[vehicle.number]
+    outputs = run(simulation, 200)[vehicle.number]
     touches = [
-        r.touched for _, what in told for r in what.readings if isinstance(r, Touch)
+        r.touched
+        for _, output in outputs
+        for r in output.readings
+        if isinstance(r, Touch)
     ]
     assert touches[0] is False
     assert touches[-1] is True
     assert vehicle.robot.pose.x == pytest.approx(10.4 - HALF_LENGTH, abs=0.01)
-    ways = [
-        r.pose.x for _, what in told for r in what.readings if isinstance(r, Odometry)
+    distances = [
+        r.pose.x
+        for _, output in outputs
+        for r in output.readings
+        if isinstance(r, Odometry)
     ]
-    assert ways[-1] == pytest.approx(8 * 0.098 * 2)  # the wheels turn on
+    assert distances[-1] == pytest.approx(8 * 0.098 * 2)  # the wheels turn on
 
 
 def test_readings_of_a_tick_describe_the_same_moment(empty_room: Scene) -> None:
     simulation = Simulation(empty_room, config=EXACT)
     vehicle = spawned(simulation, Pose2(-8, 0, 0.3))
     vehicle.robot.drive(3, 4)
-    for tick, told in run(simulation, 100)[vehicle.number]:
-        if not told.readings:
+    for tick, output in run(simulation, 100)[vehicle.number]:
+        if not output.readings:
             continue
-        truth, ins, odometry, tachometer = told.readings[:4]
+        truth, ins, odometry, tachometer = output.readings[:4]
         assert isinstance(truth, GroundTruth)
         assert isinstance(ins, Ins)
         assert isinstance(odometry, Odometry)
@@ -187,8 +198,8 @@ def test_readings_of_a_tick_describe_the_same_moment(empty_room: Scene) -> None:
             np.add(truth.pose.numbers(), (0, 0, 0.2, 0, 0, 0))
         )
         start = Pose3(-8, 0, 0.146, yaw=0.3)
-        way = Pose3(odometry.pose.x, odometry.pose.y, 0, yaw=odometry.pose.yaw)
-        assert start.compose(way).numbers() == pytest.approx(truth.pose.numbers())
+        moved = Pose3(odometry.pose.x, odometry.pose.y, 0, yaw=odometry.pose.yaw)
+        assert start.compose(moved).numbers() == pytest.approx(truth.pose.numbers())
         assert tachometer.velocities == pytest.approx((4, 3, 4, 3))
 
 
@@ -201,16 +212,16 @@ def test_extra_scan_comes_with_the_next_tick_and_keeps_the_schedule(
     run(simulation, 3)
     vehicle.request_scan(scanner)
     vehicle.request_scan(scanner)
-    told = run(simulation, 17)[vehicle.number]
-    assert [(t, len(what.scans)) for t, what in told if what.scans] == [
+    outputs = run(simulation, 17)[vehicle.number]
+    assert [(t, len(output.scans)) for t, output in outputs if output.scans] == [
         (4, 1),
         (10, 1),
         (20, 1),
     ]
     run(simulation, 9)
     vehicle.request_scan(scanner)
-    ((_, told_now),) = run(simulation, 1)[vehicle.number]
-    first, second = told_now.scans
+    ((_, output),) = run(simulation, 1)[vehicle.number]
+    first, second = output.scans
     assert first.ranges.tolist() != second.ranges.tolist()  # each draws its own rays
 
 
@@ -221,7 +232,7 @@ def test_requests_that_do_not_fit_an_item_have_no_effect(empty_room: Scene) -> N
         if item.type not in ("RangeScanner", "INS"):
             vehicle.request_scan(item)
             vehicle.set_ins(item, Pose3(0, 0, 0))
-    assert all(not what.scans for _, what in run(simulation, 9)[vehicle.number])
+    assert all(not output.scans for _, output in run(simulation, 9)[vehicle.number])
 
 
 def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:
@@ -261,9 +272,9 @@ def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(5, 5)
     errors = []
-    for _, told in run(simulation, 100)[vehicle.number]:
-        if told.readings:
-            truth, ins = told.readings[:2]
+    for _, output in run(simulation, 100)[vehicle.number]:
+        if output.readings:
+            truth, ins = output.readings[:2]
             assert isinstance(truth, GroundTruth)
             assert isinstance(ins, Ins)
             errors.append(ins.pose.x - truth.pose.x)
@@ -275,10 +286,10 @@ def test_simulated_time_has_exact_digits_after_many_ticks(empty_room: Scene) -> 
     simulation = Simulation(empty_room)
     simulation.ticks = 123_456_789
     vehicle = spawned(simulation, Pose2(-8, 0))
-    told = run(simulation, 10)[vehicle.number][-1][1]
-    assert told.status is not None
-    assert told.status.time == 1_234_567.99
-    assert told.status.battery == 3599
+    output = run(simulation, 10)[vehicle.number][-1][1]
+    assert output.status is not None
+    assert output.status.time == 1_234_567.99
+    assert output.status.battery == 3599
 
 
 def test_robot_with_an_empty_battery_stands_and_sends_only_its_status(
@@ -290,16 +301,16 @@ def test_robot_with_an_empty_battery_stands_and_sends_only_its_status(
     simulation = Simulation(empty_room, config=weak)
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(0.5, 0.5)
-    told = run(simulation, 50)[vehicle.number]
-    assert [what.status.battery for _, what in told if what.status] == [1] * 5
+    outputs = run(simulation, 50)[vehicle.number]
+    assert [output.status.battery for _, output in outputs if output.status] == [1] * 5
     assert vehicle.alive
     x = vehicle.robot.pose.x
     assert x == pytest.approx(-8 + 0.5 * math.pi * 0.098 * 1.0)
-    told = run(simulation, 50)[vehicle.number]
+    outputs = run(simulation, 50)[vehicle.number]
     assert not vehicle.alive
     assert vehicle.robot.pose.x == x
-    assert [what.status.battery for _, what in told if what.status] == [0] * 5
-    assert not [what for _, what in told if what.readings or what.scans]
+    assert [output.status.battery for _, output in outputs if output.status] == [0] * 5
+    assert not [output for _, output in outputs if output.readings or output.scans]
 
 
 def test_no_robot_is_spawned_inside_a_bush(foliage_room: Scene) -> None:
@@ -322,6 +333,6 @@ def test_scanner_scans_at_its_rate(empty_room: Scene) -> None:
     config = SimulationConfig(item_settings={"lms200": {"sensor": "k2pi"}})
     simulation = Simulation(empty_room, config=config)
     vehicle = spawned(simulation, Pose2(-8, 0))
-    told = run(simulation, 300)[vehicle.number]
-    when = [tick for tick, what in told if what.scans]
+    outputs = run(simulation, 300)[vehicle.number]
+    when = [tick for tick, output in outputs if output.scans]
     assert np.diff(when).tolist() == [100, 100]
