@@ -120,7 +120,7 @@ def test_calls_on_a_closed_client_raise_an_error(
     client.spawn("P3AT")
     client.close()
     client.close()
-    assert client.read()  # what had come already
+    assert client.read()  # reports that had arrived
     with pytest.raises(
         ClientError, match=r"^the transport is closed, expected report, the la"
     ):

@@ -93,7 +93,7 @@ def test_output_does_not_depend_on_how_the_input_is_split(
 def test_seed_changes_only_the_noise(empty_room: Scene, script: Script) -> None:
     one = play(Host(empty_room, seed=1), script, [])
     other = play(Host(empty_room, seed=2), script, [])
-    # what a scan meets is noise, and there are as many lines of echoes as of that
+    # scans depend on the noise, and so does the number of echo lines
     echoes = b"{Type Echoes}"
     lines, others = (
         [w.count(b"\n") - w.count(echoes) for w in writes] for writes in (one, other)

@@ -211,7 +211,7 @@ def test_decoded_report_equals_the_sent_one_up_to_rounding(
     report: Report, dialect: Dialect
 ) -> None:
     read = decode_report(report.encode(dialect))
-    sent = _sent(report, dialect)
+    sent = _transmitted(report, dialect)
     assert type(read) is type(sent)
     assert _is_close(_numbers_and_texts(read), _numbers_and_texts(sent))
 
@@ -234,23 +234,25 @@ def test_field_order_does_not_matter_in_reports_of_one_item(
     report=REPORTS,
     dialect=st.sampled_from([COMPAT, UDK]),
     place=st.floats(0, 1),
-    what=st.sampled_from(["", "{", "}", " ", ",", "nan", "1e9999", "\xe9", "_", "-"]),
+    inserted=st.sampled_from(
+        ["", "{", "}", " ", ",", "nan", "1e9999", "\xe9", "_", "-"]
+    ),
     length=st.integers(0, 20),
 )
 def test_damaged_line_is_decoded_or_malformed(
-    report: Report, dialect: Dialect, place: float, what: str, length: int
+    report: Report, dialect: Dialect, place: float, inserted: str, length: int
 ) -> None:
     line = report.encode(dialect)
     start = int(place * len(line))
     try:
-        read = decode_report(line[:start] + what + line[start + length :])
+        read = decode_report(line[:start] + inserted + line[start + length :])
     except MalformedMessage:
         return
     for number in _numbers_and_texts(read):
         assert not isinstance(number, float) or abs(number) <= 1e9 or not number < inf
 
 
-def _sent(report: Report, dialect: Dialect) -> Report:
+def _transmitted(report: Report, dialect: Dialect) -> Report:
     """Return a report with only the values that a dialect transmits."""
     changes: dict[str, Any] = {}
     match report:
