@@ -131,6 +131,7 @@ class CommandHandler:
             return Diagnostic("class", str(error))
         self._count_spawn(client)
         requested, diagnostic = self._requested_pose(command)
+        # First, so that the old robot does not occupy the place of the new one.
         self.despawn(client)
         name = (command.name or model.name)[:MAX_NAME_LENGTH]
         client.vehicle = self.simulation.spawn(name, model, requested)
@@ -164,6 +165,7 @@ class CommandHandler:
         if command.start is not None:
             start = self.simulation.scene.start(command.start)
             if start is None:
+                # A client can send any text: it is cut for the log.
                 names = [start.name for start in self.simulation.scene.starts]
                 text = f"start {command.start[:80]!r}, expected one of {names}"
                 text += "; taken as the origin"
@@ -226,6 +228,7 @@ def _apply_opcode(
             apply = vehicle.reset
         case "POSE":
             apply = partial(vehicle.set_ins, pose=parse_pose(params))
+        # All of the items have the same type.
         case _ if items[0].type != "RangeScanner":
             text = f"SET ECHOES of {items[0].type}, expected of RangeScanner"
             return Diagnostic("opcode", text)

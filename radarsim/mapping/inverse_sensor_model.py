@@ -10,7 +10,8 @@ do not wear it away, and what is near the robot, where beams are dense, does not
 surer than what is far.
 
 A scan is added in three passes: ``add_hits``, ``add_free_cells``, and
-``clear_scan_flags``, which forgets the cells that had their evidence of this scan.
+``clear_scan_flags``, which clears the marks of the cells that had evidence of this
+scan.
 """
 
 import math
@@ -25,7 +26,7 @@ from radarsim.mapping.scan import BeamEnd, Layer
 
 LOG_ODDS_HIT: Final = 9  # tenths; odds of 2.5 to 1
 LOG_ODDS_FREE: Final = 2  # 1 to 1.2: side rays often miss what is thin
-LOG_ODDS_LIMIT: Final = 60
+LOG_ODDS_LIMIT: Final = 60  # so that a map can still change where things moved
 SENSED, NEAR = 1, 2  # flags of a cell that stay
 # Plain numbers for compiled code.
 _SOLID, _BEAM_END, _LAYERS = int(Layer.SOLID), int(Layer.BEAM_END), len(Layer)
@@ -52,12 +53,12 @@ class Beams(NamedTuple):
     """Beams of a scan over the cells.
 
     Attributes:
-        start: (2,) where they begin, x and y in cells from the map's origin.
+        start: (2,) where the beams begin, x and y in cells from the map's origin.
         corner: (2,) number of the first column and row of the arrays. Which cells a
             beam crosses does not depend on it, to the last bit.
         directions: (N, 2) unit vectors.
-        known_range: (N,) how far they are known, cells.
-        ends: (N,) as in ``PlanarScan``.
+        known_range: (N,) how far each beam is known, cells.
+        ends: (N,) what ended each beam, as in ``PlanarScan``.
         short_range: How far a cell may be to be ``NEAR``, cells.
         sees_through: Whether the hits include foliage and smoke.
     """
@@ -83,7 +84,7 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
         path: (P, 2) row and column in the arrays, to be filled.
 
     Returns:
-        How many there are.
+        The number of cells.
     """
     start, direction = beams.start, beams.directions[k]
     x, y = start[0] + near * direction[0], start[1] + near * direction[1]
@@ -96,11 +97,12 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
         (column + (right > 0) - x) / direction[0] if direction[0] != 0.0 else np.inf
     )
     next_y = (row + (up > 0) - y) / direction[1] if direction[1] != 0.0 else np.inf
+    # The cells at the ends give the number of steps: rounding can lose no cell.
     steps: Any = abs(last_column - column) + abs(last_row - row)
     count = min(steps + 1, len(path))
     for i in range(count):
         path[i, 0], path[i, 1] = row - beams.corner[1], column - beams.corner[0]
-        # rounding must not carry the beam past the last row or column
+        # Rounding must not carry the beam past the last row or column
         if column != last_column and (next_x < next_y or row == last_row):
             column += right
             next_x += step_x
@@ -163,7 +165,7 @@ def add_free_cells(cells: Any, beams: Any, path: Any) -> None:
             continue
         count = _trace(beams, k, 0.0, beams.known_range[k], path)
         if beams.ends[k] in _OBSTRUCTED:
-            count -= 1
+            count -= 1  # the cell of the end itself is not free
         for i in range(count):
             row, column = path[i, 0], path[i, 1]
             _add_free(cells, row, column, beams.sees_through)

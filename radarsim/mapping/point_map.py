@@ -73,6 +73,7 @@ def _new_table(rows: int) -> Table:
 
 @njit_inline
 def _key(level: Any, column: Any, row: Any) -> Any:
+    # Counting levels from 1 keeps 0 free, which marks a free row of the table.
     return ((level + 1) << 56) | ((column + _OFFSET) << 28) | (row + _OFFSET)
 
 
@@ -81,6 +82,7 @@ def _find(keys: Any, key: Any) -> Any:
     """Return the row of a cell, or the free row where it would be."""
     mask = len(keys) - 1
     row = np.int64((np.uint64(key) * _HASH_FACTOR) >> _HASH_SHIFT) & mask
+    # Linear probing; it ends because at least half of the rows are free, see ``add``.
     while keys[row] != 0 and keys[row] != key:
         row = (row + 1) & mask
     return row
@@ -109,6 +111,8 @@ def _add(table: Any, points: Any) -> Any:
             if table.keys[row] == 0:
                 table.keys[row] = key
                 new += 1
+            # Relative to the cell's center: far from the map's origin, squares would
+            # lose the digits that the covariance consists of.
             x, y = (
                 points[i, 0] - (column + 0.5) * size,
                 points[i, 1] - (line + 0.5) * size,
@@ -143,6 +147,7 @@ def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
                 continue
             f = _spline(i, tx) * _spline(j, ty)
             u, v = (i - tx) * size, (j - ty) * size
+            # Moments about the point, from those about a center that is (u, v) away.
             sums = table.moments[row]
             m, p, q = f * sums[0], f * sums[1], f * sums[2]
             n += m

@@ -7,7 +7,7 @@ these lie along a line, only the distance across it counts, as points slide alon
 where they form a spot, as of a pole, both directions count. A distance is weighted by
 its information: less where the map's points are spread, as in foliage, and less where
 the beam grazes, since an echo may come from anywhere across the beam. Outliers count
-next to nothing (Geman and McClure's weights).
+almost nothing (Geman and McClure's weights).
 
 The motion that the robot reports is one more distance, from the predicted pose. Where
 the scan says nothing, in the open or along a corridor, that alone is left and the
@@ -24,10 +24,9 @@ from radarsim.jit import njit_cached, njit_inline
 from radarsim.mapping.point_map import Table, shape_around
 
 MAX_ITERATIONS: Final = 12
-ROBUST_SCALE: Final = (
-    4.0  # squared distance, in variances, at which the weight is a quarter
-)
-SAMPLED_POINTS: Final = 150  # at most, by which starts are compared
+# Squared distance, in variances, at which the weight is a quarter.
+ROBUST_SCALE: Final = 4.0
+SAMPLED_POINTS: Final = 150  # at most, that are used to compare starts
 LINE_RATIO: Final = 4.0  # variance along a line by that across it, at least
 HALF_SCORE: Final = 1 / 0.05**2  # 1/m^2; a point known to 5 cm scores one half
 MAX_SPOT: Final = 0.15**2  # m^2, largest variance of a spot
@@ -75,6 +74,7 @@ def fit(
 def best_start(table: Table, points: ScanPoints, starts: Floats) -> int:
     """Return the row of the pose, of (S, 3), at which a sample of points fits best."""
     step = 1 + len(points.places) // SAMPLED_POINTS
+    # Kernels are compiled for contiguous arrays, and anew for any other layout.
     places, along = (np.ascontiguousarray(rows[::step]) for rows in points[:2])
     some = points._replace(places=places, along=along)
     return int(_best_start(table, some, starts))
@@ -92,11 +92,14 @@ def _information(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
     """
     a, b, c = shape
     half, turn = (a + c) / 2, math.hypot((a - c) / 2, b)
+    # The eigenvalues; rounding can make the smaller one negative.
     small, large = max(half - turn, 0.0), half + turn
     noise, wide = RANGE_ERROR * RANGE_ERROR, spread * spread
     if large >= LINE_RATIO * small:
         angle = math.atan2(2.0 * b, a - c) / 2
         nx, ny = -math.sin(angle), math.cos(angle)
+        # Of the spread across the beam, only the part along the normal moves the echo
+        # away from the line.
         facing = nx * across[0] + ny * across[1]
         weight = 1.0 / (small + noise + wide * facing * facing)
         return weight * nx * nx, weight * nx * ny, weight * ny * ny
@@ -143,6 +146,7 @@ def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
     covariance = shape.xx, shape.xy, shape.yy
     information = _information(covariance, across, points.spread, points.spots)
     ex, ey = shape.dx, shape.dy
+    # The squared Mahalanobis distance.
     off = (
         information[0] * ex * ex
         + 2.0 * information[1] * ex * ey
@@ -177,6 +181,7 @@ def _add_up(table: Any, points: Any, state: Any, normal: Any, gradient: Any) -> 
         a = match.weight * match.information[0]
         b = match.weight * match.information[1]
         d = match.weight * match.information[2]
+        # The Jacobian of the point by x, y and yaw is [1 0 -ry; 0 1 rx].
         fx, fy = a * match.ex + b * match.ey, b * match.ex + d * match.ey
         rx, ry = match.rx, match.ry
         p, q = b * rx - a * ry, d * rx - b * ry
@@ -230,6 +235,7 @@ def _fit(table: Any, points: Any, state: Any, prior: Any, information: Any) -> A
         score = _add_up(table, points, state, normal, gradient)
         _solve(normal, gradient)
         state += gradient
+        # Nothing within 10 m of the robot moves by more than about 0.1 mm any more.
         if max(abs(gradient[0]), abs(gradient[1]), 10.0 * abs(gradient[2])) < 1e-4:
             break
     return score

@@ -66,7 +66,7 @@ class Slam:
     Attributes:
         settings: How scans are matched.
         pose: Pose of the robot at the last scan; before the first one its start.
-        trajectory: All poses, by the times of the scans.
+        trajectory: The pose at the time of each scan.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Slam:
         """Start at a pose.
 
         Args:
-            settings: How to match.
+            settings: How scans are matched.
             start: Pose of the robot at its first scan, map frame; None for the first
                 pose of the motion source, or the origin if there is none.
         """
@@ -101,6 +101,8 @@ class Slam:
             The robot's pose, map frame.
         """
         has_source = self.settings.motion_source != "none"
+        # Without a motion source every point is needed, also those where power ran out.
+        # They move with the robot in foliage, so that no spot can be relied on then.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
         points = ScanPoints(places, along, self.settings.beam_spread, uses_spots)
@@ -158,6 +160,7 @@ class Slam:
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self._map.table
         best = candidates[best_start(table, points, starts)]
+        # The best start can lead to a local optimum; unchanged motion is tried too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]

@@ -21,7 +21,7 @@ Rule 3: what is ahead is judged in the direction that the robot is to take, not 
 one that it faces: of all directions in which the next step is clear, the nearest to the
 boundary's is taken. So the robot does not oscillate in corners.
 Rule 4: a robot that heads for a goal must not get where a wall follower would not, or
-it might never come by its hit point again. So a wall follower drives through all gaps
+it might never pass its hit point again. So a wall follower drives through all gaps
 that are twice the safety distance wide, and 0.4 m for turning and noise.
 """
 
@@ -111,7 +111,7 @@ class WallFollower:
 
     @property
     def target_distance(self) -> float:
-        """Distance from the boundary that is kept where there is space, m."""
+        """Distance at which the boundary is followed where there is space, m."""
         return self.bumpers.safety_distance + self.bumpers.band / 2
 
     def step(self, observation: Observation, mode: FollowMode) -> tuple[Twist, bool]:
@@ -189,6 +189,7 @@ class WallFollower:
 
     def _near_side(self, view: Observation) -> NDArray[np.bool_]:
         """Return which beams look ahead or to the left, (N,)."""
+        # Bearings jump from pi to -pi straight behind; the left side ends beyond.
         left: NDArray[np.bool_] = view.bearings >= -ASIDE
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
@@ -219,12 +220,14 @@ class WallFollower:
     def _along(self, view: Observation, boundary: Boundary) -> float:
         """Return the heading that keeps the boundary abeam and at its distance, rad."""
         half = max(self._gap(view, boundary) / 2, self.bumpers.safety_distance)
+        # A positive lean turns to the left, towards the boundary.
         lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
         lean = max(-MOST_LEAN, min(MOST_LEAN, lean))
         return boundary.bearing - ABEAM + lean
 
     def _gap(self, view: Observation, boundary: Boundary) -> float:
         """Return the width from the boundary's nearest point to the other side, m."""
+        # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - boundary.bearing + ABEAM)
         other = (offsets < -ASIDE) & (offsets > ASIDE - math.pi)
         other &= np.isfinite(view.ranges)
@@ -246,6 +249,7 @@ class WallFollower:
             return heading
         x, y = _end_points(view.bearings[near], view.ranges[near])
         least = min(self.bumpers.safety_distance, float(view.ranges[near].min()))
+        # To the right only: the first clear one is the nearest to the boundary.
         headings = heading - HEADING_STEP * np.arange(int(2 * math.pi / HEADING_STEP))
         step = self.bumpers.band / 2
         distances = np.hypot(
@@ -271,4 +275,5 @@ def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
 def _mean_bearing(bearings: Floats) -> float:
     x, y = float(np.cos(bearings).sum()), float(np.sin(bearings).sum())
     mean = math.atan2(y, x)
+    # Continuous on the left and behind, where a boundary is; it jumps on the right.
     return mean + 2 * math.pi if mean < -ABEAM else mean

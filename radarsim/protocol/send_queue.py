@@ -50,6 +50,7 @@ class SendQueue:
         self._lines.append((line, keep))
         if keep:
             self._answers += len(line)
+            # Never reset: the client is disconnected even if it reads on.
             self.overflowed |= self._answers > self.ceiling
         else:
             self._readings += len(line)
@@ -76,4 +77,5 @@ class SendQueue:
             else:
                 self._readings -= len(line)
                 self.dropped += 1
+        # They were ahead of all lines that are left, so they return to the front.
         self._lines.extendleft(reversed(answers))

@@ -136,7 +136,7 @@ class Progress(NamedTuple):
     Attributes:
         t: m from the start of the segment.
         power: Remaining power.
-        min_power: At this power or less the ray is spent.
+        min_power: Power at which, or below which, the ray is spent.
         spent_in: The part that took the last of the power; -1 while there is some.
     """
 
@@ -220,6 +220,7 @@ def update_winding(state: Any, part: Any, sign: Any) -> Any:
         state.sizes[1] = n + 1
         return 1
     if was_inside and not is_inside:
+        # Shift the others: the last in the list has to remain the last entered.
         index = 0
         while state.enclosing[index] != part:
             index += 1
@@ -262,6 +263,7 @@ def record_event(
         event.x = segment[0] + t * segment[DIRECTION]
         event.y = segment[1] + t * segment[DIRECTION + 1]
         event.z = segment[2] + t * segment[DIRECTION + 2]
+    # Count also what does not fit: the caller allocates more rows by this number.
     state.events[last].ray = n + 1
 
 
@@ -276,6 +278,7 @@ def start_ray(ray: Any, power: Any, state: Any) -> Any:
     """
     for i in range(state.sizes[1]):
         record_event(state, ray, 0.0, _START_INSIDE, state.enclosing[i], power, 0.0)
+    # A share of an infinite power is infinite: the ray would be spent at once.
     min_power = power * ROUNDING if np.isfinite(power) else 0.0
     return Progress(0.0, power, min_power, np.int64(-1))
 
@@ -320,18 +323,20 @@ def advance_ray(ray: Any, progress: Any, limit: Any, costs: Any, state: Any) -> 
         progress: From ``start_ray`` or the previous call.
         limit: A ``SegmentEnd``, up to which the crossings are known.
         costs: The ``RayCosts`` of this class of rays.
-        state: With the sorted crossings before the limit.
+        state: The ray's state, with the sorted crossings before the limit.
 
     Returns:
         The new ``Progress``.
     """
     at, power, min_power, _ = progress
     density = _density(state, costs)
+    # There is one stretch more than surfaces: the last one ends at the limit.
     for i in range(limit.crossed + 1):
         t = state.crossings[i].t if i < limit.crossed else limit.t
         if density > 0.0:
             left = power - density * (t - at)
             if left <= min_power:
+                # Rounding must not carry the end past the next surface.
                 at = min(at + power / density, t)
                 return Progress(at, 0.0, min_power, _innermost(state, costs))
             power = left
@@ -383,4 +388,5 @@ def end_ray(ray: Any, progress: Any, end: Any, absorption: Any, state: Any) -> A
 @njit_inline
 def is_absorbed(power: Any, min_power: Any, absorption: Any) -> Any:
     """Return whether a surface absorbs all the power of a ray."""
+    # An infinite power minus an infinite absorption would be NaN.
     return np.isinf(absorption) or absorption - power > min_power

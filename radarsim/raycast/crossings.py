@@ -114,9 +114,12 @@ def cross_triangle(line: Any, axes: Any, corners: Any) -> Any:
     a = _edge_side(bx, by, cx, cy)
     b = _edge_side(cx, cy, ax, ay)
     c = _edge_side(ax, ay, bx, by)
+    # The areas have one sign if the line passes all edges on the same side.
     area = a + b + c
     if area == 0.0 or (min(a, b, c) < 0.0 and max(a, b, c) > 0.0):
         return 0, 0.0
+    # For a normal n and a direction d, the area has the sign of n.d / d[third], and the
+    # scale that of d[third]. Where the two are equal, n.d is positive: the line leaves.
     t = line[5] * ((a * az + b * bz + c * cz) / area)
     return (-1 if (area > 0.0) == (line[5] > 0.0) else 1), t
 

@@ -186,6 +186,7 @@ def on_primitive(call: Any) -> None:
         reals[STOP_T] = t
         far = t
     elif role == COLLECT:
+        # The window begins at the nearest surface, which need not be found first.
         far = min(far, t + reals[WINDOW])
         count = fields[COUNT]
         if count < fields[CAPACITY]:
@@ -194,10 +195,12 @@ def on_primitive(call: Any) -> None:
             members_of_crossing = carray(pointer(place), 4, np.int32)
             members_of_crossing[2] = part
             members_of_crossing[3] = sign
+        # Count also what does not fit: the caller allocates a longer list.
         fields[COUNT] = count + np.uint64(1)
     if far < reals[FAR]:
         reals[FAR] = far
-        # Embree skips all boxes behind this.
+        # Embree skips all boxes beyond this. It counts from the skipped start and in
+        # float32; the margin makes up for that.
         ray = carray(pointer(members[4]), T_FAR_WORD + 1, np.float32)
         ray[T_FAR_WORD] = far - reals[SKIPPED] + reals[MARGIN]
 
@@ -273,6 +276,7 @@ def _prepare(
     fields, reals = buffer.fields, buffer.reals
     fields[ROLES] = roles.ctypes.data
     fields[COUNT] = 0
+    # No part has this number, so ``STOP_TRIANGLE`` is not read before it is set.
     fields[STOP_PART] = roles.size
     reals[NEAR], reals[FAR], reals[WINDOW] = interval
     reals[STOP_T] = np.inf
@@ -326,6 +330,7 @@ def intersect_forward(
     _prepare(buffer, roles, origin, direction, interval)
     _run_query(handle, buffer, origin, direction, 1.0, interval.near, interval.far)
     reals = buffer.reals
+    # A window that began later may end before the opaque surface.
     stopped = reals[STOP_T] <= reals[FAR]
     part = np.int64(buffer.fields[STOP_PART]) if stopped else np.int64(-1)
     return np.int64(buffer.fields[COUNT]), reals[FAR], part

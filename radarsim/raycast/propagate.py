@@ -91,11 +91,11 @@ class TracedScene(NamedTuple):
     """A scene as ``trace_rays`` takes it.
 
     Attributes:
-        handle: Its ``SceneHandle``.
+        handle: The ``SceneHandle`` of the Embree scene.
         centre: (3,) m, map frame, the origin of all other coordinates.
-        materials: For the classes of the rays.
+        materials: The table of its materials for the classes of the rays.
         triangles: (T, 9) m, the corners of all triangles.
-        boxes: (B, 10) the robots, from ``Boxes.table``.
+        boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
     """
 
     handle: Any
@@ -109,10 +109,10 @@ class Workspace(NamedTuple):
     """Memory that serves one ray after the other.
 
     Attributes:
-        buffer: For the queries to Embree.
-        state: Of the ray.
-        origin: (3,) m, start of the segment.
-        direction: (3,) unit vector of the segment.
+        buffer: The buffer for queries to Embree.
+        state: The state of the ray.
+        origin: (3,) m, the start of the segment.
+        direction: (3,) the unit vector of the segment.
     """
 
     buffer: RayBuffer
@@ -161,6 +161,7 @@ def _is_in_bounds(materials: Any, k: Any, origin: Any, margin: Any) -> Any:
 def _is_near_volume(materials: Any, roles: Any, origin: Any, margin: Any) -> Any:
     """Return whether a point is in the bounds of a volume that the ray penetrates."""
     count = materials.volume.size
+    # The last row bounds all volumes: one test is enough for most rays.
     if not _is_in_bounds(materials, count, origin, margin):
         return False
     for k in range(count):
@@ -173,11 +174,13 @@ def _is_near_volume(materials: Any, roles: Any, origin: Any, margin: Any) -> Any
 def _find_enclosing(handle: Any, roles: Any, work: Any) -> Any:
     """Set the winding numbers at a ray's origin; return the number of crossings behind.
 
-    If that is greater than the room for them, nothing is set.
+    If the list has too little room for them, no number is set.
     """
     crossings = work.state.crossings
     count = intersect_backward(handle, work.buffer, roles, work.origin, work.direction)
     if count <= crossings.size:
+        # From the farthest to the nearest, so that of the parts that enclose the origin
+        # the last entered is listed last.
         sort_crossings(crossings, count)
         for i in range(count):
             update_winding(work.state, crossings[i].part, crossings[i].sign)
@@ -189,9 +192,9 @@ def _next_opaque(handle: Any, roles: Any, interval: Any, limit: Any, work: Any) 
     """Find what stops a ray in an interval, and the crossings before it.
 
     Args:
-        handle: Of the scene.
+        handle: The ``SceneHandle`` of the scene.
         roles: (P,) what the ray does with the parts.
-        interval: Where to search.
+        interval: The ``Interval`` to search.
         limit: A ``SegmentEnd`` at the latest.
         work: The workspace; its crossings are replaced.
 
@@ -206,7 +209,9 @@ def _next_opaque(handle: Any, roles: Any, interval: Any, limit: Any, work: Any) 
     if count > crossings.size:
         return SegmentEnd(count, t, part)
     if part < 0:
+        # Either the window ended the search, or the interval did.
         part = UNKNOWN if t < interval.far else limit.part
+    # An opaque surface may be found up to RANGE_TOLERANCE beyond the limit.
     last = min(t, limit.t)
     sort_crossings(crossings, count)
     while count > 0 and crossings[count - 1].t > last:
@@ -220,10 +225,10 @@ def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
 
     Args:
         ray: The ``RayStatus``.
-        progress: At the start of the segment.
+        progress: The ``Progress`` at the start of the segment.
         limit: A ``SegmentEnd`` at the latest.
         scene: The ``TracedScene``.
-        work: With the winding numbers at the start.
+        work: The workspace, with the winding numbers at the start.
 
     Returns:
         The ``Progress`` at the end; the ``SegmentEnd``; and the number of crossings if
@@ -233,6 +238,7 @@ def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
     density, air = materials.density[k], materials.air[k]
     costs = RayCosts(density, materials.sheet_loss[k], air, density.size - 1)
     roles = materials.forward_roles[k]
+    # Where nothing takes power, ``max_density`` is 0 and the window is infinite.
     window = FIRST_WINDOW * progress.power / materials.max_density[k]
     interval = Interval(0.0, limit.t + RANGE_TOLERANCE, window)
     while True:
@@ -250,7 +256,7 @@ def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
 
 @njit_inline
 def _start_segment(scene: Any, t: Any, work: Any) -> None:
-    """Note where a segment starts, for its events; ``t`` is the distance before it."""
+    """Store where a segment starts, for its events; ``t`` is the distance before it."""
     segment = work.state.segment
     segment[T_START] = t
     if not work.state.events.size:
@@ -268,10 +274,11 @@ def _trace_segment(
 
     Args:
         ray: The ``RayStatus``.
-        progress: At the start of the segment; of the first one, only its power.
-        max_range: What is left of the ray's range, m.
+        progress: The ``Progress`` at the start of the segment; for the first segment
+            only its power is used.
+        max_range: The rest of the ray's range, m.
         scene: The ``TracedScene``.
-        work: Without winding numbers.
+        work: The workspace, with all winding numbers zero.
 
     Returns:
         As ``_march``.
@@ -285,7 +292,9 @@ def _trace_segment(
     t, box = intersect_boxes(
         scene.boxes, ray.carrier_id, work.origin, work.direction, max_range
     )
+    # Boxes are numbered after the parts.
     limit = SegmentEnd(0, t, state.winding.size + box if box >= 0 else -1)
+    # After a reflection the ray keeps its ``min_power``, and is in nothing anew.
     if state.segment[T_START] == 0.0:
         progress = start_ray(ray.row, progress.power, state)
     return _march(ray, progress, limit, scene, work)
@@ -317,6 +326,7 @@ def _trace_ray(i: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
             ray, progress, max_range - t, scene, work
         )
         if needed:
+            # The caller traces all rays again, with room for this many crossings.
             reset_winding(state)
             return needed
         part = end.part

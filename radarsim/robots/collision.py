@@ -82,6 +82,7 @@ class CollisionResolver:
         self._wall_gap -= sweep
         self._robot_gap -= sweep + self._closing_speed * dt
         if self._robot_gap > MARGIN and others is self._others:
+            # Nothing can be in reach yet (rules 1 and 2).
             if self._wall_gap > MARGIN:
                 self.blocked = False
                 return wanted
@@ -94,6 +95,7 @@ class CollisionResolver:
     def rest(self, others: tuple[MovingBody, ...]) -> None:
         """Stand still for one step while others move."""
         self._others = others
+        # Others may approach meanwhile: the next move measures the gap to them anew.
         self._robot_gap = 0.0
 
     def touching(self) -> bool:
@@ -116,6 +118,7 @@ class CollisionResolver:
         reached = self._avoid(wanted, lines, sweep)
         if _is_same(reached, pose):
             reached = pose
+            # Walls stay; a robot in the way may be gone at the next move.
             self._rejected = (pose, wanted) if lines is self._walls else None
         self._measure(reached, lines)
         return reached
@@ -124,6 +127,7 @@ class CollisionResolver:
         """Return the gap at a pose, and update the known gaps."""
         gap = self._gap(pose, lines)
         offset = math.dist((pose.x, pose.y), self._cache_centre)
+        # Walls that are not in the cache are at least this far away.
         self._wall_gap = min(gap, _CACHE_RANGE - offset)
         if lines is not self._walls:  # the lines include outlines of others
             self._robot_gap = min(gap, self._robot_gap)
@@ -163,7 +167,9 @@ class CollisionResolver:
         """Return the pose to take instead of a wanted pose that is not free."""
         pose = self._robot.pose
         gap = self._gap(pose, lines)
+        # A robot nearer than ``CONTACT_GAP`` slides at its distance, and is not pushed back.
         clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
+        # Without the turn second: beside a wall it may be the turn that is blocked.
         for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
             freed = self._push_out(target, lines, clearance)
             moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0
@@ -172,7 +178,7 @@ class CollisionResolver:
         turned = Pose2(pose.x, pose.y, wanted.yaw)
         if self._gap(turned, lines) > MARGIN:
             return turned
-        # a robot that was placed inside an obstacle may leave it
+        # A robot that was placed inside an obstacle may leave it.
         return wanted if self._gap(wanted, lines) > gap else pose
 
     def _push_out(self, pose: Pose2, lines: Floats, clearance: float) -> Pose2 | None:

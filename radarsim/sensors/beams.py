@@ -103,9 +103,11 @@ class BeamPattern:
         self._starts = _starts(settings, self.angles)
         self._directions = node_directions(self.angles, self._offsets)
         self._node_sides = _sides(self._offsets)
+        # Three rays may differ in their starts only, not in their angles.
         if settings.side_mode != "cone" and len(self.weights) == 3:
             self._node_sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         self.radius = float(np.linalg.norm(self._starts, axis=2).max())
+        # The last edge is 1 but for rounding; without it no draw can lie beyond it.
         self._edges = np.cumsum(self.weights)[:-1]
         traces_all = settings.combines_rays or settings.incidence_weights
         self.rays = len(self.weights) if traces_all else 1
@@ -127,6 +129,7 @@ class BeamPattern:
         chance = rng.random(len(self.angles))
         if len(self._edges) > 2:
             return np.searchsorted(self._edges, chance, side="right").astype(np.int16)
+        # The same as the search, for beams of three rays: two comparisons.
         nodes: Nodes = (chance >= self._edges[0]).astype(np.int16)
         for edge in self._edges[1:]:
             nodes += chance >= edge
@@ -147,7 +150,7 @@ class BeamPattern:
     ) -> SampledRays:
         """Replace side rays of three-ray beams by the centre ray."""
         nodes, sides = sampled.nodes.copy(), sampled.sides.copy()
-        nodes[rows] = 1
+        nodes[rows] = 1  # the middle one of three
         sides[rows] = CENTRE
         return SampledRays(nodes, sides, sampled.directions)
 

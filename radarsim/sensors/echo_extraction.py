@@ -69,7 +69,7 @@ class Densities(NamedTuple):
 
     Attributes:
         parts: (P,) in each part of the scene.
-        air: In the air.
+        air: Power lost per metre in the air.
     """
 
     parts: Floats
@@ -80,7 +80,7 @@ class EnclosingVolumes(NamedTuple):
     """Work space for the volumes around the current point of a ray.
 
     Attributes:
-        part: (P + 1,) int64, their parts.
+        part: (P + 1,) int64, the part of each volume.
         entry: (P + 1,) int64, the event at which the ray entered each; -1 if it
             started inside.
     """
@@ -90,7 +90,7 @@ class EnclosingVolumes(NamedTuple):
 
 
 class RayReturns(NamedTuple):
-    """How much of what happens to rays comes back.
+    """The weights and strengths that turn events into echoes.
 
     Attributes:
         weights: (M,) the share of each ray in its beam.
@@ -161,6 +161,7 @@ def _share_left(event: Any, full: Any) -> Any:
     """Return the share of its power that a ray has left on arrival."""
     if event.kind == SPENT:
         return 0.0
+    # There is no share of no power, nor of unlimited power.
     if full == 0.0 or np.isinf(full):
         return 1.0
     return event.power / full
@@ -187,6 +188,8 @@ def _credit_volumes(
         total += densities.parts[volumes.part[k]]
     if loss <= 0.0 or total <= 0.0:
         return
+    # A volume around the start has no near side; its share, like the air's, returns no
+    # echo.
     for k in range(count):
         entry = volumes.entry[k]
         if entry >= 0:
@@ -204,6 +207,7 @@ def _update_volumes(events: Any, i: Any, volumes: Any, count: Any) -> Any:
     if event.kind == LEAVE:
         for k in range(count):
             if volumes.part[k] == event.part:
+                # The order of the volumes does not matter: the last one fills the gap.
                 volumes.part[k] = volumes.part[count - 1]
                 volumes.entry[k] = volumes.entry[count - 1]
                 return count - 1
@@ -229,7 +233,7 @@ def _compute_strengths(
         if event.ray != ray:
             ray, count, left = event.ray, 0, 1.0
         arriving, absorbed = _share_left(event, full), _share_absorbed(event, full)
-        # what is missing since the previous event was lost inside the volumes
+        # What is missing since the previous event was lost inside the volumes
         _credit_volumes(left - arriving, densities, volumes, count, strengths)
         if event.kind == HIT:
             strengths[i] = arriving - absorbed
@@ -274,6 +278,7 @@ def _fill_row(columns: Any, row: Any, events: Any, i: Any, returns: Any) -> None
     columns.kind[row] = kind
     columns.part[row] = event.part
     columns.power[row] = event.power - (event.absorbed if kind == HIT else 0.0)
+    # Rounding can add up to a little more than the whole power.
     columns.strength[row] = min(returns.weights[ray] * strength, 1.0)
     columns.ends[row] = kind in (HIT, SPENT)
 

@@ -2,8 +2,8 @@
 
 Theory of operation
 ===================
-Within a hundred metres rain absorbs next to nothing of a radar's beam; its drops show
-by what they scatter back. A cell of the beam at range R, one range resolution deep, has
+Within a hundred metres rain absorbs almost nothing of a radar's beam; its drops show by
+what they scatter back. A cell of the beam at range R, one range resolution deep, has
 a volume of pi R^2 az el dR / (8 ln 2) m^3, for half-power widths az and el; that times
 the reflectivity of the rain is its mean cross section. The drops' echoes add up with
 random phases, so the power of a cell is distributed exponentially. The smallest cross
@@ -167,9 +167,11 @@ def find_speckle(
     if tracer.air_part >= 0:
         around_start[tracer.air_part] = 1
     cell = cell_depth(settings)
+    # All cells are at multiples of their depth; the first is beyond the blind range.
     nearest = (math.floor(max(BLIND_RANGE, settings.min_range) / cell) + 1) * cell
     _find_cells(
         events,
+        # Events are sorted by ray.
         BeamDraws(rows, np.searchsorted(events["ray"], rows), random),
         RainField(around_start, contrasts),
         RainLimits(cell, settings.margin_db, nearest, settings.penetration_power),
@@ -199,9 +201,11 @@ def _search(t: Any, end: Any, cell: Any, contrast: Any, budget: Any) -> Any:
         The distance of the first cell that was not searched, or that shows rain; and
         what is left of the budget, at most 0 if rain shows.
     """
+    # Where it does not rain, skip the cells, but stay at multiples of their depth.
     if contrast <= 0.0:
         return t + cell * max(np.ceil((end - t) / cell), 0.0), budget
     while t < end:
+        # log1p stays exact where the probability of a detection is tiny.
         budget += np.log1p(-np.exp(-t * t / contrast))
         if budget <= 0.0:
             return t, budget
@@ -223,8 +227,11 @@ def _find_cells(events: Any, beams: Any, rain: Any, limits: Any, speckle: Any) -
             contrast, part = _contrast_at(enclosing, rain.contrasts)
             t, budget = _search(t, event.t, limits.cell, contrast, budget)
             if budget <= 0.0:
+                # Power falls linearly between two events; unlimited power does not fall.
                 lost = (power - event.power) * (t - before) if power < np.inf else 0.0
                 lost /= event.t - before
+                # The exponential distribution has no memory: what a detected cell has
+                # above the detection limit is distributed as without the limit.
                 level = 10.0 * np.log10(
                     1.0 + contrast / (t * t) * beams.random[1, beam]
                 )
