@@ -17,7 +17,8 @@ def deprecated_names(
     Args:
         module: Name of the module that has the old names.
         renamed: Full new name, module and object, by old name.
-        stacklevel: Of the warning; 3 where another function calls the returned one.
+        stacklevel: Stack level of the warning; 3 where another function calls the
+            returned one.
     """
 
     def find(name: str) -> Any:

@@ -19,7 +19,7 @@ class Comparison:
     """Times of two functions that were measured in turns.
 
     Attributes:
-        subject: Time of one run of the function to be judged, s.
+        subject: Time of one run of the measured function, s.
         reference: Time of one run of the function that it is compared with, s.
     """
 
@@ -38,7 +38,7 @@ def compare(
     """Measure two functions in turns.
 
     Args:
-        subject: Function to be judged.
+        subject: Function to measure.
         reference: Function to compare with.
         seconds: Duration of the measurement; both run ``MIN_ROUNDS`` times at least.
     """

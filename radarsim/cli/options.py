@@ -237,7 +237,7 @@ def refuse_options(options: Mapping[str, object], text: str) -> None:
 
     Args:
         options: Values by the names of options.
-        text: What is wrong with them.
+        text: The error message for them.
 
     Raises:
         typer.BadParameter: If there are any.
@@ -251,7 +251,7 @@ def check_start(start: str | None, pose: str | None, scene: Scene | None) -> Non
     """Check that only one start is given, and that the map has it, if it is known.
 
     Raises:
-        typer.BadParameter: If it is not so.
+        typer.BadParameter: If there are two starts, or the map has no such start.
     """
     if start is None:
         return
@@ -274,7 +274,7 @@ def penetration_depth(foliage_density: float | None, power: float) -> float:
 
 
 def check_writable(path: Path, hint: str) -> None:
-    """Check beforehand that a file can be written, as far as that can be known.
+    """Check, as far as possible, that a file can be written later.
 
     Args:
         path: The file to be written.
@@ -301,7 +301,7 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
 
     Args:
         path: The file to be written.
-        data: Its contents.
+        data: Contents of the file.
         hint: Name of the option that asks for it.
 
     Raises:

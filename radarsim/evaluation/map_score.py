@@ -53,11 +53,11 @@ class MapScore:
         hidden_coverage: Known share of the part that the robot cannot reach; None if
             there is no such part.
         obstacles: Number of cells classified as obstacle.
-        within_one_cell: Share of them with a solid surface, or foliage, in the cell
-            itself or beside it; None if there are none.
+        within_one_cell: Share of ``obstacles`` with a solid surface, or foliage, in the
+            cell itself or beside it; None if there are none.
         within_two_cells: The same with one cell more.
-        false_obstacles: Number of them farther from everything solid, per known cell
-            that is empty.
+        false_obstacles: Number of ``obstacles`` farther from everything solid, per
+            known cell that is empty.
         class_accuracy: Share of the right obstacle and foliage cells that are not the
             one in place of the other; None if there are none.
     """
@@ -209,7 +209,7 @@ def score_mapper(
         mapper: Holds the map.
         scene: The mapped scene.
         robot_class: Class of the robot.
-        start: Its start pose, map frame.
+        start: Start pose of the robot, map frame.
     """
     robot = load_robot(robot_class)
     floor = scene.floor_at(start.x, start.y)
@@ -275,7 +275,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
     lines = shapely.linestrings(np.round(segments, 6))
-    # split where they cross: one mesh may intersect itself
+    # Split where they cross: one mesh may intersect itself
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
     if class_of(part) == CellClass.OBSTACLE:
         areas = areas[~shapely.intersects(areas, starts)]

@@ -1,7 +1,7 @@
-"""One mapping run: an exploration, its server, its judge and its result.
+"""One mapping run: an exploration, its server, and its evaluated result.
 
 The server is either one in this process, which runs in lockstep with the client and
-whose scene the map is judged by, or one that listens on a TCP port.
+whose scene the map is compared with, or one that listens on a TCP port.
 """
 
 import json
@@ -35,18 +35,18 @@ INTERRUPTED: Final = "interrupted"
 
 @dataclass(slots=True)
 class MappingResult:
-    """How a map was made, and what came of it.
+    """How a map was made, and the result.
 
     Attributes:
         strategy: Name of the strategy; ``way`` for waypoints, None where another client
             drove.
         motion_source: Where the robot's motion between scans was read from.
-        trip: How far the robot came.
-        mapper: Holds the map; None if the robot was never known.
+        trip: Time and path length of the run.
+        mapper: The mapper, which holds the map; None if the robot was never known.
         outcome: How the run ended.
         unreached: Waypoints that the robot could not reach, m.
-        safety_distance: Distance kept from obstacles, m; None if another client drove.
-        monitor: Watched the true robot, if the server was in this process.
+        safety_distance: The robot's safety distance, m; None if another client drove.
+        monitor: Monitor of the true robot, if the server was in this process.
         score: Comparison of the map with the scene, if the scene is known.
         files: Files that were written.
         error: What went wrong; empty if nothing did.
@@ -103,7 +103,7 @@ class MappingRun:
 
     Attributes:
         exploration: The exploration.
-        result: What is known of the run; complete once ``run`` has returned or raised.
+        result: Result of the run so far; complete once ``run`` has returned or raised.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class MappingRun:
         """Create a run that has not begun.
 
         Args:
-            plan: What to map, and how.
+            plan: The plan of the exploration.
             host: Server in this process; None for one that listens on a port.
             seed: Seed of strategies that use chance.
         """

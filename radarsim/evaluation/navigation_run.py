@@ -83,7 +83,7 @@ class NavigationRun:
             self.error = f"goal not reached {limit}, {distance:.2f} m from it"
 
     def summary(self) -> dict[str, Any]:
-        """Return what is known of the run by name, numbers unrounded.
+        """Return all values of the run by name, numbers unrounded.
 
         A run that broke off is described as far as it came.
         """

@@ -24,7 +24,7 @@ from radarsim.evaluation.free_space import Position, component_around, free_spac
 from radarsim.geometry import Floats
 from radarsim.scene.scene import Scene
 
-_SLACK = 1e-6  # m; a path may come so much nearer than the clearance
+_TOLERANCE = 1e-6  # m by which a path may come nearer than the clearance
 
 
 def shortest_path(
@@ -34,9 +34,9 @@ def shortest_path(
 
     Args:
         scene: The map.
-        start: Start of its centre, m.
-        goal: Goal of its centre, m.
-        clearance: Its radius, m.
+        start: Start of the disc's centre, m.
+        goal: Goal of the disc's centre, m.
+        clearance: Radius of the disc, m.
 
     Returns:
         The length, m, and the points where it bends, (N, 2) m, with both ends; None if
@@ -46,7 +46,7 @@ def shortest_path(
     piece = component_around(free, start)
     if piece is None or not piece.intersects(shapely.Point(goal)):
         return None
-    visible = piece.buffer(_SLACK, join_style="mitre")
+    visible = piece.buffer(_TOLERANCE, join_style="mitre")
     return _Search(_corners(piece, start, goal), visible).path()
 
 
@@ -56,9 +56,9 @@ class _Corners:
 
     Attributes:
         points: (N, 2) m.
-        before: (N, 2) m, from each of them to the previous corner of its boundary; 0
+        before: (N, 2) m, from each point to the previous corner of its boundary; 0
             for start and goal.
-        behind: (N, 2) m, from each of them to the next corner, likewise.
+        behind: (N, 2) m, from each point to the next corner; 0 likewise.
     """
 
     points: Floats
@@ -70,12 +70,12 @@ class _Corners:
 
         Args:
             lines: (L, 2) m, their directions.
-            which: Index of the corner of each line, or of the one corner of all.
+            which: Index of each line's corner, or one index for all lines.
         """
         a, b = self.before[which], self.behind[which]
         before = lines[:, 0] * a[..., 1] - lines[:, 1] * a[..., 0]
         behind = lines[:, 0] * b[..., 1] - lines[:, 1] * b[..., 0]
-        same_side: NDArray[np.bool_] = (before * behind) >= -(_SLACK**2)
+        same_side: NDArray[np.bool_] = (before * behind) >= -(_TOLERANCE**2)
         return same_side
 
 

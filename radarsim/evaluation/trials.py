@@ -1,7 +1,7 @@
 """Trials of Bug1 and Bug2: runs in lockstep, scored by the ground truth and the map.
 
-The score knows what the robot does not: where it really is, what it touches, and how
-long the shortest path is.
+The score uses what the robot cannot measure: its true pose, what it touches, and the
+length of the shortest path.
 """
 
 import math

@@ -20,7 +20,7 @@ from radarsim.exploration.traversability import Point, TraversabilityMap
 from radarsim.geometry import wrap_angle
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.boundary_policy import Landmark
-from radarsim.navigation.control import STAND, Twist, bearing_of, distance, moved
+from radarsim.navigation.control import STOP, Twist, bearing_of, distance, moved
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.wall_following import FollowMode, WallFollower
 
@@ -62,7 +62,7 @@ class ContourStrategy:
         """Return the twist until the next scan."""
         self._scans += 1
         if self.is_done or self._scans < MIN_SCANS:
-            return STAND
+            return STOP
         if self.activity == "seeking":
             return self._seek(observation, grid)
         if self.activity == "aligning":
@@ -74,7 +74,7 @@ class ContourStrategy:
         return twist
 
     def _seek(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Drive to a wall that was not followed, and stand once it is there."""
+        """Drive to a wall that was not followed, and stand still there."""
         path_follower = self._path_follower
         if path_follower.update_map(observation, grid):
             assert path_follower.floor is not None
@@ -112,7 +112,7 @@ class ContourStrategy:
             observation.pose.x + range_ * math.cos(angle),
             observation.pose.y + range_ * math.sin(angle),
         )
-        return STAND
+        return STOP
 
     def _align(self, observation: Observation) -> Twist:
         bearing = bearing_of(observation.pose, *self._wall)

@@ -13,7 +13,7 @@ from radarsim.exploration.path_follower import (
 from radarsim.exploration.traversability import Point
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
-from radarsim.navigation.control import STAND, Twist, distance
+from radarsim.navigation.control import STOP, Twist, distance
 from radarsim.navigation.observation import Observation
 
 SPACING: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
@@ -21,7 +21,7 @@ POINT_SPACING: Final = 1.0  # m along the spiral
 ARRIVAL_DISTANCE: Final = 0.8  # m
 MIN_TURN: Final = math.radians(30.0)
 AIMED: Final = math.radians(8.0)
-MAX_IDLE_LEGS: Final = 12  # legs without anything new after which it is done
+MAX_IDLE_LEGS: Final = 12  # stretches without anything new after which it is done
 MIN_GAIN: Final = 1.0  # m² that count as something new
 _TURN_STEP: Final = math.radians(10.0)
 
@@ -51,7 +51,7 @@ class SpiralCoverage:
         self._start = self._start or observation.pose
         self._scans += 1
         if self.is_done or self._scans < MIN_SCANS:
-            return STAND
+            return STOP
         has_arrived = distance(observation.pose, *self._point()) < ARRIVAL_DISTANCE
         if self._path_follower.update_map(observation, grid) or has_arrived:
             self._choose(observation, has_arrived=has_arrived)
@@ -91,12 +91,12 @@ class SpiralCoverage:
 
 
 class RandomBounce:
-    """Drives straight on and turns by chance at walls, as simple vacuum robots do.
+    """Drives straight on, and turns at random at walls, as simple vacuum robots do.
 
     Attributes:
         activity: ``straight`` or ``turning``.
-        is_done: Whether all reachable floor was seen at short range, or the last legs
-            have shown nothing new.
+        is_done: Whether all reachable floor was seen at short range, or the last
+            stretches showed nothing new.
     """
 
     def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
@@ -121,14 +121,14 @@ class RandomBounce:
             self._heading = yaw + self._draw_turn(observation)
             self.activity = "turning"
         if self.is_done:
-            return STAND
+            return STOP
         twist = settings.speed_limits.towards(wrap_angle(self._heading - yaw))
         if self.activity == "turning":
             return Twist(0.0, twist.turn)
         return settings.limit_by_bumpers(observation, twist)
 
     def _draw_turn(self, observation: Observation) -> float:
-        """Draw a turn to a free direction, rad; right about if there is none.
+        """Draw a random turn to a free direction, rad; half a turn if there is none.
 
         The bumper has stopped the robot at a distance from the wall, so it can turn
         there.
@@ -141,7 +141,7 @@ class RandomBounce:
         return float(self._rng.choice(free)) if free else math.pi
 
     def _end_leg(self, pose: Pose2, grid: OccupancyGrid) -> None:
-        """Decide at a wall whether it is done."""
+        """Update ``is_done`` at the end of a straight stretch."""
         floor = self._settings.traversability(grid)
         remaining = floor.area(floor.unvisited & floor.reachable(pose))
         if self._unvisited_area - remaining > MIN_GAIN:

@@ -63,7 +63,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplorationPlan:
-    """What to map, and how.
+    """The plan of an exploration.
 
     Attributes:
         strategy: Exploration strategy.
@@ -80,8 +80,8 @@ class ExplorationPlan:
             ``penetration_depth``.
         penetration_depth: How far the sensor sees into foliage unnoticed, m.
         wall_on_left: Whether walls are followed on the left.
-        speed_limits: How fast the robot drives.
-        radius: How far from its start it goes where no walls end the area, m.
+        speed_limits: Greatest speeds.
+        radius: Greatest distance from the start where no walls enclose the area, m.
         time_limit: Limit of the server's time, s.
         timeout: Longest time without a scan, s.
         drive_unit: Unit of the server's wheel speeds.
@@ -111,7 +111,7 @@ class ExplorationStep:
     """One scan, and what the strategy decided.
 
     Attributes:
-        observation: What is around the robot.
+        observation: Pose of the robot and ranges around it.
         activity: What the strategy is doing, in one word.
         twist: Motion until the next scan.
     """
@@ -122,7 +122,7 @@ class ExplorationStep:
 
 
 class Exploration:
-    """One run and its results, which are kept if it fails.
+    """One run and its results, which remain available if it fails.
 
     Attributes:
         plan: What to map, and how.

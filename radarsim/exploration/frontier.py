@@ -1,7 +1,7 @@
 """Frontier and short-range coverage: to the nearest tile worth it until none is left.
 
-A frontier is where open floor meets what no beam has been in . The robot turns round
-once first, so that what lies between two beams of one scan is seen by another.
+A frontier is where open floor borders on space that no beam has crossed. The robot
+turns round once first, so that other beams cross the gaps between those of one scan.
 Short-range coverage sees all floor from near: what a radar sees of it from afar, and
 through foliage, it sees with wide gaps between its beams.
 """
@@ -18,7 +18,7 @@ from radarsim.exploration.path_follower import (
 from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import wrap_angle
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
-from radarsim.navigation.control import STAND, Twist
+from radarsim.navigation.control import STOP, Twist
 from radarsim.navigation.observation import Observation
 
 FULL_TURN: Final = 2 * math.pi
@@ -31,7 +31,7 @@ class NearestTargetStrategy:
     """Strategy that drives to the nearest of the tiles that a selector returns.
 
     Attributes:
-        activity: Name of what it does.
+        activity: Name of the activity.
         is_done: Whether no target is left that can be reached.
     """
 
@@ -48,8 +48,8 @@ class NearestTargetStrategy:
         Args:
             settings: How the robot drives.
             select_targets: Returns the tiles to drive to.
-            activity: Name of what it does.
-            turn: How far to turn on the spot first, rad.
+            activity: Name of the activity.
+            turn: Angle to turn on the spot first, rad.
         """
         self.activity = activity
         self.is_done = False
@@ -64,7 +64,7 @@ class NearestTargetStrategy:
         """Return the twist until the next scan."""
         self._scans += 1
         if self.is_done or self._scans < MIN_SCANS:
-            return STAND
+            return STOP
         if self._turn > 0:
             return self._turn_round(observation)
         if self._path_follower.update_map(observation, grid):

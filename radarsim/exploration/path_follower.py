@@ -17,7 +17,7 @@ from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import (
-    STAND,
+    STOP,
     SpeedLimits,
     Twist,
     bearing_of,
@@ -31,7 +31,7 @@ MAP_INTERVAL: Final = 1.0  # s between two evaluations of the map
 LOOKAHEAD: Final = 1.2  # m of a path that is cut short where the straight line is open
 PATIENCE: Final = 10.0  # s without progress after which a target is given up
 GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
-WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint that count as there
+WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint at which it is reached
 _PROGRESS: Final = 0.2  # m
 _BEARING_STEP: Final = math.radians(10.0)
 
@@ -41,11 +41,11 @@ class Strategy(Protocol):
 
     @property
     def activity(self) -> str:
-        """What it is doing, in one word."""
+        """What the strategy is doing, in one word."""
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing is left to explore for it."""
+        """Whether nothing is left that the strategy can explore."""
 
     def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         """Return the twist until the next scan."""
@@ -56,10 +56,10 @@ class ExplorationSettings:
     """How a robot explores.
 
     Attributes:
-        bumpers: Its long-range bumpers, with the safety distance.
-        speed_limits: How fast it drives.
+        bumpers: The long-range bumpers, with the safety distance.
+        speed_limits: Greatest speeds.
         wall_on_left: Whether it keeps walls on its left.
-        radius: How far from its start it goes where no walls end the area, m.
+        radius: Greatest distance from the start where no walls enclose the area, m.
     """
 
     bumpers: Bumpers
@@ -129,7 +129,7 @@ class PathFollower:
     def step(self, observation: Observation) -> Twist:
         """Return the twist along the path."""
         if not self._path:
-            return STAND
+            return STOP
         self._check_progress(observation)
         settings = self._settings
         bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
@@ -192,11 +192,11 @@ class WaypointFollower:
         """Return the twist until the next scan."""
         self._scans += 1
         if self.is_done or self._scans < MIN_SCANS:
-            return STAND
+            return STOP
         has_arrived = self._distance(observation) < WAYPOINT_RADIUS
         if self._path_follower.update_map(observation, grid) or has_arrived:
             self.is_done = not self._choose(observation)
-        return STAND if self.is_done else self._path_follower.step(observation)
+        return STOP if self.is_done else self._path_follower.step(observation)
 
     def _distance(self, observation: Observation) -> float:
         return distance(observation.pose, *self._waypoints[0])
@@ -212,7 +212,7 @@ class WaypointFollower:
         return False
 
     def _plan(self, observation: Observation) -> bool:
-        """Plan a path as near to the waypoint as possible; return if that is nearer."""
+        """Plan a path towards the waypoint; return whether it leads nearer."""
         floor = self._path_follower.floor
         assert floor is not None
         reachable = floor.reachable(observation.pose)

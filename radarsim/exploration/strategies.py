@@ -26,7 +26,7 @@ from radarsim.exploration.path_follower import (
 from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
-from radarsim.navigation.control import STAND, Twist
+from radarsim.navigation.control import STOP, Twist
 from radarsim.navigation.observation import Observation
 
 ENCLOSED_SHARE: Final = 0.5  # of the directions that end at something
@@ -56,7 +56,7 @@ def create_strategy(
 
 
 class AutoStrategy:
-    """Chooses a strategy, and another when that one is done or fits no more.
+    """Chooses a strategy, and another when that one is done or no longer suitable.
 
     Attributes:
         is_done: Whether there is nothing more to choose.
@@ -82,11 +82,11 @@ class AutoStrategy:
         self._scans += 1
         self._start = self._start or observation.pose
         if self.is_done or self._scans < MIN_SCANS:
-            return STAND
+            return STOP
         current = self._current
         if current is None or current.is_done or self._is_misfit(observation):
             self._choose(observation, grid)
-        return STAND if self._current is None else self._current.step(observation, grid)
+        return STOP if self._current is None else self._current.step(observation, grid)
 
     def _is_misfit(self, observation: Observation) -> bool:
         """Return whether an open area has turned out enclosed, or the reverse."""
@@ -115,7 +115,7 @@ class AutoStrategy:
     def _best(
         self, observation: Observation, grid: OccupancyGrid
     ) -> StrategyName | None:
-        """Return the first that fits and was not chosen too often, if there is one."""
+        """Return the first suitable strategy not chosen too often; None without one."""
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)

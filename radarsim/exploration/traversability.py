@@ -95,7 +95,7 @@ class TraversabilityMap:
         return np.asarray(np.hypot(columns - x, rows[:, None] - y) <= radius)
 
     def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
-        """Return only that of some tiles which is nearest to a point, m."""
+        """Return only the tile that is nearest to a point, m, of some tiles."""
         columns, rows = self.tile_centers()
         distance = np.hypot(columns - x, rows[:, None] - y)
         chosen = np.zeros_like(tiles)

@@ -25,15 +25,15 @@ LIMIT: Final = 600.0  # s of simulated time
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run of a bug, as the robot knows it and as it was.
+    """One run of a bug, as the robot measured it and as it truly was.
 
     Attributes:
         map: Name of the map.
-        algorithm: Of the two.
-        record: What the robot believes.
+        algorithm: The bug algorithm.
+        run_log: The run as the robot measured it.
         outcome: ``reached``, ``no_path`` or ``failed``.
-        circuits: How often it went all round an obstacle.
-        collisions: How often it began to touch something, in truth.
+        circuits: Number of complete circuits around obstacles.
+        collisions: True number of collisions.
         length: True path length, m.
         off: True distance to the goal at the end, m.
     """

@@ -47,16 +47,16 @@ class Counts:
     Attributes:
         clear: Number of readings in clear air.
         crossing: Number of these whose beam crosses the dust.
-        kept: Number of ``crossing`` that are the same in dust.
+        unchanged: Number of ``crossing`` that are the same in dust.
         beside: Number of the others that are the same in dust.
         cloud: Number of readings of the dust itself.
-        things: Number of objects that are read in dust.
-        all_things: Number of objects in the map.
+        objects: Number of objects that are read in dust.
+        all_objects: Number of objects in the map.
     """
 
     clear: int
     crossing: int
-    kept: int
+    unchanged: int
     beside: int
     cloud: int
     objects: int
@@ -85,7 +85,7 @@ def count_readings(sensor: str, air: str, seed: int) -> Counts:
     return Counts(
         clear=int(found.sum()),
         crossing=int(across.sum()),
-        kept=int((same & across).sum()),
+        unchanged=int((same & across).sum()),
         beside=int((same & ~across).sum()),
         cloud=sum(int((each == SMOKE_CELL).sum()) for each in answers),
         objects=len(names),
@@ -124,12 +124,13 @@ def _caption(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
     low, high = _cloud()
     verdict = (
         "The dust does not trouble it."
-        if counts.kept > 0.9 * counts.crossing
+        if counts.unchanged > 0.9 * counts.crossing
         else "It sees the dust instead of what is behind."
     )
     return (
         f"Heavy dust, {high[0] - low[0]:g} m deep. {taken} Of the {counts.crossing}"
-        f" readings of things whose beams the dust crosses, {counts.kept} are the same"
+        f" readings of things whose beams the dust crosses, {counts.unchanged} are the"
+        " same"
         f" as in clear air (rings) to within {CELL:g} m, and {counts.cloud} readings"
         f" are of the dust itself. Beside it, {counts.beside} of"
         f" {counts.clear - counts.crossing} are the same. {verdict}"

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-SOFTWARE: Final = "radarsim"  # metadata that marks a picture as ours
+SOFTWARE: Final = "radarsim"  # metadata that marks a picture as radarsim's
 _WHITE: Final = 255
 _GAP: Final = 24  # pixels between drawings
 

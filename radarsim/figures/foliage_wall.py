@@ -18,9 +18,9 @@ from radarsim.sensors.scan import Scan
 
 MAP: Final = "foliage_room"
 BUSHES: Final = "foliage"  # the material
-FAR: Final = 80.0  # m, that the Hokuyo is given to see
+FAR: Final = 80.0  # m; the Hokuyo's maximum range in these figures
 COUNT: Final = 20  # scans of figures 9 and 10
-STEP: Final = 0.2  # m; a range that differs by more is another one
+STEP: Final = 0.2  # m; ranges that differ by more count as different
 HIDDEN: Final = "#fff6d6"
 _PLACES: Final = (np.arange(-9.5, -1.4, 1.0), np.arange(-5.5, 5.6, 1.0))  # x, y in m
 
@@ -33,7 +33,7 @@ class Counts:
         beams: Number of beams.
         behind: Number of beams that end behind the bushes.
         inside: Number of beams that end in or at a bush.
-        things: Names of the objects behind the bushes that are read.
+        objects: Names of the objects behind the bushes that are read.
     """
 
     beams: int
@@ -87,7 +87,7 @@ def count_ends(scene: Scene, scan: Scan) -> Counts:
     return Counts(len(behind), int(behind.sum()), inside, tuple(sorted(objects)))
 
 
-def count_everywhere(shot: ScanSpec) -> tuple[int, int, int]:
+def count_over_grid(shot: ScanSpec) -> tuple[int, int, int]:
     """Scan from a grid of places on the near side of the bushes.
 
     Returns:
@@ -196,7 +196,7 @@ def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
 
 
 def _everywhere(shot: ScanSpec) -> str:
-    places, beams, behind = count_everywhere(shot)
+    places, beams, behind = count_over_grid(shot)
     return (
         f"From {places} places all over this side, {behind} of {beams} beams end behind"
         " the bushes."

@@ -128,7 +128,7 @@ class BushCoverage:
         blue: Number of these that no beam has been in.
         grey: Number of these that are free within the short range.
         middle: Whether a beam has been in its middle.
-        beyond: How far east of its middle the blue ones are on average, m; nan if
+        beyond: Mean distance of the blue cells east of the bush's middle, m; nan if
             there are none.
     """
 

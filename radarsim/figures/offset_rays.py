@@ -23,7 +23,7 @@ from radarsim.sensors.scan import Scan
 
 MAP: Final = "foliage_room"
 WEIGHTS: Final = {LEFT: (0, 0, 1), RIGHT: (1, 0, 0)}
-STEP: Final = 0.2  # m; ranges that differ by more are different ones
+STEP: Final = 0.2  # m; ranges that differ by more count as different
 _AROUND: Final = 1.3  # m of the robot that are seen closer
 _EDGE: Final = 0.4  # m around the room
 

@@ -139,17 +139,17 @@ def _cut(corners: Floats) -> Floats:
 
 HULL: Final = "#d9dde2"
 EDGE: Final = "#333333"
-_TYRE: Final = 0.09  # m, as wide as it is
+_TYRE: Final = 0.09  # m, width of a wheel
 
 
 def draw_robot(axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5) -> None:
     """Draw a robot from above: hull, wheels and a wedge that points ahead.
 
     Args:
-        axes: In m, map frame.
-        class_name: Of a preset.
-        pose: Of the robot.
-        zorder: Of the hull; what belongs to it lies a little higher.
+        axes: Axes in m, map frame.
+        class_name: Name of the robot class.
+        pose: Pose of the robot.
+        zorder: Z-order of the hull; wheels and wedge are drawn a little above it.
     """
     model = load_robot(class_name)
     hull = Footprint(model.length, model.width)

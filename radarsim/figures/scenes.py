@@ -168,9 +168,9 @@ def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
     """Label objects, on the left where another object is on the right.
 
     Args:
-        axes: Of a plan.
-        parts: The things.
-        letter: As wide as a letter is, m.
+        axes: Axes of a plan, m.
+        parts: One part of each object to label.
+        letter: Width of a letter, m.
     """
     boxes = [_box(part) for part in parts]
     for part, (west, south, east, north) in zip(parts, boxes, strict=True):

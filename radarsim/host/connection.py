@@ -40,7 +40,7 @@ class Diagnostic:
 
     Attributes:
         kind: The same for all similar diagnostics, so that a log can skip repetitions.
-        text: What came, and what was expected.
+        text: Text for the log, with what came and what was expected.
     """
 
     kind: str

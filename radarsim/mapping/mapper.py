@@ -32,7 +32,7 @@ from radarsim.protocol.reports import (
 )
 
 MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
-MAX_RANGE: Final = 200.0  # m; limit of beams, whatever a server says
+MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
 TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
 
 
@@ -73,7 +73,7 @@ class MapperSettings:
     Attributes:
         slam: How scans are matched, and by which motion source.
         resolution: Side of a cell, m.
-        echo_wait: How long scans without echoes are kept off the map, since their
+        echo_wait: How long scans without echoes are not added to the map, since their
             echoes may still come, s; 0 if no client asked for echoes.
         robot_radius: Radius of the disc around the robot that is marked free, m; 0 for
             none.
@@ -109,8 +109,8 @@ class Mapper:
 
         Args:
             scanner: Scanner to map with.
-            settings: How to map.
-            clock: Returns s, for servers whose time stamps stand still or are missing.
+            settings: How the map is made.
+            clock: Returns the time in s, for servers without advancing time stamps.
         """
         self.settings = settings or MapperSettings()
         self.grid = OccupancyGrid(self.settings.resolution)

@@ -1,4 +1,4 @@
-"""Map of points that returns their mean and covariance around any point.
+"""A map of points that computes their mean and covariance around any point.
 
 Theory of operation
 ===================

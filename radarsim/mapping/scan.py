@@ -2,13 +2,13 @@
 
 Theory of operation
 ===================
-A range alone says that a beam got so far. The beam of a radar that sees through foliage
-ends at something opaque or where its power runs out; echoes tell the two apart, and
-tell where foliage and smoke begin and end. Where a server sends no echoes, each range
+A range alone states how far a beam got. The beam of a radar that sees through foliage
+ends at something opaque or where its power runs out; echoes distinguish the two, and
+show where foliage and smoke begin and end. Where a server sends no echoes, each range
 is taken for something opaque, and nothing is known of foliage.
 
 A hit is a point on something opaque, or a stretch of the beam inside foliage or smoke.
-A range below the minimum range says nothing: a laser in smoke reads zero.
+A range below the minimum range means nothing: a laser in smoke reads zero.
 """
 
 from collections.abc import Sequence
@@ -36,11 +36,11 @@ class BeamEnd(IntEnum):
 
 
 class Layer(IntEnum):
-    """What hits are on, and what the layers of a map hold evidence for."""
+    """Kinds of hits, and the layers of a map that hold evidence for them."""
 
     SOLID = 0
-    FOLIAGE = 1  # and all else that beams enter and robots do not
-    SMOKE = 2  # and all else that both enter
+    FOLIAGE = 1  # and everything else that beams can enter but robots cannot
+    SMOKE = 2  # and everything else that both can enter
     BEAM_END = 3  # where beams end, whatever ends them; only in maps
 
 
@@ -130,7 +130,7 @@ def read_scan(
         report: The ranges.
         echoes: Echoes of the same scan; None where the server sends none.
         max_range: Reading of a beam without return, m; ``inf`` if unknown.
-        min_range: Shorter ranges say nothing, m.
+        min_range: Minimum range, m; shorter ranges are ignored.
         mount: Pose of the scanner on the robot.
     """
     ranges = np.asarray(report.ranges, np.float64)

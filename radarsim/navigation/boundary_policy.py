@@ -8,7 +8,7 @@ there is no path. Bug2 leaves where it meets the line from start to goal again, 
 to the goal than at the hit point, unless the line leads into the obstacle there.
 
 When Bug2 gives up is an option. Choset and others: when it meets its hit point, here
-also another point of its own path, again. The thesis: already when it meets the line
+or another point of its own path, again. The thesis: already when it meets the line
 and is no nearer to the goal there, which gives up on maps that have a path.
 
 Poses drift, so the very same point is never met again. But a robot that follows the
@@ -61,7 +61,7 @@ class Landmark:
 
         Args:
             pose: The robot's pose now.
-            onward: Whether it is to be passed in its direction, or against it.
+            onward: Whether the pass counts along the landmark's direction, or against.
         """
         dx, dy = pose.x - self.x, pose.y - self.y
         c, s = math.cos(self.direction), math.sin(self.direction)
@@ -127,10 +127,10 @@ class Trail:
         self._max_offset = max_offset
 
     def closes(self, step: Step, travelled: float) -> float | None:
-        """Return how far along the trail the landmark lies that is passed again, m.
+        """Return the position along the trail of a landmark that is passed again, m.
 
         Args:
-            step: The newest step; every step has to be passed in.
+            step: The newest step; this has to be called at every step.
             travelled: Path length since the hit point, m.
 
         Returns:

@@ -21,7 +21,7 @@ from radarsim.navigation.boundary_policy import (
 )
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import (
-    STAND,
+    STOP,
     SpeedLimits,
     Twist,
     bearing_of,
@@ -76,10 +76,10 @@ class Bug:
     """Drives to one goal after the other.
 
     Attributes:
-        activity: What it is doing; after ``REACHED`` and ``NO_PATH`` it stands.
+        activity: What the bug is doing; in ``REACHED`` and ``NO_PATH`` it stands still.
         goals: The goals that are left, the next one first, m, map frame.
-        hit_points: Where it met obstacles, m, map frame.
-        leave_points: Where it left them, m, map frame.
+        hit_points: Where it hit boundaries, m, map frame.
+        leave_points: Where it left boundaries, m, map frame.
         circuits: Number of complete circuits around obstacles.
     """
 
@@ -118,7 +118,7 @@ class Bug:
         while not self.is_done and self._is_at_goal(pose):
             self._reach(pose)
         if self.is_done:
-            return STAND
+            return STOP
         if self._policy is None:
             if self._is_free(observation) and not self._is_grazed(observation):
                 return self._go(observation)
@@ -208,7 +208,7 @@ class Bug:
             and self._is_no_nearer(observation.pose)
         ):
             self.activity = Activity.NO_PATH
-            return STAND
+            return STOP
         if decision is Decision.LEAVE:
             return self._leave(observation)
         if decision is Decision.BACK:

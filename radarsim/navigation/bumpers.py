@@ -43,7 +43,7 @@ class Bumper:
     """The state of one bumper.
 
     Attributes:
-        name: Such as ``front_left``.
+        name: Name of the sector, such as ``front_left``.
         pressed: Whether it is pressed, by the rule.
         too_near: Whether a share of the beams is nearer than the safety distance.
         distance: Distance within which a share of the beams ended, m; ``inf`` if they
@@ -158,5 +158,5 @@ def nearest_share(ranges: Floats, share: float) -> float:
 
 
 def pressed_names(bumpers: Sequence[Bumper]) -> tuple[str, ...]:
-    """Return the names of those that are pressed or too near."""
+    """Return the names of the bumpers that are pressed or too near."""
     return tuple(bumper.name for bumper in bumpers if bumper.blocked)

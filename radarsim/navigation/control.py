@@ -19,7 +19,7 @@ HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
 STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
 STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
 STANDSTILL_LIMIT: Final = 60.0  # s
-_LEAST_MOVE = 0.1  # m; anything less is no movement
+_LEAST_MOVE = 0.1  # m; less is due to noise
 _LEAST_TURN = 0.3  # rad
 
 
@@ -31,7 +31,7 @@ class Twist:
     turn: float
 
 
-STAND = Twist(0.0, 0.0)
+STOP = Twist(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns to a bearing, faster forward the better it is met.
+        """Return a twist that turns to a bearing, and drives faster the better it faces it.
 
         Args:
             bearing: rad from the robot's front.
@@ -152,7 +152,7 @@ class ObservationSource(Protocol):
 
     @property
     def missing(self) -> str:
-        """What it waits for."""
+        """The report that it waits for, for messages."""
 
     def take(self, report: Report) -> Observation | None:
         """Process a report; return the observation that it completes, if any."""
@@ -173,7 +173,7 @@ class ControlLoop:
 
         Args:
             client: The connection; its robot is spawned.
-            robot_info: What is known of the robot.
+            robot_info: Properties of the robot.
             source: Receives every report.
             timeout: Time without a scan after which the run is given up, s.
         """
@@ -201,7 +201,7 @@ class ControlLoop:
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
             if waited >= STOP_AFTER and not stopped:
-                self.drive(STAND)
+                self.drive(STOP)
                 stopped = True
             reports = self._read((self._timeout if stopped else STOP_AFTER) - waited)
             newest = None

@@ -18,7 +18,7 @@ MARGIN = 0.13  # m on top of the least safety distance, for noise and for brakin
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
-    """Where a robot is to go, and how.
+    """A navigation mission.
 
     Attributes:
         algorithm: Bug1 or Bug2.
@@ -33,7 +33,7 @@ class Mission:
         bumpers: Number of bumpers.
         share: Share of a bumper's beams that press it.
         rule: When a bumper is pressed.
-        wall_on_left: Whether boundaries are kept on the left.
+        wall_on_left: Whether boundaries are followed on the robot's left.
         give_up: When Bug2 concludes that there is no path.
         pose_source: The sensor that poses are taken from.
         speed_limits: Greatest speeds.
@@ -73,7 +73,7 @@ def run_mission(
 
     Args:
         client: A connection without a robot.
-        mission: Where to go, and how.
+        mission: The mission.
         observe: Called at every scan.
 
     Raises:
@@ -143,7 +143,7 @@ def safety_distance_for(
     """Return the safety distance of a robot, m.
 
     Args:
-        robot_info: What is known of the robot.
+        robot_info: Properties of the robot.
         wanted: m; None for the least one that is safe, and a margin.
         penetration_depth: How far the sensor sees into foliage, m.
 

@@ -1,4 +1,4 @@
-"""What a navigator knows at one moment: its pose, and the ranges around it.
+"""Observations of a navigator: its pose, and the ranges around it.
 
 Ranges are measured from the robot's centre, about which it turns: a turn on the spot
 then changes no distance.
@@ -16,7 +16,7 @@ FAR = 1e3  # m; assumed range of beams without return, to compute their bearings
 
 
 class ScanClock:
-    """Times scans by their time stamps, and by a clock where the stamps stand still.
+    """Times scans by their time stamps, and by a clock where the stamps do not advance.
 
     Some servers send no time stamps, or the same one again and again.
     """
@@ -30,13 +30,15 @@ class ScanClock:
         self._clock = clock
         self._stamp = math.nan
         self._last_read = math.nan
-        self._offset = 0.0  # s by the clock that the stamps have left out
+        self._offset = (
+            0.0  # s that passed by the clock while the stamps did not advance
+        )
 
     def time_of(self, stamp: float) -> float:
         """Return the time of the next scan, s.
 
         Args:
-            stamp: Its time stamp, s; nan if it has none.
+            stamp: Time stamp of the scan, s; nan if it has none.
         """
         now = self._clock()
         if math.isnan(self._stamp):

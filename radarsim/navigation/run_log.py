@@ -66,7 +66,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class GoalLine:
-    """The straight line from where the robot set out for a goal to that goal, m."""
+    """The straight line to a goal from where the robot headed for it first, m."""
 
     start: Point
     goal: Point
@@ -77,10 +77,10 @@ class RunLog:
 
     Attributes:
         rows: One row for each scan.
-        hit_points: Where obstacles were met, m, map frame.
-        leave_points: Where they were left, m, map frame.
+        hit_points: Where boundaries were hit, m, map frame.
+        leave_points: Where boundaries were left, m, map frame.
         goal_lines: The straight lines to the goals so far.
-        circuits: Number of complete circuits after which the robot set out for a leave
+        circuits: Number of complete circuits after which the robot headed for a leave
             point.
         path_length: Length of the estimated path, m.
     """

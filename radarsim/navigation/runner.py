@@ -93,19 +93,19 @@ class NavigationStep:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a run ended, by what the robot itself knows.
+    """How a run ended, by the robot's own measurements.
 
     Attributes:
         outcome: ``reached``, ``no_path``, or ``failed`` when the time was up.
         path_length: Length of the estimated path, m.
         time: Server time from the first scan to the last, s; by the transport's clock
-            where the server's time stamps stand still.
+            where the server's time stamps do not advance.
         hit_points: Hit points, m, map frame.
         leave_points: Leave points, m, map frame.
         circuits: Number of complete circuits around obstacles.
         nearest: Smallest range from the robot's centre, m; ``inf`` for none.
         goals_left: Number of goals that were not reached.
-        safety_distance: The safety distance that was kept, m.
+        safety_distance: The safety distance of the robot, m.
     """
 
     outcome: str
@@ -123,7 +123,7 @@ class ObservationBuilder:
     """Combines scans and poses to observations as their reports arrive.
 
     Attributes:
-        missing: What it waits for.
+        missing: The report that it waits for, for messages.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class ObservationBuilder:
         Args:
             scanner: The scanner to use.
             pose_source: The sensor that poses are taken from.
-            clock: Returns the time in s, where time stamps stand still.
+            clock: Returns the time in s; used where time stamps do not advance.
         """
         self._scanner = scanner
         self._pose_report = POSE_REPORTS[pose_source]
@@ -194,7 +194,7 @@ class Navigator:
 
         Args:
             client: The connection; its robot is spawned.
-            robot_info: What is known of the robot.
+            robot_info: Properties of the robot.
             scanner: The scanner to steer by.
             pose_source: The sensor that poses are taken from.
             timeout: Time without a scan after which the run is given up, s.

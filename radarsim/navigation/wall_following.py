@@ -37,16 +37,18 @@ from radarsim.navigation.control import SpeedLimits, Twist
 from radarsim.navigation.observation import Observation, wrap_angles
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
-MOST_LEAN = 0.8  # rad
+MAX_LEAN = 0.8  # rad
 HEADING_STEP = math.radians(5.0)  # between the directions that are tried
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
-CORNER = 0.15  # m beyond the nearest point of a boundary that still belong to it
-ASIDE = math.radians(10.0)  # off the heading, where the other side of a gap begins
-FACING = math.radians(60.0)  # off the boundary's direction that still leads into it
-_SLACK = 0.1  # m beyond the band at which a boundary counts as lost
-_ROUGH = 0.02  # m that a step may come nearer than is allowed
-_ALIKE = 0.05  # m within which points of the boundary count as equally near
+CORNER_DEPTH = 0.15  # m beyond the nearest point of a boundary that still belong to it
+SIDE_ANGLE = math.radians(10.0)  # off the heading, where the other side of a gap begins
+FACING_ANGLE = math.radians(
+    60.0
+)  # off the boundary's direction that still leads into it
+_LOST_MARGIN = 0.1  # m beyond the band at which a boundary counts as lost
+_STEP_TOLERANCE = 0.02  # m that a step may come nearer than is allowed
+_EQUAL_RANGE = 0.05  # m within which points of the boundary count as equally near
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,14 +185,14 @@ class WallFollower:
         boundary = self._boundary(view)
         if boundary is None:
             return False
-        side = self._near_side(view) & (view.ranges <= boundary.distance + CORNER)
+        side = self._near_side(view) & (view.ranges <= boundary.distance + CORNER_DEPTH)
         offsets = wrap_angles(view.bearings[side] - mode.bearing(bearing))
-        return bool((np.abs(offsets) <= FACING).any())
+        return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
     def _near_side(self, view: Observation) -> NDArray[np.bool_]:
         """Return which beams look ahead or to the left, (N,)."""
         # Bearings jump from pi to -pi straight behind; the left side ends beyond.
-        left: NDArray[np.bool_] = view.bearings >= -ASIDE
+        left: NDArray[np.bool_] = view.bearings >= -SIDE_ANGLE
         return left | (view.bearings < self.bumpers.width / 2 - math.pi)
 
     def _abeam_heading(
@@ -205,31 +207,33 @@ class WallFollower:
         ranges = np.where(within, view.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
-        nearest = ranges <= ranges.min() + _ALIKE
+        nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
     def _boundary(self, view: Observation) -> Boundary | None:
         """Find the nearest point ahead or on the left."""
         left = self._near_side(view)
         ranges, bearings = view.ranges[left], view.bearings[left]
-        if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _SLACK:
+        if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
             return None
         distance = float(ranges.min())
-        return Boundary(_mean_bearing(bearings[ranges <= distance + _ALIKE]), distance)
+        return Boundary(
+            _mean_bearing(bearings[ranges <= distance + _EQUAL_RANGE]), distance
+        )
 
     def _along(self, view: Observation, boundary: Boundary) -> float:
         """Return the heading that keeps the boundary abeam and at its distance, rad."""
         half = max(self._gap(view, boundary) / 2, self.bumpers.safety_distance)
         # A positive lean turns to the left, towards the boundary.
         lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
-        lean = max(-MOST_LEAN, min(MOST_LEAN, lean))
+        lean = max(-MAX_LEAN, min(MAX_LEAN, lean))
         return boundary.bearing - ABEAM + lean
 
     def _gap(self, view: Observation, boundary: Boundary) -> float:
         """Return the width from the boundary's nearest point to the other side, m."""
         # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - boundary.bearing + ABEAM)
-        other = (offsets < -ASIDE) & (offsets > ASIDE - math.pi)
+        other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
         other &= np.isfinite(view.ranges)
         if not other.any():
             return math.inf
@@ -255,7 +259,7 @@ class WallFollower:
         distances = np.hypot(
             x - step * np.cos(headings)[:, None], y - step * np.sin(headings)[:, None]
         )
-        clear = np.flatnonzero(distances.min(axis=1) >= least - _ROUGH)
+        clear = np.flatnonzero(distances.min(axis=1) >= least - _STEP_TOLERANCE)
         if not len(clear):
             return heading - ABEAM  # walled in: turn until an opening comes into view
         return float(headings[clear[0]])

@@ -31,7 +31,7 @@ def tube(centre_line: Floats, radii: Floats, sides: int) -> Mesh:
     Args:
         centre_line: (N, 3) m; at least two points.
         radii: (N,) m; the last one is ignored.
-        sides: At least 3.
+        sides: Number of sides, at least 3.
     """
     rings = len(centre_line) - 1
     u, v = _normals(centre_line)

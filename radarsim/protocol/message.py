@@ -2,7 +2,7 @@
 
 White space around and inside braces is ignored, and so is text between two segments.
 Segments do not nest. Keys match in any case, and the first of two equal keys counts.
-Verbs keep their case here because clients tell replies apart by it.
+Verbs keep their case here because clients distinguish replies by it.
 
 The axes of the wire point x forward, y right and z down, and yaw is clockwise from
 above. They are the axes of REP-103 after half a turn about x. That rotation is its own

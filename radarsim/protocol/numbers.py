@@ -1,6 +1,6 @@
 """Numbers, vectors and truth values as USARSim writes them.
 
-Parsing accepts what clients in the field send: decimal commas of their locale, blanks
+Parsing accepts what existing clients send: decimal commas of their locale, blanks
 or commas between the numbers of a vector. ``nan``, ``1e400`` and ``abc`` are refused,
 so that no such number reaches the simulation.
 """
@@ -98,7 +98,7 @@ def parse_flag(text: str, *, any_case: bool = True) -> bool:
 
 
 class Rounding(Enum):
-    """How a number is brought to its decimals."""
+    """How a number is rounded to its decimals."""
 
     NEAREST = auto()  # to the nearest; zero never has a minus sign
     FLOAT32 = auto()  # as C's printf rounds a float32; -0.00 is possible
@@ -111,7 +111,7 @@ class NumberFormat:
 
     Attributes:
         decimals: Digits after the point, at least 1.
-        rounding: How the number is brought to them.
+        rounding: How numbers are rounded to these decimals.
         step: If given, the number is first cut to a whole multiple of it.
     """
 

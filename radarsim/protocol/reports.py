@@ -1,4 +1,4 @@
-"""What a server tells its clients, from lines and to lines.
+"""The reports of a server, from lines and to lines.
 
 Reports are in REP-103 frames and SI units and not rounded. A report writes itself:
 ``encode`` converts to the axes of the wire and takes digits, keys and their order from

@@ -76,7 +76,7 @@ class LineQueue:
         self._max_scans = max_scans
         self._max_characters = max_characters
         self._buffers: dict[tuple[int, Side], LineBuffer] = {}
-        # two queues, so that a scan is dropped without searching through all else
+        # two queues, so that a scan is dropped without searching all lines
         self._scan_lines: _Numbered = deque()
         self._other_lines: _Numbered = deque()
         self._numbers = count()

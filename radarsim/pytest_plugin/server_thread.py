@@ -69,7 +69,7 @@ class ServerThread(threading.Thread):
         """Close the port and all connections, and stop the thread.
 
         Raises:
-            ExceptionGroup: Of all errors since the start.
+            ExceptionGroup: If there were errors since the start; it contains them all.
         """
         with suppress(RuntimeError):  # its loop is closed if it has failed
             self._end()
@@ -108,7 +108,7 @@ class ServerThread(threading.Thread):
             await server.stop()
 
     def _add_error(self, _: object, context: dict[str, Any]) -> None:
-        """Collect an error of a callback, and stop, so that no client waits in vain."""
+        """Collect an error of a callback, and stop, so that clients do not wait for replies."""
         error = context.get("exception")
         if not isinstance(error, Exception):
             error = RuntimeError(context["message"])

@@ -1,1 +1,1 @@
-"""What a ray meets: Embree behind one door, and the penetration of what it finds."""
+"""Ray tracing: intersection by Embree, and attenuation in what rays penetrate."""

@@ -78,7 +78,7 @@ class EventKind(IntEnum):
     OUT_OF_RANGE = 6
     MIRRORED = 7
     ABSORBED = 8
-    RAIN = 9  # added by sensors; no ray intersects rain
+    RAIN = 9  # added by sensors: rain has no surfaces
 
 
 # numba compiles plain integers faster than the members of an enumeration.

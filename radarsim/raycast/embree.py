@@ -1,4 +1,4 @@
-"""The only door to Embree: its shared library, and scenes built in it.
+"""Embree: its shared library, and scenes built in it.
 
 Theory of operation
 ===================
@@ -195,7 +195,7 @@ class EmbreeScene:
     """Triangle meshes in Embree.
 
     Attributes:
-        handle: What queries need of the scene.
+        handle: The ``SceneHandle`` for queries.
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
 

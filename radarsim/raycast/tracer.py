@@ -77,6 +77,7 @@ class Tracer:
             EngineError: If Embree cannot use a part, or a penetrable part is neither
                 closed nor a sheet.
         """
+        # As a part the air has a number, so that events and echoes can refer to it.
         nothing = np.zeros((0, 3), np.float64), np.zeros((0, 3), np.int32)
         filling = [] if air is None else [Part("air", air, *nothing)]
         self.parts = (*parts, *filling)
@@ -247,10 +248,10 @@ def _check_engine() -> None:
     hedge = Part("hedge", Material("hedge", density=1.0), near, faces)
     wall = Part("wall", Material("wall"), far, faces)
     ray = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=5.0, power=1.0)
-    expect_known_end(Tracer([hedge, wall]).trace(ray))
+    check_known_end(Tracer([hedge, wall]).trace(ray))
 
 
-def expect_known_end(traces: Traces) -> None:
+def check_known_end(traces: Traces) -> None:
     """Check that a ray has ended at 3 m with half its power.
 
     Raises:

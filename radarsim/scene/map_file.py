@@ -97,7 +97,7 @@ def load_map(path_or_name: str | Path) -> Scene:
             name after it select a variant of the map.
 
     Raises:
-        MapError: With all problems of the map and the selected variant.
+        MapError: If the map or the selected variant has problems; it lists all.
     """
     path, variant = find_map(path_or_name)
     return _MapLoader(_read(path), variant).load()
@@ -107,7 +107,7 @@ def load_variants(path_or_name: str | Path) -> list[Scene]:
     """Load a map and then all its variants, or only the selected one.
 
     Raises:
-        MapError: With all problems of any of them.
+        MapError: If any of them has problems; it lists all.
     """
     path, selected = find_map(path_or_name)
     file = _read(path)

@@ -91,8 +91,8 @@ class Scene:
     Attributes:
         name: The stem of the map file.
         level: The level name that the server sends to clients.
-        parts: In the order of the map file.
-        starts: In the order of the map file.
+        parts: The parts, in the order of the map file.
+        starts: The start poses, in the order of the map file.
         materials: All materials by name.
         air: The material that fills the whole scene outside of its parts, such as fog
             or rain; None for clear air, which attenuates nothing.

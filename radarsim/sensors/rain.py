@@ -227,7 +227,7 @@ def _find_cells(events: Any, beams: Any, rain: Any, limits: Any, speckle: Any) -
             contrast, part = _contrast_at(enclosing, rain.contrasts)
             t, budget = _search(t, event.t, limits.cell, contrast, budget)
             if budget <= 0.0:
-                # Power falls linearly between two events; unlimited power does not fall.
+                # Power falls linearly between events; unlimited power does not fall.
                 lost = (power - event.power) * (t - before) if power < np.inf else 0.0
                 lost /= event.t - before
                 # The exponential distribution has no memory: what a detected cell has

@@ -46,7 +46,7 @@ class ScanEchoes:
 
 @dataclass(frozen=True, slots=True)
 class TickOutput:
-    """What one robot gives in one tick.
+    """The reports of one robot in one tick.
 
     Attributes:
         status: The status; None when it is not due.

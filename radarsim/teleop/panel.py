@@ -8,7 +8,7 @@ import numpy as np
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.reports import GroundTruth, Ins, Odometry
 from radarsim.teleop.robot_state import RobotState
-from radarsim.teleop.view import Fragments, ink_of
+from radarsim.teleop.view import Fragments, style_of
 
 WIDTH: Final = 31  # columns
 WARNING: Final = "class:warning"
@@ -28,10 +28,10 @@ def panel_lines(
     commanded: tuple[float, float],
     silence: float,
 ) -> list[Fragments]:
-    """Format what is known of the robot.
+    """Format the state of the robot.
 
     Args:
-        state: Its newest reports.
+        state: Newest state of the robot.
         speed: Speed that the keys set, m/s.
         commanded: The motion commanded last: m/s ahead, rad/s counter-clockwise.
         silence: Wall-clock time since the last report, s.
@@ -70,7 +70,7 @@ def nearest(state: RobotState) -> tuple[str, str]:
     distances = np.hypot(points[:, 0], points[:, 1])
     i = int(distances.argmin())
     text = f"{distances[i]:.2f} m, {bearing(math.atan2(points[i, 1], points[i, 0]))}"
-    return ink_of(float(distances[i]), state.robot_info.clearance), text
+    return style_of(float(distances[i]), state.robot_info.clearance), text
 
 
 def bearing(angle: float) -> str:

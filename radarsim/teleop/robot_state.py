@@ -35,7 +35,7 @@ class RobotState:
     """The newest report of each kind from one robot.
 
     Attributes:
-        facts: What is known of the robot itself.
+        robot_info: Properties of the robot.
         scanner: The scanner that is displayed.
         level: Name of the map.
         time: Server time, s; nan before the first report.

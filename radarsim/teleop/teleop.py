@@ -31,7 +31,7 @@ SIGNALS = (
 
 @dataclass(frozen=True, slots=True)
 class TeleopSettings:
-    """What to drive, and how.
+    """Settings of a teleoperated drive.
 
     Attributes:
         robot: Class of the robot.

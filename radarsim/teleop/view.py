@@ -47,19 +47,19 @@ class Canvas:
         """Width in dots."""
         return self._dots.shape[1]
 
-    def plot(self, across: Floats, down: Floats, ink: str) -> None:
+    def plot(self, across: Floats, down: Floats, style: str) -> None:
         """Set dots.
 
         Args:
             across: (N,) in dots from the left edge; dots off the canvas are ignored.
             down: (N,) in dots from the upper edge.
-            ink: One of the styles of the canvas.
+            style: One of the styles of the canvas.
         """
         # Compared as floats: a distance may be too large for an integer.
         inside = (across >= 0) & (across < self.width)
         inside &= (down >= 0) & (down < self.height)
         at = down[inside].astype(np.intp), across[inside].astype(np.intp)
-        self._dots[at] = np.maximum(self._dots[at], self._styles.index(ink))
+        self._dots[at] = np.maximum(self._dots[at], self._styles.index(style))
 
     def write(self, row: int, column: int, text: str, style: str) -> None:
         """Write text over the dots; what does not fit is cut off."""
@@ -81,9 +81,9 @@ class Canvas:
             lines.append(_joined(line))
         return lines
 
-    def _braille(self, bits: int, ink: int) -> tuple[str, str]:
+    def _braille(self, bits: int, style: int) -> tuple[str, str]:
         # A blank rather than braille without dots, so that copied text is plain.
-        return self._styles[ink], chr(BRAILLE + bits) if bits else " "
+        return self._styles[style], chr(BRAILLE + bits) if bits else " "
 
 
 def _joined(cells: Fragments) -> Fragments:
@@ -101,12 +101,12 @@ MIN_HULL: Final = 8  # dots; a shorter hull is not drawn, only the arrow
 NEAR: Final = 0.3  # m from the circle that a turning robot needs
 MIDDLE: Final = 1.0  # m
 
-INKS: Final = ("class:far", "class:middle", "class:near", "class:robot")
-FAR_INK, MIDDLE_INK, NEAR_INK, ROBOT_INK = INKS
+STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
+FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
 SCALE_STYLE: Final = "class:scale"
 
 
-def ink_of(distance: float, clearance: float) -> str:
+def style_of(distance: float, clearance: float) -> str:
     """Return the style of a point at a distance from the robot's centre.
 
     Args:
@@ -115,8 +115,8 @@ def ink_of(distance: float, clearance: float) -> str:
     """
     free = distance - clearance
     if free < NEAR:
-        return NEAR_INK
-    return MIDDLE_INK if free < MIDDLE else FAR_INK
+        return NEAR_STYLE
+    return MIDDLE_STYLE if free < MIDDLE else FAR_STYLE
 
 
 def draw_view(
@@ -134,22 +134,22 @@ def draw_view(
     Returns:
         The lines from the top, each as wide as asked for.
     """
-    canvas = Canvas(columns, rows, INKS)
+    canvas = Canvas(columns, rows, STYLES)
     dots_per_metre = min(canvas.width, canvas.height) / 2 / radius
 
-    def plot(places: Floats, ink: str) -> None:
+    def plot(places: Floats, style: str) -> None:
         across = canvas.width / 2 - places[:, 1] * dots_per_metre
         down = canvas.height / 2 - places[:, 0] * dots_per_metre
-        canvas.plot(across, down, ink)
+        canvas.plot(across, down, style)
 
     free = np.hypot(points[:, 0], points[:, 1]) - robot_info.clearance
     near, middle = free < NEAR, free < MIDDLE
-    plot(points[~middle], FAR_INK)
-    plot(points[middle & ~near], MIDDLE_INK)
-    plot(points[near], NEAR_INK)
+    plot(points[~middle], FAR_STYLE)
+    plot(points[middle & ~near], MIDDLE_STYLE)
+    plot(points[near], NEAR_STYLE)
     if robot_info.length * dots_per_metre >= MIN_HULL:
-        plot(_hull(robot_info, dots_per_metre), ROBOT_INK)
-    canvas.write(rows // 2, columns // 2, "▲", ROBOT_INK)
+        plot(_hull(robot_info, dots_per_metre), ROBOT_STYLE)
+    canvas.write(rows // 2, columns // 2, "▲", ROBOT_STYLE)
     canvas.write(rows - 1, 0, scale_bar(dots_per_metre, columns), SCALE_STYLE)
     return canvas.lines()
 

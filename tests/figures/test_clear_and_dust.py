@@ -24,12 +24,15 @@ def test_in_clear_air_all_objects_are_read_and_nothing_changes(sensor: str) -> N
     counts = count_readings(sensor, "clear", 0)
     assert counts.objects == counts.all_objects == 18
     assert counts.cloud == 0
-    assert (counts.kept, counts.kept + counts.beside) == (counts.crossing, counts.clear)
+    assert (counts.unchanged, counts.unchanged + counts.beside) == (
+        counts.crossing,
+        counts.clear,
+    )
 
 
 def test_radar_readings_do_not_change_in_dust(dusty: dict[str, Counts]) -> None:
     radar = dusty[RADAR]
-    assert radar.kept == radar.crossing > 0
+    assert radar.unchanged == radar.crossing > 0
     assert radar.cloud == 0
     assert radar.objects == radar.all_objects
 
@@ -38,7 +41,7 @@ def test_laser_reads_the_dust_instead_of_objects_behind_it(
     dusty: dict[str, Counts],
 ) -> None:
     laser = dusty[LASER]
-    assert laser.kept == 0 < laser.crossing
+    assert laser.unchanged == 0 < laser.crossing
     assert laser.cloud > laser.crossing
     assert laser.beside == laser.clear - laser.crossing > 0
     assert laser.objects == 2  # what stands beside the dust
@@ -55,7 +58,7 @@ def test_caption_states_the_conclusion(
     counts = dusty[sensor]
     assert verdict in drawn.caption
     assert f"Of the {counts.crossing} readings" in drawn.caption
-    assert f" {counts.kept} are the same" in drawn.caption
+    assert f" {counts.unchanged} are the same" in drawn.caption
     assert drawn.commands == (scan_spec_for(sensor, "dust", 0).command,)
 
 

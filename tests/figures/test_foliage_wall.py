@@ -14,8 +14,8 @@ from radarsim.figures.foliage_wall import (
     bush_parts,
     count_changes,
     count_ends,
-    count_everywhere,
     count_moved,
+    count_over_grid,
     draw_hokuyo,
     draw_noise,
     draw_radar,
@@ -45,7 +45,7 @@ def test_the_hokuyo_sees_nothing_behind_the_bushes(seed: int) -> None:
     assert counts.behind == 0
     assert counts.objects == ()
     assert counts.inside > 50
-    assert count_everywhere(hokuyo(seed))[1:] == (108 * 228, 0)
+    assert count_over_grid(hokuyo(seed))[1:] == (108 * 228, 0)
 
 
 @pytest.mark.parametrize("offset", [0, 50, 100])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Activity, Bug, BugSettings
 from radarsim.navigation.bumpers import Bumpers, pressed_names
-from radarsim.navigation.control import STAND, SpeedLimits, Twist
+from radarsim.navigation.control import STOP, SpeedLimits, Twist
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm
 from radarsim.navigation.run_log import CELL, GoalLine, RunLog
@@ -136,6 +136,6 @@ def test_yaw_stays_within_half_a_turn() -> None:
     run_log = RunLog()
     observation = Observation(0.0, Pose2(0, 0, 7.0), np.zeros(0), np.zeros(0))
     row = run_log.add(
-        NavigationStep(observation, Activity.NO_PATH, STAND, (), (1.0, 0.0))
+        NavigationStep(observation, Activity.NO_PATH, STOP, (), (1.0, 0.0))
     )
     assert row.yaw == pytest.approx(7.0 - 2 * math.pi)

@@ -12,7 +12,7 @@ from PIL import Image
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Activity, Point
-from radarsim.navigation.control import STAND
+from radarsim.navigation.control import STOP
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.run_log import RunLog
 from radarsim.navigation.runner import NavigationStep
@@ -57,7 +57,7 @@ def record_of(*rows: tuple[float, float, Activity], goal: Point = (4.0, 0.0)) ->
         ranges = np.array([1.0, 2.0, 60.0, math.inf])
         observation = Observation(float(time), Pose2(x, y), np.arange(4.0), ranges)
         next_goal = None if activity is Activity.REACHED else goal
-        run_log.add(NavigationStep(observation, activity, STAND, (), next_goal))
+        run_log.add(NavigationStep(observation, activity, STOP, (), next_goal))
     return run_log
 
 
@@ -106,7 +106,7 @@ def test_several_goals_are_numbered() -> None:
         observation = Observation(
             row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0)
         )
-        run_log.add(NavigationStep(observation, row.activity, STAND, (), row.goal))
+        run_log.add(NavigationStep(observation, row.activity, STOP, (), row.goal))
     assert {"G1", "G2"} <= labels(figure_of(run_log, ""))
 
 

@@ -17,7 +17,7 @@ from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import (
     INITIAL_CAPACITY,
     Tracer,
-    expect_known_end,
+    check_known_end,
     tracer_of,
 )
 from radarsim.scene import shapes
@@ -418,7 +418,7 @@ def test_unexpected_result_of_the_engine_check_is_rejected(
         np.zeros(0, EVENT),
     )
     with pytest.raises(EngineError) as caught:
-        expect_known_end(wrong)
+        check_known_end(wrong)
     assert str(caught.value) == (
         f"a ray of known end ends at {t:.6g} m with power {power:.6g}, expected"
         " 3 m and 0.5: this Embree is laid out otherwise than version 4.4"

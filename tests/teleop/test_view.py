@@ -6,7 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.client import RobotInfo
+<<<<<<< HEAD
 from radarsim.teleop.view import RADII, Canvas, Fragments, draw_view, ink_of, scale_bar
+=======
+from radarsim.teleop.view import RADII, Fragments, draw_view, scale_bar, style_of
+>>>>>>> 69c1b87 (Plain words in docstrings; constants named after what they hold)
 
 COLUMNS, ROWS = 40, 20
 INKS = ("low", "high")
@@ -75,7 +79,7 @@ def test_colours_depend_on_distance(
     robot_info: RobotInfo, distance: float, style: str, angle: float
 ) -> None:
     assert robot_info.clearance == pytest.approx(0.36, abs=0.01)
-    assert ink_of(distance, robot_info.clearance) == style
+    assert style_of(distance, robot_info.clearance) == style
     point = distance * math.cos(angle), distance * math.sin(angle)
     assert style in drawn(robot_info, point, radius=2.0).values()
 
