@@ -36,7 +36,7 @@ def free_space(
 
     Args:
         scene: The map.
-        distance: m.
+        distance: Distance from everything solid, m.
         places: More positions that the floor is to include, m.
     """
     solids = np.array(_solids(scene), dtype=object)

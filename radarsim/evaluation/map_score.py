@@ -58,8 +58,8 @@ class MapScore:
         within_two_cells: The same with one cell more.
         false_obstacles: Number of ``obstacles`` farther from everything solid, per
             known cell that is empty.
-        class_accuracy: Share of the right obstacle and foliage cells that are not the
-            one in place of the other; None if there are none.
+        class_accuracy: Share of the obstacle and foliage cells near something of their
+            own class; cells near neither class do not count. None if none is left.
     """
 
     right: int

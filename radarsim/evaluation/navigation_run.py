@@ -18,7 +18,7 @@ class NavigationRun:
     """One run of a mission, complete or broken off.
 
     Attributes:
-        mission: What the robot is to do.
+        mission: The mission.
         host: The server, if it runs in this process.
         monitor: Watches the true robot, if the server runs in this process.
         run_log: One row for each scan so far.

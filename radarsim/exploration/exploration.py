@@ -125,18 +125,18 @@ class Exploration:
     """One run and its results, which remain available if it fails.
 
     Attributes:
-        plan: What to map, and how.
+        plan: The plan of the exploration.
         mapper: Holds the map and the trajectory; None before the robot is known.
         outcome: How the run ended; ``broken_off`` while it lasts.
         safety_distance: Distance kept from obstacles, m; nan before the robot is known.
-        trip: How far the robot has come.
+        trip: Time and path length so far.
     """
 
     def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
         """Create a run that has not begun.
 
         Args:
-            plan: What to map, and how.
+            plan: The plan of the exploration.
             rng: Generator for strategies that use chance.
         """
         self.plan = plan

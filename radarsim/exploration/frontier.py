@@ -1,9 +1,9 @@
-"""Frontier and short-range coverage: to the nearest tile worth it until none is left.
+"""Frontier and short-range coverage: drive to the nearest target until none is left.
 
 A frontier is where open floor borders on space that no beam has crossed. The robot
 turns round once first, so that other beams cross the gaps between those of one scan.
-Short-range coverage sees all floor from near: what a radar sees of it from afar, and
-through foliage, it sees with wide gaps between its beams.
+Short-range coverage drives until all floor was seen at short range: from afar, and
+through foliage, a radar's beams leave wide gaps.
 """
 
 import math

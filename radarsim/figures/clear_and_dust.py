@@ -46,7 +46,7 @@ class Counts:
 
     Attributes:
         clear: Number of readings in clear air.
-        crossing: Number of these whose beam crosses the dust.
+        crossing: Number of the readings in clear air whose beam crosses the dust.
         unchanged: Number of ``crossing`` that are the same in dust.
         beside: Number of the others that are the same in dust.
         cloud: Number of readings of the dust itself.

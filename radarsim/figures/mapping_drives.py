@@ -125,8 +125,8 @@ class BushCoverage:
     Attributes:
         name: Name of the bush.
         cells: Number of cells that it covers.
-        blue: Number of these that no beam has been in.
-        grey: Number of these that are free within the short range.
+        blue: Number of these cells that no beam has crossed.
+        grey: Number of these cells that are free within the short range.
         middle: Whether a beam has been in its middle.
         beyond: Mean distance of the blue cells east of the bush's middle, m; nan if
             there are none.

@@ -47,7 +47,7 @@ class SpeedLimits:
                 raise ValueError(f"{name} {value!r}, expected above 0 and finite")
 
     def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
-        """Return a twist that turns to a bearing, and drives faster the better it faces it.
+        """Return a twist that turns to a bearing, and is fast once it faces it.
 
         Args:
             bearing: rad from the robot's front.

@@ -30,9 +30,7 @@ class ScanClock:
         self._clock = clock
         self._stamp = math.nan
         self._last_read = math.nan
-        self._offset = (
-            0.0  # s that passed by the clock while the stamps did not advance
-        )
+        self._offset = 0.0  # s by the clock while the stamps did not advance
 
     def time_of(self, stamp: float) -> float:
         """Return the time of the next scan, s.

@@ -24,8 +24,8 @@ class TrafficMapper:
     """Maps what the first robot that scans sends; a ``Consumer`` of its reports.
 
     Attributes:
-        mapper: Holds the map; None before a robot was heard of.
-        trip: How far the robot has come.
+        mapper: The mapper; None before a robot was selected.
+        trip: Time and path length so far.
         error: Why there is no map, or only a part of it; empty if there is one.
         on_scan: Called after every scan that is on the map, in the observer's thread.
         on_guess: Called with the name of a scanner whose mount and limits no client has

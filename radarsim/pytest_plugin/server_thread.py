@@ -108,7 +108,7 @@ class ServerThread(threading.Thread):
             await server.stop()
 
     def _add_error(self, _: object, context: dict[str, Any]) -> None:
-        """Collect an error of a callback, and stop, so that clients do not wait for replies."""
+        """Collect an error of a callback, and stop, so that clients do not wait."""
         error = context.get("exception")
         if not isinstance(error, Exception):
             error = RuntimeError(context["message"])

@@ -171,7 +171,7 @@ class Event:
 
     Attributes:
         t: Distance from the ray's origin along its path, m.
-        kind: What happened.
+        kind: Kind of the event.
         part: The part or robot box involved, numbered as in ``Traces.parts``.
         power: Power of the ray on arrival.
         absorbed: Power that a sheet or an opaque surface takes there.

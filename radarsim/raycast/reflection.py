@@ -39,6 +39,7 @@ def end_before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
     nx, ny, nz = triangle_normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
     direction, crossings = work.direction, work.state.crossings
     along = abs(nx * direction[0] + ny * direction[1] + nz * direction[2])
+    # Along a slanted ray the offset from the mirror's plane is longer.
     near = end.t - MIRROR_OFFSET / max(along, MIRROR_OFFSET)
     while count > 0 and crossings[count - 1].t >= near:
         count -= 1
@@ -68,7 +69,7 @@ def incidence_of(end: Any, scene: Any, work: Any) -> Any:
     Args:
         end: The ``RayEnd``; NaN is returned if it is no hit.
         scene: The ``TracedScene``.
-        work: As the last segment left it.
+        work: The workspace, as the last segment left it.
     """
     if end.outcome != END_HIT:
         return np.nan

@@ -167,7 +167,7 @@ class CollisionResolver:
         """Return the pose to take instead of a wanted pose that is not free."""
         pose = self._robot.pose
         gap = self._gap(pose, lines)
-        # A robot nearer than ``CONTACT_GAP`` slides at its distance; it is not pushed back.
+        # A robot nearer than ``CONTACT_GAP`` slides on; it is not pushed back first.
         clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
         # Without the turn second: beside a wall it may be the turn that is blocked.
         for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):

@@ -11,7 +11,7 @@ class Material:
     """A named material.
 
     Attributes:
-        name: As the map file spells it.
+        name: Name, as the map file spells it.
         density: Penetration power that a radar beam loses per metre inside;
             ``math.inf`` is opaque: the beam ends at the surface.
         laser_density: Penetration power that a laser beam loses per metre inside.

@@ -110,7 +110,7 @@ def style_of(distance: float, clearance: float) -> str:
     """Return the style of a point at a distance from the robot's centre.
 
     Args:
-        distance: m.
+        distance: Distance from the robot's centre, m.
         clearance: Radius that the robot needs to turn, m.
     """
     free = distance - clearance

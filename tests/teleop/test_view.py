@@ -6,14 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.client import RobotInfo
-<<<<<<< HEAD
-from radarsim.teleop.view import RADII, Canvas, Fragments, draw_view, ink_of, scale_bar
-=======
-from radarsim.teleop.view import RADII, Fragments, draw_view, scale_bar, style_of
->>>>>>> 69c1b87 (Plain words in docstrings; constants named after what they hold)
+from radarsim.teleop.view import (
+    RADII,
+    Canvas,
+    Fragments,
+    draw_view,
+    scale_bar,
+    style_of,
+)
 
 COLUMNS, ROWS = 40, 20
-INKS = ("low", "high")
+STYLES = ("low", "high")
 
 
 def cells(lines: list[Fragments]) -> list[list[tuple[str, str]]]:
@@ -139,31 +142,31 @@ def texts(canvas: Canvas) -> list[str]:
     ],
 )
 def test_dots_are_the_unicode_braille_dots(across: int, down: int, letter: str) -> None:
-    canvas = Canvas(1, 1, INKS)
+    canvas = Canvas(1, 1, STYLES)
     canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
     assert texts(canvas) == [letter]
 
 
 def test_empty_canvas_is_blank_rather_than_braille() -> None:
-    assert texts(Canvas(3, 2, INKS)) == ["   ", "   "]
+    assert texts(Canvas(3, 2, STYLES)) == ["   ", "   "]
 
 
-@pytest.mark.parametrize("order", [INKS, INKS[::-1]], ids=["up", "down"])
+@pytest.mark.parametrize("order", [STYLES, STYLES[::-1]], ids=["up", "down"])
 def test_cell_takes_the_style_of_highest_priority(order: tuple[str, str]) -> None:
-    canvas = Canvas(1, 1, INKS)
-    for ink, across in zip(order, (0.0, 1.0), strict=True):
-        canvas.plot(np.array([across]), np.array([0.0]), ink)
+    canvas = Canvas(1, 1, STYLES)
+    for style, across in zip(order, (0.0, 1.0), strict=True):
+        canvas.plot(np.array([across]), np.array([0.0]), style)
     assert canvas.lines() == [[("high", "⠉")]]
 
 
 def test_neighbours_of_one_style_are_one_fragment() -> None:
-    canvas = Canvas(4, 1, INKS)
+    canvas = Canvas(4, 1, STYLES)
     canvas.plot(np.array([2.0, 4.0]), np.array([0.0, 0.0]), "low")
     assert canvas.lines() == [[("", " "), ("low", "⠁⠁"), ("", " ")]]
 
 
 def test_text_covers_dots_and_is_cut_at_the_edge() -> None:
-    canvas = Canvas(3, 1, INKS)
+    canvas = Canvas(3, 1, STYLES)
     canvas.plot(np.array([0.0, 4.0]), np.array([0.0, 0.0]), "high")
     canvas.write(0, 1, "abc", "low")
     assert canvas.lines() == [[("high", "⠁"), ("low", "ab")]]
@@ -176,6 +179,6 @@ coordinates = st.floats(allow_nan=True, allow_infinity=True)
 def test_dots_outside_do_not_change_the_size(
     columns: int, rows: int, places: list[float]
 ) -> None:
-    canvas = Canvas(columns, rows, INKS)
+    canvas = Canvas(columns, rows, STYLES)
     canvas.plot(np.array(places), np.array(places[::-1]), "low")
     assert [len(line) for line in texts(canvas)] == [columns] * rows
