@@ -79,7 +79,7 @@ class BugRun:
             self.outcome = "reached"
             return None
         hit = line.interpolate(segment.length)
-        # clockwise around what is free: obstacles are on the left hand
+        # clockwise around the free space: obstacles are on the left hand
         rings = shapely.get_rings(orient(self.free, -1.0)).tolist()
         ring = LineString(min(rings, key=hit.distance).coords)
         self.hits.append((hit.x, hit.y))

@@ -43,7 +43,7 @@ def fan(offset: float) -> tuple[Floats, Floats]:
 
 
 def ends(scene: Scene, offset: float = 0.0) -> tuple[Floats, Floats]:
-    """Return the ends of beams of power 1, (181, 3) m, and what is left of it there."""
+    """Return the ends of beams of power 1, (181, 3) m, and the power left there."""
     origins, directions = fan(offset)
     walls = np.full(len(ANGLES), np.inf)
     chords: list[list[tuple[float, float, float]]] = [[] for _ in ANGLES]

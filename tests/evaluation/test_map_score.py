@@ -37,14 +37,16 @@ class Painted(OccupancyGrid):
 
 
 def perfect(scene: Scene) -> NDArray[np.uint8]:
-    """Draw a map that is right everywhere indoors."""
+    """Return the classes of a map that is right everywhere indoors."""
     truth = Truth(scene, FRAME, HEIGHT)
     classes = np.where(truth.indoors, CellClass.FREE, CellClass.UNKNOWN).astype(
         np.uint8
     )
     for kind in (CellClass.SMOKE, CellClass.FOLIAGE):
         classes[truth.kinds[kind]] = kind
-    classes[truth.kinds[CellClass.OBSTACLE]] = CellClass.UNKNOWN  # no beam gets into it
+    classes[truth.kinds[CellClass.OBSTACLE]] = (
+        CellClass.UNKNOWN
+    )  # beams do not enter it
     classes[truth.kinds[CellClass.OBSTACLE] & truth.faces(outdoors=False)] = (
         CellClass.OBSTACLE
     )

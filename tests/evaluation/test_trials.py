@@ -105,7 +105,9 @@ def test_closing_the_iterator_terminates_the_trials() -> None:
         pytest.param({"outcome": "failed"}, False, id="failed"),
         pytest.param({"shortest_path": None}, False, id="there is no path"),
         pytest.param(
-            {"shortest_path": None, "outcome": "no_path"}, True, id="and it says so"
+            {"shortest_path": None, "outcome": "no_path"},
+            True,
+            id="no path, and reported",
         ),
     ],
 )

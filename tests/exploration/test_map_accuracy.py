@@ -43,7 +43,7 @@ FollowMode = tuple[tuple[float, float], ...]
 SIZE = 0.05  # m, of a cell
 HEIGHT = 0.346  # m, of a P3AT's scanner
 MOUNT = 0.2085  # m that it is ahead of the robot's middle
-DEPTH = 1 / 0.7  # m that a beam of power 1 gets into foliage of density 0.7
+DEPTH = 1 / 0.7  # m; depth of a beam of power 1 in foliage of density 0.7
 BUSHES, WALLS = "bush", "wall"
 BIG = ("bush_1", "bush_3", "bush_6")
 
@@ -379,7 +379,7 @@ def test_files_have_the_classes_of_the_map(robot: Robot) -> None:
 
 
 def errors(poses: Floats, truth: Floats) -> tuple[float, float]:
-    """Return the roots of the mean squares of what poses are off, m and degrees."""
+    """Return the root mean square errors of poses, m and degrees."""
     columns = (truth[:, 1], truth[:, 2], np.unwrap(truth[:, 3]))
     true = [np.interp(poses[:, 0], truth[:, 0], column) for column in columns]
     x, y, yaw = poses[:, 1:].T - true

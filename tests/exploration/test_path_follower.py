@@ -64,7 +64,7 @@ TWO_ROOMS = np.concatenate(
         [[[0.0, -2.5], [0.0, -0.9]], [[0.0, 0.9], [0.0, 2.5]]],
     ]
 )
-# The same with a gap that no robot gets through.
+# The same with a gap that is too narrow for the robot.
 TOO_NARROW = np.concatenate(
     [TWO_ROOMS, [[[0.0, -0.9], [0.0, -0.3]], [[0.0, 0.3], [0.0, 0.9]]]]
 )

@@ -1,4 +1,4 @@
-"""The floor of a room of 12 by 8 m, as its map shows it."""
+"""Traversability of a mapped room of 12 by 8 m."""
 
 import math
 from collections.abc import Callable
@@ -131,14 +131,14 @@ def test_foliage_keeps_a_robot_out_though_beams_get_in(
     scan = look(nowhere, Pose2(0.0, 0.0))
     beams = np.arange(170, 191)
     here, there = np.full(len(beams), 2.0), np.full(len(beams), 3.0)
-    what = np.full(len(beams), Layer.FOLIAGE, np.int8)
+    layers = np.full(len(beams), Layer.FOLIAGE, np.int8)
     scan = PlanarScan(
         scan.time,
         scan.mount,
         scan.angles,
         scan.known_range,
         scan.ends,
-        BeamHits(beams, here, there, what),
+        BeamHits(beams, here, there, layers),
         sees_through=True,
     )
     grid = OccupancyGrid()

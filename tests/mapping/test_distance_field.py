@@ -9,7 +9,7 @@ from radarsim.mapping.distance_field import distance_field
 from radarsim.rng import generator_for
 
 
-def by_hand(cells: NDArray[np.bool_], reach: float) -> Floats:
+def expected_distances(cells: NDArray[np.bool_], reach: float) -> Floats:
     rows, columns = np.nonzero(cells)
     found = np.full(cells.shape, np.inf)
     for i, j in np.ndindex(*cells.shape):
@@ -28,7 +28,9 @@ def test_distance_field_holds_distances_to_the_nearest_cell(
     seed: int, share: float, reach: float, shape: tuple[int, int]
 ) -> None:
     cells = generator_for(seed, "cells").random(shape) < share
-    assert distance_field(cells, reach) == pytest.approx(by_hand(cells, reach))
+    assert distance_field(cells, reach) == pytest.approx(
+        expected_distances(cells, reach)
+    )
 
 
 def test_all_distances_are_infinite_without_true_cells() -> None:

@@ -24,7 +24,7 @@ metres = st.floats(-40, 40)
 points = st.tuples(metres, metres)
 
 
-def holding(*places: tuple[float, float]) -> GridFrame:
+def frame_of(*places: tuple[float, float]) -> GridFrame:
     frame = GridFrame(SIZE)
     for place in places:
         frame = frame.extended_to(place, place)
@@ -33,7 +33,7 @@ def holding(*places: tuple[float, float]) -> GridFrame:
 
 @given(places=st.lists(points, min_size=1, max_size=6))
 def test_extended_frame_contains_the_box(places: list[tuple[float, float]]) -> None:
-    frame = holding(*places)
+    frame = frame_of(*places)
     assert all(frame.cell(x, y) is not None for x, y in places)
 
 
@@ -41,7 +41,7 @@ def test_extended_frame_contains_the_box(places: list[tuple[float, float]]) -> N
 def test_frame_is_unchanged_if_it_contains_the_box(
     places: list[tuple[float, float]], place: tuple[float, float]
 ) -> None:
-    frame = holding(*places, place)
+    frame = frame_of(*places, place)
     assert frame.extended_to(place, place) == frame
 
 
@@ -49,7 +49,7 @@ def test_frame_is_unchanged_if_it_contains_the_box(
 def test_copied_cells_keep_place_and_content(
     places: list[tuple[float, float]], place: tuple[float, float]
 ) -> None:
-    small = holding(place)
+    small = frame_of(place)
     cells = np.zeros(small.shape, np.int8)
     row, column = small.cell(*place) or (-1, -1)
     cells[row, column] = 7
@@ -63,7 +63,7 @@ def test_copied_cells_keep_place_and_content(
 
 @given(place=points)
 def test_cell_centers_are_in_their_cells(place: tuple[float, float]) -> None:
-    frame = holding(place)
+    frame = frame_of(place)
     x, y = frame.cell_centers()
     row, column = frame.cell(*place) or (-1, -1)
     assert abs(x[column] - place[0]) <= SIZE / 2 + 1e-9
@@ -72,14 +72,14 @@ def test_cell_centers_are_in_their_cells(place: tuple[float, float]) -> None:
 
 
 def test_frame_grows_in_steps_of_many_cells() -> None:
-    frame = holding((0.0, 0.0))
+    frame = frame_of((0.0, 0.0))
     assert frame.shape == (GROWTH_STEP, GROWTH_STEP)
     assert frame.extended_to((-0.01, 0), (0, 0)).shape == (GROWTH_STEP, 2 * GROWTH_STEP)
 
 
 def test_position_outside_has_no_cell() -> None:
     assert GridFrame(SIZE).cell(0, 0) is None
-    assert holding((0.0, 0.0)).cell(-0.01, 0) is None
+    assert frame_of((0.0, 0.0)).cell(-0.01, 0) is None
 
 
 @pytest.mark.parametrize("far", [1e4, math.inf, math.nan])
@@ -106,7 +106,7 @@ def fan(n: int = 61) -> Floats:
     return np.radians(np.linspace(-30, 30, n))
 
 
-def thing(
+def echoes_of_object(
     name: str, kind_near: str, near: Floats, kind_far: str, far: Floats, *, passes: bool
 ) -> TargetEchoes:
     """Return the echoes of an object that all beams enter, and leave or end in."""
@@ -127,11 +127,17 @@ def through(near: float, far: float, end: float | None, *, passes: bool) -> Plan
     """
     slope = 1 / np.cos(fan())
     if end is None:
-        slab = thing("slab", "enter", near * slope, "spent", far * slope, passes=passes)
+        slab = echoes_of_object(
+            "slab", "enter", near * slope, "spent", far * slope, passes=passes
+        )
         seen, ranges = [slab], far * slope
     else:
-        slab = thing("slab", "enter", near * slope, "leave", far * slope, passes=passes)
-        wall = thing("wall", "hit", end * slope, "hit", end * slope, passes=False)
+        slab = echoes_of_object(
+            "slab", "enter", near * slope, "leave", far * slope, passes=passes
+        )
+        wall = echoes_of_object(
+            "wall", "hit", end * slope, "hit", end * slope, passes=False
+        )
         seen, ranges = [slab, wall], end * slope
     report = RangeScan(0.0, "lms200", math.radians(1), math.radians(60), ranges)
     return read_scan(report, seen, max_range=MAX_RANGE)

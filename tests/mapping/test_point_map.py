@@ -40,7 +40,7 @@ def bump(x: float) -> float:
     return 0.5 * max(1.5 - abs(x), 0.0) ** 2
 
 
-def by_hand(points: Floats, x: float, y: float) -> tuple[float, ...] | None:
+def expected_shape(points: Floats, x: float, y: float) -> tuple[float, ...] | None:
     """Compute the shape by its definition, point by point."""
     for level in range(LEVELS):
         size = FINEST * 2**level
@@ -65,7 +65,7 @@ def test_empty_map_has_no_shapes() -> None:
 def test_shapes_match_the_definition(seed: int, x: float, y: float) -> None:
     points = generator_for(seed, "points").uniform(-3, 3, (200, 2))
     found, *shape = shape_around(map_of(points).table, x, y)
-    expected = by_hand(points, x, y)
+    expected = expected_shape(points, x, y)
     assert found == (expected is not None)
     if expected is not None:
         assert shape == pytest.approx(list(expected), abs=1e-9)

@@ -33,7 +33,7 @@ def on_the_map(places: Floats, pose: Pose2) -> Floats:
 
 
 def map_from(look: Look, walls: Floats, pose: Pose2) -> PointMap:
-    """Create a map of what is seen from around a pose, without error."""
+    """Create a map of exact scans from poses around a pose."""
     known = PointMap()
     for dx, dy in [(-0.4, 0.0), (0.0, 0.3), (0.3, -0.2), (0.0, 0.0)]:
         near = Pose2(pose.x + dx, pose.y + dy, pose.yaw + dx)

@@ -76,7 +76,7 @@ class Flatland:
         self.nearest = min(self.nearest, float(self._lines.distance(place)))
 
     def run(self, bug: Bug, *, steps: int = 20_000) -> None:
-        """Let a bug drive until it is done."""
+        """Run a bug until it is done."""
         for _ in range(steps):
             self.move(bug.step(self.scan()))
             if bug.is_done:

@@ -84,7 +84,7 @@ def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
 
 def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
     ends = {}
-    for rule in GiveUp:  # the line passes the hit point and goes on to the right
+    for rule in GiveUp:  # the line continues to the right of the hit point
         policy = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
         angle, verdict = 0.0, Decision.ONWARD
         while verdict is Decision.ONWARD:

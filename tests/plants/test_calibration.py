@@ -24,7 +24,7 @@ from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box, cylinder, sphere
 
 CENTRE = np.array([3.0, -2.0, 1.0])
-FACETS = 0.012  # what faces lie inside of the true sphere lets so much more through
+FACETS = 0.012  # relative error, since faces lie inside the true sphere
 
 
 def rays_at(radius: float, seed: int = 0) -> Rays:

@@ -24,7 +24,7 @@ NAMES = ["shrub_ball", "shrub_cloud", "shrub_leaves", "tree", "young_tree"]
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def mesh_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("meshes").resolve()
     write_atomically({folder / n: data for n, data in plant_files(SEED).items()})
     return folder
@@ -37,9 +37,9 @@ def surfaces(folder: Path, name: str) -> dict[str | None, Surface]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_meshes_are_those_that_the_program_writes(
-    made: Path, name: str
+    mesh_files: Path, name: str
 ) -> None:
-    shipped, new = surfaces(SHIPPED, name), surfaces(made, name)
+    shipped, new = surfaces(SHIPPED, name), surfaces(mesh_files, name)
     assert set(shipped) == set(new) == {WOOD, LEAVES}
     for material, surface in shipped.items():
         twin = new[material]
@@ -54,11 +54,13 @@ def test_there_are_no_other_mesh_files_and_they_are_small() -> None:
     assert sum(file.stat().st_size for file in files) < 3e6
 
 
-def test_same_seed_gives_the_same_bytes_and_another_one_others(made: Path) -> None:
+def test_same_seed_gives_the_same_bytes_and_another_one_others(
+    mesh_files: Path,
+) -> None:
     for name, content in plant_files(SEED).items():
-        assert (made / name).read_bytes() == content
+        assert (mesh_files / name).read_bytes() == content
     for name, content in plant_files(SEED + 1).items():
-        assert (made / name).read_bytes() != content
+        assert (mesh_files / name).read_bytes() != content
 
 
 def test_mesh_survives_the_file_with_y_up(tmp_path: Path) -> None:

@@ -61,28 +61,28 @@ class Recorder(Host):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene, config=CONDITIONS, seed=7)
-        self.heard: list[bytes] = []
-        self.said: list[bytes] = []
+        self.received: list[bytes] = []
+        self.sent_bytes: list[bytes] = []
 
     def connect(self) -> int:
         number = super().connect()
-        self.heard.append(b"")
-        self.said.append(b"")
+        self.received.append(b"")
+        self.sent_bytes.append(b"")
         return number
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         notices = super().receive(number, data)
-        self.heard[number - 1] += data
+        self.received[number - 1] += data
         return notices
 
     def take(self, number: int) -> bytes:
-        return self._say(number, super().take(number))
+        return self._record(number, super().take(number))
 
     def drain_and_finish(self, number: int) -> bytes:
-        return self._say(number, super().drain_and_finish(number))
+        return self._record(number, super().drain_and_finish(number))
 
-    def _say(self, number: int, data: bytes) -> bytes:
-        self.said[number - 1] += data
+    def _record(self, number: int, data: bytes) -> bytes:
+        self.sent_bytes[number - 1] += data
         return data
 
 
@@ -122,17 +122,17 @@ class Transport:
         self.sent = b""
         self.got = b""
         self.inbox = b""
-        self.index = len(world.host.said)
+        self.index = len(world.host.sent_bytes)
         self.socket = socket.create_connection(world.address, TIMEOUT)
         world.links.append(self)
-        self._wait(lambda: len(world.host.said) > self.index)
+        self._wait(lambda: len(world.host.sent_bytes) > self.index)
         self._arrive()
 
     def send(self, data: bytes) -> None:
         self.sent += data
         self.socket.sendall(data)
-        heard = self.world.host.heard
-        self._wait(lambda: len(heard[self.index]) == len(self.sent))
+        received = self.world.host.received
+        self._wait(lambda: len(received[self.index]) == len(self.sent))
         self._arrive()
 
     def read(self) -> bytes:
@@ -163,8 +163,8 @@ class Transport:
 
     def _arrive(self) -> None:
         """Wait for all that the server has sent."""
-        self.world.run(asyncio.sleep(0))  # what it does about what it heard is done
-        while len(self.got) < len(self.world.host.said[self.index]):
+        self.world.run(asyncio.sleep(0))  # the server has handled the data
+        while len(self.got) < len(self.world.host.sent_bytes[self.index]):
             data = self.socket.recv(65536)
             self.got += data
             self.inbox += data
@@ -179,8 +179,8 @@ class Transport:
 class Dialogue(NamedTuple):
     """One dialogue: the data of each side, by connection, and the client."""
 
-    said: list[bytes]
-    heard: list[bytes]
+    sent_bytes: list[bytes]
+    received: list[bytes]
     got: list[bytes]
     sent: list[bytes]
     commander: "usarcommander.Commander"
@@ -200,7 +200,7 @@ def running(scene: Scene) -> Iterator[World]:
 
 
 @contextmanager
-def tapped(world: World, listener: TrafficObserver) -> Iterator[None]:
+def with_proxy(world: World, listener: TrafficObserver) -> Iterator[None]:
     proxy = TcpProxy(world.server.address, listener.add_data)
     world.run(proxy.start())
     world.address = proxy.address
@@ -217,7 +217,7 @@ def play(world: World) -> Dialogue:
     commander.link.close()
     host, links = world.host, world.links
     got, sent = [link.got for link in links], [link.sent for link in links]
-    return Dialogue(host.said, host.heard, got, sent, commander)
+    return Dialogue(host.sent_bytes, host.received, got, sent, commander)
 
 
 class Mapping:
@@ -252,11 +252,11 @@ def test_proxy_changes_no_byte_and_observer_maps(
         RobotSelector(mapping.begin), LineQueue(max_scans=10_000)
     )
     with running(empty_room) as world:
-        with tapped(world, listener):
+        with with_proxy(world, listener):
             through = play(world)
-        assert len(through.said) == 3
-        assert through.said == through.got == direct.said == direct.got
-        assert through.heard == through.sent == direct.heard == direct.sent
+        assert len(through.sent_bytes) == 3
+        assert through.sent_bytes == through.got == direct.sent_bytes == direct.got
+        assert through.received == through.sent == direct.received == direct.sent
     commander = through.commander
     assert len(commander.patches) > 5
     assert commander.patches == direct.commander.patches
@@ -291,7 +291,7 @@ def test_map_equals_that_of_what_the_client_received(
     listener = TrafficObserver(
         RobotSelector(mapping.begin), LineQueue(max_scans=10_000)
     )
-    with running(empty_room) as world, tapped(world, listener):
+    with running(empty_room) as world, with_proxy(world, listener):
         play(world)
     assert mapping.mapper is not None
     own = Mapper(mapping.mapper.scanner, mapping.mapper.settings)

@@ -162,12 +162,12 @@ def test_echoes_are_expected_after_they_were_enabled(
 
 
 def test_names_ignore_case(scan_line: ScanLine) -> None:
-    heard = ConnectionState(1)
-    heard.receive_server_line(
+    connection = ConnectionState(1)
+    connection.receive_server_line(
         "GEO {Type RangeScanner} {Name LMS200 Location 0.2,0,0 Orientation 0,0,0"
         " Mount HARD}"
     )
-    heard.receive_server_line(scan_line(1.0))
-    facts = heard.scanner("lms200")
+    connection.receive_server_line(scan_line(1.0))
+    facts = connection.scanner("lms200")
     assert facts is not None
     assert facts.mount.x == 0.2

@@ -1,4 +1,4 @@
-"""Which robot is observed, and that no consumer delays the traffic."""
+"""Selection of the observed robot, and consumers that do not delay the traffic."""
 
 import math
 import sys

@@ -70,18 +70,18 @@ class ProxySetup:
     """A server, clients, and the proxy between them."""
 
     def __init__(self) -> None:
-        self.heard: dict[tuple[int, Side], bytearray] = {}
+        self.received: dict[tuple[int, Side], bytearray] = {}
         self.peers: list[Peer] = []
         self.arrivals: asyncio.Queue[Peer] = asyncio.Queue()
         self.proxy = TcpProxy(("", 0), self.on_data)
 
     def on_data(self, number: int, side: Side, data: bytes) -> None:
-        self.heard.setdefault((number, side), bytearray()).extend(data)
+        self.received.setdefault((number, side), bytearray()).extend(data)
 
     def observed(self, number: int) -> tuple[bytes, bytes]:
         """Return the observed data of a connection, of the client and the server."""
-        client = self.heard.get((number, "client"), b"")
-        return bytes(client), bytes(self.heard.get((number, "server"), b""))
+        client = self.received.get((number, "client"), b"")
+        return bytes(client), bytes(self.received.get((number, "server"), b""))
 
     async def client(self) -> Peer:
         peer = Peer(*await asyncio.open_connection(*self.proxy.address, limit=2**14))
@@ -150,7 +150,7 @@ async def proxy_for(address: tuple[str, int]) -> AsyncIterator[ProxySetup]:
                 await peer.writer.wait_closed()
 
 
-async def say(steps: list[tuple[str, bytes]]) -> None:
+async def exchange(steps: list[tuple[str, bytes]]) -> None:
     sent = {"client": b"", "server": b""}
     async with opened() as proxy_setup:
         client, server = await proxy_setup.pair()
@@ -172,7 +172,7 @@ async def say(steps: list[tuple[str, bytes]]) -> None:
 def test_both_sides_receive_what_the_other_sends(
     steps: list[tuple[str, bytes]],
 ) -> None:
-    asyncio.run(say(steps))
+    asyncio.run(exchange(steps))
 
 
 async def test_large_data_passes_in_both_directions_at_once(
@@ -239,7 +239,9 @@ async def test_broken_connection_ends_the_other_after_its_data(
         one, other = await proxy_setup.pair()
         if broken == "server":
             one, other = other, one
-        await other.send(b"x" * 20_000)  # what is not read makes closing a break
+        await other.send(
+            b"x" * 20_000
+        )  # closing with unread data breaks the connection
         await one.send(b"last words")
         one.reset()
         assert await other.rest() == b"last words"
@@ -438,17 +440,17 @@ async def test_robot_is_removed_with_its_client(empty_room: Scene) -> None:
     ],
 )
 async def test_signal_ends_the_proxy_with_its_exit_code(number: int, code: int) -> None:
-    heard: list[tuple[str, int]] = []
+    announced: list[tuple[str, int]] = []
     before = signal.getsignal(number)
 
     def announce(address: tuple[str, int]) -> None:
-        heard.append(address)
+        announced.append(address)
         os.kill(os.getpid(), number)
         os.kill(os.getpid(), number)  # some people press Ctrl-C twice
 
     proxy = TcpProxy(("127.0.0.1", 1), lambda *_: None)
     assert await forward_until_signal(proxy, "127.0.0.1", 0, announce) == code
-    ((host, port),) = heard
+    ((host, port),) = announced
     assert host == "127.0.0.1"
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection((host, port), 1)
@@ -456,12 +458,12 @@ async def test_signal_ends_the_proxy_with_its_exit_code(number: int, code: int) 
 
 
 async def test_taken_port_fails_before_the_announcement() -> None:
-    heard: list[tuple[str, int]] = []
+    announced: list[tuple[str, int]] = []
     before = signal.getsignal(signal.SIGINT)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         proxy = TcpProxy(("127.0.0.1", 1), lambda *_: None)
         with pytest.raises(ServerError, match=f"cannot listen on 127.0.0.1:{port}"):
-            await forward_until_signal(proxy, "127.0.0.1", port, heard.append)
-    assert heard == []
+            await forward_until_signal(proxy, "127.0.0.1", port, announced.append)
+    assert announced == []
     assert signal.getsignal(signal.SIGINT) == before

@@ -157,7 +157,7 @@ LAYERS = st.lists(
 )
 
 
-def by_hand(
+def expected_end(
     layers: list[tuple[float, float, float]], power: float, max_range: float
 ) -> tuple[float, Outcome, float]:
     """Compute the end in a stack of layers (start, thickness, density)."""
@@ -192,7 +192,7 @@ def test_random_stacks_of_layers_match_a_direct_sum(
         max_range=max_range,
         hit=99,
     )
-    t, outcome, left = by_hand(layers, power, max_range)
+    t, outcome, left = expected_end(layers, power, max_range)
     if ending.outcome != outcome:  # spent at the very last, or just not
         assert abs(ending.power - left) < 1e-9
         return

@@ -125,7 +125,7 @@ def ahead(
     ray_direction: tuple[float, float, float],
     max_range: float = 100.0,
 ) -> tuple[list[tuple[float, int, int]], float, int]:
-    """Return the list that is ahead, in order, and what stops the ray."""
+    """Return the surfaces ahead, in order, and the range and part of the end."""
     crossings, role_table = np.zeros(32, CROSSING), np.array(roles, np.uint8)
     block = new_ray_buffer(scene.handle, crossings)
     start, direction = np.array(origin, float), np.array(ray_direction, float)

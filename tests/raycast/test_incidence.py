@@ -1,4 +1,4 @@
-"""At which angle surfaces are hit, against closed forms."""
+"""Angles of incidence, against closed forms."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Mirrors, what absorbs, air, and dB: against the geometry of mirror images."""
+"""Mirrors, absorbers, air and dB, against the geometry of mirror images."""
 
 import math
 from typing import Any

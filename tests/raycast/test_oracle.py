@@ -1,9 +1,9 @@
-"""The engine against an oracle that shares nothing with it.
+"""The engine against an oracle that shares no code with it.
 
 The oracle cuts a ray at every plane of a triangle that it comes near, by Moeller and
 Trumbore, and asks for the middle of each piece which volumes contain it, by the solid
 angle of their faces. Too many cuts do no harm. No order of crossings, no winding along
-the ray, no tree of boxes, no float32: what it shares with the engine is the law.
+the ray, no tree of boxes, no float32: they share only the physical law.
 """
 
 import math
@@ -33,7 +33,7 @@ HEDGE = Material("hedge", density=0.4)
 SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
 GLASS = Material("glass", density=math.inf, laser_density=0.2)
 LEAF = Material("leaf", density=0.0, sheet_loss=0.25)
-EXACT = 1e-6  # what float64 comes to, grazing rays included
+EXACT = 1e-6  # accuracy of float64, grazing rays included
 
 
 def ball(radius: float, at: Place, rough: int = 1) -> Solid:
@@ -54,7 +54,7 @@ def inverted(solid: Solid) -> Solid:
 
 
 def concatenate(*solids: Solid) -> Solid:
-    """Put shells into one mesh."""
+    """Concatenate shells to one mesh."""
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in solids[:-1])])
     faces = [f + shift for (_, f), shift in zip(solids, offsets, strict=True)]
     return np.vstack([v for v, _ in solids]), np.vstack(faces).astype(np.int32)
@@ -73,7 +73,7 @@ def moved(parts: Sequence[Part], by: Sequence[float]) -> list[Part]:
 
 @dataclass(frozen=True)
 class Answer:
-    """One ray's end: how far, how, with what power left."""
+    """End of one ray: range, outcome and remaining power."""
 
     t: float
     outcome: Outcome
@@ -330,7 +330,7 @@ def test_scenes_match_the_oracle_from_a_kilometre_away(make: Make) -> None:
     compare(parts, origins, directions, max_range=1500.0)
 
 
-def in_many_ways(rng: np.random.Generator, parts: Sequence[Part]) -> list[Part]:
+def shuffled(rng: np.random.Generator, parts: Sequence[Part]) -> list[Part]:
     """Shuffle the parts, their triangles, and which corner of one comes first."""
     shuffled = []
     for index in rng.permutation(len(parts)):
@@ -351,7 +351,7 @@ def test_order_of_parts_and_triangles_does_not_matter(seed: int, make: Make) -> 
     parts = make(rng)
     origins, directions = some_rays(rng, parts, 300)
     rays = Rays.uniform(origins, directions, max_range=80.0, power=1.0)
-    one, other = (Tracer(p).trace(rays) for p in (parts, in_many_ways(rng, parts)))
+    one, other = (Tracer(p).trace(rays) for p in (parts, shuffled(rng, parts)))
     np.testing.assert_allclose(other.ranges, one.ranges, rtol=0, atol=EXACT)
     np.testing.assert_allclose(other.power, one.power, rtol=0, atol=EXACT)
     assert other.outcomes.tolist() == one.outcomes.tolist()

@@ -116,7 +116,7 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
             "{based_on: foliage, laser_db_per_m: 3}",
             "foliage",
             {"laser_density": 0.0, "laser_db": 3.0},
-            id="light gets in",
+            id="not opaque to a laser",
         ),
         pytest.param(
             "{based_on: foliage, sheet_loss: 0.1}",
@@ -140,13 +140,13 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
             "{based_on: metal, density: 1}",
             "metal",
             {"density": 1.0, "radar_mirror": False, "absorption_db": 0.0},
-            id="what beams enter is no mirror",
+            id="mirror that is not opaque to a radar",
         ),
         pytest.param(
             "{based_on: metal, laser_density: 0}",
             "metal",
             {"laser_density": 0.0, "laser_mirror": False, "laser_absorption_db": 0.0},
-            id="nor what light enters",
+            id="mirror that is not opaque to a laser",
         ),
         pytest.param(
             "{based_on: metal, mirror: none, absorption_db: 20}",

@@ -38,9 +38,9 @@ def keyboard() -> Iterator[PipeInput]:
         yield keys
 
 
-async def until(true: Callable[[], bool], silence_limit: float = 5.0) -> None:
+async def until(condition: Callable[[], bool], silence_limit: float = 5.0) -> None:
     async with asyncio.timeout(silence_limit):
-        while not true():  # noqa: ASYNC110 - what is watched knows no events
+        while not condition():  # noqa: ASYNC110 - the condition has no event
             await asyncio.sleep(0.01)
 
 
@@ -76,7 +76,7 @@ async def faulty_server(
 
     Yields the client, which has a robot, and the lines that the server received.
     """
-    heard: list[bytes] = []
+    received: list[bytes] = []
     done = asyncio.Event()
 
     async def behave(
@@ -88,7 +88,7 @@ async def faulty_server(
         if drop:
             writer.close()
         while line := await reader.readline():
-            heard.append(line)
+            received.append(line)
         writer.close()
         done.set()
 
@@ -97,7 +97,7 @@ async def faulty_server(
         port = server.sockets[0].getsockname()[1]
         async with await AsyncClient.connect(port=port) as client:
             await client.spawn("P3AT")
-            yield client, heard
+            yield client, received
         await done.wait()
 
 
@@ -133,17 +133,17 @@ async def test_exit_code_and_stop_command_at_the_end(
     state: RobotState, keyboard: PipeInput, text: str, number: int | None, code: int
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
-    async with faulty_server(beats=3) as (client, heard):
+    async with faulty_server(beats=3) as (client, received):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         running = asyncio.create_task(driver.run())
         keyboard.send_text("W")
-        await until(lambda: len(heard) > 1)
+        await until(lambda: len(received) > 1)
         keyboard.send_text(text)
         for _ in range(0 if number is None else 2):
             os.kill(os.getpid(), number or 0)
         assert await running == code
-    assert heard[1].startswith(b"DRIVE {Left 4.0}")
-    assert heard[-1].startswith(b"DRIVE {Left 0.0}")
+    assert received[1].startswith(b"DRIVE {Left 4.0}")
+    assert received[-1].startswith(b"DRIVE {Left 0.0}")
     assert signal.getsignal(signal.SIGTERM) is before
 
 
@@ -157,7 +157,7 @@ async def test_exit_code_and_stop_command_at_the_end(
 async def test_lost_server_ends_teleop(
     state: RobotState, keyboard: PipeInput, drop: bool, kind: type, text: str
 ) -> None:
-    async with faulty_server(beats=3, drop=drop) as (client, heard):
+    async with faulty_server(beats=3, drop=drop) as (client, received):
         driver = Teleop(
             client,
             state,
@@ -169,18 +169,18 @@ async def test_lost_server_ends_teleop(
         keyboard.send_text("w")
         with pytest.raises(kind, match=text):
             await driver.run()
-    assert drop or heard[-1].startswith(b"DRIVE {Left 0.0}")
+    assert drop or received[-1].startswith(b"DRIVE {Left 0.0}")
 
 
 async def test_closed_keyboard_ends_teleop(
     state: RobotState, keyboard: PipeInput
 ) -> None:
-    async with faulty_server(beats=1) as (client, heard):
+    async with faulty_server(beats=1) as (client, received):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
         keyboard.close()
         with pytest.raises(RadarsimError, match="keyboard"):
             await driver.run()
-    assert len(heard) == 2, "nothing but INIT and a stop"
+    assert len(received) == 2, "nothing but INIT and a stop"
 
 
 @pytest.mark.parametrize(

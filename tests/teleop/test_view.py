@@ -28,7 +28,7 @@ def cells(lines: list[Fragments]) -> list[list[tuple[str, str]]]:
 def drawn(
     robot_info: RobotInfo, *points: tuple[float, float], radius: float = 10.0
 ) -> dict[tuple[int, int], str]:
-    """Styles of what is drawn in a style, by row and column; without the last row."""
+    """Return the styles of drawn cells by row and column, without the last row."""
     places = np.array(points).reshape(-1, 2)
     grid = cells(draw_view(places, robot_info, radius, COLUMNS, ROWS))
     return {
