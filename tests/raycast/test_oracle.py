@@ -332,14 +332,14 @@ def test_scenes_match_the_oracle_from_a_kilometre_away(make: Make) -> None:
 
 def shuffled(rng: np.random.Generator, parts: Sequence[Part]) -> list[Part]:
     """Shuffle the parts, their triangles, and which corner of one comes first."""
-    shuffled = []
+    result = []
     for index in rng.permutation(len(parts)):
         p = parts[index]
         faces = p.faces[rng.permutation(len(p.faces))]
         first = rng.integers(3, size=len(faces))
         faces = np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
-        shuffled.append(Part(p.object_name, p.material, p.vertices, faces))
-    return shuffled
+        result.append(Part(p.object_name, p.material, p.vertices, faces))
+    return result
 
 
 @settings(deadline=None, max_examples=15)
