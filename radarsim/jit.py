@@ -34,8 +34,8 @@ _config: Any = numba.config
 _app_dirs: Any = AppDirs
 
 PACKAGE: Final = Path(__file__).parent
-PREFIX: Final = "radarsim-"  # of the names of cache folders
-MAX_FOLDERS: Final = 8  # kept of older states of the code, such as other branches
+PREFIX: Final = "radarsim-"  # prefix of the names of cache folders
+MAX_FOLDERS: Final = 8  # cache folders that are kept, such as those of other branches
 
 
 def njit_cached(function: F) -> F:

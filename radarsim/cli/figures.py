@@ -90,8 +90,10 @@ def _check_overwriting(path: Path) -> None:
         return
     with path.open("rb") as file:
         head = file.read(_HEAD_SIZE)
-    ours = GENERATOR.encode() in head if path.name == FILE else is_radarsim_figure(head)
-    if not ours:
+    is_by_radarsim = (
+        GENERATOR.encode() in head if path.name == FILE else is_radarsim_figure(head)
+    )
+    if not is_by_radarsim:
         text = f"{path} is not by radarsim, expected a folder without such a file"
         raise typer.BadParameter(text, param_hint="OUT")
 

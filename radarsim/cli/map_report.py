@@ -16,7 +16,13 @@ from radarsim.cli.options import check_writable
 from radarsim.cli.progress import live_status
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import Exploration
-from radarsim.mapping.export import HEAD, NavMode, commander_png, is_ours, nav_map
+from radarsim.mapping.export import (
+    HEAD,
+    NavMode,
+    commander_png,
+    is_radarsim_map,
+    nav_map,
+)
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.trajectory import tum_text
 from radarsim.proxy.traffic_mapper import TrafficMapper
@@ -111,8 +117,8 @@ def _may_be_replaced(path: Path, served: str | None) -> bool:
     """Return whether a file is a map that radarsim wrote, and not the simulated one."""
     try:
         with path.open("rb") as file:
-            ours = is_ours(file.read(HEAD))
-        return ours and not (served is not None and path.samefile(served))
+            is_by_radarsim = is_radarsim_map(file.read(HEAD))
+        return is_by_radarsim and not (served is not None and path.samefile(served))
     except OSError:  # the simulated map is a shipped one, given by its name
         return True
 

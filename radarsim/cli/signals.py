@@ -1,4 +1,4 @@
-"""Signal handling of commands whose exit code must tell finished from interrupted."""
+"""Signal handling of commands that report an interruption by their exit code."""
 
 import os
 import signal

@@ -26,8 +26,8 @@ TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
 MARGIN: Final = 0.12  # m that paths keep on top of the safety distance
 COSTLY_MARGIN: Final = 0.4  # m beyond that, where paths lead only if others are longer
-COSTLY_FACTOR: Final = 4.0  # how much a step costs more at its inner edge
-ESCAPE_RADIUS: Final = 1.0  # m around a robot that stands too near to something
+COSTLY_FACTOR: Final = 4.0  # added at its inner edge to the cost of a step, which is 1
+ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
 _PADDING: Final = 4  # unknown tiles around the map
 

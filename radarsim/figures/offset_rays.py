@@ -38,7 +38,7 @@ def scan_spec_for(seed: int, offset: int, side: int) -> ScanSpec:
     return ScanSpec(MAP, "radar", seed, settings)
 
 
-def starts_apart(scans: dict[int, Scan]) -> float:
+def start_distance(scans: dict[int, Scan]) -> float:
     """Return the distance between the origins of left and right rays, m."""
     between = scans[LEFT].cast.origins - scans[RIGHT].cast.origins
     return float(np.linalg.norm(between, axis=1).max())
@@ -77,7 +77,7 @@ def _caption(offset: int, scans: dict[int, Scan]) -> str:
         f"The offset rays of all {len(left)} beams of the radar on a {ROBOT}: red those"
         f" left of the original beam, blue those right of it, N = {offset} units or"
         f" {offset * METRES_PER_UNIT:g} m off, so that both start"
-        f" {starts_apart(scans):.2f} m apart. Where they overlap they tell little; on"
+        f" {start_distance(scans):.2f} m apart. Where they overlap they tell little; on"
         f" the robot's left red sticks out, on its right blue. In {differ} beams one of"
         f" the two reads more than {100 * STEP:g} cm farther than the other, and the"
         " beam gives now the one, now the other."

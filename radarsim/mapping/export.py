@@ -30,7 +30,7 @@ MARK: Final = "radarsim map"
 HEAD: Final = 64  # bytes at the beginning of a file that hold the mark
 
 
-def is_ours(head: bytes) -> bool:
+def is_radarsim_map(head: bytes) -> bool:
     """Return whether a map file is by this program, by its first bytes."""
     return MARK.encode() in head[:HEAD]
 

@@ -13,7 +13,7 @@ from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.runner import NavigationStep, Navigator, Result
 
-MARGIN = 0.13  # m on top of the least safety distance, for noise and for braking
+MARGIN = 0.13  # m added to the least safety distance, for noise and braking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,7 +85,7 @@ def intersect_boxes(
     ex, ey = direction[0], direction[1]
     for i in range(len(boxes)):
         dx, dy = origin[0] - boxes[i, X], origin[1] - boxes[i, Y]
-        # Most boxes are too far beside the ray, which is quickly found out.
+        # Most boxes are too far beside the ray: reject them by their circles first.
         distance = abs(ex * dy - ey * dx)
         if distance > boxes[i, FOOTPRINT_RADIUS] or boxes[i, BOX_ID] == carrier_id:
             continue

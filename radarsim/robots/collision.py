@@ -58,7 +58,7 @@ class CollisionResolver:
         self._wall_gap = 0.0  # m; no wall is closer
         self._robot_gap = 0.0  # m; no other robot is closer
         self._others: tuple[MovingBody, ...] = ()
-        self._closing_speed = 0.0  # m/s; of the fastest of the others
+        self._closing_speed = 0.0  # m/s; top speed of the fastest of the others
         self._rejected: tuple[Pose2, Pose2] | None = None  # start and wanted pose
 
     def move(

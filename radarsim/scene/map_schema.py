@@ -28,8 +28,8 @@ from radarsim.yaml_reader import short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
 MAX_COPIES = 10_000
-MAX_NAME = 200  # of an object or a level
-MAX_START_NAME = 40  # so that many fit into the one line that lists them
+MAX_NAME = 200  # characters in the name of an object or a level
+MAX_START_NAME = 40  # characters, so that the one line that lists starts holds many
 MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
 MAX_AMOUNT = 1000.0  # mm/h, g/m^3
 

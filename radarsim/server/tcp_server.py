@@ -19,9 +19,9 @@ log = logging.getLogger("radarsim.server")
 MAX_CLIENTS = 256
 MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
-READ_BYTES = 16_384  # read of one client before the others get their turn
+READ_BYTES = 16_384  # read from one client before others are served
 CLOSE_GRACE = 2.0  # s for a client that has closed its side to read its replies
-MAX_LOGGED_KINDS = 50  # of diagnostics of one client, whose verbs may be random
+MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
 
 class Server:

@@ -3,7 +3,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
-from radarsim.figures.offset_rays import draw_offset_rays, scan_spec_for, starts_apart
+from radarsim.figures.offset_rays import draw_offset_rays, scan_spec_for, start_distance
 from radarsim.plotting.ray_segments import RAY_COLOURS
 from radarsim.sensors.beams import LEFT, RIGHT
 
@@ -11,7 +11,7 @@ from radarsim.sensors.beams import LEFT, RIGHT
 @pytest.mark.parametrize(("offset", "apart"), [(50, 0.4), (100, 0.8)])
 def test_rays_start_twice_the_offset_apart(offset: int, apart: float) -> None:
     scans = {side: scan_spec_for(0, offset, side).take()[0] for side in (LEFT, RIGHT)}
-    assert starts_apart(scans) == pytest.approx(apart)
+    assert start_distance(scans) == pytest.approx(apart)
     for side, scan in scans.items():
         assert scan.rays is not None
         assert (scan.rays == side).all()
