@@ -5,10 +5,8 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
 
-INTERRUPTED: Final = 130
-TERMINATED: Final = 143  # 128 + SIGTERM, as shells report it
+from radarsim.signal_handlers import INTERRUPTED, TERMINATED, signal_handlers
 
 
 def exit_143_on_sigterm() -> None:
@@ -27,16 +25,8 @@ def exit_immediately_on_signals(terminated: int = TERMINATED) -> Iterator[None]:
     Args:
         terminated: Exit code after SIGTERM.
     """
-    codes: dict[int, int] = {
-        signal.SIGINT: INTERRUPTED,
-        signal.SIGTERM: terminated,
-    }
-    previous = {
-        number: signal.signal(number, lambda number, _: os._exit(codes[number]))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
+    codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): terminated}
+    with signal_handlers(
+        dict.fromkeys(codes, lambda number, _: os._exit(codes[number]))
+    ):
         yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
