@@ -53,7 +53,11 @@ PROGRAM = (
 
 
 def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
-    environment = {"NUMBA_CACHE_DIR": None, "PYTHONPATH": str(package.parent)} | changes
+    environment = {
+        "NUMBA_CACHE_DIR": None,
+        "PYTHONPATH": str(package.parent),
+        "XDG_CACHE_HOME": str(package.parent / "cache"),
+    } | changes
     return subprocess.Popen(
         [sys.executable, "-B", "-c", PROGRAM],
         env={
@@ -130,11 +134,34 @@ def test_without_home_or_a_writable_folder_kernels_are_compiled_each_time(
         assert run(package, **changes) == (2, False, "None")
 
 
-def test_user_cache_folder_is_second_choice(package: Path, tmp_path: Path) -> None:
-    (package / "__pycache__").write_text("")
-    changes = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+def test_without_a_users_cache_folder_the_cache_is_in_the_package(
+    package: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    changes = {"HOME": None, "XDG_CACHE_HOME": str(tmp_path / "file")}
     run(package, **changes)
-    assert run(package, **changes)[:2] == (2, True)
+    result, cached, folder = run(package, **changes)
+    assert (result, cached) == (2, True)
+    assert Path(folder).parent == package / "__pycache__"
+
+
+def test_copies_in_different_places_share_the_cache(
+    package: Path, tmp_path: Path
+) -> None:
+    cache = str(tmp_path / "cache")
+    assert run(package, XDG_CACHE_HOME=cache)[:2] == (2, False)
+    copy = shutil.copytree(package, tmp_path / "other environment" / package.name)
+    for path in copy.rglob("*.py"):
+        os.utime(path, (1e9, 1e9))
+    assert run(copy, XDG_CACHE_HOME=cache)[:2] == (2, True)
+
+
+def test_only_functions_of_the_package_use_its_cache(tmp_path: Path) -> None:
+    path = str(tmp_path / "module.py")
+    assert (
+        jit.KernelCacheLocator.from_function(test_old_cache_folders_are_removed, path)
+        is None
+    )
 
 
 def test_two_processes_can_fill_the_cache_at_once(package: Path) -> None:

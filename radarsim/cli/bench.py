@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from radarsim.cli.options import JsonOption
-from radarsim.cli.signals import exit_143_on_sigterm
+from radarsim.signal_handlers import exit_143_on_sigterm
 
 if TYPE_CHECKING:
     from radarsim.benchmark.timing import BenchmarkRow

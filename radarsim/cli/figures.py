@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from radarsim.cli.options import SeedOption, write_file
-from radarsim.cli.signals import exit_143_on_sigterm
+from radarsim.signal_handlers import exit_143_on_sigterm
 
 if TYPE_CHECKING:
     from radarsim.figures.catalogue import FigureSpec, RenderedFigure

@@ -30,9 +30,9 @@ from radarsim.cli.options import (
     server_address,
 )
 from radarsim.cli.serve import load_served_host
-from radarsim.cli.signals import exit_143_on_sigterm, exit_immediately_on_signals
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import ROBOT
+from radarsim.signal_handlers import exit_143_on_sigterm, exit_immediately_on_signals
 
 _RESOLUTION_RANGE: Final = 0.005, 1  # m; finer, a room would have millions of cells
 

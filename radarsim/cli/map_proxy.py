@@ -7,13 +7,13 @@ import typer
 
 from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
 from radarsim.cli.options import read_pose
-from radarsim.cli.signals import exit_immediately_on_signals
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import warm_up
 from radarsim.geometry import Pose3
 from radarsim.mapping.slam import MotionSource
 from radarsim.proxy.connection_state import ScannerDefaults
 from radarsim.proxy.traffic_mapper import TrafficMapper
+from radarsim.signal_handlers import exit_immediately_on_signals
 
 LISTEN: Final = "127.0.0.1"
 _GUESS: Final = (

@@ -35,8 +35,8 @@ from radarsim.cli.options import (
     write_file,
 )
 from radarsim.cli.serve import load_served_host
-from radarsim.cli.signals import exit_143_on_sigterm
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
+from radarsim.signal_handlers import exit_143_on_sigterm
 
 if TYPE_CHECKING:
     from radarsim.evaluation.navigation_run import NavigationRun

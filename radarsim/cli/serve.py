@@ -17,9 +17,8 @@ from radarsim.cli.options import (
     check_positive,
     read_item_settings,
 )
-from radarsim.cli.signals import exit_immediately_on_signals
 from radarsim.errors import PresetError
-from radarsim.signal_handlers import TERMINATED
+from radarsim.signal_handlers import TERMINATED, exit_immediately_on_signals
 
 if TYPE_CHECKING:
     from radarsim.host import Host

@@ -15,9 +15,9 @@ from rich.console import Console
 from rich.table import Table
 
 from radarsim.cli.options import JsonOption
-from radarsim.cli.signals import exit_143_on_sigterm
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
+from radarsim.signal_handlers import exit_143_on_sigterm
 
 if TYPE_CHECKING:
     from radarsim.evaluation.trials import TrialResult

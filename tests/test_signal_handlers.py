@@ -6,12 +6,12 @@ import sys
 
 import pytest
 
-from radarsim.cli.signals import exit_immediately_on_signals
+from radarsim.signal_handlers import exit_immediately_on_signals
 
 # Like the compiler, which calls back from C, where exceptions get lost.
 SCRIPT = """
 import ctypes, os, signal
-from radarsim.cli.signals import exit_immediately_on_signals
+from radarsim.signal_handlers import exit_immediately_on_signals
 with exit_immediately_on_signals({terminated}):
     ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.{name}))()
     print("goes on")
