@@ -2,8 +2,6 @@ import json
 import re
 import shlex
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import start_radarsim
 
 from radarsim.figures import beam_scatter as scatter
 from radarsim.figures import bug_runs as bugs
@@ -154,9 +153,8 @@ def test_all_figures_are_on_one_page(radarsim: Command, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(120)
 def test_interrupted_run_leaves_only_complete_files(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "radarsim", "figures", str(tmp_path)]
-    words += ["--only", "2,3,4,5,6,7,8,9,10,11,12"]
-    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as process:
+    only = "2,3,4,5,6,7,8,9,10,11,12"
+    with start_radarsim("figures", str(tmp_path), "--only", only) as process:
         deadline = time.monotonic() + 60
         while not any(tmp_path.iterdir()) and time.monotonic() < deadline:
             time.sleep(0.05)

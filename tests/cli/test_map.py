@@ -3,8 +3,6 @@ import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from processes import start_radarsim
 
 from radarsim.client import Client
 from radarsim.pytest_plugin import UsarsimServer
@@ -308,10 +307,7 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
     usarsim_server: UsarsimServer, tmp_path: Path, number: int, code: int
 ) -> None:
     port = str(usarsim_server.address[1])
-    command = (sys.executable, "-m", "radarsim", "map", str(tmp_path), "--port", port)
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
+    with start_radarsim("map", str(tmp_path), "--port", port) as process:
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
         time.sleep(0.3)
@@ -372,12 +368,7 @@ def test_interrupted_run_is_reported_in_json(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
-    words = ("map", str(tmp_path), "--port", port, "--json")
-    with subprocess.Popen(
-        (sys.executable, "-m", "radarsim", *words),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start_radarsim("map", str(tmp_path), "--port", port, "--json") as process:
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
         process.send_signal(signal.SIGINT)
@@ -392,11 +383,8 @@ class Through:
     """``radarsim map --through`` in a process of its own."""
 
     def __init__(self, folder: Path, server: int, *options: str) -> None:
-        command = (sys.executable, "-m", "radarsim", "map", str(folder))
         through = ("--through", "0", "--port", str(server), *options)
-        self.process = subprocess.Popen(
-            (*command, *through), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
+        self.process = start_radarsim("map", str(folder), *through)
         assert self.process.stderr is not None
         line = self.process.stderr.readline().decode()
         assert line.startswith("radarsim: listening on 127.0.0.1:")

@@ -4,13 +4,13 @@ import os
 import re
 import resource
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from processes import start_radarsim
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
@@ -23,12 +23,7 @@ PATIENCE = 60.0  # s
 @contextmanager
 def mapping(folder: Path, *options: str) -> Iterator[subprocess.Popen[bytes]]:
     """Run the program in a process of its own, which is not there afterwards."""
-    command = (sys.executable, "-m", "radarsim", "map", str(folder), *options)
-    # coverage would write files of its own
-    env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env
-    ) as process:
+    with start_radarsim("map", str(folder), *options) as process:
         try:
             yield process
         finally:

@@ -6,8 +6,6 @@ import math
 import re
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from processes import start_radarsim
 
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
@@ -369,12 +368,8 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
 ) -> None:
     middle = relay()
     trace = tmp_path / "run.csv"
-    command = (sys.executable, "-m", "radarsim", *FAR, "--port", str(middle.port))
-    with subprocess.Popen(
-        (*command, "--trace", str(trace)),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    port = str(middle.port)
+    with start_radarsim(*FAR, "--port", port, "--trace", str(trace)) as process:
         deadline = time.monotonic() + 60
         while len(middle.driven) < 10 and time.monotonic() < deadline:
             time.sleep(0.01)
