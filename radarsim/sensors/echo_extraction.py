@@ -33,6 +33,7 @@ from radarsim.raycast.rays import Traces
 LEAF_BACKSCATTER: Final = 1 / 3  # mean of cos^2 over all directions of leaves
 START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT = map(int, list(EventKind)[:6])
 RETURN_ECHO: Final = (ENTER, LEAVE, SHEET, HIT, SPENT)
+LONG_LIST: Final = 100  # echoes of a beam, from which insertion sort is the slower one
 
 
 class EchoColumns(NamedTuple):
@@ -257,11 +258,27 @@ def _fill_columns(events: Any, returns: Any, columns: Any) -> Any:
                 count += 1
             i += 1
         if of_beam > 1:  # the events of a single ray are sorted already
-            rows[:count] = rows[np.argsort(ranges[:count], kind="mergesort")]  # stable
+            _sort_by_range(ranges, rows, count)
         for k in range(count):
             _fill_row(columns, total + k, events, rows[k], returns)
         total += count
     return total
+
+
+@njit_cached
+def _sort_by_range(ranges: Any, rows: Any, count: Any) -> None:
+    """Sort echoes by range; those of equal range keep their order."""
+    if count > LONG_LIST:
+        rows[:count] = rows[np.argsort(ranges[:count], kind="mergesort")]  # stable
+        return
+    # Insertion sort: the echoes of each ray are sorted already. It allocates nothing,
+    # which would cost a short list more than all the rest.
+    for k in range(1, count):
+        distance, row, i = ranges[k], rows[k], k
+        while i > 0 and ranges[i - 1] > distance:
+            ranges[i], rows[i] = ranges[i - 1], rows[i - 1]
+            i -= 1
+        ranges[i], rows[i] = distance, row
 
 
 @njit_inline

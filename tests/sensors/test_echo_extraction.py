@@ -286,12 +286,12 @@ def test_ray_ends_equal_the_last_echoes() -> None:
             assert getattr(ends, name).tolist() == wanted.tolist(), name
 
 
-def test_echoes_of_many_combined_rays_are_sorted_by_range() -> None:
+@pytest.mark.parametrize("count", [1, 7, 100, 101, 700])
+def test_echoes_of_combined_rays_are_sorted_by_range_and_ray(count: int) -> None:
     rng = np.random.Generator(np.random.PCG64(1))
-    count = 700
     events = np.zeros(2 * count, EVENT)
     events["ray"] = np.arange(2 * count)
-    events["t"] = rng.uniform(0, 9, 2 * count).round(2)
+    events["t"] = rng.uniform(0, 9, 2 * count).round(1)
     events["kind"] = HIT
     events["power"] = 1.0
     n = 2 * count
