@@ -63,7 +63,7 @@ def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
         env={
             name: value
             for name, value in (dict(os.environ) | environment).items()
-            if value is not None
+            if value is not None and not name.startswith("COVERAGE")
         },
         stdout=subprocess.PIPE,
         text=True,

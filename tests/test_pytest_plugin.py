@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
+from radarsim.jit import cache_folder
 from radarsim.pytest_plugin import DEFAULTS, UsarsimClient, UsarsimServer
 from radarsim.pytest_plugin.server_thread import ServerThread, make_host
 
@@ -24,6 +25,14 @@ filterwarnings = error
 asyncio_mode = auto
 asyncio_default_fixture_loop_scope = function
 """
+
+
+@pytest.fixture(autouse=True)
+def compiled_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Share compiled code with the suites, although ``pytester`` moves the home."""
+    if folder := cache_folder():
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder.parent))
+
 
 NO_LEFTOVERS = """
 import gc, threading
