@@ -35,6 +35,9 @@ from ruamel.yaml.events import (
 )
 from ruamel.yaml.reader import ReaderError
 
+from radarsim.suggestions import did_you_mean
+from radarsim.validation import describe_invalid, short_repr
+
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
 
@@ -49,23 +52,6 @@ _CONSTANTS: dict[str, bool | None] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
-}
-_EXPECTED = {
-    "bool_type": "true or false",
-    "dict_type": "keys with values",
-    "float_type": "a number",
-    "greater_than": "more than {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "int_type": "a whole number",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "at most {le:g}",
-    "list_type": "a list",
-    "literal_error": "{expected}",
-    "model_type": "keys with values",
-    "string_too_long": "at most {max_length} characters",
-    "string_type": "text",
-    "too_long": "{max_length} entries",
-    "too_short": "{min_length} entries",
 }
 
 
@@ -185,10 +171,12 @@ class YamlFile:
         keys = [key for key in details["loc"] if key != "[key]"]
         unknown = details["type"] == "extra_forbidden"
         if unknown:
-            expected = f", expected one of {known}" if known and len(keys) == 1 else ""
-            message = f"unknown key{expected}"
+            message = "unknown key"
+            if known and len(keys) == 1:
+                meant = did_you_mean(str(keys[0]), known)
+                message += f", expected one of {known}{meant}"
         else:
-            message = _validation_message(details)
+            message = describe_invalid(details)
         return self.problem((*at, *keys), message, of_key=unknown)
 
 
@@ -221,15 +209,6 @@ def parse_yaml(path: Path, text: str) -> YamlFile:
         for problem in sorted(found, key=lambda problem: problem.position)
     )
     return YamlFile(path, root.to_plain(), tuple(problems), root)
-
-
-def short_repr(value: object) -> str:
-    """Return the repr of a value, cut to 80 characters, for messages.
-
-    >>> short_repr("x" * 100) == "'" + "x" * 79
-    True
-    """
-    return repr(value)[:80]
 
 
 def compose(text: str) -> tuple[Node, list[YamlProblem]]:
@@ -370,18 +349,6 @@ def _size_and_depth(nodes: list[Node]) -> tuple[int, int]:
 
 def _position(event: Event) -> Position:
     return event.start_mark.line + 1, event.start_mark.column + 1
-
-
-def _validation_message(details: ErrorDetails) -> str:
-    error_type, context = details["type"], details.get("ctx", {})
-    if error_type == "missing":
-        return "missing"
-    if error_type == "value_error":
-        return str(context["error"])
-    expected = details["msg"]
-    if error_type in _EXPECTED:
-        expected = "expected " + _EXPECTED[error_type].format(**context)
-    return f"{short_repr(details['input'])}, {expected}"
 
 
 def _unreadable(path: Path, position: Position, message: str) -> YamlFile:

@@ -24,10 +24,12 @@ from radarsim.cli.presets import materials, sensors
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
 from radarsim.cli.trials import trials
+from radarsim.cli.usage import PlainGroup
 from radarsim.errors import RadarsimError
 
 app = typer.Typer(
     no_args_is_help=True,
+    cls=PlainGroup,
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive
+from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive, check_robot
 
 
 def drive(
@@ -41,6 +41,7 @@ def drive(
     if problem := _terminal_problem():
         typer.echo(f"radarsim: {problem}, expected a terminal to drive at", err=True)
         raise typer.Exit(2)
+    check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit.value)
     raise typer.Exit(asyncio.run(drive_robot(host, port, settings)))
 

@@ -21,6 +21,7 @@ from radarsim.cli.options import (
     TimeLimitOption,
     TimeoutOption,
     check_positive,
+    check_robot,
     check_server_options,
     check_start,
     penetration_depth,
@@ -260,6 +261,7 @@ def map_(
     served = load_served_host(
         serve, seed=seed, settings=settings, drive_unit=drive_unit
     )
+    check_robot(plan.robot_class, served)
     check_start(start, pose, None if served is None else served.simulation.scene)
     with exit_immediately_on_signals():
         warm_up()

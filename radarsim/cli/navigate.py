@@ -25,6 +25,7 @@ from radarsim.cli.options import (
     TimeLimitOption,
     TimeoutOption,
     check_positive,
+    check_robot,
     check_server_options,
     check_start,
     check_writable,
@@ -159,6 +160,7 @@ def navigate(
     )
     scene = None if served is None else served.simulation.scene
     trial = None if scene is None else scene.trial
+    check_robot(robot, served)
     check_start(start, pose, scene)
     if trial is not None:
         if start is None and pose is None:

@@ -16,6 +16,7 @@ import typer
 
 from radarsim.atomic_write import write_atomically
 from radarsim.errors import PresetError
+from radarsim.suggestions import did_you_mean, expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2
@@ -259,7 +260,7 @@ def check_start(start: str | None, pose: str | None, scene: Scene | None) -> Non
         raise typer.BadParameter("expected only one of --start and --pose")
     if scene is not None and scene.start(start) is None:
         names = [each.name for each in scene.starts]
-        text = f"{start[:80]!r}, expected one of {names}"
+        text = expected_one_of(start, names)
         raise typer.BadParameter(text, param_hint="--start")
 
 
@@ -286,6 +287,29 @@ def check_writable(path: Path, hint: str) -> None:
     if reason := _obstacle_to_writing(path):
         text = f"cannot write {path}: {reason}"
         raise typer.BadParameter(text, param_hint=hint)
+
+
+def check_robot(robot: str, served: object | None) -> None:
+    """Check the class of a robot: no simulation here has another than the shipped ones.
+
+    Args:
+        robot: Name of the class; a package may precede it.
+        served: The simulation in this process; None for a server, which may know more
+            classes, so that only a probable error in the name is told, on stderr.
+
+    Raises:
+        typer.BadParameter: If the simulation in this process has no such class.
+    """
+    from radarsim.presets.robots import robot_names
+
+    name = robot.rpartition(".")[2]
+    if name.casefold() in (known.casefold() for known in robot_names()):
+        return
+    if served is not None:
+        text = expected_one_of(name, robot_names())
+        raise typer.BadParameter(text, param_hint="--robot")
+    if meant := did_you_mean(name, robot_names()):
+        typer.echo(f"radarsim: robot class {robot[:80]!r}{meant}", err=True)
 
 
 def _obstacle_to_writing(path: Path) -> str:

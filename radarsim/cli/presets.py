@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from radarsim.cli.options import JsonOption
+from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.presets.materials import LibraryEntry
@@ -68,8 +69,7 @@ def _choose(
 ) -> dict[str, _Preset]:
     for name in names or ():
         if name not in presets:
-            text = f"{noun} {name[:80]!r}, expected one of {list(presets)}"
-            raise typer.BadParameter(text)
+            raise typer.BadParameter(f"{noun} {expected_one_of(name, presets)}")
     return {name: presets[name] for name in names or presets}
 
 

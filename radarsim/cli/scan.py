@@ -23,6 +23,7 @@ from radarsim.cli.options import (
     write_file,
 )
 from radarsim.errors import PresetError
+from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose3
@@ -119,20 +120,22 @@ def load_scene_and_pose(
     if (start is None) == (pose is None):
         raise typer.BadParameter("expected one of --start and --pose")
     scene = load_map(map_)
-    return scene, (
-        _pose_at_start(scene, start) if pose is None else _read_pose(scene, pose)
-    )
+    if start is not None:
+        return scene, _pose_at_start(scene, start)
+    return scene, _read_pose(scene, pose or "")
 
 
-def _pose_at_start(scene: Scene, name: str | None) -> Pose3:
+def _pose_at_start(scene: Scene, name: str) -> Pose3:
     from radarsim.geometry import Pose3
     from radarsim.presets.robots import load_robot
 
-    start = scene.start(name or "")
+    start = scene.start(name)
     if start is None:
         names = [start.name for start in scene.starts]
-        expected = f"one of {names}" if names else "--pose: the map has no starts"
-        raise typer.BadParameter(f"{name!r}, expected {expected}", param_hint="--start")
+        text = expected_one_of(name, names)
+        if not names:
+            text = f"{name[:80]!r}, expected --pose: the map has no starts"
+        raise typer.BadParameter(text, param_hint="--start")
     model = load_robot("P3AT")
     lift = Pose3(0.0, 0.0, model.origin_height)
     return start.pose.compose(lift).compose(model.items_of("RangeScanner")[0].mount)

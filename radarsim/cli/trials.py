@@ -18,6 +18,7 @@ from radarsim.cli.options import JsonOption
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
 from radarsim.signal_handlers import exit_143_on_sigterm
+from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.evaluation.trials import TrialResult
@@ -98,7 +99,7 @@ def _check(
     known = [algorithm.value for algorithm in Algorithm]
     for name in algorithms:
         if name not in known:
-            text = f"{name[:80]!r}, expected one of {known}"
+            text = expected_one_of(name, known)
             raise typer.BadParameter(text, param_hint="--algorithms")
     for name in sensors:
         try:

@@ -23,6 +23,7 @@ from radarsim.protocol.reports import (
     RobotGeo,
     ScannerConf,
 )
+from radarsim.suggestions import did_you_mean
 
 DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # of a scanner whose mount is not reported
 WHEEL_LIMITS: Final = (1e-3, 1e3)  # m and drive units; plausible for a robot on wheels
@@ -176,8 +177,10 @@ class RobotInfo:
         for scanner in self.scanners:
             if name is None or same_name(scanner.name, name):
                 return scanner
-        wanted = "a scanner" if name is None else f"the scanner {name[:80]!r}"
         names = [scanner.name for scanner in self.scanners]
+        wanted = "a scanner"
+        if name is not None:
+            wanted = f"the scanner {name[:80]!r}{did_you_mean(name, names)}"
         raise ClientError(f"robot {self.name!r} has {names}, expected {wanted}")
 
 

@@ -13,6 +13,7 @@ from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan import Scan
+from radarsim.suggestions import expected_one_of
 
 ROBOT = "P3AT"
 START = "RobotStart1"
@@ -91,7 +92,7 @@ def find_start_pose(scene: Scene, name: str) -> Pose3:
     start = scene.start(name)
     if start is None:
         names = [each.name for each in scene.starts]
-        raise ValueError(f"start {name!r}, expected one of {names}")
+        raise ValueError(f"start {expected_one_of(name, names)}")
     return start.pose
 
 

@@ -26,6 +26,7 @@ from radarsim.protocol.reports import Report, StartPoses
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import Vehicle
+from radarsim.suggestions import expected_one_of
 
 RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
 
@@ -167,7 +168,7 @@ class CommandHandler:
             if start is None:
                 # A client can send any text: it is cut for the log.
                 names = [start.name for start in self.simulation.scene.starts]
-                text = f"start {command.start[:80]!r}, expected one of {names}"
+                text = f"start {expected_one_of(command.start, names)}"
                 text += "; taken as the origin"
                 return Pose2(0.0, 0.0), Diagnostic("start", text)
             return Pose2(start.pose.x, start.pose.y, start.pose.yaw), None
@@ -204,7 +205,7 @@ def _set_items(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
         return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")
     opcode = command.opcode.upper()
     if opcode not in OPCODES:
-        text = f"opcode {command.opcode[:80]!r}, expected one of {list(OPCODES)}"
+        text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
         return Diagnostic("opcode", text)
     try:
         return _apply_opcode(vehicle, items, opcode, command.params)

@@ -12,6 +12,7 @@ from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.runner import NavigationStep, Navigator, Result
+from radarsim.suggestions import expected_one_of
 
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
 
@@ -133,7 +134,7 @@ def choose_start(client: Client, wanted: str | None) -> str | None:
     if wanted is None:
         return names[0] if names else None
     if names and wanted.casefold() not in [name.casefold() for name in names]:
-        raise NavigationError(f"start {wanted[:80]!r}, expected one of {names}")
+        raise NavigationError(f"start {expected_one_of(wanted, names)}")
     return wanted
 
 

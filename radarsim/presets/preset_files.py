@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from ruamel.yaml import YAML
 
 from radarsim.errors import PresetError
+from radarsim.suggestions import expected_one_of
 
 Folder: TypeAlias = Literal["sensors", "materials", "robots"]
 
@@ -55,4 +56,4 @@ def read_preset(folder: Folder, name: str) -> Any:
 
 def unknown_preset(label: str, name: str, known: tuple[str, ...]) -> PresetError:
     """Create the error for a name that no preset has."""
-    return PresetError(f"{label} {name[:80]!r}, expected one of {list(known)}")
+    return PresetError(f"{label} {expected_one_of(name, known)}")

@@ -15,6 +15,8 @@ from radarsim.presets.preset_files import (
     unknown_preset,
 )
 from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.suggestions import expected_one_of
+from radarsim.validation import describe_invalid, short_repr
 
 
 class SensorPreset(BaseModel):
@@ -61,20 +63,16 @@ def _describe(name: str, error: ValidationError) -> str:
     lines = []
     for problem in error.errors():
         path = ".".join(str(step) for step in problem["loc"])
+        text = describe_invalid(problem)
         if problem["type"] == "extra_forbidden":
-            known = sorted(SensorSettings.model_fields)
-            lines.append(f"sensor {name}: no setting {path!r}, expected one of {known}")
-        elif not path:
-            lines.append(f"sensor {name}: {_lowered(problem['msg'])}")
-        else:
-            value = repr(problem["input"])[:80]
-            lines.append(f"sensor {name}: {path}: {value}: {_lowered(problem['msg'])}")
+            expected = expected_one_of(path, sorted(SensorSettings.model_fields))
+            text = f"no setting {expected}"
+        elif problem["type"] == "value_error" and path:
+            text = f"{path}: {short_repr(problem['input'])}, {text}"
+        elif path:
+            text = f"{path}: {text}"
+        lines.append(f"sensor {name}: {text}")
     return "\n".join(lines)
-
-
-def _lowered(text: str) -> str:
-    text = text.removeprefix("Value error, ")
-    return text[:1].lower() + text[1:]
 
 
 def parse_setting(text: str) -> tuple[str, Any]:

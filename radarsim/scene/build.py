@@ -29,6 +29,7 @@ from radarsim.scene.meshes import (
 )
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, box, cylinder, sphere
+from radarsim.suggestions import expected_one_of
 
 MAX_ATTEMPTS = 200  # random positions for each copy, before the area counts as full
 
@@ -283,7 +284,7 @@ def _group_by_material(
         if name not in given
     ]
     problems += [
-        (("materials", name), f"{name!r}, expected one of {[n for n in in_file if n]}")
+        (("materials", name), expected_one_of(name, [n for n in in_file if n]))
         for name in given
         if name not in in_file
     ]

@@ -12,7 +12,9 @@ from radarsim.geometry import Floats
 from radarsim.presets.materials import AMOUNTS, library, library_entry, library_names
 from radarsim.scene.map_schema import MAX_EXTENT, MaterialEntry
 from radarsim.scene.material import Material
-from radarsim.yaml_reader import KeyPath, short_repr
+from radarsim.suggestions import did_you_mean
+from radarsim.validation import short_repr
+from radarsim.yaml_reader import KeyPath
 
 Problem: TypeAlias = tuple[KeyPath, str]  # keys inside of the entry, and the message
 
@@ -113,7 +115,8 @@ def trial_problems(item: Any, starts: Iterable[Any]) -> Iterator[Problem]:
     entries = (start for start in starts if isinstance(start, dict))
     names = [n for start in entries if isinstance(n := start.get("name"), str)]
     if name.casefold() not in (n.casefold() for n in names):
-        yield ("start",), f"{short_repr(name)}, expected one of {short_repr(names)}"
+        expected = f"expected one of {short_repr(names)}{did_you_mean(name, names)}"
+        yield ("start",), f"{short_repr(name)}, {expected}"
 
 
 def extent_problems(bounds: Floats) -> Iterator[Problem]:

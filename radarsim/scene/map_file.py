@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from radarsim.errors import MapError
 from radarsim.geometry import Pose3
+from radarsim.os_errors import describe_os_error
 from radarsim.presets.materials import library_names
 from radarsim.scene.build import (
     BuildError,
@@ -45,7 +46,9 @@ from radarsim.scene.map_schema import (
 )
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose, Trial
-from radarsim.yaml_reader import KeyPath, YamlFile, read_yaml, short_repr
+from radarsim.suggestions import did_you_mean, expected_one_of
+from radarsim.validation import short_repr
+from radarsim.yaml_reader import KeyPath, YamlFile, read_yaml
 
 MAX_TRIANGLES = 20_000_000
 
@@ -68,9 +71,25 @@ def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
     stem, separator, variant = name.rpartition("@")
     if separator and (path := _find(stem)):
         return path, variant
+    raise MapError([_not_found(name)])
+
+
+def _not_found(name: str) -> str:
+    """Return why there is no map of a name, and which one may be meant."""
     plain = name.isprintable() and len(name) <= 80
-    expected = f"expected a map file or one of {sorted(shipped_maps())}"
-    raise MapError([f"{name if plain else short_repr(name)}: no such file, {expected}"])
+    shipped = sorted(shipped_maps())
+    expected = f"expected a map file or one of {shipped}"
+    reason, stem = "no such file", name.rpartition("@")[0]
+    others: list[str] = []
+    try:
+        others = [str(path) for path in Path(name).parent.glob("*.yaml")]
+        reason = "a folder" if Path(name).is_dir() else reason
+        Path(name).stat()
+    except (OSError, ValueError) as error:  # too long, or with NUL
+        if isinstance(error, PermissionError):
+            reason = describe_os_error(error)
+    meant = did_you_mean(name, [*others, *shipped]) or did_you_mean(stem, shipped)
+    return f"{name if plain else short_repr(name)}: {reason}, {expected}{meant}"
 
 
 def _find(name: str) -> Path | None:
@@ -128,8 +147,8 @@ def _read(path: Path) -> YamlFile:
     try:
         return read_yaml(path)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise MapError([f"{path}: {reason.lower()}, expected a map file"]) from error
+        reason = describe_os_error(error)
+        raise MapError([f"{path}: {reason}, expected a map file"]) from error
 
 
 class _MapLoader:
@@ -182,7 +201,7 @@ class _MapLoader:
             return
         variants = dict(_pairs(data, "variants"))
         if self._variant not in variants:
-            text = f"{short_repr(self._variant)}, expected one of {list(variants)}"
+            text = expected_one_of(self._variant, list(variants))
             self._report(("variants",), [((), text)])
             return
         at = ("variants", self._variant)

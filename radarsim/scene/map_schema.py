@@ -24,7 +24,8 @@ from radarsim.presets.materials import library_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import OPAQUE
 from radarsim.scene.meshes import MeshError, find_inside
-from radarsim.yaml_reader import short_repr
+from radarsim.suggestions import did_you_mean, expected_one_of
+from radarsim.validation import short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
 MAX_COPIES = 10_000
@@ -78,8 +79,10 @@ def _known_material(value: str, info: ValidationInfo) -> str:
 
 def unknown_material(value: str, own: Iterable[str]) -> str:
     """Return the message for a material that neither the map nor the library has."""
+    names = sorted(own)
     library = f"or of the library, {list(library_names())}"
-    return f"{short_repr(value)}, expected one of {sorted(own)}, {library}"
+    meant = did_you_mean(value, (*library_names(), *names))
+    return f"{short_repr(value)}, expected one of {names}, {library}{meant}"
 
 
 def _variant(value: str) -> str:
@@ -134,9 +137,7 @@ def _number(value: object, most: float = math.inf) -> float | None:
 
 def _in_library(value: str) -> str:
     if value not in library_names():
-        raise ValueError(
-            f"{short_repr(value)}, expected one of {list(library_names())}"
-        )
+        raise ValueError(expected_one_of(value, library_names()))
     return value
 
 

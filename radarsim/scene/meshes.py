@@ -26,7 +26,7 @@ from radarsim.scene.topology import (
     orient_outward,
     weld_vertices,
 )
-from radarsim.yaml_reader import short_repr
+from radarsim.validation import short_repr
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.suggestions import expected_one_of
 
 INS_DRIFT_INTERVAL = 0.2  # s of simulated time between two updates of the drift
 ENCODER_RESOLUTION = 0.01745  # rad per tick
@@ -46,7 +47,7 @@ class InsNoise:
         known = [field.name for field in fields(cls)]
         for name, value in settings.items():
             if name not in known:
-                raise PresetError(f"INS setting {name[:80]!r}, expected one of {known}")
+                raise PresetError(f"INS setting {expected_one_of(name, known)}")
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not number or not 0 <= value <= MAX_NOISE:
                 text = repr(value)[:80]

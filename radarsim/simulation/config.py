@@ -15,6 +15,7 @@ from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUn
 from radarsim.robots.skid_steer import WheelDrive
 from radarsim.sensors.proprioceptive import InsNoise
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.suggestions import expected_one_of
 
 TICK: Final = 0.01  # s
 DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
@@ -57,7 +58,7 @@ class SimulationConfig:
             named = [item for item in items if item.name.casefold() == name.casefold()]
             if not named:
                 known = sorted({item.name for item in items})
-                raise PresetError(f"item {name[:80]!r}, expected one of {known}")
+                raise PresetError(f"item {expected_one_of(name, known)}")
             for item in named:
                 self._check_item(item)
 

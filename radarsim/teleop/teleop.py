@@ -14,6 +14,7 @@ from prompt_toolkit.output import Output
 
 from radarsim.client import AsyncClient, ClientTimeout, DriveUnit
 from radarsim.errors import ClientError, RadarsimError
+from radarsim.suggestions import expected_one_of
 from radarsim.teleop.keyboard import Key, Steering
 from radarsim.teleop.panel import panel_lines
 from radarsim.teleop.robot_state import RobotState
@@ -87,7 +88,7 @@ async def _choose_start(client: AsyncClient, wanted: str | None) -> str | None:
     if wanted is None:
         return names[0] if names else None
     if wanted not in names:
-        raise ClientError(f"start {wanted[:80]!r}, expected one of {names}")
+        raise ClientError(f"start {expected_one_of(wanted, names)}")
     return wanted
 
 

@@ -131,7 +131,7 @@ def test_longest_names_are_accepted() -> None:
     assert (len(scene.level), len(scene.starts[0].name)) == (200, 40)
 
 
-@pytest.mark.parametrize("name", ["nowhere", "nowhere.yaml", "meshes", "../m.yaml"])
+@pytest.mark.parametrize("name", ["nowhere", "nowhere.yaml", "../m.yaml"])
 def test_missing_map_is_an_error(name: str) -> None:
     with pytest.raises(MapError) as caught:
         load_map(name)
@@ -165,7 +165,23 @@ def test_unreadable_map_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "open", refuse)  # root may read everything
     with pytest.raises(MapError) as caught:
         load_map("m.yaml")
-    assert caught.value.problems == ["m.yaml: permission denied, expected a map file"]
+    assert caught.value.problems == ["m.yaml: no permission, expected a map file"]
+
+
+def test_folder_is_told_to_be_one() -> None:
+    with pytest.raises(MapError, match="meshes: a folder, expected a map file"):
+        load_map("meshes")
+
+
+def test_map_in_a_folder_without_permission_is_told_apart_from_a_missing_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "stat", refuse)  # root may enter every folder
+    with pytest.raises(MapError, match=r"m\.yaml: no permission, expected a map file"):
+        load_map("closed/m.yaml")
 
 
 def test_map_of_primitives_does_not_import_trimesh() -> None:

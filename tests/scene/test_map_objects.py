@@ -104,7 +104,8 @@ CLOSED = (
         pytest.param(
             "name: a, sphere: 1, material: ston",
             36,
-            f".material: 'ston', expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
+            f".material: 'ston', expected one of ['leaf', 'sheet', 'stone']{LIBRARY}"
+            "; did you mean 'stone'?",
             id="unknown material",
         ),
         pytest.param(
@@ -235,7 +236,7 @@ CLOSED = (
             "name: a, mesh: meshes/cube.obj, materials: {Leaves: lea}",
             58,
             ".materials.Leaves: 'lea',"
-            f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}",
+            f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}; did you mean 'leaf'?",
             id="unknown material of a mesh",
         ),
         pytest.param(

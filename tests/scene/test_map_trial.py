@@ -52,7 +52,7 @@ def test_trial_is_optional(line: str) -> None:
             "RobotStart1",
             "RobotStart2",
             16,
-            f".start: 'RobotStart2', {KNOWN}",
+            f".start: 'RobotStart2', {KNOWN}; did you mean 'RobotStart1'?",
             id="no such start",
         ),
         pytest.param("RobotStart1", "7", 16, ".start: 7, expected text", id="no name"),

@@ -159,7 +159,7 @@ def test_noise_is_read_from_settings() -> None:
         pytest.param(
             {"sigm": 1},
             "INS setting 'sigm', expected one of"
-            " ['sigma', 'position_bias', 'angle_bias']",
+            " ['sigma', 'position_bias', 'angle_bias']; did you mean 'sigma'?",
             id="unknown",
         ),
         pytest.param(

@@ -119,7 +119,7 @@ def test_valid_settings_pass_the_check(
             {"lms": {"max_range": 3}},
             "item 'lms', expected one of ['Bumper', 'GndTruth', 'GroundTruth', "
             "'Hokuyo', 'INS', 'InsTest', 'Odometer', 'Odometry', 'Scanner1', "
-            "'TachTest', 'W1', 'W2', 'battery', 'lms200']",
+            "'TachTest', 'W1', 'W2', 'battery', 'lms200']; did you mean 'lms200'?",
             id="unknown item",
         ),
         pytest.param(

@@ -1,0 +1,67 @@
+"""Messages for values that pydantic has rejected."""
+
+import re
+from typing import Any, Final
+
+from pydantic_core import ErrorDetails
+
+from radarsim.suggestions import did_you_mean
+
+_EXPECTED: Final = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "keys with values",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "greater_than": "more than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_type": "a whole number",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "model_type": "keys with values",
+    "string_too_long": "at most {max_length} characters",
+    "string_type": "text",
+    "too_long": "{max_length} entries",
+    "too_short": "{min_length} entries",
+    "tuple_type": "a list",
+}
+
+
+def describe_invalid(details: ErrorDetails) -> str:
+    """Return what a value is and what was expected instead.
+
+    Args:
+        details: One of the errors of a ``ValidationError``.
+    """
+    error_type, context = details["type"], details.get("ctx", {})
+    if error_type == "missing":
+        return "missing"
+    if error_type == "value_error":
+        return str(context["error"])
+    return f"{short_repr(details['input'])}, {_expected(details, context)}"
+
+
+def short_repr(value: object) -> str:
+    """Return the repr of a value, cut to 80 characters, for messages.
+
+    >>> short_repr("x" * 100) == "'" + "x" * 79
+    True
+    """
+    return repr(value)[:80]
+
+
+def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
+    template = _EXPECTED.get(details["type"])
+    if template is None:
+        message = details["msg"]
+        text = re.sub("^input should (be|have|match) ", "", message, flags=re.I)
+        return f"expected {text[:1].lower()}{text[1:]}"
+    text = f"expected {template.format(**context)}"
+    if details["type"] == "literal_error" and isinstance(details["input"], str):
+        text += did_you_mean(details["input"], re.findall("'(.*?)'", text))
+    return text
