@@ -1,3 +1,5 @@
+import os
+
 """Loading of map files: valid maps, and files that are missing or unreadable."""
 
 import math
@@ -176,8 +178,12 @@ def test_folder_is_told_to_be_one() -> None:
 def test_map_in_a_folder_without_permission_is_told_apart_from_a_missing_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
+    stat = Path.stat
+
+    def refuse(path: Path, *, follow_symlinks: bool = True) -> os.stat_result:
+        if path.parent.name == "closed":
+            raise PermissionError(13, "Permission denied")
+        return stat(path, follow_symlinks=follow_symlinks)
 
     monkeypatch.setattr(Path, "stat", refuse)  # root may enter every folder
     with pytest.raises(MapError, match=r"m\.yaml: no permission, expected a map file"):

@@ -236,7 +236,8 @@ CLOSED = (
             "name: a, mesh: meshes/cube.obj, materials: {Leaves: lea}",
             58,
             ".materials.Leaves: 'lea',"
-            f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}; did you mean 'leaf'?",
+            f" expected one of ['leaf', 'sheet', 'stone']{LIBRARY}"
+            "; did you mean 'leaf'?",
             id="unknown material of a mesh",
         ),
         pytest.param(
