@@ -1,8 +1,7 @@
-import os
-
 """Loading of map files: valid maps, and files that are missing or unreadable."""
 
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
