@@ -1,0 +1,112 @@
+"""Colours of all pictures of the program; each colour has one meaning.
+
+Materials have the colour of their family: foliage is green, wood brown, concrete and
+brick grey, smoke and dust a pale lilac that is drawn translucent. Sensors have one
+colour each. The rays of a beam are coloured as in the thesis: left red, right blue.
+
+All colours that one picture shows together differ for normal sight, deuteranopia and
+protanopia; ``SHOWN_TOGETHER`` lists these groups.
+"""
+
+import re
+from enum import StrEnum
+from typing import Final
+
+from radarsim.scene.material import Material
+
+
+class Family(StrEnum):
+    """Families of materials that share a colour; the values are words for legends."""
+
+    FOLIAGE = "foliage"
+    WOOD = "wood"
+    STONE = "concrete, brick"
+    METAL = "metal"
+    GLASS = "glass"
+    SMOKE = "smoke, dust, rain"
+    GROUND = "ground"
+
+
+FAMILY_COLOURS: Final = {
+    Family.FOLIAGE: "#9cbc61",
+    Family.WOOD: "#8f3b09",
+    Family.STONE: "#a9a6a5",
+    Family.METAL: "#31476a",
+    Family.GLASS: "#00c8ff",
+    Family.SMOKE: "#ede4f9",
+    Family.GROUND: "#f1d2af",
+}
+
+# As in the thesis, the left ray is red and the right ray blue.
+LEFT_RAY: Final = "#d23359"
+CENTRE_RAY: Final = "#191818"
+RIGHT_RAY: Final = "#5e5dc6"
+
+RADAR: Final = "#6949eb"
+HOKUYO: Final = "#ff5704"
+SICK: Final = "#753daa"
+LASER: Final = "#be6ab5"
+PHYSICAL: Final = "#2a3d35"
+
+# Parts of navigation and mapping runs.
+GOING: Final = RIGHT_RAY  # path towards the goal
+FOLLOWING: Final = HOKUYO  # path along a boundary
+RETURNING: Final = "#00c8ff"  # path back to the leave point
+TRUE_PATH: Final = CENTRE_RAY
+SENSED: Final = FAMILY_COLOURS[Family.STONE]  # ends of beams
+MARKER: Final = CENTRE_RAY  # start, goal, hit and leave points, told apart by shape
+ROBOT: Final = "#ffffff"  # hull of the robot, outlined in ``MARKER``
+
+_ON_MATERIALS = tuple(FAMILY_COLOURS.values())
+SHOWN_TOGETHER: Final = {
+    "rays over a plan": (*_ON_MATERIALS, LEFT_RAY, CENTRE_RAY, RIGHT_RAY),
+    "sensors over a plan": (*_ON_MATERIALS, RADAR, HOKUYO, SICK, LASER, PHYSICAL),
+    "run": (GOING, FOLLOWING, RETURNING, TRUE_PATH, SENSED),
+    "path over a map": (LEFT_RAY, TRUE_PATH, FAMILY_COLOURS[Family.FOLIAGE], SENSED),
+}
+
+# The last word of a name that is found decides: a "wood_floor" is ground.
+_WORDS: Final = {
+    Family.FOLIAGE: "foliage|hedge|shrub|bush|leaf|leaves|twigs|woodland|grass|crop",
+    Family.WOOD: "wood|wooden|plank|bark|trunk|crate|chipboard|board",
+    Family.STONE: "concrete|brick|stone|wall|plaster|plasterboard|rock",
+    Family.METAL: "metal|steel|iron|aluminium|aluminum|car|mirror|robot",
+    Family.GLASS: "glass|pane|window|water",
+    Family.SMOKE: "smoke|dust|fog|rain|mist|haze|cloud|snow|spray|steam",
+    Family.GROUND: "ground|soil|floor|earth|sand|gravel|asphalt|road",
+}
+_FAMILY_OF_WORD: Final = {
+    word: family for family, words in _WORDS.items() for word in words.split("|")
+}
+
+
+def family_of(material: Material) -> Family:
+    """Return the family of a material: by the words of its name, or what it lets pass.
+
+    Solid materials that radar enters count as foliage, those that robots enter as
+    smoke, mirrors as metal, and all others as concrete.
+    """
+    words = re.split(r"[^a-z]+", material.name.casefold())
+    named = [_FAMILY_OF_WORD[word] for word in words if word in _FAMILY_OF_WORD]
+    lets_radar_in = material.penetrable or material.sheet_loss is not None
+    if Family.FOLIAGE in named and lets_radar_in:
+        return Family.FOLIAGE  # a "shrub_cloud" is no smoke
+    if named:
+        return named[-1]
+    if lets_radar_in:
+        return Family.FOLIAGE if material.solid else Family.SMOKE
+    mirror = material.radar_mirror or material.laser_mirror
+    return Family.METAL if mirror else Family.STONE
+
+
+def sensor_colour(name: str, medium: str = "radar") -> str:
+    """Return the colour of a sensor.
+
+    Args:
+        name: Name of the preset, such as ``radar`` or ``hokuyo_utm30lx``.
+        medium: ``radar`` or ``laser``.
+    """
+    if medium == "radar":
+        return RADAR
+    known = {"hokuyo": HOKUYO, "sick": SICK, "physical": PHYSICAL}
+    return next((known[word] for word in known if word in name), LASER)

@@ -1,0 +1,118 @@
+"""Colours that one picture shows differ, also for the colour-blind."""
+
+import itertools
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from radarsim.geometry import Floats
+from radarsim.plotting.palette import (
+    HOKUYO,
+    LASER,
+    RADAR,
+    SHOWN_TOGETHER,
+    SICK,
+    Family,
+    family_of,
+    sensor_colour,
+)
+from radarsim.presets.materials import library_material
+from radarsim.scene.material import Material
+
+# Machado, Oliveira and Fernandes 2009, severity 1, for linear RGB.
+SIGHTS = {
+    "normal": np.eye(3),
+    "protanopia": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "deuteranopia": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
+    ),
+}
+XYZ_OF_RGB = np.array(  # sRGB, D65
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
+
+
+def lab(colour: str, sight: Floats) -> Floats:
+    """Return L*, a* and b* of a colour as somebody with that sight sees it."""
+    rgb = np.array(to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    xyz = XYZ_OF_RGB @ np.clip(sight @ linear, 0, 1) / XYZ_OF_RGB.sum(axis=1)
+    x, y, z = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+def test_known_colours_have_known_lab_values() -> None:
+    assert lab("white", SIGHTS["normal"]) == pytest.approx([100, 0, 0], abs=0.01)
+    assert lab("red", SIGHTS["normal"]) == pytest.approx([53.24, 80.09, 67.2], abs=0.05)
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+@pytest.mark.parametrize("picture", SHOWN_TOGETHER)
+def test_colours_of_a_picture_can_be_told_apart(picture: str, sight: str) -> None:
+    for one, other in itertools.combinations(SHOWN_TOGETHER[picture], 2):
+        difference = lab(one, SIGHTS[sight]) - lab(other, SIGHTS[sight])
+        assert np.linalg.norm(difference) > 20, (one, other)
+
+
+@pytest.mark.parametrize(
+    ("material", "family"),
+    [
+        (Material("foliage", density=0.7), Family.FOLIAGE),
+        (Material("shrub_cloud", density=1.59), Family.FOLIAGE),
+        (Material("tree_leaves", sheet_loss=0.2), Family.FOLIAGE),
+        (Material("Dust cloud", density=0.0, solid=False), Family.SMOKE),
+        (Material("painted_steel"), Family.METAL),
+        (Material("wood_floor"), Family.GROUND),
+        (Material("crate"), Family.WOOD),
+        (Material("x", density=1.0), Family.FOLIAGE),
+        (Material("x", density=0.0, solid=False), Family.SMOKE),
+        (Material("x", laser_mirror=True), Family.METAL),
+        (Material("x"), Family.STONE),
+    ],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_family_follows_from_name_and_properties(
+    material: Material, family: Family
+) -> None:
+    assert family_of(material) == family
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [
+        ("hedge", Family.FOLIAGE),
+        ("tall_grass", Family.FOLIAGE),
+        ("woodland", Family.FOLIAGE),
+        ("chipboard", Family.WOOD),
+        ("brick", Family.STONE),
+        ("metal", Family.METAL),
+        ("glass", Family.GLASS),
+        ("fog", Family.SMOKE),
+        ("rain", Family.SMOKE),
+    ],
+)
+def test_library_materials_have_the_expected_family(name: str, family: Family) -> None:
+    assert family_of(Material(name, **asdict(library_material(name)))) == family
+
+
+def test_each_kind_of_sensor_has_its_colour() -> None:
+    assert sensor_colour("radar") == sensor_colour("hss94_marulan") == RADAR
+    assert sensor_colour("usarsim_hokuyo", "laser") == HOKUYO
+    assert sensor_colour("sick_lms200", "laser") == SICK
+    assert sensor_colour("laser", "laser") == LASER
