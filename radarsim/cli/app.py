@@ -15,6 +15,7 @@ import typer
 from radarsim import __version__
 from radarsim.cli.bench import bench
 from radarsim.cli.check import check
+from radarsim.cli.docs import docs
 from radarsim.cli.drive import drive
 from radarsim.cli.explain import explain
 from radarsim.cli.figures import figures
@@ -64,6 +65,7 @@ for _command in (serve, check, scan, explain, sensors, materials, drive, navigat
 app.command()(trials)
 app.command("map")(map_)
 app.command()(figures)
+app.command()(docs)
 app.command()(bench)
 
 

@@ -1,0 +1,52 @@
+"""``radarsim docs``: the pages of the manual."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+FOLDER: Final = Path(__file__).parent.parent / "docs"
+_PICTURE = re.compile(r"^!\[[^\]]*\]\([^)]*\)\n+", re.MULTILINE)
+_COMMENT = re.compile(r"^<!--.*?-->\n", re.MULTILINE | re.DOTALL)
+_LINK_TO_PAGE = re.compile(r"\[([^\]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
+
+
+def docs(
+    topic: Annotated[
+        str, typer.Argument(help="Topic to show; 'index' lists all of them.")
+    ] = "index",
+) -> None:
+    """Show a page of the manual; without a topic, the list of topics."""
+    topics = sorted(page.stem for page in FOLDER.glob("*.md"))
+    if topic not in topics:
+        text = f"{topic[:80]!r}, expected one of {topics}"
+        raise typer.BadParameter(text, param_hint="TOPIC")
+    text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
+    if sys.stdout.isatty():
+        _page(_prepare_for_terminal(text))
+    else:
+        sys.stdout.write(text)
+
+
+def _prepare_for_terminal(text: str) -> str:
+    """Return a page without pictures and comments, its links as commands."""
+    text = _COMMENT.sub("", _PICTURE.sub("", text))
+    return _LINK_TO_PAGE.sub(r"\1 (`radarsim docs \2`)", text)
+
+
+def _page(text: str) -> None:
+    """Render a page, and show it in the user's pager."""
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    # As git does: colours pass, and a page that fits on the screen is just printed.
+    os.environ.setdefault("LESS", "-FRX")
+    console = Console()
+    width = min(console.width, 100)
+    with console.pager(styles=True):
+        console.print(Markdown(text, hyperlinks=False), width=width)

@@ -1,0 +1,43 @@
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from radarsim.cli import docs as module
+from radarsim.cli.docs import FOLDER
+
+Command = Callable[..., Any]
+
+
+def test_topics_are_listed_without_a_topic(radarsim: Command) -> None:
+    run = radarsim("docs")
+    assert run.code == 0
+    for page in FOLDER.glob("*.md"):
+        assert page.stem == "index" or f"[{page.stem}]({page.name})" in run.text
+
+
+def test_page_is_plain_markdown_in_a_pipe(radarsim: Command) -> None:
+    run = radarsim("docs", "radar")
+    assert run.out == (FOLDER / "radar.md").read_bytes()
+
+
+def test_unknown_topic_is_wrong_usage_that_names_the_topics(radarsim: Command) -> None:
+    run = radarsim("docs", "radr")
+    assert run.code == 2
+    assert "'radr'" in run.err
+    assert "'radar'" in run.err
+
+
+def test_page_is_rendered_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr("pydoc.pager", print)
+    module.docs("maps")
+    text = capsys.readouterr().out
+    assert "Your first map" in text
+    assert "## " not in text  # headings are rendered
+    assert "<!--" not in text
+    assert ".readme/" not in text  # a terminal shows no pictures
+    assert "radarsim docs navigation" in text  # what a link means here

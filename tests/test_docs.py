@@ -1,0 +1,189 @@
+"""Every code block of the README and the manual runs, and every link leads somewhere."""
+
+import re
+import runpy
+import shlex
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from commands import Run, run_in_process
+from documents import MANUAL, PAGES, ROOT, Snippet, anchors_of, links_of, snippets_of
+from ruamel.yaml import YAML
+
+from radarsim.cli.app import app
+from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
+from radarsim.scene.map_file import load_variants
+
+pytest_plugins = ["pytester"]
+pytestmark = pytest.mark.timeout(600)
+
+SNIPPETS = [snippet for page in PAGES for snippet in snippets_of(page)]
+LANGUAGES = {"sh", "console", "python", "suite", "yaml", "text"}
+
+
+def cases(*languages: str) -> list[Any]:
+    """Give each block of these languages a test, with the marks that it asks for."""
+    found = []
+    for snippet in SNIPPETS:
+        if snippet.language not in languages or "skip" in snippet.flags:
+            continue
+        marks = [pytest.mark.slow] if "slow" in snippet.flags else []
+        if snippet.served_map:
+            marks.append(pytest.mark.usarsim(map=snippet.served_map, speed=5))
+        found.append(pytest.param(snippet, id=snippet.name, marks=marks))
+    return found
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Change to a folder that looks like a checkout to the commands in it."""
+    (tmp_path / "maps").symlink_to(ROOT / "maps")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def prepare(snippet: Snippet, request: pytest.FixtureRequest) -> int | None:
+    """Write the files that its page names, and start the server that it needs."""
+    for other in snippets_of(snippet.page):
+        if other.file_name:
+            Path(other.file_name).write_text(other.text, encoding="utf-8")
+    if snippet.served_map is None:
+        return None
+    port: int = request.getfixturevalue("usarsim_server").port
+    return port
+
+
+@pytest.mark.parametrize("snippet", cases("python"))
+def test_python_runs(
+    snippet: Snippet, folder: Path, request: pytest.FixtureRequest
+) -> None:
+    port = prepare(snippet, request)
+    script = folder / "snippet.py"
+    script.write_text(snippet.text.replace("3000", str(port)), encoding="utf-8")
+    runpy.run_path(str(script), run_name="__main__")
+
+
+@pytest.mark.parametrize("snippet", cases("suite"))
+def test_suites_pass(snippet: Snippet, pytester: pytest.Pytester) -> None:
+    for other in SNIPPETS:
+        if other.language == "yaml" and other.file_name:
+            Path(other.file_name).write_text(other.text, encoding="utf-8")
+    assert snippet.file_name, "a module without a comment that names its file"
+    pytester.makepyfile(**{Path(snippet.file_name).stem: snippet.text})
+    if snippet.file_name == "conftest.py":
+        pytester.makepyfile(
+            "def test_map(usarsim_map, usarsim_client):\n"
+            "    assert usarsim_map.stem in usarsim_client.read_line()\n"
+        )
+    result = pytester.runpytest_inprocess("-p", "no:randomly", "-p", "no:cacheprovider")
+    assert result.ret == 0
+
+
+@pytest.mark.parametrize("snippet", cases("sh", "console"))
+def test_commands_run(
+    snippet: Snippet,
+    folder: Path,
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def do_not_serve(*_: object) -> int:
+        return 0
+
+    monkeypatch.setattr("radarsim.server.tcp_server.serve", do_not_serve)
+    port = prepare(snippet, request)
+    for command, output in commands_of(snippet):
+        words = shlex.split(command)
+        if "parse" in snippet.flags or words[1] == "drive":
+            parse(words[1:])
+            continue
+        run = execute(words[1:], port)
+        assert run.code == 0, (command, run.err)
+        said = [*run.text.splitlines(), *run.err.splitlines()]
+        if "slow" in snippet.flags:  # its numbers are of one machine
+            said, output = labels(said), labels(output)
+        assert [line for line in output if line not in said] == []
+
+
+def commands_of(snippet: Snippet) -> Iterator[tuple[str, list[str]]]:
+    """Return the program's commands of a block, each with the lines that it prints."""
+    if snippet.language == "sh":
+        lines = snippet.text.replace("\\\n", " ").splitlines()
+        for line in lines:
+            command = line.rpartition("&& ")[2].removeprefix(".venv/bin/")
+            if command and not command.startswith("#"):
+                assert command.startswith("radarsim "), command
+                yield command, []
+        return
+    for part in re.split(r"^\$ ", snippet.text, flags=re.MULTILINE)[1:]:
+        command, *output = part.splitlines()
+        yield command, [line for line in output if line.strip() not in {"", "..."}]
+
+
+def execute(words: list[str], port: int | None) -> Run:
+    """Run a command; what follows ``>`` is a file for its output."""
+    words, target = (words[:-2], words[-1]) if ">" in words else (words, None)
+    if port is not None:
+        words = [*words, "--port", str(port)]
+    run = run_in_process(*words)
+    if target:
+        Path(target).write_bytes(run.out)
+    return run
+
+
+def parse(words: list[str]) -> None:
+    """Check that a command and its options exist, and its values are possible."""
+    group = typer.main.get_command(app)
+    with group.make_context("radarsim", words[:1]) as context:
+        _, command, _ = group.resolve_command(context, words[:1])  # type: ignore[attr-defined]
+        command.make_context(words[0], words[1:], parent=context)
+
+
+def labels(lines: Iterable[str]) -> list[str]:
+    """Return the words of lines, without their numbers."""
+    return [" ".join(re.findall(r"[a-z]{2,}", line)[:2]) for line in lines]
+
+
+@pytest.mark.parametrize("snippet", cases("yaml"))
+def test_maps_are_right(snippet: Snippet, folder: Path) -> None:
+    if "fragment" in snippet.flags:
+        YAML(typ="safe").load(snippet.text)
+        return
+    assert snippet.file_name, "a map without a comment that names its file"
+    path = folder / snippet.file_name
+    path.write_text(snippet.text, encoding="utf-8")
+    scene, *_ = load_variants(str(path))
+    assert scene.starts
+    assert occupied_starts(scene) == []
+    assert trial_warnings(scene) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_code_blocks_have_languages_that_are_tested(page: Path) -> None:
+    assert {each.language for each in snippets_of(page)} <= LANGUAGES
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    for link in links_of(page):
+        if link.startswith("https://"):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.is_file(), link
+        assert not anchor or anchor in anchors_of(target), link
+
+
+def test_readme_and_index_link_to_every_page() -> None:
+    names = {page.name for page in MANUAL.glob("*.md")}
+    assert {Path(link).name for link in links_of(MANUAL / "index.md")} == names - {"index.md"}
+    assert names - {Path(link).name for link in links_of(ROOT / "README.md")} == set()
+
+
+def test_commands_page_lists_every_command() -> None:
+    group = typer.main.get_command(app)
+    text = (MANUAL / "commands.md").read_text(encoding="utf-8")
+    for name in group.commands:  # type: ignore[attr-defined]
+        assert f"| `radarsim {name}" in text, name
