@@ -1,0 +1,47 @@
+"""Make the pictures of the README: python .readme/make.py, with radarsim installed."""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+FOLDER = Path(__file__).parent
+WIDTH = 900  # pixels
+COLOURS = 128
+COMMANDS = (
+    "figures figures --only 6,7,8",
+    "navigate --algorithm bug2 --serve bug_u_trap --plot navigate.png",
+    "map map/ --serve foliage_room",
+)
+PICTURES = {
+    "scene": "figures/figure_06.png",
+    "laser": "figures/figure_07.png",
+    "radar": "figures/figure_08.png",
+    "navigate": "navigate.png",
+    "map": "map/map.png",
+}
+
+
+def shrink(source: Path, target: Path) -> None:
+    """Write a picture of at most WIDTH pixels across, in a palette."""
+    picture = Image.open(source).convert("RGB")
+    if picture.width > WIDTH:
+        height = round(picture.height * WIDTH / picture.width)
+        picture = picture.resize((WIDTH, height), Image.Resampling.LANCZOS)
+    picture.quantize(COLOURS).save(target, optimize=True)
+
+
+def main() -> None:
+    """Run the commands in a temporary folder and keep their pictures."""
+    with tempfile.TemporaryDirectory() as folder:
+        for command in COMMANDS:
+            words = (sys.executable, "-m", "radarsim", *command.split())
+            subprocess.run(words, cwd=folder, check=True)
+        for name, picture in PICTURES.items():
+            shrink(Path(folder, picture), FOLDER / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()
