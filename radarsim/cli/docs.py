@@ -10,6 +10,8 @@ from typing import Annotated, Final
 
 import typer
 
+from radarsim.suggestions import expected_one_of
+
 FOLDER: Final = Path(__file__).parent.parent / "docs"
 _PICTURE = re.compile(r"^!\[[^\]]*\]\([^)]*\)\n+", re.MULTILINE)
 _COMMENT = re.compile(r"^<!--.*?-->\n", re.MULTILINE | re.DOTALL)
@@ -18,13 +20,14 @@ _LINK_TO_PAGE = re.compile(r"\[([^\]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
 
 def docs(
     topic: Annotated[
-        str, typer.Argument(help="Topic to show; 'index' lists all of them.")
+        str,
+        typer.Argument(metavar="TOPIC", help="Topic to show; 'index' lists them all."),
     ] = "index",
 ) -> None:
     """Show a page of the manual; without a topic, the list of topics."""
     topics = sorted(page.stem for page in FOLDER.glob("*.md"))
     if topic not in topics:
-        text = f"{topic[:80]!r}, expected one of {topics}"
+        text = expected_one_of(topic, topics)
         raise typer.BadParameter(text, param_hint="TOPIC")
     text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
     if sys.stdout.isatty():

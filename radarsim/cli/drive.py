@@ -29,7 +29,7 @@ def drive(
         typer.Option(
             metavar="M_PER_S",
             callback=check_positive,
-            help="Speed at which the keys drive at first; + and - change it.",
+            help="Speed of driving at first; + and - change it.",
         ),
     ] = 0.4,
     drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,

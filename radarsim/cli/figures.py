@@ -33,7 +33,7 @@ def figures(
         typer.Option(metavar="N,...", help="Numbers of figures; all by default."),
     ] = None,
 ) -> None:
-    """Draw the thesis' figures from runs of the program, and a page with all."""
+    """Draw the figures of the thesis from runs of the program, and a page of them."""
     exit_143_on_sigterm()
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

@@ -136,7 +136,7 @@ def map_(
         typer.Option(
             metavar="M",
             callback=check_positive,
-            help="Explore as far from the start as this, where no wall ends it before.",
+            help="Farthest distance from the start, if no walls end the room before it.",
         ),
     ] = 12.0,
     speed: Annotated[

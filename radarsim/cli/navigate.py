@@ -146,7 +146,7 @@ def navigate(
     seed: ServedSeedOption = None,
     settings: ServedSettingsOption = None,
 ) -> None:
-    """Drive a robot to a goal by its long-range bumpers; exits with 3 for no path."""
+    """Drive a robot to a goal with Bug1 or Bug2; exit with 3 if there is no path."""
     exit_143_on_sigterm()
     from radarsim.cli.navigate_report import run_progress
     from radarsim.evaluation.navigation_run import NavigationRun

@@ -49,7 +49,9 @@ def serve(
     ] = 1.0,
     dialect: Annotated[
         DialectName,
-        typer.Option(help="What clients in the field need, or the original's bytes."),
+        typer.Option(
+            help="Form of the lines: as today's clients need it, or the original's."
+        ),
     ] = DialectName.COMPAT,
     drive_unit: Annotated[
         DriveUnit | None,

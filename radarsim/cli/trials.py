@@ -54,7 +54,7 @@ def trials(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Run and score navigation on maps, in lockstep and on all cores."""
+    """Run Bug1 and Bug2 on several maps, and score them by the ground truth."""
     exit_143_on_sigterm()
     from radarsim.evaluation.trials import MAPS, all_trials, run_trials
 

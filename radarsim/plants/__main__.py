@@ -23,16 +23,22 @@ def make(
         Path, typer.Argument(metavar="OUT", help="The folder for the mesh files.")
     ],
     *,
-    seed: Annotated[int, typer.Option(min=0, help="Of all plants.")] = SEED,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all plants.")] = SEED,
     figure: Annotated[
         Path | None,
-        typer.Option(help="A PNG that compares the three shapes of the shrub."),
+        typer.Option(help="Draw the three shapes of the shrub into this PNG."),
     ] = None,
     calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Print what their foliage has to take.")
+        bool,
+        typer.Option(
+            "--calibrate", help="Print how much power their foliage has to take."
+        ),
     ] = False,
     rays: Annotated[
-        int, typer.Option(min=1, help="That calibrate a shape, from each side.")
+        int,
+        typer.Option(
+            min=1, help="Rays for the calibration of a shape, from each side."
+        ),
     ] = RAYS,
 ) -> None:
     """Write the mesh files of plants, all or none."""

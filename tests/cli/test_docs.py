@@ -22,11 +22,11 @@ def test_page_is_plain_markdown_in_a_pipe(radarsim: Command) -> None:
     assert run.out == (FOLDER / "radar.md").read_bytes()
 
 
-def test_unknown_topic_is_wrong_usage_that_names_the_topics(radarsim: Command) -> None:
+def test_unknown_topic_is_wrong_usage_with_a_suggestion(radarsim: Command) -> None:
     run = radarsim("docs", "radr")
     assert run.code == 2
     assert "'radr'" in run.err
-    assert "'radar'" in run.err
+    assert "did you mean 'radar'" in run.err
 
 
 def test_page_is_rendered_on_a_terminal(
