@@ -136,7 +136,7 @@ def map_(
         typer.Option(
             metavar="M",
             callback=check_positive,
-            help="Farthest distance from the start, if no walls end the room before it.",
+            help="Farthest distance from the start, where no walls are nearer.",
         ),
     ] = 12.0,
     speed: Annotated[
