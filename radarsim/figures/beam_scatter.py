@@ -1,6 +1,7 @@
 """Figure 5b: one beam goes out, is scattered, and in part comes back."""
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -9,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc
+from matplotlib.patches import Arc, FancyArrowPatch
 
 from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import HALO, as_words, draw_part, draw_title
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Pose2
@@ -19,7 +21,6 @@ from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.robots.obstacles import slice_parts
 from radarsim.sensors.scan import Scan
 
 MAP: Final = "marulan_trial"
@@ -27,7 +28,7 @@ BEAM: Final = 99  # past a pole, and into the hedge behind it
 RAYS: Final = 60
 LIGHT: Final = 299_792_458.0  # m/s
 OUT, BACK = "#1f73cc", "#c2410c"
-_ASIDE: Final = 1.7  # m on both sides of the beam
+_BEND: Final = 1.1  # m; twice as far as the ways back are off the beam
 _SETTINGS: Final = (
     ("side_mode", "cone"),
     ("beamwidth_az_deg", 2),
@@ -87,19 +88,44 @@ def draw_scatter(seed: int) -> DrawnFigure:
     shot = scan_spec_for(seed)
     scan, rays = take_beam(shot)
     returns = returns_of(scan)
-    drawing = Figure(figsize=(13, 5.2), dpi=110, layout="constrained")
-    plan, bars = drawing.subplots(2, 1, sharex=True, height_ratios=[1.35, 1])
+    drawing = Figure(figsize=(13, 5.6), dpi=120)
+    plan = drawing.add_axes((0.055, 0.58, 0.935, 0.3))
+    bars = drawing.add_axes((0.055, 0.1, 0.935, 0.36))
+    near, far = -1.0, returns[-1].range + 1.6
     _draw_beam(plan, shot, scan, rays)
-    plan.text(5.0, -0.95, "goes out", color=OUT)
-    plan.text(5.0, 0.75, "comes back", color=BACK)
-    for one in returns:
+    plan.set_ylim(*_across(plan, far - near))
+    plan.set_xticks([])
+    for number, one in enumerate(returns):
         _draw_waves(plan, one)
+        _draw_way_back(plan, one, bend=(-1) ** number * _BEND / one.range)
     _draw_strengths(bars, returns)
-    bars.set_xlim(-1.2, returns[-1].range + 2.5)
-    return DrawnFigure((drawing,), _caption(returns), (shot.command,))
+    for axes in (plan, bars):
+        axes.set_xlim(near, far)
+    draw_title(drawing, f"One beam, several echoes: {_told(returns)}")
+    return DrawnFigure(
+        (drawing,),
+        "A radar beam that is wider than the pole goes out (blue); the pole sends back"
+        " a part of it, and the hedge behind it another (orange). The time that each"
+        " takes tells its range.",
+        (shot.command,),
+        _details(returns),
+    )
 
 
-def _caption(returns: Sequence[Return]) -> str:
+def _told(returns: Sequence[Return]) -> str:
+    """Return the names of what answers, without their numbers."""
+    names = [re.sub(r" \d+$", "", as_words(one.name)) for one in returns]
+    return ", and behind it ".join(f"a {name}" for name in names)
+
+
+def _across(axes: Axes, length: float) -> tuple[float, float]:
+    """Return y limits by which a metre is as long along the beam as across, m."""
+    box = axes.get_window_extent()
+    half = length * box.height / box.width / 2
+    return -half, half
+
+
+def _details(returns: Sequence[Return]) -> str:
     echoes = "; ".join(
         f"{one.name}, {one.range:.2f} m away, gives back {100 * one.strength:.0f} % of"
         f" the beam {2e9 * one.range / LIGHT:.0f} ns after it was sent"
@@ -109,10 +135,9 @@ def _caption(returns: Sequence[Return]) -> str:
     return (
         f"One beam of a radar, {width}° wide, here {RAYS} rays, goes out (blue) and is"
         " scattered where it meets something (arcs). Some of the scattered waves come"
-        " back (arrows, the thicker the more), and the time that they take tells the"
-        f" range: {echoes}. A thing that is narrower than the beam lets the rest pass,"
-        f" so that this one direction has {len(returns)} objects at {len(returns)}"
-        " ranges."
+        f" back (arrows, the thicker the more): {echoes}. A thing that is narrower than"
+        f" the beam lets the rest pass, so that this one direction has {len(returns)}"
+        f" objects at {len(returns)} ranges."
         f" What goes on to the right has got through the {returns[-1].name}'s leaves."
     )
 
@@ -123,9 +148,8 @@ def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s], [s, c]])  # of rows, by minus the angle
     objects = [part for part in shot.scene.parts if part.object_name != "ground"]
-    lines = (slice_parts(objects, shot.pose.z) - place) @ turn
-    style: dict[str, Any] = {"colors": "0.25", "linewidths": 1.1, "zorder": 3}
-    axes.add_collection(LineCollection(list(lines), **style))
+    for part in objects:
+        draw_part(axes, part, shot.pose.z, lambda points: (points - place) @ turn)
     segments = split_rays(tracer_of(shot.scene), rays)
     shades = np.tile(to_rgba(OUT), (len(segments.rays), 1))
     shades[:, 3] = 0.6 * line_opacity(segments.shares)
@@ -135,8 +159,6 @@ def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
     axes.add_collection(lines)
     x, y = (np.array([shot.robot.x, shot.robot.y]) - place) @ turn
     draw_robot(axes, ROBOT, Pose2(float(x), float(y), shot.robot.yaw - angle))
-    axes.set_aspect("equal")
-    axes.set_ylim(-_ASIDE, _ASIDE)
     axes.set_ylabel("across, m")
 
 
@@ -155,16 +177,33 @@ def _draw_waves(axes: Axes, one: Return) -> None:
             zorder=4,
         )
         axes.add_patch(wave)
-    lift = 0.55 if one.strength > 0.3 else -0.55
-    arrow = {
-        "arrowstyle": "-|>",
-        "color": BACK,
-        "linewidth": 0.8 + 4 * one.strength,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
+
+
+def _draw_way_back(axes: Axes, one: Return, *, bend: float) -> None:
+    """Draw an arrow from an object to the sensor, bent to one side of the beam."""
+    arrow = FancyArrowPatch(
+        (one.range, 0.0),
+        (0.0, 0.0),
+        connectionstyle=f"arc3,rad={bend}",
+        arrowstyle="-|>,head_length=8,head_width=4",
+        mutation_scale=1.2,
+        color=BACK,
+        linewidth=1.2 + 5 * one.strength,
+        shrinkA=0,
+        shrinkB=0,
+        zorder=4.5,
+    )
+    axes.add_patch(arrow)
     axes.annotate(
-        "", (0.4, lift / 3), (one.range - 1.2, lift), arrowprops=arrow, zorder=3.5
+        f"{100 * one.strength:.0f} % comes back",
+        (one.range / 2, bend * one.range / 2),
+        xytext=(0, 9 if bend > 0 else -9),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if bend > 0 else "top",
+        color=BACK,
+        path_effects=[HALO],
+        zorder=6,
     )
 
 
@@ -181,14 +220,14 @@ def _draw_strengths(axes: Axes, returns: Sequence[Return]) -> None:
     for one in returns:
         axes.vlines(one.range, 0, 100 * one.strength, color=BACK, linewidth=5)
         axes.annotate(
-            f"{one.name}: {one.range:.2f} m, {100 * one.strength:.0f} %",
+            f"{as_words(one.name)}: {one.range:.2f} m, {100 * one.strength:.0f} %",
             (one.range, 100 * one.strength),
             xytext=(-8, -4),
             textcoords="offset points",
             ha="right",
             va="top",
         )
-    axes.set_ylim(0, 100)
+    axes.set_ylim(0, 130 * max(one.strength for one in returns))
     axes.set_xlabel("range, m")
     axes.set_ylabel("comes back, %")
     axes.grid(color="0.9")

@@ -9,9 +9,11 @@ from typing import Final
 from radarsim.evaluation.workers import worker_pool
 from radarsim.figures.beam_scatter import draw_scatter
 from radarsim.figures.bug_runs import draw_bug
-from radarsim.figures.clear_and_dust import LASER, RADAR, draw_readings
+from radarsim.figures.clear_and_dust import LASER, RADAR
+from radarsim.figures.dust_panels import draw_all_readings, draw_readings
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.foliage_wall import draw_hokuyo, draw_noise, draw_radar
+from radarsim.figures.hedge_beams import draw_hokuyo, draw_radar
+from radarsim.figures.hedge_noise import draw_repeated_scans, draw_single_scans
 from radarsim.figures.maps import draw_maps
 from radarsim.figures.offset_rays import draw_offset_rays
 from radarsim.figures.scenes import draw_test_map, draw_trial_scene
@@ -23,7 +25,8 @@ class FigureSpec:
     """A figure of the thesis and the function that draws it.
 
     Attributes:
-        number: Number in the thesis, which has two figures 5; the second is 5b.
+        number: Number in the thesis, which has two figures 5; the second is 5b. A panel
+            of several figures has the numbers of the first and the last: 2-5.
         title: Title, a few words.
         draw: Draws the figure from a seed.
         weight: Approximate drawing time, s.
@@ -37,28 +40,40 @@ class FigureSpec:
     @property
     def file(self) -> str:
         """Name of the picture file."""
+        first, dash, last = self.number.partition("-")
+        if dash:
+            return f"figures_{first:0>2}_to_{last:0>2}.png"
         digits = self.number.rstrip("b")
         return f"figure_{digits:0>2}{self.number[len(digits) :]}.png"
 
 
 FIGURES: Final = (
     FigureSpec("1", "The trial scene", draw_trial_scene, 3),
+    FigureSpec("2-5", "Dust blinds the laser and not the radar", draw_all_readings, 3),
     FigureSpec(
-        "2", "Radar, clear air", partial(draw_readings, sensor=RADAR, air="clear"), 1
+        "2", "Radar in clear air", partial(draw_readings, sensor=RADAR, air="clear"), 1
     ),
-    FigureSpec("3", "Radar, dust", partial(draw_readings, sensor=RADAR, air="dust"), 1),
     FigureSpec(
-        "4", "Laser, clear air", partial(draw_readings, sensor=LASER, air="clear"), 1
+        "3", "Radar in heavy dust", partial(draw_readings, sensor=RADAR, air="dust"), 1
     ),
-    FigureSpec("5", "Laser, dust", partial(draw_readings, sensor=LASER, air="dust"), 1),
-    FigureSpec("5b", "How a radar beam is scattered", draw_scatter, 1),
-    FigureSpec("6", "The test map, seen from above", draw_test_map),
-    FigureSpec("7", "The Hokuyo in the test map", draw_hokuyo),
-    FigureSpec("8", "The radar in the test map", draw_radar),
-    FigureSpec("9", "The radar with N = 50", partial(draw_noise, offset=50)),
-    FigureSpec("10", "The radar with N = 100", partial(draw_noise, offset=100)),
-    FigureSpec("11", "Offset rays, N = 50", partial(draw_offset_rays, offset=50)),
-    FigureSpec("12", "Offset rays, N = 100", partial(draw_offset_rays, offset=100)),
+    FigureSpec(
+        "4", "Laser in clear air", partial(draw_readings, sensor=LASER, air="clear"), 1
+    ),
+    FigureSpec(
+        "5", "Laser in heavy dust", partial(draw_readings, sensor=LASER, air="dust"), 1
+    ),
+    FigureSpec("5b", "One radar beam, several echoes", draw_scatter, 1),
+    FigureSpec("6", "The test map: a wall of bushes", draw_test_map),
+    FigureSpec("7", "The Hokuyo sees a wall", draw_hokuyo),
+    FigureSpec("8", "The radar sees through the bushes", draw_radar),
+    FigureSpec("9", "Noise of one scan: N = 0, 50, 100", draw_single_scans),
+    FigureSpec("10", "Noise of repeated scans: N = 0, 50, 100", draw_repeated_scans),
+    FigureSpec(
+        "11", "Left and right rays, N = 50", partial(draw_offset_rays, offset=50)
+    ),
+    FigureSpec(
+        "12", "Left and right rays, N = 100", partial(draw_offset_rays, offset=100)
+    ),
     FigureSpec("13", "Bug1", partial(draw_bug, algorithm=Algorithm.BUG1), 4),
     FigureSpec("14", "Bug2", partial(draw_bug, algorithm=Algorithm.BUG2), 2),
     FigureSpec("15", "The explored test map, by radar and by Hokuyo", draw_maps, 8),
@@ -86,10 +101,11 @@ class RenderedFigure:
         number: Number in the catalogue.
         title: Title, a few words.
         file: Name of the picture file.
-        caption: Caption, in sentences.
+        caption: What the figure shows, in two sentences.
         commands: Commands that take the same scans or drive the same path, and the one
             that draws the figure.
         png: Content of the picture file.
+        details: The measured numbers, in sentences.
     """
 
     number: str
@@ -98,6 +114,7 @@ class RenderedFigure:
     caption: str
     commands: tuple[str, ...]
     png: bytes
+    details: str = ""
 
 
 def render(number: str, seed: int) -> RenderedFigure:
@@ -111,6 +128,7 @@ def render(number: str, seed: int) -> RenderedFigure:
         drawn.caption,
         (*drawn.commands, f"radarsim figures OUT --only {number} --seed {seed}"),
         drawn.as_png(),
+        drawn.details,
     )
 
 

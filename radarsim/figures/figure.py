@@ -22,13 +22,15 @@ class DrawnFigure:
 
     Attributes:
         drawings: Drawings, one below the other.
-        caption: What the figure shows, with the measured numbers, in sentences.
+        caption: What the figure shows and what to see in it, in two sentences.
         commands: Commands that take the same scans, drive the same path or show more.
+        details: The measured numbers, in sentences.
     """
 
     drawings: tuple[Figure, ...]
     caption: str
     commands: tuple[str, ...] = ()
+    details: str = ""
 
     def as_png(self) -> bytes:
         """Return the content of a PNG file; equal drawings give equal bytes."""

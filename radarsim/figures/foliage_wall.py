@@ -1,19 +1,14 @@
-"""Figures 7 to 10: what the Hokuyo and the radar read of the test map."""
+"""What figures 7 to 10 count: where beams of Hokuyo and radar end in the test map."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.scan_spec import ScanSpec, hit_points, object_names
-from radarsim.plotting import plot_scans
-from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Part, Scene
-from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 
 MAP: Final = "foliage_room"
@@ -21,7 +16,6 @@ BUSHES: Final = "foliage"  # the material
 FAR: Final = 80.0  # m; the Hokuyo's maximum range in these figures
 COUNT: Final = 20  # scans of figures 9 and 10
 STEP: Final = 0.2  # m; ranges that differ by more count as different
-HIDDEN: Final = "#fff6d6"
 _PLACES: Final = (np.arange(-9.5, -1.4, 1.0), np.arange(-5.5, 5.6, 1.0))  # x, y in m
 
 
@@ -119,61 +113,6 @@ def radar(seed: int, offset: int) -> ScanSpec:
     return ScanSpec(MAP, "radar", seed, settings)
 
 
-def draw_hokuyo(seed: int) -> DrawnFigure:
-    """Draw figure 7: the Hokuyo sees nothing behind the bushes."""
-    shot = hokuyo(seed)
-    (scan,) = shot.take()
-    counts = count_ends(shot.scene, scan)
-    own = load_sensor(shot.sensor).settings.max_range
-    caption = (
-        f"To the Hokuyo the bushes are a wall. {counts.inside} of its {counts.beams}"
-        f" beams end at their near side and {counts.behind} behind them, where it is"
-        f" yellow; the others meet the walls on this side. {_everywhere(shot)} Its own"
-        f" range of {own:g} m would not even reach the bushes from here, so that it is"
-        f" given {FAR:g} m."
-    )
-    return DrawnFigure((_draw(shot, [scan]),), caption, (shot.command,))
-
-
-def draw_radar(seed: int) -> DrawnFigure:
-    """Draw figure 8: the radar sees holes in the wall of bushes."""
-    shot = radar(seed, 0)
-    (scan,) = shot.take()
-    counts = count_ends(shot.scene, scan)
-    objects = ", ".join(counts.objects)
-    caption = (
-        f"To the radar there are holes. {counts.behind} of its {counts.beams} beams go"
-        " through the thin edges of the bushes and end behind them, where it is yellow:"
-        f" at {objects}. {counts.inside} are spent inside a bush (crosses), between its"
-        " near and its far side: its middle is too thick. A ray is the paler the less"
-        f" power it has left. {_everywhere(shot)} N is 0 here: there is no noise."
-    )
-    return DrawnFigure((_draw(shot, [scan]),), caption, (shot.command,))
-
-
-def draw_noise(seed: int, *, offset: int) -> DrawnFigure:
-    """Draw figure 9 or 10: one scan with side rays, and the ranges of many scans."""
-    shot = radar(seed, offset)
-    many = replace(shot, count=COUNT)
-    scans = many.take()
-    moved = count_moved(scans[0], seed)
-    changes = count_changes(shot.scene, scans)
-    beams = len(scans[0].ranges)
-    caption = (
-        f"Each beam is one of three rays {offset * METRES_PER_UNIT:g} m apart, drawn by"
-        f" chance: left (red), centre (grey), right (blue). Above is one scan: {moved}"
-        f" of {beams} beams read more than {100 * STEP:g} cm off what they read in"
-        " figure 8. A reading is placed along its beam, wherever its ray has been, so"
-        f" that walls fray. Below are the readings of {COUNT} scans from the same"
-        f" place: {sum(changes)} beams change by more than {100 * STEP:g} cm."
-        f" {changes.jumping} of them jump from one thing to another, most at the edge"
-        f" of a bush, {changes.slanting} meet the same solid thing at a slant, and"
-        f" {changes.deep} end more or less deep in the bushes."
-    )
-    drawings = (_draw(shot, scans[:1]), _draw(many, scans))
-    return DrawnFigure(drawings, caption, (shot.command, many.command))
-
-
 def count_moved(scan: Scan, seed: int) -> int:
     """Return the number of beams whose range differs from the one without side rays."""
     (reference,) = radar(seed, 0).take()
@@ -193,23 +132,3 @@ def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
         int((changed & same & ~bushes).sum()),
         int((changed & same & bushes).sum()),
     )
-
-
-def _everywhere(shot: ScanSpec) -> str:
-    places, beams, behind = count_over_grid(shot)
-    return (
-        f"From {places} places all over this side, {behind} of {beams} beams end behind"
-        " the bushes."
-    )
-
-
-def _draw(shot: ScanSpec, scans: Sequence[Scan]) -> Figure:
-    """Draw scans, with the region behind the bushes in yellow."""
-    drawing = plot_scans(shot.scene, scans)
-    axes = drawing.axes[0]
-    side, end = far_side(shot.scene), float(shot.scene.bounds[1, 0])
-    axes.axvspan(side, end, color=HIDDEN, zorder=0)
-    top = float(shot.scene.bounds[1, 1])
-    place = side + 0.3 * (end - side), top - 1.3  # hardly any ray gets there
-    axes.text(*place, "behind the bushes", ha="center", color="#8a6d00")
-    return drawing

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import draw_scale_bar, draw_title
+from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
@@ -17,7 +19,6 @@ from radarsim.plotting.ray_segments import RAY_COLOURS, line_opacity, split_rays
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.robots.obstacles import slice_parts
 from radarsim.sensors.beams import LEFT, RIGHT
 from radarsim.sensors.scan import Scan
 
@@ -25,7 +26,7 @@ MAP: Final = "foliage_room"
 WEIGHTS: Final = {LEFT: (0, 0, 1), RIGHT: (1, 0, 0)}
 STEP: Final = 0.2  # m; ranges that differ by more count as different
 _AROUND: Final = 1.3  # m of the robot that are seen closer
-_EDGE: Final = 0.4  # m around the room
+SPARSE: Final = 3  # of so many beams the main panel draws one
 
 
 def scan_spec_for(seed: int, offset: int, side: int) -> ScanSpec:
@@ -48,29 +49,44 @@ def draw_offset_rays(seed: int, *, offset: int) -> DrawnFigure:
     """Draw figure 11 or 12: left rays red and right rays blue, over the robot too."""
     shots = {side: scan_spec_for(seed, offset, side) for side in (LEFT, RIGHT)}
     scans = {side: shot.take()[0] for side, shot in shots.items()}
-    drawing = Figure(figsize=(13, 5.6), dpi=120, layout="constrained")
-    room, close = drawing.subplots(1, 2, width_ratios=[1.62, 1])
+    drawing = Figure(figsize=(15, 6.3), dpi=120)
+    room = drawing.add_axes((0.005, 0.09, 0.66, 0.76), anchor="W")
+    close = drawing.add_axes((0.675, 0.09, 0.315, 0.76), anchor="E")
     shot = shots[LEFT]
-    for axes in (room, close):
-        _draw_rays(axes, shot, scans)
-        draw_robot(axes, ROBOT, shot.robot, zorder=3)
-        axes.set_aspect("equal")
-        axes.set_xlabel("x, m")
-        axes.set_ylabel("y, m")
-    low, high = shot.scene.bounds[:, :2] + np.array([[-_EDGE], [_EDGE]])
-    room.set_xlim(low[0], high[0])
-    room.set_ylim(low[1], high[1])
-    place = shot.pose.position()
-    close.set_xlim(place[0] - _AROUND, place[0] + _AROUND)
-    close.set_ylim(place[1] - _AROUND, place[1] + _AROUND)
-    room.set_title(f"all offset rays of one scan, N = {offset}", fontsize="medium")
-    close.set_title(f"the same around the {ROBOT}", fontsize="medium")
+    _draw_rays(room, shot, scans, every=SPARSE)
+    draw_room(room, shot)
+    room.set_title(f"every {SPARSE}rd beam", fontsize="medium", loc="left")
+    _draw_rays(close, shot, scans, every=1)
+    _draw_close(close, shot)
+    apart = start_distance(scans)
+    draw_title(
+        drawing,
+        f"N = {offset}: left and right rays start {apart:.1f} m apart",
+    )
     _legend(drawing)
     commands = tuple(shot.command for shot in shots.values())
-    return DrawnFigure((drawing,), _caption(offset, scans), commands)
+    caption = (
+        "The rays left of each beam (red) and right of it (blue), of which a scan draws"
+        " one by chance. On the robot's left red sticks out, on its right blue; where"
+        " they end apart the readings are noisy."
+    )
+    return DrawnFigure((drawing,), caption, commands, _details(offset, scans))
 
 
-def _caption(offset: int, scans: dict[int, Scan]) -> str:
+def _draw_close(axes: Axes, shot: ScanSpec) -> None:
+    """Draw the robot, and limit the axes to what is around it."""
+    draw_robot(axes, ROBOT, shot.robot, zorder=3)
+    axes.set_aspect("equal")
+    place = shot.pose.position()
+    axes.set_xlim(place[0] - _AROUND, place[0] + _AROUND)
+    axes.set_ylim(place[1] - _AROUND, place[1] + _AROUND)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    draw_scale_bar(axes)
+    axes.set_title(f"around the {ROBOT}, every beam", fontsize="medium", loc="left")
+
+
+def _details(offset: int, scans: dict[int, Scan]) -> str:
     left, right = scans[LEFT].ranges, scans[RIGHT].ranges
     differ = int((np.abs(left - right) > STEP).sum())
     return (
@@ -84,14 +100,15 @@ def _caption(offset: int, scans: dict[int, Scan]) -> str:
     )
 
 
-def _draw_rays(axes: Axes, shot: ScanSpec, scans: dict[int, Scan]) -> None:
-    """Draw the plan and the rays of all scans in a mixed order."""
-    lines = slice_parts(shot.scene.parts, shot.pose.z)
-    axes.add_collection(
-        LineCollection(list(lines), colors="0.3", linewidths=1.0, zorder=1)
-    )
+def _draw_rays(
+    axes: Axes, shot: ScanSpec, scans: dict[int, Scan], *, every: int
+) -> None:
+    """Draw the rays of all scans in a mixed order, of every so many beams."""
     each = {
-        side: split_rays(tracer_of(shot.scene), scan.cast)
+        side: split_rays(
+            tracer_of(shot.scene),
+            scan.cast.take(np.arange(0, len(scan.ranges), every)),
+        )
         for side, scan in scans.items()
     }
     shades = [_shades(side, segments.shares) for side, segments in each.items()]
@@ -100,7 +117,7 @@ def _draw_rays(axes: Axes, shot: ScanSpec, scans: dict[int, Scan]) -> None:
     rays = LineCollection(
         list(np.concatenate([segments.lines for segments in each.values()])[order]),
         colors=np.concatenate(shades)[order],
-        linewidths=0.6,
+        linewidths=0.6 if every == 1 else 1.0,
         capstyle="butt",
         zorder=2,
     )
@@ -114,7 +131,7 @@ def _legend(drawing: Figure) -> None:
         for side, name in names.items()
     ]
     drawing.legend(
-        handles=samples, loc="outside lower center", ncols=len(samples), frameon=False
+        handles=samples, loc="lower center", ncols=len(samples), frameon=False
     )
 
 

@@ -8,45 +8,39 @@ from typing import Final
 from radarsim import __version__
 from radarsim.figures.catalogue import RenderedFigure
 from radarsim.figures.figure import png_size
+from radarsim.figures.page_style import SCRIPT, STYLE
 
 FILE: Final = "index.html"
 GENERATOR: Final = '<meta name="generator" content="radarsim">'
 TITLE: Final = "Navigation using a radar sensor in USARSim: the figures"
 _BLOCK: Final = re.compile(
-    r'<figure id="figure-(?P<number>\w+)">.*?</figure>\n', re.DOTALL
+    r'<figure id="figure-(?P<number>[\w-]+)">.*?</figure>\n', re.DOTALL
 )
-_STYLE: Final = """
-  :root { color-scheme: light; }
-  body { margin: 0 auto; max-width: 62rem; padding: 1.5rem 1rem 4rem;
-         background: #fff; color: #222; font: 1rem/1.55 system-ui, sans-serif; }
-  h1 { font-size: 1.5rem; line-height: 1.25; margin: 0 0 .6rem; }
-  nav { margin: 1rem 0 2rem; }
-  nav a { display: inline-block; min-width: 1.6rem; margin: 0 .25rem .25rem 0;
-          padding: .1rem .4rem; text-align: center; color: #1f4e9c;
-          text-decoration: none; border: 1px solid #c9d3e3; border-radius: .3rem; }
-  nav a:hover { background: #eef3fb; }
-  figure { margin: 0 0 3.5rem; }
-  figure img { display: block; max-width: 100%; height: auto; margin: 0 auto .8rem; }
-  figcaption { max-width: 48rem; margin: 0 auto; }
-  figcaption p { margin: 0 0 .5rem; }
-  code { display: block; padding: .15rem .6rem; background: #f5f5f2; overflow-x: auto;
-         white-space: pre; font: .82rem/1.6 ui-monospace, monospace; }
-"""
+_NAME: Final = re.compile(r'alt="([^"]*)"')
 
 
 def figure_block(figure: RenderedFigure) -> str:
-    """Return the HTML of one figure."""
+    """Return the HTML of one figure.
+
+    The picture is a link to its file, which the page's script turns into enlarging;
+    details and commands are folded away.
+    """
     width, height = png_size(figure.png)
-    name = f"Figure {figure.number}"
-    commands = "\n".join(f"  <code>{escape(text)}</code>" for text in figure.commands)
+    title = escape(figure.title)
+    commands = "\n".join(escape(text) for text in figure.commands)
+    details = f"  <p>{escape(figure.details)}</p>\n" if figure.details else ""
     return (
         f'<figure id="figure-{figure.number}">\n'
-        f'  <img src="{figure.file}" width="{width}" height="{height}"'
-        f' alt="{escape(figure.title)}" loading="lazy">\n'
+        f'  <a class="picture" href="{figure.file}"><img src="{figure.file}"'
+        f' width="{width}" height="{height}" alt="{title}" loading="lazy"></a>\n'
         "  <figcaption>\n"
-        f"  <p><strong>{name}.</strong> {escape(figure.title)}.</p>\n"
-        f"  <p>{escape(figure.caption)}</p>\n"
-        f"{commands}\n"
+        f"  <h2><span>{_name(figure.number)}</span> {title}</h2>\n"
+        f'  <p class="caption">{escape(figure.caption)}</p>\n'
+        "  <details>\n"
+        "  <summary>Numbers and commands</summary>\n"
+        f"{details}"
+        f"  <pre><code>{commands}</code></pre>\n"
+        "  </details>\n"
         "  </figcaption>\n"
         "</figure>\n"
     )
@@ -60,8 +54,7 @@ def split_page(page: str) -> dict[str, str]:
 def render_page(blocks: Iterable[str]) -> str:
     """Return a page with the given figures."""
     body = "".join(blocks)
-    numbers = split_page(body)
-    links = "\n".join(f'  <a href="#figure-{n}">{n}</a>' for n in numbers)
+    links = "\n".join(_link(*each) for each in split_page(body).items())
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -69,16 +62,41 @@ def render_page(blocks: Iterable[str]) -> str:
 <meta name="viewport" content="width=device-width, initial-scale=1">
 {GENERATOR}
 <title>{TITLE}</title>
-<style>{_STYLE}</style>
+<style>{STYLE}</style>
 </head>
 <body>
+<header>
 <h1>{TITLE}</h1>
-<p>Drawn by radarsim {__version__} from runs of the program itself. Under each figure
-stands what takes the same scans, drives the same way or shows more of it, and what
-draws the figure again.</p>
-<nav>
+<p>Drawn by radarsim {__version__} from runs of the program itself. Press on a picture
+to enlarge it; under each are the numbers that were counted in its run, and the commands
+that repeat it.</p>
+</header>
+<nav aria-label="Figures">
+<ul>
 {links}
+</ul>
 </nav>
-{body}</body>
+<main>
+{body}</main>
+<dialog id="enlarged" aria-label="Enlarged figure">
+<p><strong></strong> <button type="button">Close</button></p>
+<div></div>
+</dialog>
+<script>{SCRIPT}</script>
+</body>
 </html>
 """
+
+
+def _name(number: str) -> str:
+    """Return the name of a figure, such as ``Figure 8`` or ``Figures 2 to 5``."""
+    first, dash, last = number.partition("-")
+    return f"Figures {first} to {last}" if dash else f"Figure {number}"
+
+
+def _link(number: str, block: str) -> str:
+    """Return the entry of a figure in the list of contents."""
+    found = _NAME.search(block)
+    title = found[1] if found else ""
+    shown = number.replace("-", "\N{EN DASH}")
+    return f'<li><a href="#figure-{number}"><span>{shown}</span> {title}</a></li>'

@@ -34,8 +34,15 @@ NATURAL: Final = {
     "shrub_leaves": "#6aa84f",
     "tree_leaves": "#7fb85c",
     "robot": "#b5342c",
+    "tyre": "#26282b",
+    "deck": "#3a3d42",
+    "scanner": "#c9ccd1",
 }
+ROBOT_NAME: Final = "robot"  # of the parts of a robot
+SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
+_SHADE: Final = 0.78  # brightness of the ground in shadows
 _LARGEST: Final = 2.0  # m, of sides of triangles that are painted as they are
+_FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
 _PALER: Final = 0.65  # share of white in the colour of the ground
 _FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
 
@@ -74,16 +81,21 @@ def ground_colour(scene: Scene) -> Floats:
     """Return the colour of the painted floor, RGB (3,)."""
     colour = natural_colours(scene)[_ground_and_rest(scene)[0][0].material.name]
     level = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    lit = brightness(level)[0] * np.array(to_rgb(colour))
+    lit = brightness(level, SUN)[0] * np.array(to_rgb(colour))
     return np.asarray(_PALER + (1 - _PALER) * lit)
 
 
 def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
-    """Draw a scene: first its floor, then the objects on it."""
+    """Draw a scene in sunlight: its floor, the shadows on it, then the objects.
+
+    Walls around a room cast no shadow into it.
+    """
     colours = natural_colours(scene)
     ground, rest = _ground_and_rest(scene)
     if ground:
         axes.add_collection(_painting(ground, colours, view, _PALER, zorder=0))
+        casting = [part for part in rest if not _encloses(part, scene)]
+        axes.add_collection(_shadows(ground, casting, colours, view))
     axes.add_collection(_painting(rest, colours, view, 0.0, zorder=1))
     axes.set_aspect("equal")
 
@@ -92,6 +104,14 @@ def _ground_and_rest(scene: Scene) -> tuple[list[Part], list[Part]]:
     flat = min((start.pose.z for start in scene.starts), default=0.0) + _FLAT
     ground = [part for part in scene.parts if _top(part) <= flat]
     return ground, [part for part in scene.parts if _top(part) > flat]
+
+
+def _encloses(part: Part, scene: Scene) -> bool:
+    """Return whether a part reaches an edge of the map, as walls around a room do."""
+    low, high = part.vertices[:, :2].min(axis=0), part.vertices[:, :2].max(axis=0)
+    return bool(
+        (low <= scene.bounds[0, :2]).any() or (high >= scene.bounds[1, :2]).any()
+    )
 
 
 def _top(part: Part) -> float:
@@ -107,9 +127,13 @@ def _painting(
     zorder: int,
 ) -> PolyCollection:
     """Create the polygons of parts; ``paler`` is the share of white in colours."""
-    corners = [_cut(part.vertices[part.faces]) for part in parts]
+    corners = [
+        _cut(part.vertices[part.faces], _FINE if _is_robot(part) else _LARGEST)
+        for part in parts
+    ]
     shades = [
-        brightness(triangles)[:, None] * np.array(to_rgb(colours[part.material.name]))
+        _brightness(part, triangles)[:, None]
+        * np.array(to_rgb(colours[part.material.name]))
         for part, triangles in zip(parts, corners, strict=True)
     ]
     seen = view.project(np.concatenate(corners))
@@ -119,22 +143,57 @@ def _painting(
         list(seen[order][:, :, :2]),
         facecolors=paint,
         edgecolors=paint,
-        linewidths=0.3,
+        linewidths=0.6,  # closes the seams between triangles
         zorder=zorder,
     )
 
 
-def _cut(corners: Floats) -> Floats:
-    """Subdivide triangles, (T, 3, 3) m, until all sides are short."""
+def _is_robot(part: Part) -> bool:
+    return part.object_name == ROBOT_NAME
+
+
+def _brightness(part: Part, corners: Floats) -> Floats:
+    """Return the brightness of triangles, (T,); leaves are lit from both sides."""
+    return brightness(corners, SUN, both_sides=part.material.sheet_loss is not None)
+
+
+def _shadows(
+    ground: Sequence[Part],
+    parts: Sequence[Part],
+    colours: Mapping[str, str],
+    view: View,
+) -> PolyCollection:
+    """Create the shadows of parts on the ground, clipped to its bounding box."""
+    height = max(_top(part) for part in ground)
+    corners = np.concatenate([part.vertices[part.faces] for part in parts])
+    lifts = np.maximum(corners[..., 2:] - height, 0.0)
+    flat = corners[..., :2] - lifts * (SUN[:2] / SUN[2])
+    floor = np.concatenate([part.vertices[:, :2] for part in ground])
+    flat = np.clip(flat, floor.min(axis=0), floor.max(axis=0))
+    level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
+    colour = np.array(to_rgb(colours[ground[0].material.name]))
+    shade = _SHADE * (_PALER + (1 - _PALER) * colour)
+    return PolyCollection(
+        list(view.project(level)[:, :, :2]),
+        facecolors=shade,
+        edgecolors=shade,
+        linewidths=0.3,
+        zorder=0.5,
+        label="shadows",
+    )
+
+
+def _cut(corners: Floats, largest: float = _LARGEST) -> Floats:
+    """Subdivide triangles, (T, 3, 3) m, until no side is longer than ``largest``."""
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    large = sides.max(axis=1) > _LARGEST
+    large = sides.max(axis=1) > largest
     if not large.any():
         return corners
     a, b, c = np.swapaxes(corners[large], 0, 1)
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     segments = np.concatenate([np.stack(one, axis=1) for one in quarters])
-    return np.concatenate([corners[~large], _cut(segments)])
+    return np.concatenate([corners[~large], _cut(segments, largest)])
 
 
 HULL: Final = "#d9dde2"

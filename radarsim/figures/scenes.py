@@ -10,66 +10,98 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 
 from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import HALO, as_words, draw_title
 from radarsim.figures.foliage_wall import bush_parts, hidden_parts
-from radarsim.figures.scan_spec import ROBOT, START, ScanSpec, load_scene
+from radarsim.figures.robot_model import robot_parts
+from radarsim.figures.room_plan import new_sheet, show_room
+from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene
 from radarsim.figures.scene_view import (
     ABOVE,
+    ROBOT_NAME,
     View,
     draw_robot,
     draw_solids,
-    ground_colour,
-    natural_colours,
 )
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_parts
-from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
-from radarsim.scene.shapes import box
 from radarsim.sensors.range_scanner import load_sensor
 
 TRIAL: Final = "marulan_trial"
 ROOM: Final = "foliage_room"
 GROUND: Final = frozenset({"ground", "floor"})
-OBLIQUE: Final = View(math.radians(-155), math.radians(22))
+OBLIQUE: Final = View(math.radians(-101), math.radians(33))  # x is right
 _EDGE: Final = 1.2  # m around what is shown
-_HALO: Final = withStroke(linewidth=2.5, foreground="white")
-_SMALL: Final = 8.0  # points
+_SMALL: Final = 9.0  # points
 
 
 def draw_trial_scene(seed: int) -> DrawnFigure:
     """Draw figure 1: the trial scene, obliquely and from above."""
     scene = load_scene(TRIAL)
-    drawing = Figure(figsize=(13, 4.9), dpi=110, layout="constrained")
-    oblique, plan = drawing.subplots(1, 2, width_ratios=[1.5, 1])
-    draw_solids(oblique, _with_robot(scene), OBLIQUE)
-    _show(oblique, OBLIQUE.project(_corners(scene))[:, :2])
-    oblique.set_facecolor(ground_colour(scene))
-    oblique.set_xticks([])
-    oblique.set_yticks([])
-    oblique.spines[:].set_visible(False)
+    drawing = Figure(figsize=(16, 6.9), dpi=110)
+    oblique = drawing.add_axes((0.005, 0.02, 0.605, 0.87))
+    plan = drawing.add_axes((0.655, 0.09, 0.34, 0.8))
+    _draw_oblique(oblique, scene)
     _draw_plan(plan, scene)
     _label(plan, named_parts(scene), letter=0.38)
     plan.set_xlim(right=plan.get_xlim()[1] + 4.5)  # for the names
-    caption = _trial_caption(scene, ScanSpec(TRIAL, "radar", seed).pose)
-    return DrawnFigure((drawing,), caption, (f"radarsim check {TRIAL}",))
+    draw_title(drawing, "The trial scene: poles, boxes and plants on open ground")
+    return DrawnFigure(
+        (drawing,),
+        "The trial scene, made after the static trial of the Marulan data sets,"
+        " obliquely and from above. Figures 2 to 5 are readings of it, taken by the"
+        " robot on the left.",
+        (f"radarsim check {TRIAL}",),
+        _trial_details(scene, ScanSpec(TRIAL, "radar", seed).pose),
+    )
 
 
 def draw_test_map(seed: int) -> DrawnFigure:
     """Draw figure 6: the test map from above."""
     scene = load_scene(ROOM)
-    drawing = Figure(figsize=(12, 8.1), dpi=110, layout="compressed")
-    plan = drawing.subplots()
+    drawing, plan = new_sheet()
     _draw_plan(plan, scene)
+    show_room(plan, scene)
     objects = [part for part in named_parts(scene) if "wall" not in part.object_name]
     _label(plan, objects, letter=0.15)
-    _legend(plan, scene)
-    caption = _map_caption(scene, ScanSpec(ROOM, "radar", seed).pose)
-    return DrawnFigure((drawing,), caption, (f"radarsim check {ROOM}",))
+    hidden = len(hidden_parts(scene))
+    draw_title(
+        drawing, f"The test map: a wall of bushes, and {hidden} things behind it"
+    )
+    return DrawnFigure(
+        (drawing,),
+        "The test map from above, with the robot at its start. Every straight line"
+        " from one side to the other goes through leaves, more or less deep.",
+        (f"radarsim check {ROOM}",),
+        _map_details(scene, ScanSpec(ROOM, "radar", seed).pose),
+    )
+
+
+def _draw_oblique(axes: Axes, scene: Scene) -> None:
+    """Draw a scene and a robot at its first start obliquely, with names."""
+    model, pose = load_robot(ROBOT), ScanSpec(scene.name, "radar", 0).robot
+    robot = robot_parts(model, pose)
+    draw_solids(axes, replace(scene, parts=(*scene.parts, *robot)), OBLIQUE)
+    _show(axes, OBLIQUE.project(_corners(scene))[:, :2])
+    axes.set_axis_off()
+    for part in (*named_parts(scene), robot[-1]):
+        name = ROBOT if part.object_name == ROBOT_NAME else part.object_name
+        low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+        middle = (low + high) / 2
+        x, y, _ = OBLIQUE.project(np.array([middle[0], middle[1], high[2]]))
+        axes.annotate(
+            as_words(name),
+            (x, y),
+            xytext=(0, 5),
+            textcoords="offset points",
+            ha="center",
+            fontsize=_SMALL,
+            path_effects=[HALO],
+            zorder=6,
+        )
 
 
 def named_parts(scene: Scene) -> list[Part]:
@@ -78,18 +110,17 @@ def named_parts(scene: Scene) -> list[Part]:
     return [part for name, part in parts.items() if name not in GROUND]
 
 
-def _trial_caption(scene: Scene, sensor: Pose3) -> str:
+def _trial_details(scene: Scene, sensor: Pose3) -> str:
     parts = named_parts(scene)
     counts = Counter(_kind(part.object_name) for part in parts)
     solids = ", ".join(f"{counts[kind]} {kind}" for kind in ("poles", "boxes"))
     places = [part.vertices[:, :2] - sensor.position()[:2] for part in parts]
     away = [float(np.hypot(*place.T).min()) for place in places]
     return (
-        f"What figures 2 to 5 are readings of: {solids} and {counts['plants']} plants"
-        f" on open ground, {min(away):.0f} to {max(away):.0f} m from the sensor of a"
-        f" {ROBOT}, which is the red box on the left. Nothing else is there, so a beam"
-        " that passes all of them does not come back. The scene is made after the"
-        " static trial of the Marulan data sets."
+        f"{solids} and {counts['plants']} plants"
+        f" stand {min(away):.0f} to {max(away):.0f} m from the sensor of the"
+        f" {ROBOT}. Nothing else is there, so a beam"
+        " that passes all of them does not come back."
     )
 
 
@@ -101,7 +132,7 @@ def _kind(name: str) -> str:
     return {**kinds, **boxes}.get(stem, "plants")
 
 
-def _map_caption(scene: Scene, sensor: Pose3) -> str:
+def _map_details(scene: Scene, sensor: Pose3) -> str:
     (wide, tall), bushes = _inside(scene), bush_parts(scene)
     cuts = [slice_parts([bush], sensor.z).reshape(-1, 2) for bush in bushes]
     thick = max(float(np.ptp(split_rays[:, 0])) for split_rays in cuts)
@@ -125,16 +156,6 @@ def _inside(scene: Scene) -> tuple[float, float]:
     return float(wide), float(deep)
 
 
-def _with_robot(scene: Scene) -> Scene:
-    """Return the scene without its ground, with a box as robot at the first start."""
-    model, pose = load_robot(ROBOT), ScanSpec(scene.name, "radar", 0).robot
-    vertices, faces = box(*model.dimensions)
-    place = np.array([pose.x, pose.y, model.height / 2])
-    hull = Part("robot", Material("robot"), vertices + place, faces)
-    objects = [part for part in scene.parts if part.object_name not in GROUND]
-    return replace(scene, parts=(*objects, hull))
-
-
 def _draw_plan(axes: Axes, scene: Scene) -> None:
     """Draw a scene from above, with a robot at its first start."""
     draw_solids(axes, scene, ABOVE)
@@ -142,7 +163,7 @@ def _draw_plan(axes: Axes, scene: Scene) -> None:
     draw_robot(axes, ROBOT, pose)
     _show(axes, _corners(scene)[:, :2])
     front = pose.x + load_robot(ROBOT).length / 2
-    _name(axes, f"{ROBOT} at {START}", front, pose.y)
+    _name(axes, f"{ROBOT} at its start", front, pose.y)
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
 
@@ -191,27 +212,13 @@ def _box(part: Part) -> tuple[float, float, float, float]:
 def _name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -> None:
     """Write a text on the right or left of a place."""
     axes.annotate(
-        text,
+        as_words(text),
         (x, y),
         xytext=(-3 if on_left else 3, 0),
         textcoords="offset points",
         ha="right" if on_left else "left",
         va="center",
         fontsize=_SMALL,
-        path_effects=[_HALO],
+        path_effects=[HALO],
         zorder=6,
-    )
-
-
-def _legend(axes: Axes, scene: Scene) -> None:
-    colours = natural_colours(scene)
-    names = dict.fromkeys(part.material.name for part in scene.parts)
-    samples = [Patch(color=colours[name], label=name) for name in names]
-    axes.legend(
-        handles=samples,
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=len(samples),
-        fontsize=_SMALL,
-        frameon=False,
     )

@@ -19,8 +19,8 @@ from radarsim.plants.range_profile import BEFORE, HEIGHT, WALL, PlantRanges
 from radarsim.robots.obstacles import slice_mesh
 
 COLOURS: Final = {WOOD: "#7a4a21", LEAVES: "#3f8f3a"}
-SUN: Final = np.array([0.45, -0.55, 0.7])  # direction to the light
-AMBIENT: Final = 0.45  # brightness of faces along the light
+SUN: Final = np.array([-0.45, -0.55, 0.7])  # direction to the light: above left
+AMBIENT: Final = 0.55  # brightness of faces along the light
 RAY, END, WALL_END = "tab:blue", "tab:red", "black"
 BIN: Final = 0.05  # m
 MARGIN: Final = 0.15  # m, of the plan
@@ -67,11 +67,24 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
     axes.set_ylabel("z, m")
 
 
-def brightness(corners: Floats) -> Floats:
-    """Return the brightness of triangles, (T, 3, 3) m, in the sun, (T,) from 0 to 1."""
+def brightness(
+    corners: Floats, sun: Floats = SUN, *, both_sides: bool = True
+) -> Floats:
+    """Return the brightness of triangles in the sun.
+
+    Args:
+        corners: (T, 3, 3) m.
+        sun: (3,) direction to the light; its length does not matter.
+        both_sides: Whether a triangle is as bright when lit from its back, like a leaf.
+
+    Returns:
+        (T,) from 0 to 1.
+    """
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(AMBIENT + (1 - AMBIENT) * np.abs(normals @ SUN))
+    facing = normals @ (sun / np.linalg.norm(sun))
+    lit = np.abs(facing) if both_sides else np.maximum(facing, 0.0)
+    return np.asarray(AMBIENT + (1 - AMBIENT) * lit)
 
 
 def _draw_plan(axes: Axes, shape: Comparison) -> None:

@@ -1,4 +1,5 @@
 import pytest
+from matplotlib.patches import FancyArrowPatch
 
 from radarsim.figures.beam_scatter import (
     RAYS,
@@ -30,11 +31,29 @@ def test_strength_of_the_pole_is_the_share_of_rays_that_hit_it() -> None:
     assert pole.strength == pytest.approx((beside < 0.12).mean(), abs=1 / RAYS)
 
 
-def test_caption_states_range_strength_and_time() -> None:
+def test_details_state_range_strength_and_time() -> None:
     drawn = draw_scatter(0)
     scan, _ = take_beam(scan_spec_for(0))
     for one in returns_of(scan):
         described = f"{one.name}, {one.range:.2f} m away, gives back"
-        assert f"{described} {100 * one.strength:.0f} %" in drawn.caption
-    assert "103 ns" in drawn.caption  # 2 * 15.38 m at the speed of light
-    assert "2 objects at 2 ranges" in drawn.caption
+        assert f"{described} {100 * one.strength:.0f} %" in drawn.details
+    assert "103 ns" in drawn.details  # 2 * 15.38 m at the speed of light
+    assert "2 objects at 2 ranges" in drawn.details
+
+
+def test_ways_back_lead_from_the_objects_to_the_sensor() -> None:
+    (drawing,) = draw_scatter(0).drawings
+    plan, bars = drawing.axes[:2]
+    scan, _ = take_beam(scan_spec_for(0))
+    arrows = [each for each in plan.patches if isinstance(each, FancyArrowPatch)]
+    for arrow, one in zip(arrows, returns_of(scan), strict=True):
+        extent = arrow.get_path().get_extents()
+        assert extent.x0 == pytest.approx(0, abs=0.2)
+        assert extent.x1 == pytest.approx(one.range, abs=0.2)
+    assert plan.get_xlim() == bars.get_xlim()
+
+
+def test_a_metre_is_as_long_along_the_beam_as_across() -> None:
+    plan = draw_scatter(0).drawings[0].axes[0]
+    box, view = plan.get_window_extent(), plan.viewLim
+    assert box.width / view.width == pytest.approx(box.height / view.height)

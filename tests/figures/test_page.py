@@ -1,3 +1,4 @@
+import re
 from html.parser import HTMLParser
 
 import numpy as np
@@ -16,29 +17,31 @@ def png(width: float = 2.0) -> bytes:
 
 def made(number: str, caption: str = "See 3 < 4 & more.") -> RenderedFigure:
     file = f"figure_{number}.png"
-    return RenderedFigure(number, "Walls & bushes", file, caption, (COMMAND,), png())
+    title, details = f"Walls & bushes {number}", "Counted: 5 < 6."
+    return RenderedFigure(number, title, file, caption, (COMMAND,), png(), details)
 
 
-class ScanBuilder(HTMLParser):
-    """Collects what a browser would fetch, and the text of captions."""
+class PageReader(HTMLParser):
+    """Collects what a browser would fetch, links, and texts by the element around."""
 
     VOID = frozenset({"meta", "img"})
 
     def __init__(self) -> None:
         super().__init__()
-        self.tags: list[str] = []
         self.fetched: list[str] = []
         self.links: list[str] = []
-        self.text = ""
+        self.ids: list[str] = []
+        self.texts: dict[str, str] = {}
         self.open: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
         described = dict(attrs)
-        self.fetched += [
-            str(described[key]) for key in ("src", "srcset") if key in described
-        ]
-        self.links += [str(described["href"])] if "href" in described else []
+        sources = ("src", "srcset", "data", "poster", "action", "background", "style")
+        self.fetched += [str(described[key]) for key in sources if key in described]
+        if "href" in described:
+            kept = self.links if tag == "a" else self.fetched
+            kept.append(str(described["href"]))
+        self.ids += [str(described["id"])] if "id" in described else []
         if tag not in self.VOID:
             self.open.append(tag)
 
@@ -46,35 +49,69 @@ class ScanBuilder(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        self.text += data if "figcaption" in self.open else ""
+        for tag in set(self.open):
+            self.texts[tag] = self.texts.get(tag, "") + data
 
 
-def read(page: str) -> ScanBuilder:
-    reader = ScanBuilder()
+def read(page: str) -> PageReader:
+    reader = PageReader()
     reader.feed(page)
     assert not reader.open
     return reader
 
 
-def test_page_shows_all_figures_with_captions() -> None:
+def test_page_shows_all_figures_with_names_and_captions() -> None:
     reader = read(render_page([figure_block(made("1")), figure_block(made("5b"))]))
     assert reader.fetched == ["figure_1.png", "figure_5b.png"]
-    assert reader.links == ["#figure-1", "#figure-5b"]
-    assert reader.tags.count("figcaption") == 2
-    assert reader.text.count("See 3 < 4 & more.") == 2
-    assert reader.text.count(COMMAND) == 2
+    assert reader.texts["figcaption"].count("See 3 < 4 & more.") == 2
+    for tag in ("nav", "h2"):
+        assert "Walls & bushes 1" in reader.texts[tag]
+        assert "Walls & bushes 5b" in reader.texts[tag]
 
 
-def test_page_loads_only_its_pictures_and_has_no_script() -> None:
-    page = render_page([figure_block(made("1", "</figure><script>alert(1)</script>"))])
-    assert "script" not in read(page).tags
-    assert "http" not in page
-    assert "url(" not in page
-    assert "@import" not in page
+def test_numbers_and_commands_are_folded_away() -> None:
+    block = figure_block(made("1"))
+    folded = read(block).texts["details"]
+    assert COMMAND in folded
+    assert "Counted: 5 < 6." in folded
+    open_caption = block.split("<details>")[0]
+    assert COMMAND not in open_caption
+    assert "See 3 &lt; 4" in open_caption
+
+
+def test_list_of_contents_and_pictures_lead_somewhere() -> None:
+    numbers = ("1", "2-5", "5b")
+    reader = read(render_page([figure_block(made(number)) for number in numbers]))
+    anchors = {f"#{name}" for name in reader.ids}
+    files = {f"figure_{number}.png" for number in numbers}
+    assert set(reader.links) <= anchors | files
+    assert set(reader.links) >= {f"#figure-{number}" for number in numbers} | files
+    assert len(set(reader.ids)) == len(reader.ids)
+    assert "Figures 2 to 5" in reader.texts["h2"]
+
+
+def test_page_fetches_nothing_but_its_pictures() -> None:
+    page = render_page([figure_block(made("1"))])
+    assert read(page).fetched == ["figure_1.png"]
+    loads = ("http", "//", "url(", "@import", "fetch(", "import(", "XMLHttp", ".src")
+    without_comments = re.sub(r"<!DOCTYPE html>", "", page)
+    assert not [each for each in loads if each in without_comments]
+
+
+def test_captions_cannot_bring_scripts_along() -> None:
+    hostile = figure_block(made("1", "</figure><script>alert(1)</script>"))
+    assert "script" not in read(hostile).texts
+    assert list(split_page(render_page([hostile])).values()) == [hostile]
+
+
+def test_page_follows_the_dark_mode_of_the_browser() -> None:
+    style = read(render_page([])).texts["style"]
+    assert "prefers-color-scheme: dark" in style
+    assert "color-scheme: light dark" in style
 
 
 def test_figures_of_an_existing_page_are_preserved() -> None:
-    blocks = [figure_block(made(number)) for number in ("1", "5b", "14")]
+    blocks = [figure_block(made(number)) for number in ("1", "2-5", "5b", "14")]
     page = render_page(blocks)
     assert list(split_page(page).values()) == blocks
     assert render_page(split_page(page).values()) == page

@@ -5,16 +5,25 @@ import numpy as np
 import pytest
 
 from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import as_words
+from radarsim.figures.robot_model import robot_parts
 from radarsim.figures.scan_spec import load_scene
 from radarsim.figures.scene_view import (
     ABOVE,
+    SUN,
     View,
     _cut,
     ground_colour,
     natural_colours,
 )
-from radarsim.figures.scenes import draw_test_map, draw_trial_scene, named_parts
-from radarsim.geometry import Floats
+from radarsim.figures.scenes import (
+    OBLIQUE,
+    draw_test_map,
+    draw_trial_scene,
+    named_parts,
+)
+from radarsim.geometry import Floats, Pose2
+from radarsim.presets.robots import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -64,15 +73,15 @@ def test_all_materials_have_a_colour_and_the_ground_is_pale(name: str) -> None:
 
 
 def test_trial_scene_consists_of_poles_boxes_and_plants(trial: DrawnFigure) -> None:
-    counts = re.search(r"(\d+) poles, (\d+) boxes and (\d+) plants", trial.caption)
+    counts = re.search(r"(\d+) poles, (\d+) boxes and (\d+) plants", trial.details)
     assert counts is not None
     assert sum(map(int, counts.groups())) == len(
         named_parts(load_scene("marulan_trial"))
     )
-    names = {text.get_text() for text in trial.drawings[0].axes[1].texts}
-    assert {
-        part.object_name for part in named_parts(load_scene("marulan_trial"))
-    } < names
+    objects = named_parts(load_scene("marulan_trial"))
+    for axes in trial.drawings[0].axes:
+        names = {text.get_text() for text in axes.texts}
+        assert {as_words(part.object_name) for part in objects} < names
 
 
 def test_labels_do_not_cover_other_objects(trial: DrawnFigure) -> None:
@@ -92,8 +101,41 @@ def test_labels_do_not_cover_other_objects(trial: DrawnFigure) -> None:
             assert apart, (text.get_text(), name)
 
 
-def test_caption_of_the_test_map_names_the_hidden_objects() -> None:
-    caption = draw_test_map(0).caption
-    assert caption.startswith("A room of 20.8 by 12.8 m. A wall of 7 spherical bushes")
-    assert "behind it stand 4 things" in caption
-    assert "get through 1.43 m" in caption
+def test_details_of_the_test_map_names_the_hidden_objects() -> None:
+    drawn = draw_test_map(0)
+    details = drawn.details
+    assert details.startswith("A room of 20.8 by 12.8 m. A wall of 7 spherical bushes")
+    assert "behind it stand 4 things" in details
+    assert "get through 1.43 m" in details
+    assert "4 things behind it" in drawn.drawings[0].texts[0].get_text()
+
+
+def test_light_comes_from_above_left_and_shadows_fall_to_the_right() -> None:
+    assert SUN[0] < 0 < SUN[1]
+    plan = draw_test_map(0).drawings[0].axes[0]
+    (shadows,) = (each for each in plan.collections if each.get_label() == "shadows")
+    points = np.concatenate([path.vertices for path in shadows.get_paths()])
+    room = load_scene("foliage_room")
+    pole = next(part for part in room.parts if part.object_name == "pole")
+    middle = pole.vertices.mean(axis=0)[:2]
+    away = points - middle
+    tip = away[(away[:, 0] > -0.2) & (np.hypot(*away.T) < 2.5)].max(axis=0)[0]
+    assert tip > 1
+    assert away[np.abs(away[:, 0] - tip) < 0.05, 1].max() < 0
+
+
+def test_oblique_view_has_the_orientation_of_the_plan() -> None:
+    ahead, left = OBLIQUE.project(np.eye(3)[:2])[:, :2]
+    assert ahead[0] > 0.9
+    assert left[1] > abs(left[0])
+
+
+def test_robot_is_drawn_as_large_as_its_class() -> None:
+    model = load_robot("P3AT")
+    parts = robot_parts(model, Pose2(1.0, 2.0, math.pi / 2))
+    points = np.concatenate([part.vertices for part in parts])
+    size = np.ptp(points, axis=0)
+    assert size[1] == pytest.approx(model.length)
+    assert size[0] == pytest.approx(model.width, abs=0.06)
+    assert (points[:, 2].min(), points[:, 2].max()) == pytest.approx((0, model.height))
+    assert sum(part.material.name == "tyre" for part in parts) == 4

@@ -1,0 +1,204 @@
+"""Figures 2 to 5: radar and laser in clear air and in dust, as points."""
+
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from radarsim.figures.clear_and_dust import (
+    CELL,
+    COUNT,
+    LASER,
+    MAP,
+    RADAR,
+    SMOKE_CELL,
+    WHO,
+    Counts,
+    count_readings,
+    dust_extent,
+    scan_spec_for,
+    trial_parts,
+)
+from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import draw_plan, draw_scale_bar, draw_title
+from radarsim.figures.palette import DUST_COLOUR, LASER_COLOUR, QUIET, RADAR_COLOUR
+from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene, object_names
+from radarsim.figures.scene_view import draw_robot
+from radarsim.geometry import Floats
+from radarsim.plotting.style import scan_points
+from radarsim.sensors.scan import Scan
+
+NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
+COLOURS: Final = {RADAR: RADAR_COLOUR, LASER: LASER_COLOUR}
+AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
+Samples: TypeAlias = dict[str, Line2D | Patch]  # of a legend, by their text
+_EDGE: Final = 1.0  # m around all that is shown
+_DOT: Final = 16  # square points
+
+
+def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
+    """Draw one of figures 2 to 5."""
+    shot = scan_spec_for(sensor, air, seed)
+    counts = count_readings(sensor, air, seed)
+    drawing = Figure(figsize=(9.6, 9.9), dpi=110)
+    axes = drawing.add_axes((0.01, 0.07, 0.98, 0.86))
+    samples = _draw_panel(axes, shot)
+    draw_title(drawing, f"{NAMES[sensor]} in {AIRS[air]}: {_verdict(counts)}")
+    _draw_small_print(drawing, f"{COUNT} scans by {sensor} in {shot.map}", samples)
+    who = f"{NAMES[sensor]} readings of the trial scene in {AIRS[air]}, {COUNT} scans."
+    return DrawnFigure(
+        (drawing,),
+        f"{who} {_conclusion(counts, dusty=air != 'clear')}",
+        (shot.command,),
+        _details(shot, counts, dusty=air != "clear"),
+    )
+
+
+def draw_all_readings(seed: int) -> DrawnFigure:
+    """Draw figures 2 to 5 as one panel of two rows and two columns."""
+    drawing = Figure(figsize=(12.4, 12.6), dpi=110)
+    samples: Samples = {}
+    commands, details = [], []
+    for row, sensor in enumerate(NAMES):
+        for column, air in enumerate(AIRS):
+            place = (0.005 + 0.5 * column, 0.5 - 0.455 * row, 0.49, 0.415)
+            axes = drawing.add_axes(place)
+            shot = scan_spec_for(sensor, air, seed)
+            counts = count_readings(sensor, air, seed)
+            samples |= _draw_panel(axes, shot)
+            title = f"{NAMES[sensor]}, {AIRS[air]}: {_verdict(counts)}"
+            axes.set_title(title, fontsize=13, loc="left")
+            commands.append(shot.command)
+            details.append(_details(shot, counts, dusty=air != "clear"))
+    draw_title(drawing, "Dust blinds the laser and not the radar")
+    _draw_small_print(drawing, f"{COUNT} scans each, in {MAP}", samples)
+    return DrawnFigure(
+        (drawing,),
+        "Radar (above) and laser (below) read the trial scene in clear air (left) and"
+        " through heavy dust (right). The radar reads the same in both; the laser reads"
+        " the near edge of the dust and misses what is behind it.",
+        tuple(commands),
+        " ".join(details),
+    )
+
+
+def _verdict(counts: Counts) -> str:
+    return f"{counts.objects} of {counts.all_objects} objects read"
+
+
+def _conclusion(counts: Counts, *, dusty: bool) -> str:
+    if not dusty:
+        return "Every object is read; where nothing stands, nothing comes back."
+    if counts.unchanged > 0.9 * counts.crossing:
+        return "The dust does not trouble it."
+    return "It sees the dust instead of what is behind."
+
+
+def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
+    step = shot.scanner.settings.resolution_deg
+    taken = f"{COUNT} scans by {WHO[shot.sensor]}, a beam every {step:g}°."
+    if not dusty:
+        noise = shot.scanner.settings.range_noise
+        return (
+            f"{taken} {counts.objects} of {counts.all_objects} objects are"
+            f" read, in {counts.clear} readings."
+        ) + (f" Range noise of {noise:g} m draws the spots out." if noise else "")
+    low, high = dust_extent()
+    return (
+        f"Heavy dust, {high[0] - low[0]:g} m deep. {taken} Of the {counts.crossing}"
+        f" readings of objects whose beams the dust crosses, {counts.unchanged} are the"
+        f" same as in clear air to within {CELL:g} m, and {counts.cloud} readings"
+        f" are of the dust itself. Beside it, {counts.beside} of"
+        f" {counts.clear - counts.crossing} are the same."
+    )
+
+
+def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
+    """Draw objects, robot, dust and readings; return samples of them by their text."""
+    draw_plan(axes, load_scene(MAP), shot.pose.z, skip=("ground",))
+    draw_robot(axes, ROBOT, shot.robot)
+    samples: Samples = {}
+    if shot.map != MAP:
+        samples |= _draw_dust(axes)
+        samples |= _draw_missed(axes, shot)
+    colour = COLOURS[shot.sensor]
+    for dots in _readings(shot.take()):
+        if len(dots):
+            style: dict[str, Any] = {"color": colour, "linewidths": 0, "zorder": 4}
+            axes.scatter(dots[:, 0], dots[:, 1], s=_DOT, **style)
+    text = f"{NAMES[shot.sensor].lower()} reading"
+    samples[text] = _sample(color=colour, markersize=_DOT**0.5)
+    _frame(axes, shot)
+    return samples
+
+
+def _draw_dust(axes: Axes) -> Samples:
+    low, high = dust_extent()
+    wide, tall = high - low
+    cloud = Rectangle(low, wide, tall, color=DUST_COLOUR, zorder=0.5, linewidth=0)
+    axes.add_patch(cloud)
+    return {"dust": Patch(color=DUST_COLOUR)}
+
+
+def _draw_missed(axes: Axes, shot: ScanSpec) -> Samples:
+    """Draw rings around the readings of clear air that dust changes."""
+    missed = _missed(shot)
+    if not len(missed):
+        return {}
+    style: dict[str, Any] = {
+        "markerfacecolor": "none",
+        "markeredgecolor": QUIET,
+        "markersize": 9,
+    }
+    axes.plot(*missed.T, "o", linestyle="none", zorder=3, **style)
+    return {"read in clear air, missed in dust": _sample(**style)}
+
+
+def _sample(**style: Any) -> Line2D:
+    return Line2D([], [], marker="o", linestyle="none", **style)
+
+
+def _readings(scans: list[Scan]) -> tuple[Floats, Floats]:
+    """Return the readings of objects and those of the dust, (N, 2) m each."""
+    points = np.concatenate([scan_points(scan) for scan in scans])
+    names = np.concatenate([object_names(scan) for scan in scans])
+    of_dust = names == SMOKE_CELL
+    return points[(names != "") & ~of_dust], points[of_dust]
+
+
+def _missed(shot: ScanSpec) -> Floats:
+    """Return the readings of a scan in clear air that dust changes, (N, 2) m."""
+    (clear, *_), (dusty, *_) = (
+        scan_spec_for(shot.sensor, "clear", shot.seed).take(),
+        shot.take(),
+    )
+    with np.errstate(invalid="ignore"):  # inf - inf, of beams that are left out
+        same = np.abs(clear.ranges - dusty.ranges) <= CELL
+    return scan_points(clear)[np.isfinite(clear.ranges) & ~same]
+
+
+def _frame(axes: Axes, shot: ScanSpec) -> None:
+    """Set the limits, the same for all panels."""
+    corners = [part.vertices[:, :2] for part in trial_parts()]
+    ends = np.concatenate([*corners, dust_extent(), [shot.pose.position()[:2]]])
+    low, high = ends.min(axis=0) - _EDGE, ends.max(axis=0) + _EDGE
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_axis_off()
+    draw_scale_bar(axes)
+
+
+def _draw_small_print(drawing: Figure, text: str, samples: Samples) -> None:
+    """Write a text at the lower left, and the legend at the lower right."""
+    drawing.text(0.02, 0.018, text, fontsize=9, color=QUIET)
+    drawing.legend(
+        list(samples.values()),
+        list(samples),
+        loc="lower right",
+        ncols=len(samples),
+        fontsize=11,
+        frameon=False,
+    )

@@ -1,0 +1,179 @@
+"""Figures 9 and 10: how the readings of the radar fray as its side rays move apart."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import draw_title
+from radarsim.figures.foliage_wall import (
+    COUNT,
+    STEP,
+    Changes,
+    count_changes,
+    count_moved,
+    radar,
+)
+from radarsim.figures.palette import NOISE_COLOUR, QUIET
+from radarsim.figures.room_plan import draw_room
+from radarsim.figures.scan_spec import ScanSpec
+from radarsim.geometry import Floats
+from radarsim.plotting.ray_segments import group_by_ray
+from radarsim.plotting.style import scan_points
+from radarsim.presets.divergence import METRES_PER_UNIT
+from radarsim.sensors.scan import Scan
+
+OFFSETS: Final = (0, 50, 100)  # Unreal units
+STILL_AREA, MOVED_AREA = 10.0, 36.0  # square points, of readings
+
+
+def draw_single_scans(seed: int) -> DrawnFigure:
+    """Draw figure 9: how far the readings of one scan are off those without noise."""
+    shots = [radar(seed, offset) for offset in OFFSETS]
+    scans = [shot.take()[0] for shot in shots]
+    moved = [count_moved(scan, seed) for scan in scans]
+    beams = len(scans[0].ranges)
+    drawing, panels = _sheet(shots)
+    draw_title(drawing, "One scan: the wider the side rays, the more readings are off")
+    still = scan_points(scans[0])
+    shown: dict[str, Line2D] = {}
+    for axes, offset, scan, count in zip(panels, OFFSETS, scans, moved, strict=True):
+        _name_panel(axes, offset, f"{count} of {beams} beams are off")
+        shown |= _draw_shifts(axes, still, scan)
+    _draw_legend(drawing, shown)
+    counted = ", ".join(
+        f"{count} with N = {offset}"
+        for offset, count in zip(OFFSETS, moved, strict=True)
+    )
+    return DrawnFigure(
+        (drawing,),
+        "Each beam is one of three rays, drawn by chance, that start N units apart: the"
+        " larger N, the more readings are off. A line goes from the reading without"
+        " noise to the one that replaces it.",
+        tuple(shot.command for shot in shots),
+        f"Of {beams} beams these read more than {100 * STEP:g} cm off what they read"
+        f" with N = 0: {counted}. A unit is {1000 * METRES_PER_UNIT:g} mm. A reading is"
+        " placed along its beam, wherever its ray has been, so that walls fray.",
+    )
+
+
+def draw_repeated_scans(seed: int) -> DrawnFigure:
+    """Draw figure 10: how far the readings of many scans lie apart."""
+    shots = [replace(radar(seed, offset), count=COUNT) for offset in OFFSETS]
+    drawing, panels = _sheet(shots)
+    draw_title(
+        drawing, f"{COUNT} scans: the wider the side rays, the more readings scatter"
+    )
+    shown: dict[str, Line2D] = {}
+    details = []
+    for axes, offset, shot in zip(panels, OFFSETS, shots, strict=True):
+        scans = shot.take()
+        changes = count_changes(shot.scene, scans)
+        beams = len(scans[0].ranges)
+        _name_panel(axes, offset, f"{sum(changes)} of {beams} beams change")
+        shown |= _draw_spans(axes, scans)
+        if sum(changes):
+            details.append(_describe_changes(offset, changes, beams))
+    _draw_legend(drawing, shown)
+    return DrawnFigure(
+        (drawing,),
+        f"The readings of {COUNT} scans from one place: the larger N, the more beams"
+        " read now this, now that. A line joins the nearest and the farthest reading of"
+        " a beam; most long ones jump from the edge of a bush to what stands behind.",
+        tuple(shot.command for shot in shots),
+        " ".join(details),
+    )
+
+
+def _describe_changes(offset: int, changes: Changes, beams: int) -> str:
+    return (
+        f"N = {offset}: {sum(changes)} of {beams} beams change by more than"
+        f" {100 * STEP:g} cm; {changes.jumping} of them jump from one thing to another,"
+        f" most at the edge of a bush, {changes.slanting} meet the same solid thing at"
+        f" a slant, and {changes.deep} end more or less deep in the bushes."
+    )
+
+
+def _sheet(shots: Sequence[ScanSpec]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a plan of the test map for each offset, side by side."""
+    drawing = Figure(figsize=(17, 4.9), dpi=120)
+    panels = []
+    for column, shot in enumerate(shots):
+        axes = drawing.add_axes((0.004 + 0.3327 * column, 0.08, 0.326, 0.76))
+        draw_room(axes, shot)
+        panels.append(axes)
+    return drawing, panels
+
+
+def _name_panel(axes: Axes, offset: int, text: str) -> None:
+    aside = f" ({offset * METRES_PER_UNIT:g} m)" if offset else ""
+    axes.set_title(f"N = {offset}{aside}: {text}", fontsize="large", pad=2)
+
+
+def _draw_shifts(axes: Axes, still: Floats, scan: Scan) -> dict[str, Line2D]:
+    """Draw readings, and lines to those that differ from where they are without noise.
+
+    Returns:
+        Samples for the legend, by their text.
+    """
+    ends = scan_points(scan)
+    far = np.hypot(*(ends - still).T) > STEP
+    lines = np.stack([still, ends], axis=1)
+    samples = {"as without noise": _dots(axes, ends[~far], QUIET, STILL_AREA)}
+    for chosen, colour, name in group_by_ray(scan):
+        moved = chosen & far
+        if moved.any():
+            _join(axes, lines[moved], colour)
+            sample = _dots(axes, ends[moved], colour, MOVED_AREA)
+            samples[f"off, from the {name}"] = sample
+    return samples
+
+
+def _draw_spans(axes: Axes, scans: Sequence[Scan]) -> dict[str, Line2D]:
+    """Draw all readings, and lines between the nearest and the farthest of a beam."""
+    points = np.array([scan_points(scan) for scan in scans])
+    ranges = np.array([scan.ranges for scan in scans])
+    beams = np.arange(ranges.shape[1])
+    near, far = (points[index, beams] for index in (ranges.argmin(0), ranges.argmax(0)))
+    changed = np.ptp(ranges, axis=0) > STEP
+    still = np.unique(points[:, ~changed].reshape(-1, 2), axis=0)
+    samples = {"the same in all scans": _dots(axes, still, QUIET, STILL_AREA)}
+    if changed.any():
+        _join(axes, np.stack([near, far], axis=1)[changed], NOISE_COLOUR)
+        moved = np.unique(points[:, changed].reshape(-1, 2), axis=0)
+        sample = _dots(axes, moved, NOISE_COLOUR, MOVED_AREA / 2)
+        samples["of a beam that changes"] = sample
+    return samples
+
+
+def _join(axes: Axes, lines: Floats, colour: str) -> None:
+    """Draw lines, (L, 2, 2) m."""
+    joined = LineCollection(
+        list(lines), colors=colour, linewidths=1.1, alpha=0.55, zorder=3
+    )
+    axes.add_collection(joined)
+
+
+def _dots(axes: Axes, points: Floats, colour: str, area: float) -> Line2D:
+    """Draw readings, (N, 2) m, and return a sample of them."""
+    x, y = points.T
+    axes.scatter(x, y, s=area, color=colour, linewidths=0, zorder=4)
+    size = area**0.5
+    return Line2D([], [], color=colour, linestyle="none", marker="o", markersize=size)
+
+
+def _draw_legend(drawing: Figure, samples: dict[str, Line2D]) -> None:
+    drawing.legend(
+        list(samples.values()),
+        [f"reading {text}" for text in samples],
+        loc="lower center",
+        ncols=len(samples),
+        frameon=False,
+        fontsize="large",
+    )
