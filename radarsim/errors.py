@@ -7,7 +7,8 @@
     * MapError -- a file under maps/ is wrong; names the file, the place and the key
     * PresetError -- an unknown sensor, robot class or setting, or a value out of range
     * EngineError -- Embree cannot be loaded, or got input that it would misread
-    * ServerError -- the server cannot start: port in use, or address not available
+    * ServerError -- the server cannot start: its address is not available
+        * PortUnavailable -- the port is in use, or reserved; port 0 takes a free one
     * ClientError -- a server is not reachable, disconnected, or lacks a feature
         * ClientTimeout -- no answer in time; the connection stays open
     * MappingError -- no map can be made from what a server sends
@@ -59,6 +60,10 @@ class EngineError(RadarsimError):
 
 class ServerError(RadarsimError):
     """The server cannot start."""
+
+
+class PortUnavailable(ServerError):
+    """The port to listen on is in use, or reserved; port 0 would take a free one."""
 
 
 class ClientError(RadarsimError):

@@ -13,6 +13,7 @@ _WORDS: Final = {
     errno.ECONNABORTED: "the other side has closed the connection",
     errno.ECONNREFUSED: "nothing listens there",
     errno.ECONNRESET: "the other side has closed the connection",
+    errno.EEXIST: "a file of that name",
     errno.EDQUOT: "the disk is full",
     errno.EFBIG: "the file would be too large",
     errno.EHOSTUNREACH: "there is no way to it",

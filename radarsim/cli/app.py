@@ -27,6 +27,7 @@ from radarsim.cli.serve import serve
 from radarsim.cli.trials import trials
 from radarsim.cli.usage import PlainGroup
 from radarsim.errors import RadarsimError
+from radarsim.os_errors import describe_os_error
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -88,7 +89,9 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except OSError as error:
-        sys.stderr.write(f"radarsim: cannot write: {error.strerror or error}\n")
+        name = "" if error.filename is None else f" {error.filename}"
+        reason = describe_os_error(error)
+        sys.stderr.write(f"radarsim: cannot write{name}: {reason}\n")
         # Python flushes stdout once more at exit, and would report the error again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from radarsim.cli.options import SeedOption, write_file
+from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import exit_143_on_sigterm
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def _prepare(out: Path, names: Sequence[str]) -> None:
         for name in names:
             _check_overwriting(out / name)
     except OSError as error:
-        text = f"cannot write to {out}: {(error.strerror or '').lower()}"
+        text = f"cannot write to {out}: {describe_os_error(error)}"
         raise typer.BadParameter(text, param_hint="OUT") from None
 
 

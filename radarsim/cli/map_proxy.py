@@ -7,6 +7,7 @@ import typer
 
 from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
 from radarsim.cli.options import read_pose
+from radarsim.errors import PortUnavailable, ServerError
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import warm_up
 from radarsim.geometry import Pose3
@@ -70,7 +71,10 @@ def map_through_proxy(
     result = MappingResult(None, motion_source, trip=traffic.trip, outcome="overheard")
     with map_progress(traffic) as update:
         traffic.on_scan = lambda: update("listening")
-        code = traffic.run(server, (LISTEN, port), _announce)
+        try:
+            code = traffic.run(server, (LISTEN, port), _announce)
+        except PortUnavailable as error:
+            raise ServerError(f"{error}; --through 0 takes a free one") from None
     result.mapper = traffic.mapper
     save_map(result, files)
     if traffic.error and not result.error:

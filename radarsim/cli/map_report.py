@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +25,7 @@ from radarsim.mapping.export import (
 )
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.trajectory import tum_text
+from radarsim.os_errors import describe_os_error
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
 DEFAULT_STEM: Final = "map"  # of the names of files in a folder
@@ -54,7 +55,7 @@ class MapFiles:
     def stem(self) -> Path:
         """The path that the names of all files begin with."""
         path = Path(self.out)
-        if path.is_dir() or self._names_folder:
+        if self._names_folder or _is_folder(path):
             return path / DEFAULT_STEM
         return path.with_suffix("") if path.suffix in FILE_SUFFIXES else path
 
@@ -89,7 +90,7 @@ class MapFiles:
             if self._names_folder:
                 folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            text = f"cannot make {folder}: {error.strerror}"
+            text = f"cannot make {folder}: {describe_os_error(error)}"
             raise typer.BadParameter(text, param_hint="OUT") from None
         for path in self.paths:
             check_writable(path, "OUT")
@@ -113,6 +114,13 @@ class MapFiles:
         return paths
 
 
+def _is_folder(path: Path) -> bool:
+    """Return whether there is a folder; False where it cannot be known."""
+    with suppress(OSError):
+        return path.is_dir()
+    return False
+
+
 def _may_be_replaced(path: Path, served: str | None) -> bool:
     """Return whether a file is a map that radarsim wrote, and not the simulated one."""
     try:
@@ -129,7 +137,7 @@ def save_map(result: MappingResult, files: MapFiles) -> None:
         result.files = files.write(result.mapper)
     except OSError as error:
         name = "the map" if error.filename is None else error.filename
-        text = f"cannot write {name}: {error.strerror or error}"
+        text = f"cannot write {name}: {describe_os_error(error)}"
         sys.stderr.write(f"radarsim: {text}\n")
         result.error = f"{result.error}; {text}" if result.error else text
 

@@ -16,6 +16,7 @@ import typer
 
 from radarsim.atomic_write import write_atomically
 from radarsim.errors import PresetError
+from radarsim.os_errors import describe_os_error
 from radarsim.suggestions import did_you_mean, expected_one_of
 
 if TYPE_CHECKING:
@@ -313,11 +314,15 @@ def check_robot(robot: str, served: object | None) -> None:
 
 
 def _obstacle_to_writing(path: Path) -> str:
-    if not path.parent.is_dir() or not Path(os.path.realpath(path)).parent.is_dir():
-        return "no such folder"
-    if path.is_dir():
-        return "a folder of that name"
-    return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no right to"
+    target = Path(os.path.realpath(path))
+    try:
+        if not path.parent.is_dir() or not target.parent.is_dir():
+            return "no such folder"
+        if path.is_dir():
+            return "a folder of that name"
+    except OSError as error:  # the folder may not be entered
+        return describe_os_error(error)
+    return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no permission"
 
 
 def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
@@ -334,5 +339,6 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
     try:
         write_atomically({path: data})
     except OSError as error:
-        text = f"cannot write {path}: {error.strerror}"
+        reason = _obstacle_to_writing(path) or describe_os_error(error)
+        text = f"cannot write {path}: {reason}"
         raise typer.BadParameter(text, param_hint=hint) from None

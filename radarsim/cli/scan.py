@@ -20,6 +20,7 @@ from radarsim.cli.options import (
     SensorPoseOption,
     SensorSettingsOption,
     SensorStartOption,
+    check_writable,
     write_file,
 )
 from radarsim.errors import PresetError
@@ -65,11 +66,13 @@ def scan(
     """Scan a map without a server."""
     from radarsim.rng import generator_for
 
+    format_ = format_ or _format_of(output)
+    if output is not None:
+        check_writable(output, "-o")
     scanner = load_scanner(sensor, settings)
     scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
     rng = generator_for(seed, sensor)
     scans = [scanner.scan(scene, sensor_pose, rng) for _ in range(count)]
-    format_ = format_ or _format_of(output)
     if format_ is ScanFormat.PNG:
         from radarsim.plotting import draw_scans
 
@@ -158,8 +161,19 @@ def _read_pose(scene: Scene, text: str) -> Pose3:
 
 
 def _format_of(output: Path | None) -> ScanFormat:
+    """Return the format that the name of a file asks for; JSON if it has no suffix.
+
+    Raises:
+        typer.BadParameter: If it is the suffix of no format.
+    """
     suffix = "" if output is None else output.suffix.lower().lstrip(".")
-    return ScanFormat(suffix) if suffix in list(ScanFormat) else ScanFormat.JSON
+    if not suffix:
+        return ScanFormat.JSON
+    known = [format_.value for format_ in ScanFormat]
+    if suffix not in known:
+        text = f"{str(output)!r}, expected a name that ends in one of {known}"
+        raise typer.BadParameter(text, param_hint="-o")
+    return ScanFormat(suffix)
 
 
 def _as_json(scans: list[Scan]) -> str:

@@ -17,7 +17,7 @@ from radarsim.cli.options import (
     check_positive,
     read_item_settings,
 )
-from radarsim.errors import PresetError
+from radarsim.errors import PortUnavailable, PresetError, ServerError
 from radarsim.signal_handlers import TERMINATED, exit_immediately_on_signals
 
 if TYPE_CHECKING:
@@ -86,7 +86,11 @@ def serve(
         read_item_settings(settings or []),
     )
     server = Server(load_host(map_, config, seed=seed, terminated=0), speed=speed)
-    raise typer.Exit(asyncio.run(serve_until_signal(server, host, port, _announce)))
+    try:
+        code = asyncio.run(serve_until_signal(server, host, port, _announce))
+    except PortUnavailable as error:
+        raise ServerError(f"{error}; --port 0 takes a free one") from None
+    raise typer.Exit(code)
 
 
 def load_host(

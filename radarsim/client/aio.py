@@ -8,7 +8,7 @@ from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests, Step
 from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session, check_timeout
-from radarsim.client.transport import CHUNK, SHORTEST_WAIT, STUCK
+from radarsim.client.transport import CHUNK, SHORTEST_WAIT, STUCK, lost, no_server
 from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
@@ -62,8 +62,7 @@ class AsyncClient:
             async with asyncio.timeout(timeout):
                 reader, writer = await asyncio.open_connection(host, port)
         except OSError as error:
-            why = str(error) or "timed out"
-            raise ClientError(f"no server at {host}:{port}: {why}") from None
+            raise no_server(host, port, error) from None
         return cls(reader, writer, timeout=timeout)
 
     @property
@@ -206,7 +205,7 @@ class AsyncClient:
         except TimeoutError:
             raise ConnectionError(STUCK) from None
         except OSError as error:
-            raise ConnectionError(f"the connection is lost: {error}") from None
+            raise lost(error) from None
 
     async def _receive(self, seconds: float) -> bytes:
         try:
@@ -215,7 +214,7 @@ class AsyncClient:
         except TimeoutError:
             raise
         except OSError as error:
-            raise ConnectionError(f"the connection is lost: {error}") from None
+            raise lost(error) from None
         if not data:
             raise ConnectionError("the server closed the connection")
         return data

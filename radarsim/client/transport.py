@@ -4,6 +4,7 @@ A transport has a clock of its own: the wall clock for a socket, simulated time 
 client and server take turns in one process. Timeouts of clients use only this clock.
 """
 
+import errno
 import socket
 import time
 from contextlib import suppress
@@ -11,11 +12,29 @@ from typing import Protocol
 
 from radarsim.client.session import check_timeout
 from radarsim.errors import ClientError
+from radarsim.os_errors import describe_os_error, error_number
 
 SHORTEST_WAIT = 0.001  # s; with 0 even data that has arrived would not be read
 CHUNK = 65536  # bytes
 CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
+LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
+DEFAULT_PORT = 3000  # of USARSim
 STUCK = "the server takes nothing any more"
+
+
+def no_server(host: str, port: int, error: OSError) -> ClientError:
+    """Create the error for a server that cannot be reached, with the cure if known."""
+    at = f"no server at {host}:{port}"
+    is_local = host in LOCAL_HOSTS or host.startswith("127.")
+    if is_local and error_number(error) == errno.ECONNREFUSED:
+        option = "" if port == DEFAULT_PORT else f" --port {port}"
+        return ClientError(f"{at}; start one with: radarsim serve foliage_room{option}")
+    return ClientError(f"{at}: {describe_os_error(error)}")
+
+
+def lost(error: OSError) -> ConnectionError:
+    """Create the error of a transport whose connection has broken."""
+    return ConnectionError(f"the connection is lost: {describe_os_error(error)}")
 
 
 class Transport(Protocol):
@@ -73,7 +92,7 @@ class SocketTransport:
         try:
             self._socket = socket.create_connection((host, port), timeout)
         except OSError as error:
-            raise ClientError(f"no server at {host}:{port}: {error}") from None
+            raise no_server(host, port, error) from None
         with suppress(OSError):  # commands are short, and urgent
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
@@ -88,7 +107,7 @@ class SocketTransport:
             self._stuck = True
             raise ConnectionError(STUCK) from None
         except OSError as error:
-            raise ConnectionError(f"the connection is lost: {error}") from None
+            raise lost(error) from None
 
     def receive(self, timeout: float) -> bytes:
         """See ``Transport.receive``."""
@@ -98,7 +117,7 @@ class SocketTransport:
         except TimeoutError:
             raise
         except OSError as error:
-            raise ConnectionError(f"the connection is lost: {error}") from None
+            raise lost(error) from None
         if not data:
             raise ConnectionError("the server closed the connection")
         return data

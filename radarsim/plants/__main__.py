@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from radarsim.atomic_write import write_atomically
+from radarsim.os_errors import describe_os_error
 from radarsim.plants.calibration import (
     RAYS,
     Comparison,
@@ -54,7 +55,7 @@ def make(
             folder.mkdir(parents=True, exist_ok=True)
         write_atomically(written)
     except OSError as error:
-        text = f"cannot write {error.filename}: {(error.strerror or '').lower()}"
+        text = f"cannot write {error.filename}: {describe_os_error(error)}"
         raise typer.BadParameter(text) from None
     for name, content in files.items():
         typer.echo(f"{out / name}: {len(content)} bytes")

@@ -21,6 +21,7 @@ from functools import partial
 from itertools import count
 from typing import Any, TypeAlias
 
+from radarsim.os_errors import describe_os_error
 from radarsim.proxy.line_queue import Side
 from radarsim.server.lifecycle import (
     configure_socket,
@@ -261,7 +262,7 @@ class TcpProxy:
                     lambda: Endpoint(on_data, self._connected), host, port
                 )
         except OSError as error:
-            reason = str(error) or "timed out"
+            reason = describe_os_error(error)
             log.warning("%s: no server at %s:%d: %s", client.peer, host, port, reason)
             client.abort()
             return

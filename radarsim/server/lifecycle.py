@@ -1,14 +1,15 @@
 """What servers share: signals that end them, listening, and socket options."""
 
 import asyncio
-import os
+import errno
 import signal
 import socket
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from radarsim.errors import ServerError
+from radarsim.errors import PortUnavailable, ServerError
+from radarsim.os_errors import describe_os_error, error_number
 from radarsim.signal_handlers import INTERRUPTED, signal_handlers
 
 SEND_BUFFER_BYTES = 131_072  # what waits in the kernel is stale when it arrives
@@ -69,7 +70,8 @@ async def listen(
         The listening server, and the host and port that it listens on.
 
     Raises:
-        ServerError: If the port is taken, or the address is not one of this machine.
+        PortUnavailable: If the port is in use, or reserved.
+        ServerError: If the address is not one of this machine.
     """
     loop = asyncio.get_running_loop()
     try:
@@ -77,10 +79,9 @@ async def listen(
             protocol_factory, address, port, reuse_address=True
         )
     except OSError as error:
-        number = error.errno or 0  # asyncio repeats the address in strerror
-        reason = os.strerror(number) if number > 0 else error.strerror or error
-        text = f"cannot listen on {address}:{port}: {reason}"
-        raise ServerError(text) from error
+        text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
+        of_port = error_number(error) in (errno.EADDRINUSE, errno.EACCES)
+        raise (PortUnavailable if of_port else ServerError)(text) from error
     if not listener.sockets:
         raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
     host, bound_port = listener.sockets[0].getsockname()[:2]

@@ -43,7 +43,7 @@ def test_full_disk_is_reported_in_one_line() -> None:
             command, stdout=full, stderr=subprocess.PIPE, check=False, timeout=120
         )
     assert run.returncode == 1
-    assert run.stderr == b"radarsim: cannot write: No space left on device\n"
+    assert run.stderr == b"radarsim: cannot write: the disk is full\n"
 
 
 @pytest.mark.parametrize(

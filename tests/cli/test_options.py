@@ -40,6 +40,6 @@ def test_unwritable_file_is_refused_before_and_after(
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    with pytest.raises(typer.BadParameter, match="no right to"):
+    with pytest.raises(typer.BadParameter, match="no permission"):
         check_writable(tmp_path / "run.csv", "--trace")
     tmp_path.chmod(0o700)

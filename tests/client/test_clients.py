@@ -99,7 +99,7 @@ def test_robot_info_is_complete_in_the_udk_dialect(
 def test_connection_error_names_the_address(connect: Connect) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    with pytest.raises(ClientError, match=f"no server at 127.0.0.1:{port}: "):
+    with pytest.raises(ClientError, match=f"no server at 127.0.0.1:{port}; start one"):
         connect(port)
 
 

@@ -1,0 +1,138 @@
+"""Errors of the machine: plain words, always the same ones, and what helps."""
+
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from .conftest import RunCommand
+
+SCAN = ("scan", "empty_room", "--sensor", "laser", "--start", "RobotStart1")
+
+
+@pytest.fixture
+def taken_port() -> Iterator[str]:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        yield str(listener.getsockname()[1])
+
+
+@pytest.fixture
+def free_port() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return str(listener.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("navigate", "--algorithm", "bug1", "--goal", "1,1"),
+        ("map", "{}/m"),
+        ("map", "{}/m", "--host", "localhost"),
+    ],
+)
+def test_without_a_server_the_command_that_starts_one_is_told(
+    radarsim: RunCommand, tmp_path: Path, free_port: str, command: tuple[str, ...]
+) -> None:
+    words = (word.format(tmp_path) for word in command)
+    run = radarsim(*words, "--port", free_port)
+    assert run.code == 1
+    assert f"radarsim serve foliage_room --port {free_port}\n" in run.err
+    assert "rrno" not in run.err
+
+
+def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
+    run = radarsim(
+        *("navigate", "--algorithm", "bug1", "--goal", "1,1"),
+        *("--host", "nowhere.invalid"),
+    )
+    assert run.code == 1
+    assert "no server at nowhere.invalid:3000: " in run.err
+    assert "radarsim serve" not in run.err
+    assert "rrno" not in run.err
+
+
+def test_port_in_use_has_a_cure(radarsim: RunCommand, taken_port: str) -> None:
+    run = radarsim("serve", "empty_room", "--port", taken_port)
+    assert run.code == 1
+    assert "in use by another program" in run.err
+    assert "--port 0" in run.err
+
+
+def test_port_in_use_has_a_cure_with_through(
+    radarsim: RunCommand, tmp_path: Path, taken_port: str
+) -> None:
+    run = radarsim("map", str(tmp_path / "m"), "--through", taken_port)
+    assert run.code == 1
+    assert "in use by another program" in run.err
+    assert "--through 0" in run.err
+
+
+@pytest.mark.parametrize("suffix", ["svg", "jpg", "txt"])
+def test_scan_is_not_written_into_a_file_of_another_format(
+    radarsim: RunCommand, tmp_path: Path, suffix: str
+) -> None:
+    run = radarsim(*SCAN, "-o", str(tmp_path / f"scan.{suffix}"))
+    assert run.code == 2
+    assert "expected a name that ends in" in run.err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_scan_is_json_in_a_file_without_suffix(
+    radarsim: RunCommand, tmp_path: Path
+) -> None:
+    assert radarsim(*SCAN, "-o", str(tmp_path / "scan")).code == 0
+    assert (tmp_path / "scan").read_text().startswith("{")
+
+
+def test_folder_is_told_to_be_one(radarsim: RunCommand, tmp_path: Path) -> None:
+    run = radarsim("check", str(tmp_path))
+    assert run.code == 1
+    assert f"{tmp_path}: a folder, expected a map file" in run.text
+
+
+@contextmanager
+def plain_user() -> Iterator[None]:
+    """Run as a user who may not read and write everything."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("check", "{}/map.yaml"),
+        (*SCAN, "-o", "{}/scan.json"),
+        ("navigate", "--algorithm", "bug1", "--serve", "bug_box", "--plot", "{}/a.png"),
+        ("map", "{}/m", "--serve", "empty_room"),
+        ("map", "{}/m/", "--serve", "empty_room"),
+        ("figures", "{}", "--only", "1"),
+    ],
+)
+@pytest.mark.usefixtures("empty_room")  # which compiles as the user of the cache
+def test_missing_permission_has_one_wording(
+    radarsim: RunCommand,
+    tmp_path: Path,
+    command: tuple[str, ...],
+) -> None:
+    folder = tmp_path / "closed"
+    folder.mkdir()
+    (folder / "map.yaml").write_text("version: 1\n")
+    for parent in (tmp_path, *tmp_path.parents[:2]):  # another user has to get there
+        parent.chmod(0o755)
+    # Loads what the command needs: the interpreter may be where only root can read.
+    radarsim(*(word.format("/dev/null/folder") for word in command))
+    folder.chmod(0o000)
+    with plain_user():
+        run = radarsim(*(word.format(folder) for word in command))
+    folder.chmod(0o755)
+    assert run.code in (1, 2)
+    assert "no permission" in run.text + run.err
