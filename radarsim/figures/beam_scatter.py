@@ -15,9 +15,9 @@ from matplotlib.patches import Arc, FancyArrowPatch
 from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.floor_plan import HALO, as_words, draw_part, draw_title
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Pose2
 from radarsim.plotting.ray_segments import line_opacity, split_rays
+from radarsim.plotting.robots import draw_robot
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for

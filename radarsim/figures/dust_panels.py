@@ -26,8 +26,8 @@ from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.floor_plan import draw_plan, draw_scale_bar, draw_title
 from radarsim.figures.palette import DUST_COLOUR, LASER_COLOUR, QUIET, RADAR_COLOUR
 from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene, object_names
-from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
+from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.style import scan_points
 from radarsim.sensors.scan import Scan
 

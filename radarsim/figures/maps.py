@@ -26,10 +26,10 @@ from radarsim.figures.mapping_drives import (
     radar,
 )
 from radarsim.figures.scan_spec import START, load_scene
-from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
 from radarsim.mapping.export import BLACK, BLUE, GREY, WHITE, commander_png, nav_map
 from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
+from radarsim.plotting.robots import draw_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.robots.obstacles import slice_parts
 

@@ -13,9 +13,9 @@ from radarsim.figures.figure import DrawnFigure
 from radarsim.figures.floor_plan import draw_scale_bar, draw_title
 from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.figures.scene_view import draw_robot
 from radarsim.geometry import Floats
 from radarsim.plotting.ray_segments import RAY_COLOURS, line_opacity, split_rays
+from radarsim.plotting.robots import draw_robot
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for

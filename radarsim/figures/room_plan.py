@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from radarsim.figures.floor_plan import HALO, as_words, draw_plan, draw_scale_bar
 from radarsim.figures.foliage_wall import hidden_parts
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.figures.scene_view import draw_robot
+from radarsim.plotting.robots import draw_robot
 from radarsim.scene.scene import Scene
 
 FRAME: Final = (0.01, 0.06, 0.98, 0.87)  # of the axes in a figure of SIZE

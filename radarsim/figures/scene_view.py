@@ -1,4 +1,4 @@
-"""Views of whole scenes, and the drawing of a robot from above.
+"""Views of whole scenes, shaded.
 
 Triangles are painted from the farthest to the nearest (painter's algorithm), ordered by
 their middles; large triangles are subdivided first, so that this order is right.
@@ -13,13 +13,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
-from matplotlib.patches import Polygon
 
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats
 from radarsim.plants.figure import brightness
 from radarsim.plotting.style import material_colours
-from radarsim.presets.robots import RobotModel, load_robot
-from radarsim.robots.footprint import Footprint
 from radarsim.scene.scene import Part, Scene
 
 # Natural colours of materials; others keep the colour of the scan plots.
@@ -194,48 +191,3 @@ def _cut(corners: Floats, largest: float = _LARGEST) -> Floats:
     quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     segments = np.concatenate([np.stack(one, axis=1) for one in quarters])
     return np.concatenate([corners[~large], _cut(segments, largest)])
-
-
-HULL: Final = "#d9dde2"
-EDGE: Final = "#333333"
-_TYRE: Final = 0.09  # m, width of a wheel
-
-
-def draw_robot(axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5) -> None:
-    """Draw a robot from above: hull, wheels and a wedge that points ahead.
-
-    Args:
-        axes: Axes in m, map frame.
-        class_name: Name of the robot class.
-        pose: Pose of the robot.
-        zorder: Z-order of the hull; wheels and wedge are drawn a little above it.
-    """
-    model = load_robot(class_name)
-    hull = Footprint(model.length, model.width)
-    _patch(axes, hull, pose, HULL, zorder)
-    for wheel in _wheels(model, pose):
-        tyre = Footprint(2 * model.wheel_radius, _TYRE)
-        _patch(axes, tyre, wheel, EDGE, zorder + 0.1)
-    x, y = model.length / 2, model.width / 5
-    corners = [_at(pose, *place) for place in ((x, 0.0), (x / 2, y), (x / 2, -y))]
-    axes.add_patch(Polygon(corners, facecolor=EDGE, zorder=zorder + 0.2))
-
-
-def _patch(
-    axes: Axes, shape: Footprint, pose: Pose2, colour: str, zorder: float
-) -> None:
-    corners = shape.outline(pose)[:, 0]
-    patch = Polygon(corners, facecolor=colour, edgecolor=EDGE, linewidth=0.8)
-    patch.set_zorder(zorder)
-    axes.add_patch(patch)
-
-
-def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
-    ahead, aside = model.wheel_base / 2, model.wheel_separation / 2
-    places = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
-    return [Pose2(*_at(pose, *place), pose.yaw) for place in places]
-
-
-def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
-    place = pose.compose(Pose2(ahead, aside))
-    return place.x, place.y

@@ -21,10 +21,10 @@ from radarsim.figures.scene_view import (
     ABOVE,
     ROBOT_NAME,
     View,
-    draw_robot,
     draw_solids,
 )
 from radarsim.geometry import Floats, Pose3
+from radarsim.plotting.robots import draw_robot
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.scene import Part, Scene

@@ -17,6 +17,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import CENTRE_RAY, LEFT_RAY, RIGHT_RAY, sensor_colour
 from radarsim.plotting.style import Legend
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
@@ -91,11 +92,10 @@ def _power_after(events: NDArray[np.void]) -> NDArray[np.float64]:
 
 # As in the thesis, the left ray is red and the right ray blue.
 RAY_COLOURS: Final = {
-    LEFT: ("tab:red", "left ray"),
-    CENTRE: ("0.35", "centre ray"),
-    RIGHT: ("tab:blue", "right ray"),
+    LEFT: (LEFT_RAY, "left ray"),
+    CENTRE: (CENTRE_RAY, "centre ray"),
+    RIGHT: (RIGHT_RAY, "right ray"),
 }
-LASER_COLOUR: Final = "tab:purple"
 SPENT_OPACITY, FULL_OPACITY = 0.15, 0.6
 SPENT_WIDTH, FULL_WIDTH = 0.5, 0.9  # points
 NO_RETURN_OPACITY: Final = 0.3  # share of the opacity that a ray without return has
@@ -104,7 +104,13 @@ NO_RETURN_OPACITY: Final = 0.3  # share of the opacity that a ray without return
 def group_by_ray(scan: Scan) -> list[tuple[NDArray[np.bool_], str, str]]:
     """Group beams by the ray that gave the range: mask (N,), colour and name."""
     if scan.rays is None:
-        return [(np.ones(len(scan.ranges), np.bool_), LASER_COLOUR, "ray")]
+        return [
+            (
+                np.ones(len(scan.ranges), np.bool_),
+                sensor_colour(scan.sensor, "laser"),
+                "ray",
+            )
+        ]
     return [
         (scan.rays == side, colour, name)
         for side, (colour, name) in RAY_COLOURS.items()

@@ -19,7 +19,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Scene
-from radarsim.sensors.echoes import Echoes
+from radarsim.sensors.echoes import ROBOT, Echoes
 from radarsim.sensors.scan import Scan
 
 
@@ -111,7 +111,6 @@ def _add_echo_rows(legend: Legend, echoes: Echoes) -> None:
 
 
 MARGIN: Final = 0.5  # m around the map
-MAX_NAMES: Final = 20  # materials that fit beside the plot
 OPAQUE_WIDTH: Final = 1.4  # points
 
 
@@ -145,27 +144,19 @@ def plot_scans(scene: Scene, scans: Sequence[Scan]) -> Figure:
     axes = figure.add_subplot()
     legend = Legend()
     colours = material_colours(scene)
-    materials = {part.material.name for part in scene.parts}
+    materials = [part.material for part in scene.parts]
     _draw_plan(axes, scene, colours, scans[0].pose.z)
     _frame(axes, scene, scans)
     _draw_readings(axes, scans, legend)
     if len(scans) == 1:
         draw_rays(axes, scene, scans[0], legend)
-        materials |= draw_echoes(axes, scans[0], colours, legend)
-    _add_material_rows(legend, [name for name in colours if name in materials], colours)
+        hit = draw_echoes(axes, scans[0], colours, legend)
+        materials += [ROBOT] if ROBOT.name in hit else []
+    legend.add_heading("Materials")
+    legend.add_materials(materials)
+    legend.add_line("opaque, in the plan", color="black", linewidth=OPAQUE_WIDTH)
     legend.draw(figure)
     return figure
-
-
-def _add_material_rows(
-    legend: Legend, names: Sequence[str], colours: Mapping[str, str]
-) -> None:
-    legend.add_heading("Materials")
-    for name in names[:MAX_NAMES]:
-        legend.add_marker(name, "s", color=colours[name], markersize=7)
-    if names[MAX_NAMES:]:
-        legend.add_marker(f"and {len(names) - MAX_NAMES} more", "")
-    legend.add_line("opaque, in the plan", color="black", linewidth=OPAQUE_WIDTH)
 
 
 def _draw_plan(

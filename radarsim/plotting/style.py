@@ -1,24 +1,37 @@
 """What plots share: the legend, colours of materials, and points in the map."""
 
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from textwrap import wrap
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.echoes import ROBOT, Echoes
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan import Scan
 
+MAX_NAMES: Final = 8  # materials of one colour that a legend names
+LINE_LENGTH: Final = 26  # characters in a row of a legend
+SMOKE_OPACITY: Final = 0.7
+OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
+
 
 class Legend:
     """Legend beside a plot: samples with texts, in groups under headings."""
 
     def __init__(self) -> None:
-        self._rows: list[tuple[Line2D, str]] = []
+        self._rows: list[tuple[Artist, str]] = []
         self._headings: set[str] = set()
 
     def add_heading(self, text: str) -> None:
@@ -34,6 +47,21 @@ class Legend:
         """Add a row with a sample of a marker."""
         sample = Line2D([], [], marker=marker, linestyle="none", **style)
         self._rows.append((sample, text))
+
+    def add_area(self, text: str, **style: Any) -> None:
+        """Add a row with a sample of a filled area."""
+        self._rows.append((Patch(**style), text))
+
+    def add_materials(self, materials: Iterable[Material]) -> None:
+        """Add a row for each colour, which names the materials that have it."""
+        names = defaultdict[Family, list[str]](list)
+        for material in materials:
+            of_family = names[family_of(material)]
+            if material.name not in of_family:
+                of_family.append(material.name)
+        for family in Family:
+            if family in names:
+                self.add_area(_listed(names[family]), **area_style(family))
 
     def draw(self, figure: Figure) -> None:
         """Place the legend on the right, outside of the axes."""
@@ -52,32 +80,44 @@ class Legend:
                 label.set_fontweight("bold")
 
 
-# Distinct for the colour-blind, and from the red and blue of rays.
-MATERIAL_COLOURS: Final = (
-    "#e69f00",
-    "#aa4499",
-    "#117733",
-    "#33bbee",
-    "#8c510a",
-    "#999933",
-    "#44aa99",
-    "#e377c2",
-)
-ROBOT_COLOUR: Final = "0.2"
+def _listed(names: list[str]) -> str:
+    """Return names with commas between them, as short lines."""
+    shown = names[:MAX_NAMES]
+    if len(names) > MAX_NAMES:
+        shown.append(f"and {len(names) - MAX_NAMES} more")
+    return "\n".join(wrap(", ".join(shown), LINE_LENGTH, break_long_words=False))
+
+
+def area_style(family: Family) -> dict[str, Any]:
+    """Return how matplotlib fills and outlines areas of a family of materials.
+
+    The outline is a darker shade of the fill; what floats in the air is translucent.
+    """
+    colour = to_rgb(FAMILY_COLOURS[family])
+    return {
+        "facecolor": (*colour, SMOKE_OPACITY if family is Family.SMOKE else 1.0),
+        "edgecolor": tuple(OUTLINE_SHADE * part for part in colour),
+        "linewidth": 0.6,
+    }
 
 
 def material_colours(scene: Scene) -> dict[str, str]:
-    """Assign a colour to each material in the order of the map; they repeat after 8.
+    """Return the colour of each material of a scene by its name, and that of robots."""
+    return {material.name: colour_of(material) for material in _materials(scene)}
 
-    Robots come last and have their own colour.
-    """
-    air = [] if scene.air is None else [scene.air.name]
-    named = [*scene.materials, *(part.material.name for part in scene.parts), *air]
-    colours = {
-        name: MATERIAL_COLOURS[i % len(MATERIAL_COLOURS)]
-        for i, name in enumerate(dict.fromkeys(named))
-    }
-    return {**colours, ROBOT.name: colours.get(ROBOT.name, ROBOT_COLOUR)}
+
+def colour_of(material: Material) -> str:
+    """Return the colour of a material: that of its family."""
+    return FAMILY_COLOURS[family_of(material)]
+
+
+def _materials(scene: Scene) -> Iterator[Material]:
+    """Yield the material of robots, and those of a scene; one may have its name."""
+    yield ROBOT
+    yield from scene.materials.values()
+    yield from (part.material for part in scene.parts)
+    if scene.air is not None:
+        yield scene.air
 
 
 def scan_points(scan: Scan) -> Floats:

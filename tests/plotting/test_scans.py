@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
 
 import radarsim
@@ -178,9 +178,10 @@ def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
         assert np.allclose(colours_of(marks), to_rgba(colours[material]))
         inside = np.asarray(marks.get_facecolor())
         assert bool(len(inside)) == (kind in {"hits", "is spent"})
-    samples = dict(zip(labels(figure), figure.legends[0].get_lines(), strict=True))
-    for material in ("concrete", "wood", "foliage"):
-        assert samples[material].get_color() == colours[material]
+    samples = figure.legends[0].get_patches()
+    assert [to_hex(sample.get_facecolor()) for sample in samples] == [
+        colours[material] for material in ("foliage", "wood", "concrete")
+    ]
 
 
 def test_stronger_echoes_are_larger(foliage_room: Scene) -> None:
@@ -269,8 +270,11 @@ def test_material_names_are_literal_and_limited_in_number() -> None:
     )
     scene = Scene(r"$\yard$", "Yard", parts)
     described = labels(plot_scans(scene, [scan_of(scene)]))
-    assert {"_bark", r"$\nope$", "m17", "and 12 more"} <= set(described)
-    assert "m18" not in described
+    assert "_bark" in described
+    (others,) = (text for text in described if r"$\nope$" in text)
+    assert "m6," in others
+    assert "m7" not in others
+    assert "23 more" in others
     assert draw_scans(scene, [scan_of(scene)])  # mathematics would not be understood
 
 

@@ -5,11 +5,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 import radarsim
 from radarsim import Material, Part, Scan, Scene
-from radarsim.geometry import Pose3
-from radarsim.plotting.style import echo_points, material_colours, scan_points
+from radarsim.geometry import Pose2, Pose3
+from radarsim.plotting.annotations import draw_scale_bar, write_title
+from radarsim.plotting.robots import draw_robot
+from radarsim.plotting.style import (
+    Legend,
+    echo_points,
+    material_colours,
+    scan_points,
+)
+from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
 from radarsim.sensors.echoes import ROBOT
@@ -110,22 +121,64 @@ def test_no_return_is_placed_at_the_maximum_range() -> None:
     assert np.hypot(*way.T) == pytest.approx(np.full(9, 2.0))
 
 
-def test_colours_follow_the_order_of_the_map() -> None:
-    names = [f"m{i}" for i in range(8)]
+def test_materials_of_one_family_have_one_colour_in_any_order() -> None:
+    names = ["oak_leaves", "brick_wall", "hedge", "dust", "soil", "steel"]
     materials = {name: Material(name) for name in names}
-    all_of_them = material_colours(Scene("a", "A", (), (), materials))
-    assert list(all_of_them) == [*names, ROBOT.name]
-    assert len(set(all_of_them.values())) == 9
-    fewer = material_colours(
-        Scene("b", "B", (drawn(materials["m1"], 1.0),), (), materials)
-    )
-    assert fewer == all_of_them
+    materials["oak_leaves"] = Material("oak_leaves", sheet_loss=0.1)
+    forth = material_colours(Scene("a", "A", (), (), materials))
+    back = material_colours(Scene("b", "B", (), (), dict(reversed(materials.items()))))
+    assert forth == back
+    assert set(forth) == {*names, ROBOT.name}
+    assert forth["oak_leaves"] == forth["hedge"]
+    assert len(set(forth.values())) == 5
     # without the list of a map, the parts tell
-    assert list(material_colours(YARD)) == ["hedge", "wall", ROBOT.name]
+    assert {"hedge", "wall"} < set(material_colours(YARD))
 
 
-def test_material_named_robot_keeps_its_colour() -> None:
-    scene = Scene("a", "A", (), (), {ROBOT.name: ROBOT, "wall": Material("wall")})
-    colours = material_colours(scene)
-    assert list(colours) == [ROBOT.name, "wall"]
-    assert colours[ROBOT.name] == material_colours(YARD)["hedge"]
+def test_legend_has_a_row_for_each_colour_that_names_its_materials() -> None:
+    legend = Legend()
+    names = ["hedge", "wall", "hedge", "foliage", *(f"brick {i}" for i in range(20))]
+    legend.add_materials(Material(name) for name in names)
+    figure = Figure()
+    legend.draw(figure)
+    foliage, stone = (text.get_text() for text in figure.legends[0].get_texts())
+    assert foliage == "hedge, foliage"
+    assert stone.startswith("wall, ")
+    assert stone.replace("\n", " ").endswith("and 13 more")
+
+
+def test_title_is_large_and_its_parameters_small() -> None:
+    axes = Figure().add_subplot()
+    write_title(axes, "The radar sees $5 through", "N = 50")
+    title, small = axes.title, axes.xaxis.label
+    assert axes.get_title(loc="left") == "The radar sees $5 through"
+    assert small.get_text() == "N = 50"
+    assert small.get_fontsize() < title.get_fontsize()
+
+
+@pytest.mark.parametrize(
+    ("width", "length"), [(102.0, 20.0), (12.0, 2.0), (2.6, 0.5), (0.06, 0.01)]
+)
+def test_scale_bar_has_a_round_length_and_says_it(width: float, length: float) -> None:
+    axes = Figure().add_subplot()
+    axes.set_xlim(-3.0, -3.0 + width)
+    assert draw_scale_bar(axes) == pytest.approx(length)
+    (bar,) = axes.lines
+    ends = np.asarray(bar.get_xdata(), np.float64)
+    assert ends[1] - ends[0] == pytest.approx(length)
+    assert [text.get_text() for text in axes.texts] == [f"{length:g} m"]
+
+
+def test_robot_is_drawn_in_its_true_size_where_it_stands() -> None:
+    axes = Figure().add_subplot()
+    draw_robot(axes, "P3AT", Pose2(2.0, 1.0, math.pi / 2))
+    corners = np.concatenate([np.asarray(p.get_xy())[:, :2] for p in polygons(axes)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    assert (low + high) / 2 == pytest.approx((2.0, 1.0))
+    model = load_robot("P3AT")
+    assert high[1] - low[1] == pytest.approx(model.length, abs=0.1)
+    assert high[0] - low[0] == pytest.approx(model.width, abs=0.1)
+
+
+def polygons(axes: Axes) -> list[Polygon]:
+    return [patch for patch in axes.patches if isinstance(patch, Polygon)]

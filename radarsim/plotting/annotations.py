@@ -1,0 +1,70 @@
+"""What pictures of plans say beside the drawing: a title in words and a scale bar."""
+
+import math
+from typing import Final
+
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+
+from radarsim.plotting.palette import MARKER
+
+HALO: Final = withStroke(linewidth=3, foreground="white")
+SMALL_PRINT: Final = 8.0  # points
+QUIET: Final = "0.35"  # colour of small print
+_BAR_SHARE: Final = 0.2  # of the width of the axes that a scale bar takes at most
+
+
+def write_title(axes: Axes, words: str, small_print: str = "") -> None:
+    """Write what one sees large above a drawing, and its parameters small below it."""
+    axes.set_title(words, loc="left", fontsize=14, fontweight="bold", parse_math=False)
+    if small_print:
+        axes.set_xlabel(
+            small_print, loc="left", fontsize=SMALL_PRINT, color=QUIET, parse_math=False
+        )
+
+
+def draw_scale_bar(axes: Axes) -> float:
+    """Draw a scale bar in the lower left corner, and hide the numbers of the axes.
+
+    Args:
+        axes: Axes in m, with their final limits.
+
+    Returns:
+        Length of the bar, m: 1, 2 or 5 times a power of ten.
+    """
+    west, east = axes.get_xlim()
+    south, north = axes.get_ylim()
+    length = round_length(_BAR_SHARE * (east - west))
+    x, y = west + 0.025 * (east - west), south + 0.025 * (north - south)
+    axes.plot(
+        [x, x + length],
+        [y, y],
+        color=MARKER,
+        linewidth=3,
+        solid_capstyle="butt",
+        path_effects=[HALO],
+        label="scale",
+        zorder=9,
+    )
+    axes.annotate(
+        f"{length:g} m",
+        (x + length / 2, y),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="center",
+        path_effects=[HALO],
+        zorder=9,
+    )
+    axes.set_xticks([])
+    axes.set_yticks([])
+    return length
+
+
+def round_length(longest: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is not longer.
+
+    >>> round_length(3.7), round_length(0.6), round_length(50)
+    (2.0, 0.5, 50.0)
+    """
+    power = 10.0 ** math.floor(math.log10(longest))
+    return max(step * power for step in (1, 2, 5) if step * power <= longest)
