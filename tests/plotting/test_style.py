@@ -153,7 +153,7 @@ def test_title_is_large_and_its_parameters_small() -> None:
     title, small = axes.title, axes.xaxis.label
     assert axes.get_title(loc="left") == "The radar sees $5 through"
     assert small.get_text() == "N = 50"
-    assert small.get_fontsize() < title.get_fontsize()
+    assert float(small.get_fontsize()) < float(title.get_fontsize())
 
 
 @pytest.mark.parametrize(
