@@ -22,24 +22,37 @@ COLOURS: Final = {WOOD: "#7a4a21", LEAVES: "#3f8f3a"}
 SUN: Final = np.array([-0.45, -0.55, 0.7])  # direction to the light: above left
 AMBIENT: Final = 0.55  # brightness of faces along the light
 RAY, END, WALL_END = "tab:blue", "tab:red", "black"
-BIN: Final = 0.05  # m
+BIN: Final = 0.1  # m
+TITLE: Final = "A shrub in three shapes: the same mean transmission, another scatter"
+TITLE_HEIGHT: Final = 0.55  # inches
 MARGIN: Final = 0.15  # m, of the plan
 
 
 def draw_shapes(shapes: Sequence[Comparison]) -> bytes:
     """Draw a row for each shape, with side view, plan and histogram; return a PNG."""
-    figure = Figure(figsize=(13.5, 3.7 * len(shapes)), dpi=110, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    grid = figure.subplots(len(shapes), 3, squeeze=False, width_ratios=[1, 1.55, 1.25])
-    highest = max(_shares(shape.ranges)[0][:-1].max() for shape in shapes)
-    for (side, plan, bars), shape in zip(grid, shapes, strict=True):
-        draw_plant(side, shape.plant)
-        side.set_title(shape.title, fontsize="medium")
-        _draw_plan(plan, shape)
-        _draw_histogram(bars, shape.ranges, highest)
+    figure = plot_shapes(shapes)
     png = io.BytesIO()
+    canvas = FigureCanvasAgg(figure)
     canvas.print_figure(png, format="png", metadata={"Software": "radarsim"})
     return png.getvalue()
+
+
+def plot_shapes(shapes: Sequence[Comparison]) -> Figure:
+    """Plot a row for each shape, with side view, plan and histogram of ranges."""
+    height = TITLE_HEIGHT + 3.7 * len(shapes)
+    figure = Figure(figsize=(15, height), dpi=110)
+    below = (0, 0, 1, 1 - TITLE_HEIGHT / height)
+    figure.set_layout_engine("constrained", rect=below)
+    top = 1 - TITLE_HEIGHT / 3 / height
+    figure.text(0.012, top, TITLE, va="top", fontsize=17, fontweight="bold")
+    grid = figure.subplots(len(shapes), 3, squeeze=False, width_ratios=[0.9, 1.5, 1.5])
+    highest = max(_shares(shape.ranges)[0].max() for shape in shapes)
+    for (side, plan, bars), shape in zip(grid, shapes, strict=True):
+        draw_plant(side, shape.plant)
+        side.set_title(shape.title, loc="left")
+        _draw_plan(plan, shape)
+        _draw_histogram(bars, shape.ranges, 100 * highest)
+    return figure
 
 
 def draw_plant(axes: Axes, plant: Plant) -> None:
@@ -110,33 +123,40 @@ def _draw_plan(axes: Axes, shape: Comparison) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
-    axes.set_title(
-        f"rays from the left, {HEIGHT} m above the ground", fontsize="medium"
-    )
+    axes.set_title(f"rays from the left, {HEIGHT} m above the ground", loc="left")
 
 
 def _shares(ranges: PlantRanges) -> tuple[Floats, Floats]:
     """Return the share of ranges in each bin, the wall's last, and the bins' edges."""
-    edges = np.arange(BEFORE - 1, WALL + 1.5 * BIN, BIN)
+    edges = np.arange(BEFORE - 1 - BIN / 2, WALL + BIN, BIN)
     counts, edges = np.histogram(ranges.ranges, bins=edges)
     return counts / counts.sum(), edges
 
 
 def _draw_histogram(axes: Axes, ranges: PlantRanges, highest: float) -> None:
+    """Draw the shares of ranges up to ``highest`` %; the last bar is the wall's."""
     shares, edges = _shares(ranges)
-    axes.stairs(100 * shares[:-1], edges[:-1], fill=True, color=END, alpha=0.8)
+    axes.bar(edges[:-2] + BIN / 2, 100 * shares[:-1], BIN, color=END)
+    axes.bar(edges[-2] + BIN / 2, 100 * shares[-1], BIN, color=WALL_END)
+    axes.annotate(
+        f"wall\n{100 * shares[-1]:.0f} %",
+        (WALL, 100 * shares[-1]),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+    )
     statistics = ranges.statistics()
     low, median, high = statistics.percentiles
     text = (
         f"mean {statistics.mean:.2f} m, deviation {statistics.deviation:.2f} m\n"
         f"5, 50, 95 %: {low:.2f}, {median:.2f}, {high:.2f} m\n"
-        f"deviation at one offset {statistics.at_one_offset:.2f} m,"
-        f" where spent {statistics.spent:.2f} m\n"
-        f"{100 * statistics.through:.0f} % read the wall, at {WALL:g} m"
+        f"deviation at one offset {statistics.at_one_offset:.2f} m,\n"
+        f"where spent {statistics.spent:.2f} m"
     )
-    axes.text(0.97, 0.95, text, transform=axes.transAxes, ha="right", va="top")
-    axes.set_xlim(BEFORE - 1, WALL)
-    axes.set_ylim(0, 145 * highest)  # with space for the text
+    axes.text(0.86, 0.95, text, transform=axes.transAxes, ha="right", va="top")
+    axes.set_xlim(BEFORE - 1, WALL + 0.35)
+    axes.set_ylim(0, 1.3 * highest)  # with space for the text
     axes.set_xlabel("range, m")
-    axes.set_ylabel(f"% of rays in {BIN:g} m")
-    axes.set_title("ranges from all sides", fontsize="medium")
+    axes.set_ylabel(f"% of rays in {BIN} m")
+    axes.set_title("ranges from all sides", loc="left")
