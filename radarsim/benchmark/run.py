@@ -11,7 +11,7 @@ from radarsim.benchmark.engine import (
     scans_against_first_hits,
     throughput,
 )
-from radarsim.benchmark.server import ROBOTS, lateness, start_up
+from radarsim.benchmark.server import FLOODS, ROBOTS, floods, lateness, start_up
 from radarsim.benchmark.timing import BenchmarkRow
 
 # The function of each step, and its share of the progress bar.
@@ -23,6 +23,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "beams": (lambda: beams_against_rays(1.0), 5),
     "surfaces": (lambda: mirrors_and_leaves(1.0), 2),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),
+    "floods": (lambda: floods(200), len(FLOODS)),
     "start-up": (start_up, 2),
 }
 

@@ -1,4 +1,4 @@
-"""Benchmarks of the running server: groups e and f of the table."""
+"""Benchmarks of the running server: groups e, f and i of the table."""
 
 import os
 import re
@@ -15,6 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from radarsim.benchmark.timing import BenchmarkRow
+from radarsim.host import Host
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
 
 PROGRAM = (sys.executable, "-m", "radarsim")
 ROBOTS = 100
@@ -65,6 +68,68 @@ def start_up(times: int = 5) -> Iterator[BenchmarkRow]:
     yield BenchmarkRow(
         "f", "serve foliage_room, listening", listening * 1e3, "ms", limit
     )
+
+
+FLOODS = {
+    "10 clients that repeat GETCONF": (10, b"GETCONF {Type RangeScanner}"),
+    "40 clients that repeat GETCONF": (40, b"GETCONF {Type RangeScanner}"),
+    "40 clients that ask for scans": (
+        40,
+        b"SET {Type RangeScanner} {Name lms200} {Opcode SCAN}",
+    ),
+    "200 clients that repeat GETSTARTPOSES": (200, b"GETSTARTPOSES"),
+}
+MAX_FLOOD_MS = 5.0  # ms of CPU that floods may add to a tick
+
+
+def floods(ticks: int) -> Iterator[BenchmarkRow]:
+    """Measure what clients that flood the server add to the CPU time of a tick.
+
+    Two hosts in this process, with and without the flood, tick in turns.
+
+    Args:
+        ticks: Number of ticks to average over.
+    """
+    scene = load_map("empty_room")
+    for name, (count, line) in FLOODS.items():
+        robots = min(count, ROBOTS) if line != b"GETSTARTPOSES" else 0
+        hosts = [_host_with_clients(scene, count, robots) for _ in range(2)]
+        spent = [0.0, 0.0]
+        for _ in range(ticks):
+            for index, (host, flood) in enumerate(zip(hosts, (line, b""), strict=True)):
+                spent[index] += _tick_seconds(host, count, (flood + b"\r\n") * 100)
+        added = (spent[0] - spent[1]) / ticks * 1e3
+        yield BenchmarkRow(
+            "i", f"{name}: CPU added to a tick", added, "ms", MAX_FLOOD_MS
+        )
+
+
+def _host_with_clients(scene: Scene, count: int, robots: int) -> Host:
+    """Return a host whose clients have numbers from 1; the first ones have robots."""
+    host = Host(scene)
+    for number in range(1, count + 1):
+        host.connect()
+        if number <= robots:
+            row, column = divmod(number - 1, 20)
+            place = f"{{Location {-9 + 0.95 * column:.2f},{row - 5:.2f},0}}"
+            host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
+            host.step()
+    for _ in range(200):  # robots have settled
+        _tick_seconds(host, count, b"")
+    return host
+
+
+def _tick_seconds(host: Host, clients: int, data: bytes) -> float:
+    """Return the CPU time of a tick in which all clients send as much as they may."""
+    start = time.process_time()
+    for number in range(1, clients + 1):
+        if not host.is_busy(number):
+            host.receive(number, data)
+    host.step()
+    elapsed = time.process_time() - start
+    for number in range(1, clients + 1):
+        host.take(number)
+    return elapsed
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError
 from radarsim.geometry import Pose2
@@ -22,19 +22,26 @@ from radarsim.protocol.commands import (
     parse_pose,
     parse_switch,
 )
-from radarsim.protocol.reports import Report, StartPoses
+from radarsim.protocol.reports import Report, StartPoses, to_bytes
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import Vehicle
 from radarsim.suggestions import expected_one_of
 
 RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
+Question: TypeAlias = GetStartPoses | GetGeo | GetConf
 
 MAX_NAME_LENGTH = 64  # characters of a robot's name; longer ones are cut
 SPAWN_COOLDOWN = 10  # ticks between two robots of one client: a free place costs work
 FAILED_SPAWN_COOLDOWN = 100  # ticks after a spawn for which there was no free place
 SPAWNS_PER_TICK = 4  # of all clients
 OPCODES = ("SCAN", "RESET", "POSE", "ECHOES")
+
+# Units of work, about 20 us each: most commands take one; a spawn, a scan that is asked
+# for, and a reply that has to be computed take five.
+LIGHT_WORK: Final = 1
+HEAVY_WORK: Final = 5
+CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
 
 class Handled(NamedTuple):
@@ -43,10 +50,12 @@ class Handled(NamedTuple):
     Attributes:
         done: False if the line has to be handled again in a later tick.
         diagnostic: None if the command had its full effect.
+        work: Units of work that it took.
     """
 
     done: bool
     diagnostic: Diagnostic | None = None
+    work: int = LIGHT_WORK
 
 
 class CommandHandler:
@@ -62,6 +71,7 @@ class CommandHandler:
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
         self._classes = {name.casefold(): name for name in robot_names()}
+        self._reply_lines: dict[tuple[str | None, ...], bytes] = {}
 
     def handle(self, client: Client, line: str) -> Handled:
         """Execute the command in a line."""
@@ -71,14 +81,25 @@ class CommandHandler:
             return Handled(True, Diagnostic.of_malformed(line, error))
         if isinstance(parsed.command, Init) and self._is_too_early(client):
             return Handled(False)
+        work = self._work_of(client, parsed.command)
         diagnostic = self._execute(client, parsed.command)
-        return Handled(True, diagnostic or Diagnostic.of_unknown_fields(parsed))
+        return Handled(True, diagnostic or Diagnostic.of_unknown_fields(parsed), work)
 
     def despawn(self, client: Client) -> None:
         """Remove the robot of a client, if it has one."""
         if client.vehicle is not None:
             self.simulation.remove(client.vehicle)
             client.vehicle = None
+
+    def _work_of(self, client: Client, command: Command) -> int:
+        match command:
+            case Init() | SetItem():
+                return HEAVY_WORK
+            case GetGeo() | GetConf() | GetStartPoses():
+                known = _reply_key(client.vehicle, command) in self._reply_lines
+                return LIGHT_WORK if known else HEAVY_WORK
+            case _:
+                return LIGHT_WORK
 
     def _is_too_early(self, client: Client) -> bool:
         # The intervals of sensors start at the spawn: robots of one tick would be due
@@ -90,10 +111,7 @@ class CommandHandler:
     def _execute(self, client: Client, command: Command) -> Diagnostic | None:
         match command:
             case GetStartPoses():
-                starts = self.simulation.scene.starts
-                poses = tuple((start.name, start.pose) for start in starts)
-                client.replies.append(StartPoses(poses))
-                return None
+                return self._reply(client, command)
             case Init():
                 return self._init(client, command)
             case Unsupported(verb):
@@ -115,14 +133,36 @@ class CommandHandler:
         match command:
             case Drive():
                 return _drive(vehicle, command)
-            case GetGeo(item_type, name):
-                report = geometry(vehicle, item_type, name)
-                return _reply(client, item_type, report)
-            case GetConf(item_type, name):
-                report = configuration(vehicle, self._config, item_type, name)
-                return _reply(client, item_type, report)
-            case _:
+            case SetItem():
                 return _set_items(vehicle, command)
+            case _:
+                return self._reply(client, command)
+
+    def _reply(self, client: Client, question: Question) -> Diagnostic | None:
+        """Reply to a question about what never changes; each reply is encoded once."""
+        key = _reply_key(client.vehicle, question)
+        line = self._reply_lines.get(key)
+        if line is None:
+            report = self._report(client.vehicle, question)
+            if report is None:
+                item_type = key[2]
+                text = f"no item of type {(item_type or '')[:80]!r} on this robot"
+                return Diagnostic("no item", text)
+            if len(self._reply_lines) >= CACHED_REPLIES:
+                self._reply_lines.clear()
+            line = to_bytes([report.encode(self._config.dialect)])
+            self._reply_lines[key] = line
+        client.replies.append(line)
+        return None
+
+    def _report(self, vehicle: Vehicle | None, question: Question) -> Report | None:
+        if vehicle is None or isinstance(question, GetStartPoses):
+            starts = self.simulation.scene.starts
+            return StartPoses(tuple((start.name, start.pose) for start in starts))
+        item_type, name = question.type, question.name
+        if isinstance(question, GetGeo):
+            return geometry(vehicle.model, item_type, name)
+        return configuration(vehicle.model, self._config, item_type, name)
 
     def _init(self, client: Client, command: Init) -> Diagnostic | None:
         """Spawn a robot, which replaces the client's previous one."""
@@ -177,6 +217,13 @@ class CommandHandler:
         return Pose2(x, y, yaw), None
 
 
+def _reply_key(vehicle: Vehicle | None, question: Question) -> tuple[str | None, ...]:
+    """Return what the reply to a question depends on."""
+    if vehicle is None or isinstance(question, GetStartPoses):
+        return (question.verb,)
+    return question.verb, vehicle.model.name, question.type, question.name
+
+
 def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     vehicle.robot.drive(
         command.left,
@@ -190,16 +237,8 @@ def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     return None
 
 
-def _reply(client: Client, item_type: str, report: Report | None) -> Diagnostic | None:
-    if report is None:
-        text = f"no item of type {item_type[:80]!r} on this robot"
-        return Diagnostic("no item", text)
-    client.replies.append(report)
-    return None
-
-
 def _set_items(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
-    items = find_items(vehicle, command.type, command.name)
+    items = find_items(vehicle.model, command.type, command.name)
     if not items:
         named = " ".join(filter(None, (command.type, command.name)))
         return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import COMMANDS, ParsedCommand
 from radarsim.protocol.framing import LineBuffer
-from radarsim.protocol.reports import Report
 from radarsim.protocol.send_queue import SendQueue
 from radarsim.simulation.vehicle import Vehicle
 
@@ -21,7 +20,7 @@ class Client:
         command_budget: Number of commands that may still be handled in this tick.
         next_spawn: First tick in which the next robot may be spawned.
         send_queue: Lines that are not sent yet.
-        replies: Replies for the next write.
+        replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
     """
 
@@ -30,7 +29,7 @@ class Client:
     command_budget: int = 0
     next_spawn: int = 0
     send_queue: SendQueue = field(default_factory=SendQueue)
-    replies: list[Report] = field(default_factory=list)
+    replies: list[bytes] = field(default_factory=list)
     vehicle: Vehicle | None = None
 
 

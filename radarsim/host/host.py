@@ -13,15 +13,20 @@ Rule 2: a write consists of status, replies, readings, echoes and scans, in this
 on which clients rely. Only clients that ask for echoes get them.
 Rule 3: a client that does not read loses readings, but no replies; one that keeps on
 asking without reading is to be disconnected (``must_close``).
-Rule 4: commands per tick and robots per time are limited for each client; what exceeds
-the limit waits for the next ticks (``is_busy``), so that a flood delays no one else.
-How the bytes of a client are split into packets changes nothing.
+Rule 4: commands per tick and robots per time are limited for each client, and the work
+of a tick for all clients together; what exceeds a limit waits for the next ticks
+(``is_busy``). A command that arrives while none of its client waits is executed at
+once. Commands that wait are executed in turns, one of each client, and cannot use up
+the work that is reserved for those that arrive: a flood delays no one else. How the
+bytes of a client are split into packets changes nothing.
 """
 
 import warnings
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable
 
-from radarsim.host.commands import CommandHandler
+from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.echo_reports import echo_lines
 from radarsim.protocol.reports import Greeting, Report, to_bytes
@@ -29,7 +34,11 @@ from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
 
-COMMANDS_PER_TICK = 20  # of a client; real ones send a few, and replies cost most
+COMMANDS_PER_TICK = 20  # of a client; real ones send a few
+# Units of work of all clients together in a tick: for commands on arrival, and for
+# those that have waited. A unit is about 20 us.
+ARRIVAL_WORK = 100
+WAITING_WORK = 60
 
 
 class Host:
@@ -71,6 +80,8 @@ class Host:
         self._commands = CommandHandler(self.simulation, config)
         self._clients: dict[int, Client] = {}
         self._last_number = 0
+        self._arrival_work = ARRIVAL_WORK
+        self._last_served = 0  # number of the client whose waiting command was last
 
     def connect(self) -> int:
         """Add a client, and greet it.
@@ -81,7 +92,8 @@ class Host:
         self._last_number += 1
         client = Client(command_budget=COMMANDS_PER_TICK)
         self._clients[self._last_number] = client
-        client.replies.append(Greeting(self.simulation.scene.level))
+        greeting = Greeting(self.simulation.scene.level)
+        client.replies.append(to_bytes([greeting.encode(self._dialect)]))
         self._queue_replies(client)
         return self._last_number
 
@@ -98,8 +110,9 @@ class Host:
         client = self._clients[number]
         if client.lines.overflow is not None:
             return []
+        waits = bool(client.pending)
         client.pending.extend(client.lines.feed(data))
-        diagnostics = self._handle_pending(client)
+        diagnostics = [] if waits else self._handle_arrived(client)
         if client.lines.overflow is not None:
             diagnostics.append(Diagnostic("line", str(client.lines.overflow)))
         return diagnostics
@@ -123,10 +136,10 @@ class Host:
         Returns:
             Numbers of clients with diagnostics of commands that had waited.
         """
-        diagnostics = []
-        for number, client in self._clients.items():
+        for client in self._clients.values():
             client.command_budget = COMMANDS_PER_TICK
-            diagnostics += [(number, d) for d in self._handle_pending(client)]
+        self._arrival_work = ARRIVAL_WORK
+        diagnostics = self._handle_waiting()
         self.simulation.step()
         outputs = self.simulation.collect_reports()
         for client in self._clients.values():
@@ -138,14 +151,9 @@ class Host:
         """Return and remove what is to be sent to a client: whole lines, in order."""
         return self._clients[number].send_queue.take()
 
-    def drain_and_finish(self, number: int) -> bytes:
-        """Return all replies that are due to a client that sends no more."""
+    def finish(self, number: int) -> bytes:
+        """Return the replies that are due to a client that sends no more."""
         client = self._clients[number]
-        waiting = len(client.pending) + 1
-        while len(client.pending) < waiting:  # stops at an INIT that is too early
-            waiting = len(client.pending)
-            client.command_budget = COMMANDS_PER_TICK
-            self._handle_pending(client)
         self._queue_replies(client)
         return client.send_queue.take()
 
@@ -157,41 +165,66 @@ class Host:
         """Return how many readings a client has lost because it did not read."""
         return self._clients[number].send_queue.dropped
 
-    def _handle_pending(self, client: Client) -> list[Diagnostic]:
+    def _handle_arrived(self, client: Client) -> list[Diagnostic]:
+        """Execute commands of a client that had none waiting."""
         diagnostics = []
-        while client.pending and client.command_budget:
-            handled = self._commands.handle(client, client.pending[0])
-            if not handled.done:
-                break
-            client.pending.popleft()
-            client.command_budget -= 1
+        while client.pending and client.command_budget and self._arrival_work > 0:
+            handled = self._handle_next(client)
+            self._arrival_work -= handled.work
             if handled.diagnostic is not None:
                 diagnostics.append(handled.diagnostic)
-            if client.vehicle is None:
-                self._queue_replies(client)
+            if not handled.done:
+                break
         return diagnostics
 
+    def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
+        """Execute commands that have waited, in turns, one of each client."""
+        waiting = [number for number, c in self._clients.items() if c.pending]
+        first = bisect_right(waiting, self._last_served)
+        turns = deque(waiting[first:] + waiting[:first])
+        work, diagnostics = WAITING_WORK, []
+        while turns and work > 0:
+            number = turns.popleft()
+            client = self._clients[number]
+            handled = self._handle_next(client)
+            work -= handled.work
+            self._last_served = number
+            if handled.diagnostic is not None:
+                diagnostics.append((number, handled.diagnostic))
+            if handled.done and client.pending and client.command_budget:
+                turns.append(number)
+        return diagnostics
+
+    def _handle_next(self, client: Client) -> Handled:
+        handled = self._commands.handle(client, client.pending[0])
+        if handled.done:
+            client.pending.popleft()
+            client.command_budget -= 1
+            if client.vehicle is None:
+                self._queue_replies(client)
+        return handled
+
     def _queue_replies(self, client: Client) -> None:
-        self._queue(client, client.replies, keep=True)
+        for line in client.replies:
+            client.send_queue.put(line, keep=True)
         client.replies.clear()
 
     def _queue_tick(self, client: Client, output: TickOutput) -> None:
         if output.status is not None:
-            self._queue(client, [output.status], keep=False)
+            self._queue(client, [output.status])
         self._queue_replies(client)
-        self._queue(client, output.readings, keep=False)
+        self._queue(client, output.readings)
         if output.echoes:
             self._queue_echoes(client, output.echoes)
-        self._queue(client, output.scans, keep=False)
+        self._queue(client, output.scans)
 
     def _queue_echoes(self, client: Client, scans: Iterable[ScanEchoes]) -> None:
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
         for scan in scans:
-            lines = echo_lines(time, scan.scanner, scan.echoes, names)
-            self._queue(client, lines, keep=False)
+            self._queue(client, echo_lines(time, scan.scanner, scan.echoes, names))
 
-    def _queue(self, client: Client, reports: Iterable[Report], *, keep: bool) -> None:
+    def _queue(self, client: Client, reports: Iterable[Report]) -> None:
         for report in reports:
             line = to_bytes([report.encode(self._dialect)])
-            client.send_queue.put(line, keep=keep)
+            client.send_queue.put(line, keep=False)

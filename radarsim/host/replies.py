@@ -3,11 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from radarsim.presets.robots import Item
+from radarsim.presets.robots import Item, RobotModel
 from radarsim.protocol import reports
 from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.vehicle import Vehicle
 
 TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
 ROBOT = "robot"
@@ -16,12 +15,12 @@ NO_ITEMS = "mispkg"  # mission packages: clients ask for them, no robot carries 
 
 
 def geometry(
-    vehicle: Vehicle, item_type: str, name: str | None
+    model: RobotModel, item_type: str, name: str | None
 ) -> reports.Report | None:
     """Return where items are mounted, or the shape of the robot.
 
     Args:
-        vehicle: The robot.
+        model: The class of the robot.
         item_type: Type of the items in any case, which is repeated in the reply;
             ``Robot`` for the robot itself.
         name: Name of one item, in any case; None for all items of the type.
@@ -29,7 +28,6 @@ def geometry(
     Returns:
         None if the robot has no such item.
     """
-    model = vehicle.model
     if item_type.casefold() == ROBOT:
         return reports.RobotGeo(
             name=model.name,
@@ -39,7 +37,7 @@ def geometry(
             wheel_separation=model.wheel_separation,
             wheel_base=model.wheel_base,
         )
-    items = _items_reporting(vehicle, item_type, name)
+    items = _items_reporting(model, item_type, name)
     if not items:
         return None
     mounts = tuple((item.name, item.mount) for item in items)
@@ -47,37 +45,34 @@ def geometry(
 
 
 def configuration(
-    vehicle: Vehicle, config: SimulationConfig, item_type: str, name: str | None
+    model: RobotModel, config: SimulationConfig, item_type: str, name: str | None
 ) -> reports.Report | None:
     """Return settings; arguments and None are those of ``geometry``."""
-    model = vehicle.model
     if item_type.casefold() == ROBOT:
-        drive = vehicle.robot.wheel_drive
-        return reports.RobotConf(
-            model.name, model.mass, drive.max_spin, model.max_torque
-        )
+        max_spin = config.wheel_drive().max_spin
+        return reports.RobotConf(model.name, model.mass, max_spin, model.max_torque)
     if item_type.casefold() == NO_ITEMS:
         return reports.NameConf(item_type, ())
-    items = _items_reporting(vehicle, item_type, name)
+    items = _items_reporting(model, item_type, name)
     if not items:
         return None
     return _settings_of(items, item_type, config)
 
 
-def find_items(vehicle: Vehicle, item_type: str, name: str | None) -> tuple[Item, ...]:
+def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Item, ...]:
     """Return the items of a type, and of a name if there is one, in any case."""
-    items = vehicle.model.items_of(item_type)
+    items = model.items_of(item_type)
     if name is None:
         return items
     return tuple(item for item in items if item.name.casefold() == name.casefold())
 
 
 def _items_reporting(
-    vehicle: Vehicle, report_type: str, name: str | None
+    model: RobotModel, report_type: str, name: str | None
 ) -> tuple[Item, ...]:
     """Return the items that send reports of a type; drivers ask for each type."""
     item_type = "RangeScanner" if report_type.casefold() == ECHOES else report_type
-    return find_items(vehicle, item_type, name)
+    return find_items(model, item_type, name)
 
 
 def _settings_of(
@@ -105,7 +100,7 @@ def _scanner_settings(
     item: Item, config: SimulationConfig
 ) -> tuple[str, float, float, float, float]:
     """Return name, longest and shortest range in m, resolution and FOV in rad."""
-    settings = config.scanner(item).settings
+    settings = config.scanner_settings(item)
     resolution = math.radians(settings.resolution_deg)
     fov = math.radians(settings.fov_deg)
     return item.name, settings.max_range, settings.min_range, resolution, fov

@@ -126,6 +126,7 @@ class Connection(asyncio.BufferedProtocol):
         self._buffer = bytearray(READ_BYTES)
         self._transport: asyncio.Transport | None = None
         self._number = 0
+        self._sends_no_more = False
         self._logged_kinds: set[str] = set()
 
     @property
@@ -163,13 +164,13 @@ class Connection(asyncio.BufferedProtocol):
         self.flush(only_replies=True)
 
     def eof_received(self) -> bool:
-        """Send all replies that are due, and despawn the client's robot."""
-        transport = self._transport
-        if transport is not None:
-            transport.write(self._host.drain_and_finish(self._number))
-            self._disconnect("it closed its side")
-            asyncio.get_running_loop().call_later(CLOSE_GRACE, transport.abort)
-        return False  # the transport closes when everything is sent
+        """Close when all commands are executed and all replies are sent."""
+        if self._transport is None:
+            return False
+        self._sends_no_more = True
+        asyncio.get_running_loop().call_later(CLOSE_GRACE, self._transport.abort)
+        self.flush(only_replies=True)
+        return True  # the transport stays open for the replies
 
     def connection_lost(self, error: Exception | None) -> None:
         """Despawn the client's robot."""
@@ -198,7 +199,12 @@ class Connection(asyncio.BufferedProtocol):
             log.warning("%s: closed: endless line or unread answers", self.peer)
             self.close()
             return
-        self._apply_back_pressure(transport)
+        if self._sends_no_more:
+            if not self._host.is_busy(self._number):
+                self._finish(transport)
+                return
+        else:
+            self._apply_back_pressure(transport)
         if only_replies and self._host.has_robot(self._number):
             return
         if transport.get_write_buffer_size() == 0:
@@ -212,6 +218,12 @@ class Connection(asyncio.BufferedProtocol):
         if transport is not None:
             self._forget()
             transport.abort()
+
+    def _finish(self, transport: asyncio.Transport) -> None:
+        """Send all replies that are due, and despawn the client's robot."""
+        transport.write(self._host.finish(self._number))
+        self._disconnect("it closed its side")
+        transport.close()  # when everything is sent
 
     def _apply_back_pressure(self, transport: asyncio.Transport) -> None:
         """Stop reading while commands of the client wait."""

@@ -110,12 +110,17 @@ class SimulationConfig:
             raise ValueError(
                 f"item {item.name!r}: type {item.type}, expected a scanner"
             )
-        return RangeScanner(self._sensor_name(item), self._scanner_settings(item))
+        return RangeScanner(self._sensor_name(item), self.scanner_settings(item))
 
     def _sensor_name(self, item: Item) -> str:
         return str(self._own_settings(item).get("sensor", item.sensor))
 
-    def _scanner_settings(self, item: Item) -> SensorSettings:
+    def scanner_settings(self, item: Item) -> SensorSettings:
+        """Return the settings of a scanner item.
+
+        Raises:
+            PresetError: If a setting is unknown or out of range.
+        """
         return load_settings(self._sensor_name(item), **self.settings(item))
 
     def interval(self, item: Item) -> float:
@@ -123,7 +128,7 @@ class SimulationConfig:
         if item.interval is not None:
             return item.interval
         if item.sensor is not None:
-            rate = self._scanner_settings(item).scan_rate_hz
+            rate = self.scanner_settings(item).scan_rate_hz
             return 1 / rate if rate else self.dialect.scan_interval_of(item.sensor)
         if item.type == "INS":
             return self.dialect.ins_interval

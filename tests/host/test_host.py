@@ -1,6 +1,7 @@
 """What a client receives from the host in the ``compat`` dialect."""
 
 import re
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,11 +11,14 @@ from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.host.commands import (
+    CACHED_REPLIES,
     FAILED_SPAWN_COOLDOWN,
+    HEAVY_WORK,
+    LIGHT_WORK,
     SPAWN_COOLDOWN,
     SPAWNS_PER_TICK,
 )
-from radarsim.host.host import COMMANDS_PER_TICK
+from radarsim.host.host import COMMANDS_PER_TICK, WAITING_WORK
 from radarsim.presets.robots import robot_names
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.config import SimulationConfig
@@ -394,12 +398,103 @@ def test_spawns_are_spread_over_ticks(host: Host) -> None:
     assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_PER_TICK
 
 
-def test_client_that_sends_no_more_gets_all_replies(host: Host) -> None:
+def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> None:
     number = connected(host)
-    questions = b"GETGEO {Type Robot}\r\n" * (COMMANDS_PER_TICK + 5)
-    host.receive(number, INIT + questions)
-    assert host.drain_and_finish(number).count(b"GEO ") == COMMANDS_PER_TICK + 5
-    assert host.drain_and_finish(number) == b""
+    host.receive(number, INIT + b"GETGEO {Type Robot}\r\n" * 5)
+    assert host.finish(number).count(b"GEO ") == 5
+    assert host.finish(number) == b""
+
+
+@pytest.mark.parametrize(
+    ("flood", "work"),
+    [
+        pytest.param(b"GETSTARTPOSES\r\n", LIGHT_WORK, id="start poses"),
+        pytest.param(b"FOO\r\n", LIGHT_WORK, id="malformed"),
+        pytest.param(b"SET {Type INS} {Opcode RESET}\r\n", HEAVY_WORK, id="set"),
+    ],
+)
+def test_floods_of_all_clients_together_are_limited_in_a_tick(
+    host: Host, flood: bytes, work: int
+) -> None:
+    numbers = [connected(host) for _ in range(50)]
+    for number in numbers:
+        host.receive(number, flood * 100)
+    for _ in range(5):
+        before = sum(waiting_commands(host, number) for number in numbers)
+        host.step()
+        after = sum(waiting_commands(host, number) for number in numbers)
+        assert before - after == WAITING_WORK // work
+
+
+def waiting_commands(host: Host, number: int) -> int:
+    return len(host._clients[number].pending)
+
+
+def test_clients_whose_commands_wait_take_turns(host: Host) -> None:
+    numbers = [connected(host) for _ in range(3 * WAITING_WORK)]
+    host.receive(numbers[0], b"GETSTARTPOSES\r\n" * COMMANDS_PER_TICK)
+    for number in numbers:
+        host.take(number)
+        host.receive(number, b"FOO\r\n" * 100)
+    served: Counter[int] = Counter()
+    for _ in range(9):
+        served.update(number for number, _ in host.step())
+    assert max(served.values()) - min(served.values()) <= 1
+    assert len(served) == len(numbers)
+
+
+def test_flood_of_others_does_not_delay_a_command(host: Host) -> None:
+    number = spawned(host)
+    flooding = [connected(host) for _ in range(50)]
+    for other in flooding:
+        host.receive(other, b"GETSTARTPOSES\r\n" * 1000)
+    for _ in range(10):
+        host.step()
+        for other in flooding:
+            host.receive(other, b"GETSTARTPOSES\r\n" * 10)
+        host.receive(number, b"GETGEO {Type Robot}\r\n")
+        assert not host.is_busy(number)
+    assert host.finish(number).count(GEO) == 10
+
+
+def test_replies_of_a_class_do_not_depend_on_what_others_have_asked(
+    empty_room: Scene,
+) -> None:
+    questions = [
+        *(b"GETGEO {Type Robot}\r\n", b"GETCONF {Type Robot}\r\n"),
+        *(b"GETCONF {Type RangeScanner}\r\n", b"GETCONF {Type rangescanner}\r\n"),
+        *(b"GETGEO {Type INS} {Name }\r\n", b"GETGEO {Type INS} {Name Ins}\r\n"),
+    ]
+
+    def replies(host: Host, robot: bytes, place: bytes) -> bytes:
+        number = spawned(
+            host, b"INIT {ClassName %b} {Location %b}\r\n" % (robot, place)
+        )
+        host.take(number)
+        for question in questions:
+            host.receive(number, question)
+            host.step()
+        lines = host.take(number).split(b"\r\n")
+        return b"".join(line for line in lines if line[:3] in (b"GEO", b"CON"))
+
+    for robot in (b"P3AT", b"P2DX"):
+        asked = Host(empty_room)
+        replies(asked, b"P2DX", b"5,0,0")
+        replies(asked, b"P3AT", b"0,0,0")
+        assert replies(asked, robot, b"-5,0,0") == replies(
+            Host(empty_room), robot, b"-5,0,0"
+        )
+
+
+def test_cache_of_replies_is_bounded(host: Host) -> None:
+    number = spawned(host)
+    for i in range(CACHED_REPLIES + 10):
+        host.receive(number, b"GETGEO {Type INS} {Name InsTest} {X %d}\r\n" % i)
+        text = f"{i:b}".replace("0", "I").replace("1", "i")
+        host.receive(number, f"GETCONF {{Type mispkg}} {{Name {text}}}\r\n".encode())
+        host.step()
+        host.take(number)
+    assert len(host._commands._reply_lines) <= CACHED_REPLIES
 
 
 def test_only_one_search_for_a_free_place_in_a_tick(foliage_room: Scene) -> None:

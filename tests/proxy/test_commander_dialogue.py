@@ -78,8 +78,8 @@ class Recorder(Host):
     def take(self, number: int) -> bytes:
         return self._record(number, super().take(number))
 
-    def drain_and_finish(self, number: int) -> bytes:
-        return self._record(number, super().drain_and_finish(number))
+    def finish(self, number: int) -> bytes:
+        return self._record(number, super().finish(number))
 
     def _record(self, number: int, data: bytes) -> bytes:
         self.sent_bytes[number - 1] += data

@@ -186,6 +186,15 @@ async def test_robot_of_a_client_that_closes_is_removed(
     assert "disconnected: it closed its side" in caplog.text
 
 
+async def test_client_that_closes_its_side_gets_replies_to_commands_that_waited(
+    running_server: RunningServer,
+) -> None:
+    peer = await running_server.peer()
+    await peer.send(b"GETSTARTPOSES\r\n" * 100)
+    peer.writer.write_eof()
+    assert await peer.rest() == GREETING + 100 * STARTS
+
+
 async def test_client_that_closes_its_side_is_removed_when_it_does_not_read(
     running_server: RunningServer,
 ) -> None:
