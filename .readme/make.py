@@ -11,9 +11,10 @@ FOLDER = Path(__file__).parent
 WIDTH = 900  # pixels
 COLOURS = 128
 COMMANDS = (
-    "figures figures --only 6,7,8",
-    "navigate --algorithm bug2 --serve bug_u_trap --plot navigate.png",
-    "map map/ --serve foliage_room",
+    "radarsim figures figures --only 6,7,8",
+    "radarsim.plants plants --figure shrub.png",
+    "radarsim navigate --algorithm bug2 --serve bug_u_trap --plot navigate.png",
+    "radarsim map map/ --serve foliage_room",
 )
 PICTURES = {
     "scene": "figures/figure_06.png",
@@ -21,6 +22,7 @@ PICTURES = {
     "radar": "figures/figure_08.png",
     "navigate": "navigate.png",
     "map": "map/map.png",
+    "shrub_shapes": "shrub.png",
 }
 
 
@@ -37,7 +39,7 @@ def main() -> None:
     """Run the commands in a temporary folder and keep their pictures."""
     with tempfile.TemporaryDirectory() as folder:
         for command in COMMANDS:
-            words = (sys.executable, "-m", "radarsim", *command.split())
+            words = (sys.executable, "-m", *command.split())
             subprocess.run(words, cwd=folder, check=True)
         for name, picture in PICTURES.items():
             shrink(Path(folder, picture), FOLDER / f"{name}.png")
