@@ -27,10 +27,13 @@ from radarsim.errors import PresetError
 from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
-    from radarsim.geometry import Pose3
+    from radarsim.geometry import Pose2, Pose3
     from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
     from radarsim.sensors.scan import Scan
+
+
+_OTHER_PICTURES = ("gif", "jpeg", "jpg", "tif", "tiff", "webp", "eps", "ps", "bmp")
 
 
 class ScanFormat(StrEnum):
@@ -39,6 +42,13 @@ class ScanFormat(StrEnum):
     JSON = "json"
     CSV = "csv"
     PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+    @property
+    def is_picture(self) -> bool:
+        """Whether it shows the scans instead of listing their numbers."""
+        return self not in (ScanFormat.JSON, ScanFormat.CSV)
 
 
 def scan(
@@ -66,23 +76,24 @@ def scan(
     """Scan a map without a server."""
     from radarsim.rng import generator_for
 
-    format_ = format_ or _format_of(output)
+    format_ = _choose_format(format_, output)
     if output is not None:
         check_writable(output, "-o")
     scanner = load_scanner(sensor, settings)
     scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
     rng = generator_for(seed, sensor)
     scans = [scanner.scan(scene, sensor_pose, rng) for _ in range(count)]
-    if format_ is ScanFormat.PNG:
+    if format_.is_picture:
         from radarsim.plotting import draw_scans
 
-        data = draw_scans(scene, scans)
+        robot = _robot_pose(scene, start)
+        data = draw_scans(scene, scans, robot=robot, form=format_.value)
     else:
         text = _as_json(scans) if format_ is ScanFormat.JSON else _as_csv(scans)
         data = text.encode()
     if output is not None:
         write_file(output, data)
-    elif format_ is ScanFormat.PNG and sys.stdout.isatty():
+    elif format_.is_picture and sys.stdout.isatty():
         raise typer.BadParameter("a picture for a terminal, expected -o FILE")
     else:
         sys.stdout.buffer.write(data)
@@ -160,20 +171,32 @@ def _read_pose(scene: Scene, text: str) -> Pose3:
         ) from None
 
 
-def _format_of(output: Path | None) -> ScanFormat:
-    """Return the format that the name of a file asks for; JSON if it has no suffix.
+def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanFormat:
+    """Return the format that is asked for, or that the ending of a file tells.
 
     Raises:
-        typer.BadParameter: If it is the suffix of no format.
+        typer.BadParameter: If the ending tells no format, or another one.
     """
-    suffix = "" if output is None else output.suffix.lower().lstrip(".")
-    if not suffix:
-        return ScanFormat.JSON
-    known = [format_.value for format_ in ScanFormat]
-    if suffix not in known:
-        text = f"{str(output)!r}, expected a name that ends in one of {known}"
+    ending = "" if output is None else output.suffix.lower().removeprefix(".")
+    told = ScanFormat(ending) if ending in list(ScanFormat) else None
+    if ending and told is None and (format_ is None or ending in _OTHER_PICTURES):
+        endings = ", ".join(f".{each}" for each in ScanFormat)
+        text = f"{output}, expected an ending of {endings}, or --format"
         raise typer.BadParameter(text, param_hint="-o")
-    return ScanFormat(suffix)
+    if format_ is not None and told not in (None, format_):
+        text = f"{format_}, expected {told} as {output} has this ending"
+        raise typer.BadParameter(text, param_hint="--format")
+    return format_ or told or ScanFormat.JSON
+
+
+def _robot_pose(scene: Scene, start: str | None) -> Pose2 | None:
+    """Return where the robot stands that carries the sensor; None without a start."""
+    from radarsim.geometry import Pose2
+
+    found = None if start is None else scene.start(start)
+    if found is None:
+        return None
+    return Pose2(found.pose.x, found.pose.y, found.pose.yaw)
 
 
 def _as_json(scans: list[Scan]) -> str:

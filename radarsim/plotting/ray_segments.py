@@ -8,16 +8,17 @@ loses more than ``MAX_POWER_DROP``; one shade for each segment then shows how it
 The loss at a sheet is a step between two segments; at a mirror the direction changes.
 """
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import CENTRE_RAY, LEFT_RAY, RIGHT_RAY, sensor_colour
+from radarsim.plotting.sight import Sight
 from radarsim.plotting.style import Legend
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
@@ -90,27 +91,24 @@ def _power_after(events: NDArray[np.void]) -> NDArray[np.float64]:
     return np.asarray(events["power"] - events["absorbed"])
 
 
-# As in the thesis, the left ray is red and the right ray blue.
 RAY_COLOURS: Final = {
     LEFT: (LEFT_RAY, "left ray"),
     CENTRE: (CENTRE_RAY, "centre ray"),
     RIGHT: (RIGHT_RAY, "right ray"),
 }
-SPENT_OPACITY, FULL_OPACITY = 0.15, 0.6
-SPENT_WIDTH, FULL_WIDTH = 0.5, 0.9  # points
+SPENT_OPACITY, FULL_OPACITY = 0.12, 0.45
+SPENT_WIDTH, FULL_WIDTH = 0.4, 0.7  # points
 NO_RETURN_OPACITY: Final = 0.3  # share of the opacity that a ray without return has
+THROUGH_WIDTH: Final = 1.6  # points, of rays that see through something
+BLINDED: Final[Any] = {"linewidths": 0.4, "linestyles": (0, (2, 4)), "alpha": 0.5}
 
 
 def group_by_ray(scan: Scan) -> list[tuple[NDArray[np.bool_], str, str]]:
     """Group beams by the ray that gave the range: mask (N,), colour and name."""
     if scan.rays is None:
-        return [
-            (
-                np.ones(len(scan.ranges), np.bool_),
-                sensor_colour(scan.sensor, "laser"),
-                "ray",
-            )
-        ]
+        settings = scan.echoes.settings
+        colour = sensor_colour(scan.sensor, settings.medium)
+        return [(np.ones(len(scan.ranges), np.bool_), colour, "ray")]
     return [
         (scan.rays == side, colour, name)
         for side, (colour, name) in RAY_COLOURS.items()
@@ -127,39 +125,104 @@ def line_width(shares: Floats) -> Floats:
     return SPENT_WIDTH + (FULL_WIDTH - SPENT_WIDTH) * shares
 
 
-def draw_rays(axes: Axes, scene: Scene, scan: Scan, legend: Legend) -> None:
-    """Draw the rays that gave the ranges, from their origins to their ends."""
-    segments = split_rays(tracer_of(scene), scan.cast)
-    came_back = np.isfinite(scan.ranges)
-    shades = np.zeros((len(scan.ranges), 4))
-    for chosen, colour, _ in group_by_ray(scan):
-        shades[chosen, :3] = to_rgb(colour)
-    shades = shades[segments.rays]
-    shades[:, 3] = line_opacity(segments.shares)
-    shades[:, 3] *= np.where(came_back[segments.rays], 1.0, NO_RETURN_OPACITY)
-    lines = LineCollection(
-        list(segments.lines),
-        colors=shades,
-        linewidths=line_width(segments.shares),
-        capstyle="butt",
-        label="rays",
-        zorder=2,
+def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
+    """Cut segments of rays where the rays' ranges, (N,) m, are read."""
+    kept = segments.starts < ranges[segments.rays]
+    rays, starts, lines = (
+        segments.rays[kept],
+        segments.starts[kept],
+        segments.lines[kept],
     )
-    axes.add_collection(lines)
-    _add_power_rows(legend, some_lost=not came_back.all())
+    ends = np.minimum(segments.ends[kept], ranges[rays])
+    part = ((ends - starts) / (segments.ends[kept] - starts))[:, None]
+    lines[:, 1] = lines[:, 0] + part * (lines[:, 1] - lines[:, 0])
+    return RaySegments(rays, starts, ends, segments.shares[kept], lines)
 
 
-def _add_power_rows(legend: Legend, *, some_lost: bool) -> None:
-    legend.add_heading("Power left on a ray")
-    for text, share in (("all", 1.0), ("half", 0.5), ("next to none", 0.0)):
-        opacity, width = line_opacity(np.array(share)), line_width(np.array(share))
-        legend.add_line(
-            text, color="black", alpha=float(opacity), linewidth=float(width)
+def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
+    """Draw the rays that gave the ranges, from their origins to their readings.
+
+    Those that see through something are the boldest; those without return are faint.
+    A beam that is blinded has no way to its reading: its ray is thinly dashed up to
+    where it is spent.
+    """
+    segments = split_rays(tracer_of(scene), scan.cast)
+    colours = np.zeros((len(scan.ranges), 4))
+    for chosen, colour, _ in group_by_ray(scan):
+        colours[chosen] = to_rgba(colour)
+    blinded = scan.ranges == 0
+    _draw_blinded(axes, segments, blinded, colours)
+    segments = cut_at_readings(segments, scan.ranges)
+    through = sight.through[segments.rays]
+    shades = colours[segments.rays]
+    came_back = np.isfinite(scan.ranges)[segments.rays]
+    shades[:, 3] = line_opacity(segments.shares)
+    shades[:, 3] *= np.where(came_back, 1.0, NO_RETURN_OPACITY)
+    shades[through, 3] = 1.0
+    widths = np.where(through, THROUGH_WIDTH, line_width(segments.shares))
+    for chosen, label, zorder in (
+        (~through, "rays", 2.0),
+        (through, "rays that see through", 2.2),
+    ):
+        lines = LineCollection(
+            list(segments.lines[chosen]),
+            colors=shades[chosen],
+            linewidths=widths[chosen],
+            capstyle="butt",
+            label=label,
+            zorder=zorder,
         )
-    if some_lost:
-        legend.add_line(
+        axes.add_collection(lines)
+
+
+def _draw_blinded(
+    axes: Axes, segments: RaySegments, blinded: NDArray[np.bool_], colours: Floats
+) -> None:
+    chosen = blinded[segments.rays]
+    if chosen.any():
+        rays = segments.rays[chosen]
+        lines = LineCollection(
+            list(segments.lines[chosen]),
+            colors=colours[rays],
+            label="blinded rays",
+            zorder=2,
+            **BLINDED,
+        )
+        axes.add_collection(lines)
+
+
+def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
+    """Add what rays there are to a legend: their colours, and how they end."""
+    legend.add_heading("Rays")
+    read = np.isfinite(scan.ranges)
+    if scan.rays is not None:
+        for chosen, colour, name in group_by_ray(scan):
+            if chosen.any():
+                legend.add_line(name, color=colour, linewidth=1.4)
+    ink = group_by_ray(scan)[0][1] if scan.rays is None else CENTRE_RAY
+    faint = FULL_OPACITY * NO_RETURN_OPACITY
+    rows: list[tuple[bool, str, dict[str, Any]]] = [
+        (
+            bool(sight.through.any()),
+            f"sees through {sight.words}",
+            {"linewidth": THROUGH_WIDTH},
+        ),
+        (
+            bool((read & ~sight.through & (scan.ranges > 0)).any()),
+            "does not see through",
+            {"linewidth": FULL_WIDTH, "alpha": FULL_OPACITY},
+        ),
+        (
+            not read.all(),
             "no return",
-            color="black",
-            alpha=FULL_OPACITY * NO_RETURN_OPACITY,
-            linewidth=FULL_WIDTH,
-        )
+            {"linewidth": FULL_WIDTH, "alpha": faint},
+        ),
+        (
+            bool((scan.ranges == 0).any()),
+            "blinded: reads 0",
+            {"linewidth": 0.6, "linestyle": (0, (2, 4))},
+        ),
+    ]
+    for is_there, text, style in rows:
+        if is_there:
+            legend.add_line(text, color=ink, **style)

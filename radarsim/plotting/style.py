@@ -28,29 +28,32 @@ OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
 
 
 class Legend:
-    """Legend beside a plot: samples with texts, in groups under headings."""
+    """Legend beside a plot: samples with texts, in groups under headings.
+
+    It lists what is added to it, each text once under its heading; a heading without
+    rows is left out. Several panels may share it.
+    """
 
     def __init__(self) -> None:
-        self._rows: list[tuple[Artist, str]] = []
-        self._headings: set[str] = set()
+        self._groups: dict[str, dict[str, Artist]] = {"": {}}
+        self._heading = ""
 
     def add_heading(self, text: str) -> None:
-        """Start a group of rows under a heading."""
-        self._headings.add(text)
-        self._rows.append((Line2D([], [], linestyle="none"), text))
+        """Start a group of rows under a heading, or go on with that group."""
+        self._heading = text
+        self._groups.setdefault(text, {})
 
     def add_line(self, text: str, **style: Any) -> None:
         """Add a row with a sample of a line."""
-        self._rows.append((Line2D([], [], **style), text))
+        self._add(text, Line2D([], [], **style))
 
     def add_marker(self, text: str, marker: str, **style: Any) -> None:
         """Add a row with a sample of a marker."""
-        sample = Line2D([], [], marker=marker, linestyle="none", **style)
-        self._rows.append((sample, text))
+        self._add(text, Line2D([], [], marker=marker, linestyle="none", **style))
 
     def add_area(self, text: str, **style: Any) -> None:
         """Add a row with a sample of a filled area."""
-        self._rows.append((Patch(**style), text))
+        self._add(text, Patch(**style))
 
     def add_materials(self, materials: Iterable[Material]) -> None:
         """Add a row for each colour, which names the materials that have it."""
@@ -64,20 +67,37 @@ class Legend:
                 self.add_area(_listed(names[family]), **area_style(family))
 
     def draw(self, figure: Figure) -> None:
-        """Place the legend on the right, outside of the axes."""
-        samples = [sample for sample, _ in self._rows]
+        """Place the legend on the right, outside of the axes; nothing without rows."""
+        rows, headings = self._rows()
+        if not rows:
+            return
         legend = figure.legend(
-            samples,
-            [" "] * len(samples),  # matplotlib hides texts that begin with "_"
-            loc="outside right upper",
+            [sample for sample, _ in rows],
+            [" "] * len(rows),  # matplotlib hides texts that begin with "_"
+            loc="outside right center",
             fontsize="small",
             frameon=False,
         )
-        for label, (_, text) in zip(legend.get_texts(), self._rows, strict=True):
+        labels = zip(legend.get_texts(), rows, strict=True)
+        for number, (label, (_, text)) in enumerate(labels):
             label.set_text(text)
             label.set_parse_math(False)
-            if text in self._headings:
+            if number in headings:
                 label.set_fontweight("bold")
+
+    def _add(self, text: str, sample: Artist) -> None:
+        self._groups[self._heading].setdefault(text, sample)
+
+    def _rows(self) -> tuple[list[tuple[Artist, str]], set[int]]:
+        """Return samples with texts, and which of these are headings."""
+        rows: list[tuple[Artist, str]] = []
+        headings: set[int] = set()
+        for heading, group in self._groups.items():
+            if heading and group:
+                headings.add(len(rows))
+                rows.append((Line2D([], [], linestyle="none"), heading))
+            rows += [(sample, text) for text, sample in group.items()]
+        return rows, headings
 
 
 def _listed(names: list[str]) -> str:

@@ -113,8 +113,49 @@ def test_picture_shows_red_and_blue_rays_and_the_floor_plan(
     red, green, blue = pixels.T
     assert np.count_nonzero((red > green + 80) & (red > blue + 80)) > 200
     assert np.count_nonzero((blue > red + 80) & (blue > green + 20)) > 200
-    assert np.count_nonzero((green > red + 40) & (green > blue + 40)) > 200
+    assert np.count_nonzero((green > red + 20) & (green > blue + 40)) > 5000
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("ending", "head"),
+    [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("SVG", b"<?xml")],
+)
+def test_ending_of_a_picture_is_its_format(
+    radarsim: Command, tmp_path: Path, ending: str, head: bytes
+) -> None:
+    path = tmp_path / f"scan.{ending}"
+    run = radarsim(
+        *("scan", "empty_room", "--sensor", "laser", *START, "-o", str(path))
+    )
+    assert run.code == 0
+    assert path.read_bytes().startswith(head)
+
+
+@pytest.mark.parametrize("options", [[], ["--format", "json"]], ids=["alone", "json"])
+@pytest.mark.parametrize("ending", ["jpg", "gif", "png"])
+def test_no_numbers_are_written_into_a_file_named_like_a_picture(
+    radarsim: Command, tmp_path: Path, ending: str, options: list[str]
+) -> None:
+    path = tmp_path / f"scan.{ending}"
+    run = radarsim(
+        *("scan", "empty_room", "--sensor", "laser", *START, "-o", str(path)), *options
+    )
+    if ending == "png" and not options:
+        assert run.code == 0
+        return
+    assert run.code == 2
+    assert not path.exists()
+    assert "png" in run.err
+
+
+def test_file_without_an_ending_holds_json(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "scan"
+    run = radarsim(
+        *("scan", "empty_room", "--sensor", "laser", *START, "-o", str(path))
+    )
+    assert run.code == 0
+    assert len(json.loads(path.read_text())["ranges"]) == 181
 
 
 def test_picture_is_written_to_a_pipe(radarsim: Command) -> None:

@@ -9,24 +9,29 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import to_hex, to_rgb, to_rgba
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.plotting import draw_scans, plot_scans
+from radarsim.plotting.palette import family_of
 from radarsim.plotting.ray_segments import (
+    FULL_OPACITY,
+    FULL_WIDTH,
     NO_RETURN_OPACITY,
     RAY_COLOURS,
     line_opacity,
     line_width,
 )
-from radarsim.plotting.style import material_colours, scan_points
+from radarsim.plotting.scans import FORMS
+from radarsim.plotting.style import area_style, scan_points
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
 
 START = (-7.7915, 0.0, 0.0)
+THROUGH = "rays that see through"
 
 
 def scan_of(scene: Scene, preset: str = "radar", **settings: Any) -> Scan:
@@ -34,9 +39,9 @@ def scan_of(scene: Scene, preset: str = "radar", **settings: Any) -> Scan:
     return scanner.scan(scene, START, generator_for(0, preset))
 
 
-def strokes(figure: Figure) -> LineCollection:
+def strokes(figure: Figure, label: str = "rays") -> LineCollection:
     found = figure.axes[0].findobj(LineCollection)
-    (rays,) = (lines for lines in found if lines.get_label() == "rays")
+    (rays,) = (lines for lines in found if lines.get_label() == label)
     assert isinstance(rays, LineCollection)
     return rays
 
@@ -59,7 +64,16 @@ def markers(figure: Figure) -> dict[str, PathCollection]:
 def dots_of(figure: Figure) -> Floats:
     """Give where the readings are, (R, 2) m."""
     lines = (line for line in figure.axes[0].lines if line.get_marker() == ".")
-    return np.concatenate([np.asarray(line.get_xydata()) for line in lines])
+    dots = [np.asarray(line.get_xydata()) for line in lines]
+    return np.concatenate([np.zeros((0, 2)), *dots])
+
+
+def title(figure: Figure) -> str:
+    return figure.axes[0].get_title(loc="left")
+
+
+def small_print(figure: Figure) -> str:
+    return figure.axes[0].get_xlabel()
 
 
 def labels(figure: Figure) -> list[str]:
@@ -74,11 +88,34 @@ def test_side_rays_have_their_colours_and_start_beside_the_sensor(
     scan = scan_of(
         foliage_room, side_mode="lateral", side_offset_uu=100, ray_weights=weights
     )
-    lines = strokes(plot_scans(foliage_room, [scan]))
-    starts = hit_points(lines)[:, 0]
-    assert np.isclose(starts, [START[0], side * 0.4]).all(axis=1).sum() == 181
-    colour = np.broadcast_to(to_rgb(RAY_COLOURS[side][0]), (len(starts), 3))
-    assert colours_of(lines)[:, :3] == pytest.approx(colour)
+    figure = plot_scans(foliage_room, [scan])
+    starts = 0
+    for label in ("rays", THROUGH):
+        lines = strokes(figure, label)
+        ends = hit_points(lines)[:, 0]
+        starts += np.isclose(ends, [START[0], side * 0.4]).all(axis=1).sum()
+        colour = np.broadcast_to(to_rgb(RAY_COLOURS[side][0]), (len(ends), 3))
+        assert colours_of(lines)[:, :3] == pytest.approx(colour)
+    assert starts == 181
+
+
+def test_rays_that_see_through_are_boldest_and_their_hits_the_largest(
+    foliage_room: Scene,
+) -> None:
+    scan = scan_of(foliage_room, side_offset_uu=0, ray_weights=(0, 1, 0))
+    figure = plot_scans(foliage_room, [scan])
+    bold, others = strokes(figure, THROUGH), strokes(figure)
+    assert np.min(bold.get_linewidth()) >= 2 * np.max(others.get_linewidth())
+    assert np.min(colours_of(bold)[:, 3]) > 2 * np.max(colours_of(others)[:, 3])
+    hits = markers(figure)["seen through"]
+    behind = int((scan.ranges * np.cos(scan.angles) + START[0] > 1.8).sum())
+    assert len(np.asarray(hits.get_offsets())) >= behind > 5
+    sizes = [np.max(m.get_sizes()) for m in markers(figure).values() if m is not hits]
+    assert np.min(hits.get_sizes()) > 2 * max(sizes)
+    x = hit_points(others)[:, :, 0]
+    assert np.max(x) < 1.8  # no other ray is drawn behind the bushes
+    count = len(np.asarray(hits.get_offsets()))
+    assert f"{count} of 181 beams see through foliage" in title(figure)
 
 
 def test_rays_fade_with_their_power(foliage_room: Scene) -> None:
@@ -89,11 +126,63 @@ def test_rays_fade_with_their_power(foliage_room: Scene) -> None:
     assert none < full
     x = hit_points(lines)[:, 1, 0]
     assert opacity[x < -0.8] == pytest.approx(full)  # in front of all bushes
-    assert np.count_nonzero(x > 1.8) > 5
-    assert np.all(opacity[x > 1.8] < full)  # behind them
     assert np.all(opacity > none)
+    assert np.ptp(opacity) > 0.5 * (full - none)
     assert width == pytest.approx(line_width((opacity - none) / (full - none)))
-    assert np.ptp(width) > 0.3
+
+
+def test_rays_end_at_their_readings_and_not_behind_the_dust() -> None:
+    dusty = radarsim.load_map("marulan_trial@dust")
+    scanner = radarsim.load_sensor("physical")
+    scan = scanner.scan(dusty, (-15.8, 0, 0))
+    figure = plot_scans(dusty, [scan])
+    read = np.isfinite(scan.ranges)
+    assert "dust cloud stops" in title(figure)
+    farthest = hit_points(strokes(figure))[:, 1]
+    cloud = next(p for p in dusty.parts if p.material.name == "dust_cloud")
+    near = cloud.vertices[:, 0].min()
+    shown = colours_of(strokes(figure))[:, 3]
+    strong = shown > FULL_OPACITY * NO_RETURN_OPACITY * 1.01
+    assert strong.sum() == read.sum()
+    assert np.max(farthest[strong, 0]) <= near + 1e-6
+
+
+def test_blinded_rays_are_dashed_and_have_no_hits(smoke_room: Scene) -> None:
+    figure = plot_scans(smoke_room, [scan_of(smoke_room, "hokuyo")])
+    dashed = strokes(figure, "blinded rays")
+    assert np.max(dashed.get_linewidth()) < FULL_WIDTH
+    assert len(dashed.get_segments()) >= 228
+    assert len(strokes(figure).get_segments()) == 0
+    assert "blinded: reads 0" in labels(figure)
+
+
+@pytest.mark.parametrize("name", ["forest_edge", "smoke_room"])
+def test_legend_lists_only_what_is_there(name: str) -> None:
+    scene = radarsim.load_map(name)
+    start = scene.starts[0].pose
+    scanner = radarsim.load_sensor("radar", ray_weights=(1, 0, 0))
+    rng = generator_for(0, name)
+    scan = scanner.scan(scene, (start.x, start.y, start.yaw), rng)
+    told = labels(plot_scans(scene, [scan]))
+    assert "right ray" in told
+    assert not {"left ray", "centre ray", "no return", "blinded: reads 0"} & set(told)
+
+
+def test_one_bush_behind_another_is_not_seen_through() -> None:
+    vertices, faces = box(0.5, 6, 6)
+    parts = tuple(
+        Part(
+            name, Material(name, density=density), vertices + np.array([x, 0, 0]), faces
+        )
+        for name, density, x in (("bush", 0.2, 2.0), ("hedge", 50.0, 4.0))
+    )
+    scene = Scene("two", "Two", parts)
+    scan = radarsim.load_sensor("radar", fov_deg=4).scan(
+        scene, (0, 0, 0), generator_for(0, "x")
+    )
+    assert np.all(scan.ranges > 3)
+    figure = plot_scans(scene, [scan])
+    assert len(strokes(figure, THROUGH).get_segments()) == 0
 
 
 def test_ray_without_return_is_faint_and_ends_at_the_maximum_range(
@@ -111,16 +200,20 @@ def test_ray_without_return_is_faint_and_ends_at_the_maximum_range(
     assert "no return" in labels(figure)
     assert markers(figure) == {}
     assert len(dots_of(figure)) == 0
-    assert "181 without return" in figure.axes[0].get_title()
+    assert "181 without return" in small_print(figure)
 
 
 MODES = {
-    "last": {"hits: concrete", "hits: wood", "is spent: foliage"},
-    "first": {"hits: concrete", "enters a volume: foliage"},
+    "last": {
+        "hits a surface: concrete",
+        "hits a surface: wood",
+        "is spent inside: foliage",
+    },
+    "first": {"hits a surface: concrete", "enters a volume: foliage"},
     "all": {
-        "hits: concrete",
-        "hits: wood",
-        "is spent: foliage",
+        "hits a surface: concrete",
+        "hits a surface: wood",
+        "is spent inside: foliage",
         "enters a volume: foliage",
         "leaves a volume: foliage",
     },
@@ -132,6 +225,7 @@ def test_kept_echoes_are_drawn(foliage_room: Scene, mode: str) -> None:
     scan = scan_of(foliage_room, return_mode=mode)
     figure = plot_scans(foliage_room, [scan])
     drawn = markers(figure)
+    drawn.pop("seen through", None)
     assert set(drawn) == MODES[mode]
     counts = [len(np.asarray(marks.get_offsets())) for marks in drawn.values()]
     assert sum(counts) == len(scan.echoes)
@@ -172,16 +266,16 @@ def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
 ) -> None:
     scan = scan_of(foliage_room, return_mode="all")
     figure = plot_scans(foliage_room, [scan])
-    colours = material_colours(foliage_room)
-    for label, marks in markers(figure).items():
-        kind, material = label.split(": ")
-        assert np.allclose(colours_of(marks), to_rgba(colours[material]))
+    drawn = markers(figure)
+    drawn.pop("seen through")
+    for label, marks in drawn.items():
+        kind, name = label.split(": ")
+        style = area_style(family_of(foliage_room.materials[name]))
+        assert np.allclose(colours_of(marks), to_rgba(style["edgecolor"]))
         inside = np.asarray(marks.get_facecolor())
-        assert bool(len(inside)) == (kind in {"hits", "is spent"})
-    samples = figure.legends[0].get_patches()
-    assert [to_hex(sample.get_facecolor()) for sample in samples] == [
-        colours[material] for material in ("foliage", "wood", "concrete")
-    ]
+        assert bool(len(inside)) == (kind in {"hits a surface", "is spent inside"})
+        if kind == "hits a surface":
+            assert np.allclose(inside, to_rgba(style["facecolor"]))
 
 
 def test_stronger_echoes_are_larger(foliage_room: Scene) -> None:
@@ -210,15 +304,29 @@ def test_several_scans_are_drawn_as_ranges_only(foliage_room: Scene) -> None:
     scans = [scanner.scan(foliage_room, START, rng) for _ in range(2)]
     figure = plot_scans(foliage_room, scans)
     assert markers(figure) == {}
-    assert "Power left on a ray" not in labels(figure)
-    assert {"left ray", "centre ray", "right ray", "foliage"} <= set(labels(figure))
-    assert "2 scans of 181 beams" in figure.axes[0].get_title()
+    assert not figure.axes[0].findobj(LineCollection)
+    told = {"of the left ray", "of the centre ray", "of the right ray", "foliage"}
+    assert told <= set(labels(figure))
+    assert "362 readings of 2 scans" in title(figure)
+    assert "2 scans of 181 beams" in small_print(figure)
+
+
+def test_several_scans_of_all_echoes_show_all_of_them(foliage_room: Scene) -> None:
+    scanner = radarsim.load_sensor("radar", return_mode="all")
+    rng = generator_for(0, "several")
+    scans = [scanner.scan(foliage_room, START, rng) for _ in range(2)]
+    figure = plot_scans(foliage_room, scans)
+    count = sum(len(scan.echoes) for scan in scans)
+    found = figure.axes[0].findobj(PathCollection)
+    assert sum(len(np.asarray(m.get_offsets())) for m in found) == count
+    assert f"{count} echoes of 2 scans" in title(figure)
+    assert len(dots_of(figure)) == 0
 
 
 def test_title_counts_blinded_beams(smoke_room: Scene) -> None:
     figure = plot_scans(smoke_room, [scan_of(smoke_room, "hokuyo")])
-    assert "228 blinded" in figure.axes[0].get_title()
-    assert set(markers(figure)) == {"is spent: smoke"}
+    assert "228 of 228 beams are blinded" in title(figure)
+    assert set(markers(figure)) == {"is spent inside: smoke"}
     assert "left ray" not in labels(figure)
 
 
@@ -236,11 +344,21 @@ def test_title_counts_blinded_beams(smoke_room: Scene) -> None:
         ),
     ],
 )
-def test_title_describes_the_beams(
+def test_small_print_describes_the_beams(
     empty_room: Scene, settings: dict[str, Any], text: str
 ) -> None:
     figure = plot_scans(empty_room, [scan_of(empty_room, **settings)])
-    assert text in figure.axes[0].get_title()
+    assert text in small_print(figure)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_each_form_is_written_with_the_same_bytes(
+    foliage_room: Scene, form: str
+) -> None:
+    scan = scan_of(foliage_room)
+    first, second = (draw_scans(foliage_room, [scan], form=form) for _ in range(2))
+    assert first == second
+    assert {"png": b"PNG", "svg": b"<svg", "pdf": b"%PDF"}[form] in first[:2000]
 
 
 def test_legend_and_axes_do_not_overlap(foliage_room: Scene) -> None:

@@ -1,0 +1,190 @@
+"""Plans of maps: the section of a scene at a height, filled by material."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from shapely import Geometry
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.plotting.annotations import HALO, draw_scale_bar, write_title
+from radarsim.plotting.palette import family_of
+from radarsim.plotting.robots import draw_robot
+from radarsim.plotting.style import Legend, area_style
+from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+
+HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
+MARGIN: Final = 0.5  # m around what is shown
+ROBOT: Final = "P3AT"
+LEAF_OPACITY: Final = 0.35  # of the area around leaves
+_BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
+_DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
+_WALL: Final = "wall"  # objects of this name need no label
+_SMALL: Final = 1.2  # m; names of smaller objects are written beside them
+_OFFSETS: Final = {"center": (0, 0), "right": (4, 0), "below": (0, -9)}  # points
+_SIZE: Final = (10.5, 7.2)  # inches
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """What a section of a scene shows.
+
+    Attributes:
+        materials: Its materials, in the order of the map.
+        corners: Corners of its outlines, (N, 2) m, map frame.
+    """
+
+    materials: tuple[Material, ...]
+    corners: Floats
+
+
+def draw_plan(axes: Axes, scene: Scene, height: float) -> Plan:
+    """Draw the section of a scene at a height, filled in the colours of its materials.
+
+    Args:
+        axes: Axes in m, map frame.
+        scene: The map.
+        height: Height of the section, m, map frame.
+    """
+    drawn: dict[str, Material] = {}
+    corners = [np.zeros((0, 2))]
+    for part in scene.parts:
+        lines = slice_mesh(part.vertices, part.faces, height)
+        if len(lines):
+            drawn.setdefault(part.material.name, part.material)
+            corners.append(lines.reshape(-1, 2))
+            _draw_part(axes, part, lines)
+    axes.set_aspect("equal")
+    return Plan(tuple(drawn.values()), np.concatenate(corners))
+
+
+def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
+    style = area_style(family_of(part.material))
+    area = _area(part, lines)
+    if not shapely.is_empty(area):
+        opacity = LEAF_OPACITY if part.material.sheet_loss is not None else None
+        axes.add_patch(_patch(area, style, opacity, part.object_name))
+    if part.material.sheet_loss is not None or shapely.is_empty(area):
+        surfaces = LineCollection(
+            list(lines), colors=[style["edgecolor"]], linewidths=0.8, zorder=1.1
+        )
+        axes.add_collection(surfaces)
+
+
+def _patch(
+    area: Geometry, style: dict[str, Any], opacity: float | None, name: str
+) -> PathPatch:
+    rings = [
+        Path(shapely.get_coordinates(ring))
+        for ring in shapely.get_parts(shapely.boundary(area))
+    ]
+    patch = PathPatch(Path.make_compound_path(*rings), **style, zorder=1)
+    if opacity is not None:
+        patch.set_facecolor((*style["facecolor"][:3], opacity))
+    patch.set_label(name)
+    return patch
+
+
+def _area(part: Part, lines: Floats) -> Geometry:
+    """Return the area that a section encloses; around leaves their convex hull."""
+    if part.material.sheet_loss is not None:
+        hull = shapely.convex_hull(shapely.multipoints(lines.reshape(-1, 2)))
+        return hull if hull.geom_type == "Polygon" else shapely.Polygon()
+    apart = np.abs(lines[:, 0] - lines[:, 1]).max(axis=1) > 0
+    segments = shapely.multilinestrings(np.round(lines[apart], _DIGITS))
+    return shapely.build_area(shapely.node(segments))
+
+
+def show_extent(axes: Axes, points: Floats) -> None:
+    """Set the limits of axes to points, (N, 2) m, and a margin; draw a scale bar."""
+    if not len(points):
+        points = np.zeros((1, 2))
+    (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+    axes.set_xlim(x0 - MARGIN, x1 + MARGIN)
+    space = _BAR_SPACE * (y1 - y0)
+    axes.set_ylim(y0 - MARGIN - space, y1 + MARGIN)
+    draw_scale_bar(axes)
+
+
+def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
+    """Draw the plan of a scene with the names of its objects and starts.
+
+    The section is at the height of a P3AT's scanner.
+
+    Args:
+        scene: The map.
+        axes: Axes in m to draw in; None for a figure of its own, with a legend.
+
+    Returns:
+        The axes.
+    """
+    figure = None
+    if axes is None:
+        figure = Figure(figsize=_SIZE, dpi=110, layout="compressed")
+        axes = figure.add_subplot()
+    height = scene.floor_at(0.0, 0.0) + HEIGHT
+    plan = draw_plan(axes, scene, height)
+    places = np.array([(start.pose.x, start.pose.y) for start in scene.starts])
+    show_extent(axes, np.concatenate([plan.corners, places.reshape(-1, 2)]))
+    name_objects(axes, scene.parts, height)
+    for start in scene.starts:
+        pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
+        draw_robot(axes, ROBOT, pose, zorder=4)
+        _write(axes, start.name, (pose.x, pose.y), "below")
+    if scene.trial is not None:
+        axes.plot(*scene.trial.goal, "*", color="black", markersize=10, zorder=5)
+        _write(axes, "goal of the trial", scene.trial.goal, "below")
+    objects = len({part.object_name for part in scene.parts})
+    words = f"{scene.name}: {objects} objects, {len(scene.starts)} starts"
+    write_title(axes, words, f"section at z {height:.2f} m, where a P3AT scans")
+    if figure is not None:
+        legend = Legend()
+        legend.add_heading("Materials")
+        legend.add_materials(plan.materials)
+        legend.draw(figure)
+    return axes
+
+
+def name_objects(axes: Axes, parts: Iterable[Part], height: float) -> None:
+    """Write the name of each object that the section cuts, walls excepted."""
+    places: dict[str, list[Floats]] = {}
+    for part in parts:
+        lines = slice_mesh(part.vertices, part.faces, height)
+        if len(lines) and _WALL not in part.object_name:
+            places.setdefault(part.object_name, []).append(lines.reshape(-1, 2))
+    for name, points in places.items():
+        corners = np.concatenate(points)
+        (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+        is_small = max(east - west, north - south) < _SMALL
+        x, y = east if is_small else (west + east) / 2, (south + north) / 2
+        side = "right" if is_small else "center"
+        _write(axes, name.replace("_", " "), (float(x), float(y)), side)
+
+
+def _write(
+    axes: Axes, text: str, place: tuple[float, float], side: str = "center"
+) -> None:
+    """Write a text at a place, to the ``right`` of it, or ``below`` it."""
+    axes.annotate(
+        text,
+        place,
+        xytext=_OFFSETS[side],
+        textcoords="offset points",
+        ha="left" if side == "right" else "center",
+        va="top" if side == "below" else "center",
+        fontsize=7,
+        fontweight="bold" if side == "below" else "normal",
+        path_effects=[HALO],
+        parse_math=False,
+        clip_on=True,
+        zorder=7,
+    )
