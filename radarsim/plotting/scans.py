@@ -129,8 +129,9 @@ def _draw_hits(axes: Axes, scan: Scan, sight: Sight, legend: Legend) -> None:
     """Mark what is read by rays that see through something: the largest marks."""
     if not sight.through.any():
         return
-    rays, ranges = scan.cast, scan.ranges[:, None]
-    points = (rays.origins + ranges * rays.directions)[sight.through]
+    rays, seeing = scan.cast, np.flatnonzero(sight.through)
+    ranges, directions = scan.ranges[seeing, None], rays.directions[seeing]
+    points = rays.origins[seeing] + ranges * directions
     style: dict[str, Any] = {"facecolors": "white", "linewidths": 1.6, "zorder": 5}
     colours = np.full(len(scan.ranges), MARKER, dtype="U32")
     for chosen, colour, _ in group_by_ray(scan):

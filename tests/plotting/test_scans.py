@@ -168,6 +168,17 @@ def test_legend_lists_only_what_is_there(name: str) -> None:
     assert not {"left ray", "centre ray", "no return", "blinded: reads 0"} & set(told)
 
 
+def test_rays_without_return_beside_rays_that_see_through_are_no_warning() -> None:
+    vertices, faces = box(0.5, 3, 6)
+    hedge = Part("hedge", Material("hedge", 0.2), vertices + np.array([2, 0, 0]), faces)
+    wall = Part("wall", Material("wall"), vertices + np.array([4, 0, 0]), faces)
+    scene = Scene("two", "Two", (hedge, wall))
+    scanner = radarsim.load_sensor("radar", side_offset_uu=0)
+    scan = scanner.scan(scene, (0, 0, 0), generator_for(0, "radar"))
+    assert np.isinf(scan.ranges).any()
+    assert "see through hedge" in title(plot_scans(scene, [scan]))
+
+
 def test_one_bush_behind_another_is_not_seen_through() -> None:
     vertices, faces = box(0.5, 6, 6)
     parts = tuple(
