@@ -360,7 +360,7 @@ def test_full_disk_is_reported_in_json(radarsim: Command, tmp_path: Path) -> Non
     assert told["error"] == f"cannot write {tmp_path / 'map.pgm'}: {why}"
     assert (told["outcome"], told["files"]) == ("time_limit", [])
     assert told["judge"]["right"] > 1000
-    assert "map.pgm: No space left on device" in run.err
+    assert "map.pgm: the disk is full" in run.err
     assert [file.name for file in tmp_path.iterdir()] == ["map.pgm"]
 
 
