@@ -1,47 +1,67 @@
 """Decorators that compile functions to machine code with numba, and cache the result.
 
-Compiled functions run without Python's global lock. numba checks only whether the
-module of a cached function has changed, not the modules of the functions and constants
-that were compiled into it. The cache folder is therefore named after a hash of all
-modules that import this one: any edit of a kernel module leads to an empty folder.
-The folder does not depend on where the package is installed, so that all environments
-of a user that have the same version share it.
+Compiled functions run without Python's global lock. Where the cache is, and when it is
+valid, is the matter of ``kernel_cache``.
 
 Rule: constants, and named tuples that kernels take, are defined in modules that import
-this one, so that they are part of the hash.
-
-The folder is in ``NUMBA_CACHE_DIR`` if that is set, else in the user's cache folder,
-else beside this module. Where none can be written, each process compiles for itself.
+this one, so that they are part of the hash that the name of the cache folder holds.
 """
 
-import functools
-import hashlib
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeVar, cast
+from typing import Any, TypeVar, cast
 
-import llvmlite
 import numba
-import numpy as np
 from numba import types
 from numba.core import caching
-from numba.misc.appdirs import AppDirs
+from numba.core import event as events
+
+from radarsim.compilation import compilation
+from radarsim.kernel_cache import PACKAGE, cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit
 _cfunc: Any = numba.cfunc
-_config: Any = numba.config
-_app_dirs: Any = AppDirs
+_Listener: Any = events.Listener
 _CacheLocator: Any = caching._CacheLocator
 _locator_classes: Any = caching.FunctionCache._impl_class._locator_classes
 
-PACKAGE: Final = Path(__file__).parent
-PREFIX: Final = "radarsim-"  # prefix of the names of cache folders
-MAX_FOLDERS: Final = 8  # cache folders that are kept, such as those of other branches
+
+class _KernelListener(_Listener):  # type: ignore[misc] # numba has no types
+    """Notes when a function of this package is compiled instead of read."""
+
+    def on_start(self, event: Any) -> None:
+        if self._is_ours(event):
+            compilation.begin()
+
+    def on_end(self, event: Any) -> None:
+        if self._is_ours(event):
+            compilation.end()
+
+    def _is_ours(self, event: Any) -> bool:
+        function = event.data["dispatcher"].py_func
+        return str(function.__module__).startswith("radarsim.")
+
+
+class _PassListener(_Listener):  # type: ignore[misc] # numba has no types
+    """Notes when a callback is compiled, of which numba tells only the passes."""
+
+    def __init__(self, until_end: ExitStack) -> None:
+        self._until_end = until_end
+        self._has_begun = False
+
+    def on_start(self, _: Any) -> None:
+        if not self._has_begun:
+            self._has_begun = True
+            self._until_end.enter_context(compilation.running())
+
+    def on_end(self, _: Any) -> None:
+        """Wait for the end of the last pass."""
+
+
+events.register("numba:compile", _KernelListener())
 
 
 def njit_cached(function: F) -> F:
@@ -61,12 +81,21 @@ def njit_inline(function: F) -> F:
 
 def c_callback(function: Callable[[Any], None]) -> Any:
     """Compile a function of one pointer that C can call by its ``address``."""
-    return _compiled(partial(_cfunc, types.void(types.voidptr)), function)
+    return _compiled_callback(types.void, function)
 
 
 def c_predicate(function: Callable[[Any], Any]) -> Any:
     """Compile a function of one pointer that returns a bool, for C to call."""
-    return _compiled(partial(_cfunc, types.boolean(types.voidptr)), function)
+    return _compiled_callback(types.boolean, function)
+
+
+def _compiled_callback(result: Any, function: Any) -> Any:
+    make = partial(_cfunc, result(types.voidptr))
+    with (
+        ExitStack() as until_end,
+        events.install_listener("numba:run_pass", _PassListener(until_end)),
+    ):
+        return _compiled(make, function)
 
 
 def _compiled(make: Any, function: Any, **options: Any) -> Any:
@@ -111,49 +140,3 @@ class KernelCacheLocator(_CacheLocator):  # type: ignore[misc] # numba has no ty
 
 
 _locator_classes.insert(0, KernelCacheLocator)  # numba asks them in turn
-
-
-@functools.cache
-def cache_folder() -> Path | None:
-    """Return the folder for the code as it is, created; None if none can be written."""
-    name = PREFIX + kernel_hash(PACKAGE)
-    for parent in _parents():
-        folder = parent / name
-        try:
-            if not folder.is_dir():
-                folder.mkdir(parents=True, exist_ok=True)
-                _remove_oldest(parent)
-            tempfile.TemporaryFile(dir=folder).close()
-            os.utime(folder)  # folders not used for longest are removed first
-        except OSError:
-            continue
-        return folder
-    return None
-
-
-def kernel_hash(package: Path) -> str:
-    """Return a hash of the modules of a package that import this one, and versions."""
-    digest = hashlib.sha256((package / "jit.py").read_bytes())
-    versions = numba.__version__, llvmlite.__version__, np.__version__
-    digest.update(" ".join(versions).encode())
-    for path in sorted(package.glob("*/*.py")):
-        text = path.read_bytes()
-        if b"radarsim.jit import" in text:
-            digest.update(b"%s %d " % (path.name.encode(), len(text)))
-            digest.update(text)
-    return digest.hexdigest()[:16]
-
-
-def _parents() -> list[Path]:
-    """Return the folders in which cache folders may be, best first."""
-    if _config.CACHE_DIR:
-        return [Path(_config.CACHE_DIR).absolute()]
-    user = Path(_app_dirs(appname="radarsim", appauthor=False).user_cache_dir)
-    # Without a home folder, "~" is left in the path as it is.
-    return [*([user] if user.is_absolute() else []), PACKAGE / "__pycache__"]
-
-
-def _remove_oldest(parent: Path) -> None:
-    folders = sorted(parent.glob(f"{PREFIX}*"), key=lambda each: -each.stat().st_mtime)
-    for folder in folders[MAX_FOLDERS:]:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from radarsim import jit
+from radarsim import jit, kernel_cache
 from radarsim.jit import njit_cached, njit_inline
 
 PACKAGE = Path(jit.__file__).parent
@@ -32,6 +32,15 @@ def step(x):
 """
 
 
+CALLBACK = """
+from radarsim.jit import c_callback
+
+@c_callback
+def call(pointer):
+    pass
+"""
+
+
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """A package of one kernel that inlines a function of another module."""
@@ -39,7 +48,8 @@ def package(tmp_path: Path) -> Path:
     (package / "kernels").mkdir(parents=True)
     for folder in (package, package / "kernels"):
         (folder / "__init__.py").write_text("")
-    shutil.copy(jit.__file__, package)
+    for name in ("jit", "kernel_cache", "compilation"):
+        shutil.copy(PACKAGE / f"{name}.py", package)
     (package / "kernels/outer.py").write_text(KERNEL)
     (package / "kernels/inner.py").write_text(INNER.format(number=1))
     return package
@@ -48,7 +58,7 @@ def package(tmp_path: Path) -> Path:
 PROGRAM = (
     "from radarsim.kernels.outer import run\n"
     "print(run(1), sum(run.stats.cache_hits.values()))\n"
-    "from radarsim import jit; print(jit.cache_folder())"
+    "from radarsim import kernel_cache; print(kernel_cache.cache_folder())"
 )
 
 
@@ -84,7 +94,7 @@ def run(package: Path, **changes: str | None) -> tuple[int, bool, str]:
 
 
 def folders(parent: Path) -> list[Path]:
-    return list(parent.glob(f"{jit.PREFIX}*"))
+    return list(parent.glob(f"{kernel_cache.PREFIX}*"))
 
 
 @pytest.mark.parametrize("decorate", [njit_cached, njit_inline])
@@ -156,6 +166,44 @@ def test_copies_in_different_places_share_the_cache(
     assert run(copy, XDG_CACHE_HOME=cache)[:2] == (2, True)
 
 
+COMPILED = (
+    "from radarsim.compilation import compilation\n"
+    "seen = []; compilation.observers.append(seen.append)\n"
+    "import logging; logging.basicConfig(level='INFO', format='%(name)s')\n"
+    "import numba; own = numba.njit(lambda x: x); own(1); print(seen)\n"
+    "import radarsim.kernels.callback; print(seen)\n"
+    "from radarsim.kernels.outer import run; run(1); print(seen)\n"
+)
+
+
+def test_compiling_is_told_to_observers_and_to_the_log(package: Path) -> None:
+    (package / "kernels/callback.py").write_text(CALLBACK)
+    began_and_ended = [True, False]
+    assert observed(package) == (
+        [[], began_and_ended, [*began_and_ended, *began_and_ended]],
+        ["radarsim.compilation"],
+    )
+    assert observed(package) == ([[], [], []], [])  # all is read from the cache
+
+
+def observed(package: Path) -> tuple[list[list[bool]], list[str]]:
+    """Return what observers were told after each step, and the lines of the log."""
+    run = subprocess.run(
+        (sys.executable, "-B", "-c", COMPILED),
+        env={
+            **{k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")},
+            "NUMBA_CACHE_DIR": str(package.parent / "cache"),
+            "PYTHONPATH": str(package.parent),
+        },
+        capture_output=True,
+        check=True,
+        text=True,
+        cwd=package.parent,
+    )
+    told = [ast.literal_eval(line) for line in run.stdout.splitlines()]
+    return told, run.stderr.splitlines()
+
+
 def test_only_functions_of_the_package_use_its_cache(tmp_path: Path) -> None:
     path = str(tmp_path / "module.py")
     assert (
@@ -173,18 +221,18 @@ def test_two_processes_can_fill_the_cache_at_once(package: Path) -> None:
 def test_old_cache_folders_are_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
-    for age in range(3 * jit.MAX_FOLDERS):
-        folder = tmp_path / f"{jit.PREFIX}{age}"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for age in range(3 * kernel_cache.MAX_FOLDERS):
+        folder = tmp_path / f"{kernel_cache.PREFIX}{age}"
         folder.mkdir()
         os.utime(folder, (1e9 - age, 1e9 - age))
-    jit.cache_folder.cache_clear()
+    kernel_cache.cache_folder.cache_clear()
     try:
-        assert jit.cache_folder() in folders(tmp_path)
+        assert kernel_cache.cache_folder() in folders(tmp_path)
     finally:
-        jit.cache_folder.cache_clear()
-    assert len(folders(tmp_path)) == jit.MAX_FOLDERS
-    assert (tmp_path / f"{jit.PREFIX}0").exists()
+        kernel_cache.cache_folder.cache_clear()
+    assert len(folders(tmp_path)) == kernel_cache.MAX_FOLDERS
+    assert (tmp_path / f"{kernel_cache.PREFIX}0").exists()
 
 
 def kernel_modules() -> list[Path]:

@@ -15,6 +15,7 @@ import typer
 from radarsim import __version__
 from radarsim.cli.bench import bench
 from radarsim.cli.check import check
+from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.docs import docs
 from radarsim.cli.drive import drive
 from radarsim.cli.explain import explain
@@ -61,13 +62,16 @@ def _root(
     pass
 
 
-for _command in (serve, check, scan, explain, sensors, materials, drive, navigate):
+for _command in (serve, check, scan, explain):
+    app.command()(with_compile_progress(_command))
+for _command in (sensors, materials, drive):
     app.command()(_command)
-app.command()(trials)
-app.command("map")(map_)
-app.command()(figures)
+for _command in (navigate, trials):
+    app.command()(with_compile_progress(_command))
+app.command("map")(with_compile_progress(map_))
+app.command()(with_compile_progress(figures))
 app.command()(docs)
-app.command()(bench)
+app.command()(with_compile_progress(bench))
 
 
 def _ignore_signals() -> None:

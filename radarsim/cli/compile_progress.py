@@ -1,0 +1,115 @@
+"""Progress on stderr while the ray engine is compiled."""
+
+import functools
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final, ParamSpec, TypeVar
+
+from radarsim.compilation import compilation, describe
+from radarsim.kernel_cache import is_cold
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_INTERVAL: Final = 0.1  # s between two drawings
+_FRAMES: Final = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
+_PLAIN_FRAMES: Final = "|/-\\"
+_ERASE: Final = "\r\x1b[K"
+
+
+def with_compile_progress(command: Callable[P, R]) -> Callable[P, R]:
+    """Make a command tell on stderr when it has to compile."""
+
+    @functools.wraps(command)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        with compile_progress():
+            return command(*args, **kwargs)
+
+    return run
+
+
+@contextmanager
+def compile_progress() -> Iterator[None]:
+    """Tell on stderr when something is compiled: nothing if all of it is cached.
+
+    On a terminal a line with the seconds so far is shown as long as it takes, else one
+    line is printed at the beginning. It comes before numba is imported, if nothing is
+    cached.
+    """
+    if sys.stderr.isatty():
+        display: _LiveLine | _PlainLine = _LiveLine()
+    else:
+        display = _PlainLine()
+    compilation.observers.append(display.update)
+    if is_cold():
+        display.update(running=True)
+    try:
+        yield
+    finally:
+        compilation.observers.remove(display.update)
+        display.update(running=False)
+
+
+class _PlainLine:
+    """One line for those who read stderr from a pipe or a file."""
+
+    def __init__(self) -> None:
+        self._is_printed = False
+
+    def update(self, running: bool) -> None:
+        """Print the line when compiling begins for the first time."""
+        if running and not self._is_printed:
+            self._is_printed = True
+            sys.stderr.write(f"radarsim: {describe()}\n")
+            sys.stderr.flush()
+
+
+class _LiveLine:
+    """A line on a terminal that counts seconds, drawn by a thread of its own.
+
+    It hides no cursor, so that a signal can end the process at any moment, and vanishes
+    as soon as compiling pauses, so that no other text gets into it.
+    """
+
+    def __init__(self) -> None:
+        self._stream = sys.stderr
+        self._began = time.monotonic()
+        self._lock = threading.Lock()
+        self._hidden: threading.Event | None = None
+
+    def update(self, running: bool) -> None:
+        """Show or erase the line."""
+        with self._lock:
+            if running and self._hidden is None:
+                self._hidden = threading.Event()
+                threading.Thread(
+                    target=self._draw, args=(self._hidden,), daemon=True
+                ).start()
+            elif not running and self._hidden is not None:
+                self._hidden.set()
+                self._hidden = None
+                self._write(_ERASE)
+
+    def _draw(self, hidden: threading.Event) -> None:
+        while not hidden.wait(_INTERVAL):
+            with self._lock:
+                if not hidden.is_set():
+                    self._write(f"{_ERASE}{self._text()}")
+
+    def _text(self) -> str:
+        seconds = time.monotonic() - self._began
+        encoding = (self._stream.encoding or "").lower()
+        frames = _FRAMES if encoding.startswith("utf") else _PLAIN_FRAMES
+        frame = frames[int(seconds / _INTERVAL) % len(frames)]
+        end = f" {seconds:.0f} s"
+        width = shutil.get_terminal_size().columns - len(end) - 3
+        return f"{frame} {f'radarsim: {describe()}'[:width]}{end}"
+
+    def _write(self, text: str) -> None:
+        if sys.stderr is self._stream:  # else another display shows something there
+            self._stream.write(text)
+            self._stream.flush()

@@ -1,0 +1,114 @@
+"""What the user sees while the ray engine is compiled."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from radarsim.cli import compile_progress as module
+from radarsim.cli.compile_progress import compile_progress, with_compile_progress
+from radarsim.compilation import compilation, describe
+
+LINE = "radarsim: compiling the ray engine, once on this machine\n"
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "is_cold", lambda: False)
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    until = time.monotonic() + 30
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+@pytest.mark.usefixtures("cached")
+def test_nothing_is_told_where_nothing_is_compiled(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with compile_progress():
+        pass
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("cached")
+def test_one_line_is_told_in_a_pipe_however_much_is_compiled(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    @with_compile_progress
+    def command(times: int) -> int:
+        for _ in range(times):
+            with compilation.running(), compilation.running():
+                pass
+        return times
+
+    assert command(3) == 3
+    assert capsys.readouterr() == ("", LINE)
+
+
+def test_without_a_cache_it_is_told_before_anything_is_imported(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(module, "is_cold", lambda: True)
+    with compile_progress():
+        assert capsys.readouterr() == ("", LINE)
+
+
+@pytest.mark.usefixtures("cached")
+@pytest.mark.parametrize("columns", [120, 40])
+def test_terminal_counts_seconds_in_one_line_that_vanishes(
+    monkeypatch: pytest.MonkeyPatch, columns: int
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    with compile_progress():
+        with compilation.running():
+            wait_until(lambda: terminal.getvalue().count("\r") > 2)
+        shown = terminal.getvalue()
+        assert not shown.rpartition("\x1b[K")[2]
+    lines = shown.split("\r\x1b[K")
+    assert "compiling" in lines[1]
+    assert lines[1].endswith(" 0 s")
+    assert max(map(len, lines)) < columns
+    assert "\n" not in shown
+    assert terminal.getvalue() == shown  # no thread goes on
+
+
+def test_without_a_folder_for_the_cache_it_is_not_told_to_happen_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("radarsim.compilation.cache_folder", lambda: None)
+    assert "once" not in describe()
+    assert "NUMBA_CACHE_DIR" in describe()
+
+
+def test_program_tells_it_at_once_and_can_be_interrupted(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        (sys.executable, "-m", "radarsim", "serve", "empty_room", "--port", "0"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    ) as process:
+        assert process.stderr is not None
+        assert process.stdout is not None
+        assert process.stderr.readline() == LINE
+        assert not [*tmp_path.glob("*/*/*")]  # nothing is compiled yet
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+        assert process.stdout.read() == ""
+        assert process.stderr.read() == ""
