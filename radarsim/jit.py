@@ -25,6 +25,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit
 _cfunc: Any = numba.cfunc
 _Listener: Any = events.Listener
+_register: Any = events.register
 _CacheLocator: Any = caching._CacheLocator
 _locator_classes: Any = caching.FunctionCache._impl_class._locator_classes
 
@@ -61,7 +62,7 @@ class _PassListener(_Listener):  # type: ignore[misc] # numba has no types
         """Wait for the end of the last pass."""
 
 
-events.register("numba:compile", _KernelListener())
+_register("numba:compile", _KernelListener())
 
 
 def njit_cached(function: F) -> F:

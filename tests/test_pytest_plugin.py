@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from radarsim.jit import cache_folder
+from radarsim.kernel_cache import cache_folder
 from radarsim.pytest_plugin import DEFAULTS, UsarsimClient, UsarsimServer
 from radarsim.pytest_plugin.server_thread import ServerThread, make_host
 

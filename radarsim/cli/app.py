@@ -29,6 +29,7 @@ from radarsim.cli.trials import trials
 from radarsim.cli.usage import PlainGroup
 from radarsim.errors import RadarsimError
 from radarsim.os_errors import describe_os_error
+from radarsim.signal_handlers import ExitOnSignal
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -62,12 +63,15 @@ def _root(
     pass
 
 
-for _command in (serve, check, scan, explain):
-    app.command()(with_compile_progress(_command))
-for _command in (sensors, materials, drive):
-    app.command()(_command)
-for _command in (navigate, trials):
-    app.command()(with_compile_progress(_command))
+app.command()(with_compile_progress(serve))
+app.command()(with_compile_progress(check))
+app.command()(with_compile_progress(scan))
+app.command()(with_compile_progress(explain))
+app.command()(sensors)
+app.command()(materials)
+app.command()(drive)
+app.command()(with_compile_progress(navigate))
+app.command()(with_compile_progress(trials))
 app.command("map")(with_compile_progress(map_))
 app.command()(with_compile_progress(figures))
 app.command()(docs)
@@ -83,7 +87,7 @@ def _ignore_signals() -> None:
 
 def main() -> None:
     """Run a command and exit with its code."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    signal.signal(signal.SIGTERM, ExitOnSignal(0))
     atexit.register(_ignore_signals)
     try:
         app()

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
 from radarsim.signal_handlers import exit_143_on_sigterm
 
@@ -24,6 +25,7 @@ def bench(*, as_json: JsonOption = False) -> None:
     from radarsim.benchmark.run import run_all
     from radarsim.benchmark.timing import GROUPS
 
+    compile_now()
     columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("bench")

@@ -6,11 +6,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Final, ParamSpec, TypeVar
 
 from radarsim.compilation import compilation, describe
 from radarsim.kernel_cache import is_cold
+from radarsim.signal_handlers import exit_immediately_on_signals, immediate_exits
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -44,14 +45,53 @@ def compile_progress() -> Iterator[None]:
         display: _LiveLine | _PlainLine = _LiveLine()
     else:
         display = _PlainLine()
-    compilation.observers.append(display.update)
-    if is_cold():
-        display.update(running=True)
+    observers = display.update, _SignalGuard().update
+    compilation.observers.extend(observers)
     try:
+        if is_cold():
+            for observer in observers:
+                observer(True)
         yield
     finally:
-        compilation.observers.remove(display.update)
-        display.update(running=False)
+        for observer in observers:
+            compilation.observers.remove(observer)
+            observer(False)
+
+
+def compile_now(*, maps: bool = False) -> None:
+    """Compile what is not cached, before worker processes or another display start.
+
+    Signals end the process at once meanwhile. Workers would compile the same, each for
+    itself and in silence.
+
+    Args:
+        maps: Whether to compile what maps are made with as well.
+    """
+    from radarsim.exploration.exploration import warm_up
+    from radarsim.scene.map_file import load_map
+    from radarsim.simulation.simulation import Simulation
+
+    with exit_immediately_on_signals():
+        Simulation(load_map("empty_room"))
+        if maps:
+            warm_up()
+
+
+class _SignalGuard:
+    """Lets signals end the process at once while something is compiled.
+
+    An exception would get lost in the compiler, or crash it.
+    """
+
+    def __init__(self) -> None:
+        self._until_end = ExitStack()
+
+    def update(self, running: bool) -> None:
+        """Begin or end to guard."""
+        if running:
+            self._until_end.enter_context(immediate_exits())
+        else:
+            self._until_end.close()
 
 
 class _PlainLine:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 from rich.console import Console
 
+from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import SeedOption, write_file
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import exit_143_on_sigterm
@@ -43,6 +44,7 @@ def figures(
 
     wanted = _read_numbers(only)
     _prepare(out, [FILE, *(entry.file for entry in wanted)])
+    compile_now(maps=any(entry.number == "15" for entry in wanted))
     weight = sum(entry.weight for entry in wanted)
     workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), os.cpu_count() or 1)
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())

@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -22,6 +22,9 @@ from radarsim.suggestions import did_you_mean, expected_one_of
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2
     from radarsim.scene.scene import Scene
+
+
+DEFAULT_PORT: Final = 3000  # of USARSim
 
 
 class DriveUnit(StrEnum):
@@ -267,7 +270,7 @@ def check_start(start: str | None, pose: str | None, scene: Scene | None) -> Non
 
 def server_address(host: str | None, port: int | None) -> tuple[str, int]:
     """Return the address of the server, with defaults for what is not given."""
-    return host or "127.0.0.1", port or 3000
+    return host or "127.0.0.1", port or DEFAULT_PORT
 
 
 def penetration_depth(foliage_density: float | None, power: float) -> float:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from radarsim.cli.options import (
+    DEFAULT_PORT,
     DriveUnit,
     MapArgument,
     SeedOption,
@@ -39,7 +40,7 @@ def serve(
     port: Annotated[
         int,
         typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
-    ] = 3000,
+    ] = DEFAULT_PORT,
     seed: SeedOption = 0,
     speed: Annotated[
         float,
@@ -87,7 +88,7 @@ def serve(
     )
     server = Server(load_host(map_, config, seed=seed, terminated=0), speed=speed)
     try:
-        code = asyncio.run(serve_until_signal(server, host, port, _announce))
+        code = asyncio.run(serve_until_signal(server, host, port, announce))
     except PortUnavailable as error:
         raise ServerError(f"{error}; --port 0 takes a free one") from None
     raise typer.Exit(code)
@@ -142,6 +143,22 @@ def load_served_host(
     return load_host(map_, config, seed=seed or 0)
 
 
-def _announce(address: tuple[str, int]) -> None:
+def announce(address: tuple[str, int]) -> None:
+    """Tell programs on stdout that clients can connect, and a person what is next."""
     typer.echo(f"radarsim: listening on {address[0]}:{address[1]}")
     sys.stdout.flush()
+    if sys.stderr.isatty():  # a person reads it; logs of services stay as they are
+        typer.echo(
+            f"to drive a robot, in another terminal: {_drive_command(address)}"
+            "; Ctrl-C ends the server",
+            err=True,
+        )
+
+
+def _drive_command(address: tuple[str, int]) -> str:
+    """Return the command that drives on this server, with the options it needs."""
+    host, port = address
+    command = "radarsim drive"
+    if host not in ("127.0.0.1", "0.0.0.0"):
+        command += f" --host {host}"
+    return command if port == DEFAULT_PORT else f"{command} --port {port}"

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
@@ -64,6 +65,7 @@ def trials(
     _check(names, chosen_algorithms, chosen_sensors)
     todo = all_trials(names, chosen_algorithms, chosen_sensors, seeds)
     processes = min(workers or _count_cores(), len(todo))
+    compile_now()
     began = time.perf_counter()
     scores = list(_with_bar(run_trials(todo, workers=processes), len(todo)))
     duration = time.perf_counter() - began

@@ -5,6 +5,7 @@ import pytest
 import typer
 
 from radarsim.cli.options import read_item_settings
+from radarsim.cli.serve import announce
 
 Command = Callable[..., Any]
 
@@ -50,3 +51,29 @@ def test_foreign_address_is_an_error_in_one_line(radarsim: Command) -> None:
     assert run.code == 1
     assert run.err.startswith("radarsim: cannot listen on 192.0.2.1:0: ")
     assert run.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("address", "command"),
+    [
+        (("127.0.0.1", 3000), "radarsim drive;"),
+        (("127.0.0.1", 4000), "radarsim drive --port 4000;"),
+        (("192.0.2.1", 3000), "radarsim drive --host 192.0.2.1;"),
+    ],
+)
+def test_next_step_is_told_to_a_person_on_stderr(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    address: tuple[str, int],
+    command: str,
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    announce(address)
+    out, err = capsys.readouterr()
+    assert out == f"radarsim: listening on {address[0]}:{address[1]}\n"
+    assert command in err
+
+
+def test_programs_get_the_address_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    announce(("127.0.0.1", 3000))
+    assert capsys.readouterr() == ("radarsim: listening on 127.0.0.1:3000\n", "")
