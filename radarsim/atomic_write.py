@@ -1,6 +1,7 @@
 """Write files atomically: each one completely or not at all."""
 
 import contextlib
+import errno
 import os
 import secrets
 import stat
@@ -45,6 +46,37 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
         raise
+
+
+@contextlib.contextmanager
+def written_atomically(path: Path) -> Iterator[Path]:
+    """Let a file be written bit by bit; it appears when it is complete, or never.
+
+    For files that are too large to be held in memory. Of an error, or an interrupt,
+    nothing is left, and an old file stays as it was.
+
+    Args:
+        path: The file. A symbolic link stays, and the file that it leads to is
+            replaced.
+
+    Yields:
+        The hidden temporary file in the same folder that is to be written.
+
+    Raises:
+        OSError: If the file cannot be written, or is a device or a pipe.
+    """
+    if _is_special(path):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    target = Path(os.path.realpath(path))
+    part = _temporary_path(target)
+    try:
+        with _report_as(path):
+            _write_new(part, b"")
+            yield part
+            part.replace(target)
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

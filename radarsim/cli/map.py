@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from radarsim.cli.options import (
     DriveUnit,
     DriveUnitOption,
+    FilmOption,
+    FilmSpeedOption,
     HostOption,
     JsonOption,
     PortOption,
@@ -34,6 +37,11 @@ from radarsim.cli.serve import load_served_host
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import ROBOT
 from radarsim.signal_handlers import exit_143_on_sigterm, exit_immediately_on_signals
+
+if TYPE_CHECKING:
+    from radarsim.cli.map_report import MapFiles
+    from radarsim.evaluation.mapping_run import MappingRun
+    from radarsim.exploration.exploration import ExplorationStep
 
 _RESOLUTION_RANGE: Final = 0.005, 1  # m; finer, a room would have millions of cells
 
@@ -192,17 +200,24 @@ def map_(
         ),
     ] = None,
     settings: ServedSettingsOption = None,
+    film: FilmOption = None,
+    film_speed: FilmSpeedOption = 6.0,
 ) -> None:
     """Explore with a robot and map what it senses, or map what another client drives.
 
     Writes OUT.png in UsarCommander's colours, OUT.pgm with OUT.yaml for nav2's
-    map_server, and the trajectory of the robot as OUT.tum.
+    map_server, the trajectory of the robot as OUT.tum, and OUT_view.png, the map with
+    the robot's path, a scale and a legend.
     """
     exit_143_on_sigterm()
+    from radarsim.cli.film import check_film
     from radarsim.cli.map_proxy import map_through_proxy
-    from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
+    from radarsim.cli.map_report import MapFiles
     from radarsim.evaluation.mapping_run import MappingRun
-    from radarsim.exploration.exploration import ExplorationPlan, warm_up
+    from radarsim.exploration.exploration import (
+        ExplorationPlan,
+        warm_up,
+    )
     from radarsim.navigation.control import SpeedLimits
 
     check_server_options(serve, host=host, port=port, seed=None, settings=settings)
@@ -222,6 +237,7 @@ def map_(
             "--robot": robot,
             "--safety-distance": safety_distance,
             "--foliage-density": foliage_density,
+            "--film": film,
         }
         text = "expected no --through with it, where another client drives"
         refuse_options(others, text)
@@ -258,6 +274,7 @@ def map_(
         drive_unit=drive_unit.value,
     )
     files.check(served=serve)
+    check_film(film)
     served = load_served_host(
         serve, seed=seed, settings=settings, drive_unit=drive_unit
     )
@@ -266,11 +283,43 @@ def map_(
     with exit_immediately_on_signals():
         warm_up()
     run = MappingRun(plan, served, seed=seed or 0)
-    try:
-        with map_progress(run.exploration) as update:
-            run.run(server_address(host, port), lambda step: update(step.activity))
-    finally:  # an incomplete map is written and described as well
-        save_map(run.result, files)
-        run.judge()
-        print_result(run.result, as_json=as_json)
+    _explore(
+        run,
+        files,
+        server_address(host, port),
+        film=film,
+        film_speed=film_speed,
+        as_json=as_json,
+    )
     raise typer.Exit(int(bool(run.result.error)))
+
+
+def _explore(
+    run: MappingRun,
+    files: MapFiles,
+    address: tuple[str, int],
+    *,
+    film: Path | None,
+    film_speed: float,
+    as_json: bool,
+) -> None:
+    """Let a run explore; write, judge and describe its map however it ends."""
+    from radarsim.cli.film import filmed
+    from radarsim.cli.map_report import map_progress, print_result, save_map
+    from radarsim.cli.map_view import MapCamera
+
+    with filmed(film, MapCamera(run).draw, film_speed) as update_film:
+        try:
+            with map_progress(run.exploration) as update:
+
+                def observe(step: ExplorationStep) -> None:
+                    update(step.activity)
+                    update_film(step.observation.time)
+
+                run.run(address, observe)
+        finally:
+            try:
+                run.judge()
+            finally:
+                save_map(run.result, files)
+            print_result(run.result, as_json=as_json)

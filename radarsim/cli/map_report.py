@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from radarsim.atomic_write import write_atomically
+from radarsim.cli.map_view import view_of
 from radarsim.cli.options import check_writable
 from radarsim.cli.progress import live_status
 from radarsim.evaluation.mapping_run import MappingResult
@@ -23,9 +24,12 @@ from radarsim.mapping.export import (
     is_radarsim_map,
     nav_map,
 )
-from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.trajectory import tum_text
+<<<<<<< HEAD
 from radarsim.os_errors import describe_os_error
+=======
+from radarsim.plotting.maps import draw_map_view
+>>>>>>> e4200cc (Annotated map views, films of runs, true paths in pictures of runs)
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
 DEFAULT_STEM: Final = "map"  # of the names of files in a folder
@@ -61,12 +65,18 @@ class MapFiles:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """All files: the picture, the image for nav2 and its YAML, the trajectory."""
+        """All files: the cells, nav2's image and YAML, the trajectory, the picture."""
         stem = self.stem
         name, image = stem.name, ".pgm"
         if self.mode == "scale":
             name, image = f"{name}_scale", ".png"
-        names = (f"{stem.name}.png", name + image, f"{name}.yaml", f"{stem.name}.tum")
+        names = (
+            f"{stem.name}.png",
+            name + image,
+            f"{name}.yaml",
+            f"{stem.name}.tum",
+            f"{stem.name}_view.png",
+        )
         return tuple(stem.with_name(each) for each in names)
 
     @property
@@ -98,18 +108,20 @@ class MapFiles:
                 text = f"{path} is no map of radarsim's, expected another OUT"
                 raise typer.BadParameter(text, param_hint="OUT")
 
-    def write(self, mapper: Mapper | None) -> tuple[Path, ...]:
-        """Write a map, and return its files; none if there was no scan.
+    def write(self, result: MappingResult) -> tuple[Path, ...]:
+        """Write the map of a run, and return its files; none if there was no scan.
 
         Raises:
             OSError: If they cannot be written; then no file has changed.
         """
+        mapper = result.mapper
         if mapper is None or not mapper.scans:
             return ()
         paths, grid = self.paths, mapper.grid
         image, yaml = nav_map(grid, paths[2].stem, mode=self.mode).values()
         trajectory = tum_text(mapper.trajectory).encode()
-        contents = (commander_png(grid), image, yaml, trajectory)
+        view = draw_map_view(view_of(result, mapper))
+        contents = (commander_png(grid), image, yaml, trajectory, view)
         write_atomically(dict(zip(paths, contents, strict=True)))
         return paths
 
@@ -134,7 +146,7 @@ def _may_be_replaced(path: Path, served: str | None) -> bool:
 def save_map(result: MappingResult, files: MapFiles) -> None:
     """Write a map; note in the result, and on stderr, why it cannot be written."""
     try:
-        result.files = files.write(result.mapper)
+        result.files = files.write(result)
     except OSError as error:
         name = "the map" if error.filename is None else error.filename
         text = f"cannot write {name}: {describe_os_error(error)}"

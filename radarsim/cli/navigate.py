@@ -13,6 +13,8 @@ import typer
 from radarsim.cli.options import (
     DriveUnit,
     DriveUnitOption,
+    FilmOption,
+    FilmSpeedOption,
     HostOption,
     JsonOption,
     PortOption,
@@ -41,6 +43,7 @@ from radarsim.signal_handlers import exit_143_on_sigterm
 
 if TYPE_CHECKING:
     from radarsim.evaluation.navigation_run import NavigationRun
+    from radarsim.navigation.run_log import Row
     from radarsim.scene.scene import Trial
 
 EXIT_CODES: Final = {"reached": 0, "no_path": 3}
@@ -145,16 +148,19 @@ def navigate(
     ] = None,
     seed: ServedSeedOption = None,
     settings: ServedSettingsOption = None,
+    film: FilmOption = None,
+    film_speed: FilmSpeedOption = 6.0,
 ) -> None:
     """Drive a robot to a goal with Bug1 or Bug2; exit with 3 if there is no path."""
     exit_143_on_sigterm()
-    from radarsim.cli.navigate_report import run_progress
+    from radarsim.cli.film import check_film
     from radarsim.evaluation.navigation_run import NavigationRun
     from radarsim.navigation.control import SpeedLimits
     from radarsim.navigation.mission import Mission
 
     check_server_options(serve, host=host, port=port, seed=seed, settings=settings)
     _check_files(trace, plot)
+    check_film(film)
     served = load_served_host(
         serve, seed=seed, settings=settings, drive_unit=drive_unit
     )
@@ -188,15 +194,35 @@ def navigate(
         drive_unit=drive_unit.value,
     )
     run = NavigationRun(mission, served)
+    address = server_address(host, port)
     with (
         _write_files(run, trace, plot),
         _print_result(run, as_json=as_json),
-        run_progress(run.run_log) as update,
     ):
-        run.execute(server_address(host, port), update)
+        _execute(run, address, film, film_speed)
     if run.error:
         typer.echo(f"radarsim: {run.error}", err=True)
     raise typer.Exit(EXIT_CODES.get(run.outcome, 1))
+
+
+def _execute(
+    run: NavigationRun, address: tuple[str, int], film: Path | None, film_speed: float
+) -> None:
+    """Drive, show the progress, and film it if a file is given."""
+    from radarsim.cli.film import filmed
+    from radarsim.cli.navigate_report import run_progress
+    from radarsim.cli.navigate_view import RunCamera
+
+    with (
+        filmed(film, RunCamera(run).draw, film_speed) as update_film,
+        run_progress(run.run_log) as update,
+    ):
+
+        def observe(row: Row) -> None:
+            update(row)
+            update_film(row.time)
+
+        run.execute(address, observe)
 
 
 def _read_goals(
@@ -256,9 +282,7 @@ def _write_files(
 
 
 def _draw(run: NavigationRun, form: str) -> bytes:
-    from radarsim.cli.navigate_report import title_of
-    from radarsim.evaluation.free_space import floor_plan
-    from radarsim.plotting.runs import NO_LINES, draw_run
+    from radarsim.cli.navigate_view import view_of
+    from radarsim.plotting.runs import draw_run
 
-    plan = NO_LINES if run.scene is None else floor_plan(run.scene)
-    return draw_run(run.run_log, title_of(run), plan=plan, form=form)
+    return draw_run(view_of(run), form=form)

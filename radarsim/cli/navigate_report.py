@@ -116,17 +116,5 @@ def _ending(run: NavigationRun) -> str:
     return ENDINGS.get(run.outcome, "failed" if run.error else "broken off")
 
 
-def title_of(run: NavigationRun) -> str:
-    """Return the title of a picture of the run, in two lines."""
-    run_log = run.run_log
-    name = run.mission.algorithm.value.capitalize()
-    scene = "" if run.scene is None else f" in {run.scene.name}"
-    rounds = f"{run.circuits} circuit{'s' * (run.circuits != 1)}"
-    return (
-        f"{name}{scene}: {_ending(run)}\n"
-        f"{run_log.path_length:.2f} m in {run_log.time:.1f} s, {rounds}"
-    )
-
-
 def _points_text(points: Sequence[Point]) -> str:
     return ", ".join(f"{x:.2f} {y:.2f}" for x, y in points) or "none"

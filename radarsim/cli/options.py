@@ -139,6 +139,25 @@ TimeLimitOption = Annotated[
     ),
 ]
 
+FilmOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--film",
+        metavar="FILE",
+        help="Film the run into a .gif, or an .mp4 with 'radarsim[film]' installed; an"
+        " interrupted run leaves the film so far.",
+    ),
+]
+FilmSpeedOption = Annotated[
+    float,
+    typer.Option(
+        "--film-speed",
+        metavar="FACTOR",
+        callback=check_positive,
+        help="Seconds of the run in a second of its film.",
+    ),
+]
+
 # The simulation in this process that --serve starts.
 ServedSeedOption = Annotated[
     int | None,

@@ -16,7 +16,7 @@ from shapely import Geometry, MultiPoint, MultiPolygon, Point, Polygon
 
 from radarsim.geometry import Floats
 from radarsim.robots.footprint import NO_SEGMENTS
-from radarsim.robots.obstacles import BUMPER_HEIGHTS, Obstacles, slice_mesh, slice_parts
+from radarsim.robots.obstacles import BUMPER_HEIGHTS, Obstacles, slice_mesh
 from radarsim.scene.scene import Part, Scene
 
 Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
@@ -61,10 +61,9 @@ def is_connected(
     return piece is not None and piece.intersects(Point(goal))
 
 
-def floor_plan(scene: Scene) -> Floats:
-    """Return the outlines of everything solid at scanner height, (S, 2, 2) m."""
-    solid = (part for part in scene.parts if part.material.solid)
-    return slice_parts(solid, _floor_of(scene) + PLAN_HEIGHT)
+def plan_height(scene: Scene) -> float:
+    """Return the height at which plans of a scene are drawn, m, map frame."""
+    return _floor_of(scene) + PLAN_HEIGHT
 
 
 def _floor_of(scene: Scene) -> float:

@@ -177,7 +177,7 @@ def score_map(
     known = classes != CellClass.UNKNOWN
     indoors = truth.indoors if _is_inside(truth.indoors, frame, start) else None
     free = truth.free()
-    hidden = free & _beyond(scene, frame, start, robot_radius)
+    hidden = free & unreachable_floor(scene, frame, start, robot_radius)
     walls = classes == CellClass.OBSTACLE
     away = _distances(truth.faces(outdoors=indoors is None))[walls]
     astray = _distances(
@@ -252,7 +252,7 @@ def _distances(cells: Mask) -> Floats:
     return distance_field(cells, TOLERANCE + BESIDE)
 
 
-def _beyond(
+def unreachable_floor(
     scene: Scene, frame: GridFrame, start: Position, robot_radius: float
 ) -> Mask:
     """Return the cells where the robot would fit, but that it cannot reach."""

@@ -9,13 +9,14 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from radarsim.client import Client
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.map_score import MapScore, score_mapper
+from radarsim.evaluation.navigation_run import INTERRUPTED
 from radarsim.exploration.exploration import (
     Exploration,
     ExplorationPlan,
@@ -29,8 +30,7 @@ from radarsim.mapping.occupancy_grid import CellClass
 from radarsim.mapping.trajectory import trajectory_errors
 from radarsim.navigation.runner import TripMeter
 from radarsim.rng import generator_for
-
-INTERRUPTED: Final = "interrupted"
+from radarsim.scene.scene import Scene
 
 
 @dataclass(slots=True)
@@ -47,6 +47,8 @@ class MappingResult:
         unreached: Waypoints that the robot could not reach, m.
         safety_distance: The robot's safety distance, m; None if another client drove.
         monitor: Monitor of the true robot, if the server was in this process.
+        robot_class: Class of the robot; None where another client drove.
+        scene: The scene, if the server was in this process.
         score: Comparison of the map with the scene, if the scene is known.
         files: Files that were written.
         error: What went wrong; empty if nothing did.
@@ -60,6 +62,8 @@ class MappingResult:
     unreached: tuple[tuple[float, float], ...] = ()
     safety_distance: float | None = None
     monitor: GroundTruthMonitor | None = None
+    robot_class: str | None = None
+    scene: Scene | None = None
     score: MapScore | None = None
     files: tuple[Path, ...] = ()
     error: str = ""
@@ -119,6 +123,8 @@ class MappingRun:
         self.exploration = Exploration(plan, generator_for(seed, "exploring"))
         name = "way" if plan.waypoints else plan.strategy.value
         self.result = MappingResult(name, plan.motion_source)
+        self.result.robot_class = plan.robot_class
+        self.result.scene = None if host is None else host.simulation.scene
         self._host = host
 
     def run(
@@ -150,11 +156,12 @@ class MappingRun:
     def judge(self) -> None:
         """Compare the map with the scene, if both are known."""
         mapper, start = self.result.mapper, self.result.trip.start
-        if self._host is None or mapper is None or start is None:
+        scene = self.result.scene
+        if scene is None or mapper is None or start is None:
             return
         self.result.score = score_mapper(
             mapper,
-            self._host.simulation.scene,
+            scene,
             robot_class=self.exploration.plan.robot_class,
             start=start,
         )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from radarsim.client import Client
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
@@ -12,6 +12,8 @@ from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.run_log import Row, RunLog
 from radarsim.navigation.runner import NavigationStep, Result
 from radarsim.scene.scene import Scene
+
+INTERRUPTED: Final = "interrupted"
 
 
 class NavigationRun:
@@ -75,8 +77,12 @@ class NavigationRun:
         def observe(step: NavigationStep) -> None:
             on_scan(self.run_log.add(step))
 
-        with self._connect(address) as client:
-            self.result = run_mission(client, self.mission, observe)
+        try:
+            with self._connect(address) as client:
+                self.result = run_mission(client, self.mission, observe)
+        except (KeyboardInterrupt, SystemExit):
+            self.error = INTERRUPTED
+            raise
         if self.outcome == "failed":
             distance = self.run_log.rows[-1].goal_distance
             limit = f"within {self.mission.time_limit:g} s"

@@ -8,20 +8,17 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from radarsim.client import Client
-from radarsim.evaluation.ground_truth import GroundTruthMonitor
-from radarsim.evaluation.map_score import BESIDE, TOLERANCE, MapScore, score_mapper
-from radarsim.exploration.exploration import Exploration, ExplorationPlan
+from radarsim.evaluation.map_score import BESIDE, TOLERANCE, MapScore
+from radarsim.evaluation.mapping_run import MappingRun
+from radarsim.exploration.exploration import ExplorationPlan
 from radarsim.exploration.traversability import Point
 from radarsim.figures.foliage_wall import FAR, MAP, bush_parts, hidden_parts
 from radarsim.figures.scan_spec import START, find_start_pose, load_scene
 from radarsim.geometry import Floats
 from radarsim.host import Host
-from radarsim.host.lockstep import InProcessTransport
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.mapping.trajectory import Trajectory
 from radarsim.presets.robots import Item, load_robot
-from radarsim.rng import generator_for
 from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner
@@ -71,21 +68,17 @@ class MappingDrive:
 
     def explore(self) -> "MappingResult":
         """Drive, and score the map against the scene."""
-        scene = load_scene(MAP)
-        host = Host(scene, config=self._config, seed=self.seed)
-        monitor = GroundTruthMonitor(host)
         plan = ExplorationPlan(
             waypoints=self.waypoints, robot_class=self.robot, start=START
         )
-        survey = Exploration(plan, generator_for(self.seed, "exploring"))
-        with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
-            survey.run(client)
-        mapper = survey.mapper
-        assert mapper is not None  # or the survey had said why
-        assert survey.trip.start is not None
-        score = score_mapper(
-            mapper, scene, robot_class=self.robot, start=survey.trip.start
-        )
+        host = Host(load_scene(MAP), config=self._config, seed=self.seed)
+        run = MappingRun(plan, host, seed=self.seed)
+        run.run(("", 0))  # no address, as the server is in this process
+        run.judge()
+        mapper, monitor, score = run.result.mapper, run.result.monitor, run.result.score
+        assert mapper is not None  # or the run had said why
+        assert monitor is not None
+        assert score is not None
         return MappingResult(
             self, mapper.grid, mapper.trajectory, monitor.path_length, score
         )

@@ -19,6 +19,7 @@ from radarsim.mapping.occupancy_grid import (
 NavMode: TypeAlias = Literal["trinary", "scale"]
 
 BLUE, WHITE, GREY, BLACK = (0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)
+_COMMANDER_COLOURS: Final = np.array([BLUE, WHITE, GREY, BLACK], np.uint8)
 MARGIN: Final = 0.5  # m of unknown cells around the sensed ones
 OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
 OCCUPIED_FROM: Final = 0.65
@@ -35,19 +36,22 @@ def is_radarsim_map(head: bytes) -> bool:
     return MARK.encode() in head[:HEAD]
 
 
-def commander_png(grid: OccupancyGrid) -> bytes:
-    """Return a PNG of a map in the colours of UsarCommander.
+def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
+    """Return all cells of a map in the colours of UsarCommander, (R, C, 3).
 
     Blue is unknown, white sensed, grey free within the short range, in foliage too, and
-    black where beams end.
+    black where beams end. The first row is the southernmost.
     """
-    pixels = np.zeros((*grid.frame.shape, 3), np.uint8)
-    pixels[:] = BLUE
-    pixels[grid.sensed_cells()] = WHITE
-    pixels[grid.short_range_cells()] = GREY
-    pixels[grid.beam_end_cells()] = BLACK
-    rows, columns = _sensed_window(grid)
-    return _encoded(pixels[rows, columns], "png")
+    numbers = grid.sensed_cells().astype(np.uint8)
+    numbers[grid.short_range_cells()] = 2
+    numbers[grid.beam_end_cells()] = 3
+    return _COMMANDER_COLOURS[numbers]
+
+
+def commander_png(grid: OccupancyGrid) -> bytes:
+    """Return a PNG of the sensed part of a map in the colours of UsarCommander."""
+    rows, columns = sensed_window(grid)
+    return _encoded(commander_pixels(grid)[rows, columns], "png")
 
 
 def nav_map(
@@ -67,7 +71,7 @@ def nav_map(
     Returns:
         Contents of files by name: the image, and the YAML that names it.
     """
-    rows, columns = _sensed_window(grid)
+    rows, columns = sensed_window(grid)
     if mode == "trinary":
         image, data = f"{name}.pgm", _encoded(_trinary(grid)[rows, columns], "ppm")
     else:
@@ -125,8 +129,10 @@ def _scale(grid: OccupancyGrid) -> NDArray[np.uint8]:
     return levels
 
 
-def _sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
-    """Return rows and columns of the sensed cells with a margin; one cell if none.
+def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
+    """Return the rows and columns of the sensed cells with a margin of 0.5 m.
+
+    They are one cell if nothing is sensed.
 
     Raises:
         ValueError: If the map has no cells.

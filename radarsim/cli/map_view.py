@@ -1,0 +1,108 @@
+"""What pictures and films of ``radarsim map`` show, from the result of a run."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from radarsim.cli.film import drawn_robot
+from radarsim.evaluation.hidden_floor import HiddenFloor
+from radarsim.evaluation.mapping_run import MappingResult, MappingRun
+from radarsim.mapping.mapper import Mapper
+from radarsim.plotting.film_encoders import Pixels
+from radarsim.plotting.map_film import MapFrames, first_extent
+from radarsim.plotting.maps import MapView
+from radarsim.plotting.outlines import Outline, outlines_of
+
+ENDINGS: Final = {
+    "time_limit": "until time was up",
+    "stuck": "until the robot was stuck",
+    "failed": "until the run failed",
+    "broken_off": "until interrupted",
+}
+
+
+def view_of(result: MappingResult, mapper: Mapper) -> MapView:
+    """Return how the map of a run is drawn.
+
+    Args:
+        result: The run.
+        mapper: Holds the map; at least one scan.
+    """
+    return MapView(
+        mapper.grid,
+        mapper.trajectory.rows(),
+        drawn_robot(result.robot_class).name,
+        f"{headline(result)}\n{_summary(result)}",
+        true_outlines(result, mapper),
+    )
+
+
+def headline(result: MappingResult) -> str:
+    """Return who maps what, in words."""
+    who = result.robot_class or "a robot that another client drives"
+    where = "what it senses" if result.scene is None else result.scene.name
+    return f"{who[0].upper()}{who[1:]} maps {where}"
+
+
+def true_outlines(result: MappingResult, mapper: Mapper) -> tuple[Outline, ...]:
+    """Return the outlines of the scene at the sensor's height, if it is known."""
+    if result.scene is None:
+        return ()
+    return outlines_of(result.scene, _sensor_height(result, mapper))
+
+
+def hidden_text(share: float | None) -> str:
+    """Return how much of the hidden floor is sensed; empty if there is none."""
+    if share is None:
+        return ""
+    return f"{100 * share:.0f} % of the floor beyond its reach is sensed"
+
+
+def _summary(result: MappingResult) -> str:
+    hidden = None if result.score is None else result.score.hidden_coverage
+    ending = ENDINGS.get(result.outcome, "")
+    path = f"{result.trip.length:.1f} m in {result.trip.time:.0f} s {ending}".rstrip()
+    return ", ".join(text for text in (hidden_text(hidden), path) if text)
+
+
+def _sensor_height(result: MappingResult, mapper: Mapper) -> float:
+    assert result.scene is not None
+    x, y, _ = mapper.trajectory.rows()[0].tolist()
+    above = drawn_robot(result.robot_class).origin_height + mapper.scanner.mount.z
+    return result.scene.floor_at(x, y) + above
+
+
+class MapCamera:
+    """Draws frames of a mapping run."""
+
+    def __init__(self, run: MappingRun) -> None:
+        self._run = run
+        self._frames: MapFrames | None = None
+        self._hidden: HiddenFloor | None = None
+
+    def draw(self) -> Pixels:
+        """Draw the map as it is; at least one scan is on it."""
+        mapper, trip = self._run.exploration.mapper, self._run.exploration.trip
+        assert mapper is not None
+        if self._frames is None:
+            self._frames = self._prepare(mapper)
+        share = None if self._hidden is None else self._hidden.coverage(mapper.grid)
+        path = f"{trip.time:.1f} s, {trip.length:.1f} m"
+        status = ", ".join(text for text in (path, hidden_text(share)) if text)
+        return self._frames.draw(mapper.grid, mapper.trajectory.rows(), status)
+
+    def _prepare(self, mapper: Mapper) -> MapFrames:
+        result, resolution = self._run.result, mapper.grid.frame.resolution
+        outlines, robot = true_outlines(result, mapper), drawn_robot(result.robot_class)
+        x, y, _ = mapper.trajectory.rows()[0].tolist()
+        if result.scene is not None:
+            self._hidden = HiddenFloor(
+                result.scene,
+                resolution,
+                start=(x, y),
+                robot_radius=math.hypot(robot.length, robot.width) / 2,
+                height=_sensor_height(result, mapper),
+            )
+        extent = first_extent(outlines, (x, y))
+        return MapFrames(extent, resolution, headline(result), robot.name, outlines)

@@ -1,0 +1,111 @@
+"""What pictures and films of ``radarsim navigate`` show, from a run."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from radarsim.cli.film import drawn_robot
+from radarsim.errors import PresetError
+from radarsim.evaluation.free_space import plan_height
+from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.geometry import Floats
+from radarsim.navigation.bug import Activity
+from radarsim.plotting.film_encoders import Pixels
+from radarsim.plotting.outlines import Outline, outlines_of
+from radarsim.plotting.run_film import RunFrames, first_extent
+from radarsim.plotting.runs import NO_PATH, RunView
+from radarsim.presets.robots import load_robot
+from radarsim.presets.sensors import load_settings
+
+ACTIVITIES: Final = {
+    Activity.GOING: "going to the goal",
+    Activity.ALIGNING: "following a boundary",
+    Activity.FOLLOWING: "following a boundary",
+    Activity.RETURNING: "returning to the leave point",
+    Activity.REACHED: "goal reached",
+    Activity.NO_PATH: "there is no path",
+}
+
+
+def view_of(run: NavigationRun) -> RunView:
+    """Return how a run is drawn; it has at least one row."""
+    return RunView(
+        run.run_log,
+        f"{headline(run)}\n{_summary(run)}",
+        drawn_robot(run.mission.robot_class).name,
+        medium_of(run),
+        true_outlines(run),
+        true_path(run),
+    )
+
+
+def headline(run: NavigationRun) -> str:
+    """Return what the bug does, or has done, in words."""
+    name = run.mission.algorithm.value.capitalize()
+    where = "" if run.scene is None else f" in {run.scene.name}"
+    if run.error == INTERRUPTED:
+        return f"{name}{where}, interrupted"
+    endings = {"reached": "reaches its goal", "no_path": "finds that there is no path"}
+    return f"{name} {endings.get(run.outcome, 'fails')}{where}"
+
+
+def medium_of(run: NavigationRun) -> str | None:
+    """Return whether a robot steers by ``radar`` or ``laser``; None if unknown."""
+    try:
+        items = load_robot(run.mission.robot_class).items_of("RangeScanner")
+    except PresetError:
+        return None
+    wanted = (run.mission.scanner or items[0].name).casefold()
+    sensors = [item.sensor for item in items if item.name.casefold() == wanted]
+    return load_settings(sensors[0]).medium if sensors and sensors[0] else None
+
+
+def true_outlines(run: NavigationRun) -> tuple[Outline, ...]:
+    """Return the outlines of the scene, if it is known."""
+    scene = run.scene
+    return () if scene is None else outlines_of(scene, plan_height(scene))
+
+
+def true_path(run: NavigationRun) -> Floats:
+    """Return the path that the robot truly drove, (N, 2) m; none if it is unknown."""
+    return NO_PATH if run.monitor is None else run.monitor.positions
+
+
+def _summary(run: NavigationRun) -> str:
+    rounds = f"{run.circuits} circuit{'s' * (run.circuits != 1)}"
+    path = f"{run.run_log.path_length:.1f} m in {run.run_log.time:.0f} s, {rounds}"
+    if run.monitor is None:
+        return path
+    away = run.monitor.distance(run.mission.goals[-1])
+    return f"{path}, in truth {away:.2f} m from the goal"
+
+
+class RunCamera:
+    """Draws frames of a navigation run."""
+
+    def __init__(self, run: NavigationRun) -> None:
+        self._run = run
+        self._frames: RunFrames | None = None
+
+    def draw(self) -> Pixels:
+        """Draw the run as it is; at least one row."""
+        run, run_log = self._run, self._run.run_log
+        if self._frames is None:
+            self._frames = self._prepare()
+        row = run_log.rows[-1]
+        status = f"{run_log.time:.1f} s, {run_log.path_length:.1f} m"
+        status = f"{status}, {ACTIVITIES[row.activity]}"
+        return self._frames.draw(run_log, true_path(run), status)
+
+    def _prepare(self) -> RunFrames:
+        run, outlines = self._run, true_outlines(self._run)
+        row = run.run_log.rows[0]
+        name = run.mission.algorithm.value.capitalize()
+        where = "" if run.scene is None else f" in {run.scene.name}"
+        return RunFrames(
+            first_extent(outlines, (row.x, row.y), run.mission.goals),
+            f"{name} drives to its goal{where}",
+            drawn_robot(run.mission.robot_class).name,
+            medium_of(run),
+            outlines,
+        )

@@ -1,0 +1,82 @@
+"""Frames of films of maps that grow."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from radarsim.geometry import Floats
+from radarsim.mapping.export import sensed_window
+from radarsim.mapping.occupancy_grid import OccupancyGrid
+from radarsim.plotting.film import FrameCanvas
+from radarsim.plotting.film_encoders import Pixels
+from radarsim.plotting.maps import (
+    MapPanel,
+    cell_rows,
+    extent_of,
+    outline_rows,
+    path_rows,
+    pixels_per_metre,
+)
+from radarsim.plotting.outlines import Outline, outlines_extent
+from radarsim.plotting.panels import Extent, Panels
+
+_AROUND: Final = 10.0  # m around the start that a film shows at first
+_EDGE: Final = 0.5  # m around a scene, into which unknown cells may reach
+_LARGEST_SCENE: Final = 40.0  # m of a side of a scene that it shows whole
+
+
+def first_extent(outlines: Sequence[Outline], start: tuple[float, float]) -> Extent:
+    """Return what a film shows at first: a scene that is known and not too large.
+
+    Args:
+        outlines: The scene; none if it is unknown.
+        start: Start of the robot, m.
+    """
+    x, y = start
+    around = Extent(x, y, x, y).grown(_AROUND)
+    scene = outlines_extent(outlines)
+    if scene is None or max(scene.width, scene.height) > _LARGEST_SCENE:
+        return around
+    return scene.grown(_EDGE)
+
+
+class MapFrames:
+    """Draws frames of one size; what they show grows with the map if it has to."""
+
+    def __init__(
+        self,
+        extent: Extent,
+        resolution: float,
+        title: str,
+        robot_class: str,
+        outlines: Sequence[Outline] = (),
+    ) -> None:
+        """Draw what does not change.
+
+        Args:
+            extent: What is shown at first.
+            resolution: Side of a cell, m.
+            title: Title, in words, one line.
+            robot_class: Class of the robot.
+            outlines: What is truly there.
+        """
+        scale = pixels_per_metre(extent, resolution)
+        self._panels = Panels(extent, scale, [f"{title}\n"])
+        self._panel = MapPanel(self._panels.axes[0], robot_class, outlines)
+        self._status = self._panels.add_status()
+        kinds = [outline.kind for outline in outlines]
+        rows = [*cell_rows(), *path_rows(), *outline_rows(kinds)]
+        self._panels.add_legend(rows)
+        self._canvas = FrameCanvas(self._panels.figure)
+
+    def draw(self, grid: OccupancyGrid, path: Floats, status: str) -> Pixels:
+        """Draw a frame, (H, W, 3).
+
+        Args:
+            grid: The map.
+            path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad.
+            status: The second line of the title.
+        """
+        self._panel.update(grid, path)
+        self._panels.show(extent_of(grid, sensed_window(grid)))
+        self._status.set_text(status)
+        return self._canvas.render([*self._panel.artists, self._status])

@@ -1,0 +1,117 @@
+"""True outlines of a scene at the height of a sensor, as areas and as lines."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
+from shapely import Geometry
+
+from radarsim.geometry import Floats
+from radarsim.plotting.panels import Extent
+from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+
+_DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """The outlines of all things of one kind.
+
+    Attributes:
+        kind: ``solid``, ``foliage`` or ``cloud``.
+        lines: Their outlines, (N, 2) m each, map frame; where things overlap, that of
+            both together.
+    """
+
+    kind: str
+    lines: tuple[Floats, ...]
+
+
+KINDS: Final = ("cloud", "foliage", "solid")
+
+
+def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
+    """Return the outlines of what a scene has at a height, one for each kind.
+
+    Args:
+        scene: The map.
+        height: m, map frame.
+    """
+    found = []
+    for kind in KINDS:
+        parts = (part for part in scene.parts if kind_of(part.material) == kind)
+        if lines := _outline(parts, height):
+            found.append(Outline(kind, lines))
+    return tuple(found)
+
+
+def outlines_extent(outlines: Iterable[Outline]) -> Extent | None:
+    """Return the extent of outlines; None without any."""
+    lines = [line for outline in outlines for line in outline.lines]
+    if not lines:
+        return None
+    corners = np.concatenate(lines)
+    low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    return Extent(*low, *high)
+
+
+def kind_of(material: Material) -> str:
+    """Return what a material is to a robot and to its radar, one of ``KINDS``."""
+    if not material.solid:
+        return "cloud"
+    seen_through = material.penetrable or material.sheet_loss is not None
+    return "foliage" if seen_through else "solid"
+
+
+def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
+    areas: list[Geometry] = []
+    lines: list[Floats] = []
+    for part in parts:
+        segments = np.round(slice_mesh(part.vertices, part.faces, height), _DIGITS)
+        area = shapely.build_area(shapely.multilinestrings(segments))
+        if shapely.is_empty(area):  # a surface that encloses nothing
+            lines += list(segments)
+        else:
+            areas.append(area)
+    together = shapely.boundary(shapely.union_all(areas))
+    lines += [shapely.get_coordinates(line) for line in shapely.get_parts(together)]
+    return tuple(lines)
+
+
+FILLS: Final = {"solid": "#c9c5bc", "foliage": "#b7dfae", "cloud": "#e3e3e3"}
+EDGES: Final = {"solid": "#6b6862", "foliage": "#2f7d32", "cloud": "#b0b0b0"}
+TEXTS: Final = {"solid": "solid", "foliage": "foliage", "cloud": "smoke or dust"}
+
+
+def draw_areas(axes: Axes, outlines: Iterable[Outline], *, zorder: float = 1.0) -> None:
+    """Draw things as filled areas, each kind in its colour."""
+    for outline in outlines:
+        paths = [Path(line) for line in outline.lines]
+        patch = PathPatch(
+            Path.make_compound_path(*paths),
+            facecolor=FILLS[outline.kind],
+            edgecolor=EDGES[outline.kind],
+            linewidth=1.0,
+            zorder=zorder,
+        )
+        axes.add_patch(patch)
+
+
+def area_rows(outlines: Iterable[Outline]) -> list[Artist]:
+    """Return the rows of a legend for filled areas."""
+    return [
+        Patch(
+            facecolor=FILLS[outline.kind],
+            edgecolor=EDGES[outline.kind],
+            label=TEXTS[outline.kind],
+        )
+        for outline in outlines
+    ]

@@ -1,0 +1,196 @@
+"""Panels of one scale beside each other, laid out in whole pixels, and their legend.
+
+Pictures of runs and maps share this layout: panels of equal size, so that what they
+show can be compared; above each its title, below all of them one legend.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+DPI: Final = 110
+EVEN: Final = 2  # pixels; sides of frames of a film are even
+_WEST, _EAST, _GAP = 4.4, 1.6, 4.4  # beside the panels, in heights of the text
+_TICKS: Final = 3.6  # below the panels, likewise
+_TITLE_LINE: Final = 1.5  # likewise
+_TITLE: Final = 1.15  # size of a title, in sizes of the text
+_PAD: Final = 6.0  # points between a title and its panel
+_ZOOM: Final = 1.15  # so that a film does not zoom at every scan
+_NARROWEST: Final = 640  # pixels of the figure
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What a panel shows, m, map frame.
+
+    Attributes:
+        west: Least x.
+        south: Least y.
+        east: Greatest x.
+        north: Greatest y.
+    """
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @property
+    def width(self) -> float:
+        """From west to east, m."""
+        return self.east - self.west
+
+    @property
+    def height(self) -> float:
+        """From south to north, m."""
+        return self.north - self.south
+
+    def union(self, other: "Extent") -> "Extent":
+        """Return the smallest extent that contains both."""
+        return Extent(
+            min(self.west, other.west),
+            min(self.south, other.south),
+            max(self.east, other.east),
+            max(self.north, other.north),
+        )
+
+    def grown(self, margin: float) -> "Extent":
+        """Return the extent with a margin on all sides, m."""
+        return Extent(
+            self.west - margin,
+            self.south - margin,
+            self.east + margin,
+            self.north + margin,
+        )
+
+
+class Panels:
+    """A figure of panels.
+
+    Attributes:
+        figure: The figure.
+        axes: One for each panel, from left to right.
+    """
+
+    def __init__(
+        self,
+        extent: Extent,
+        pixels_per_metre: float,
+        titles: Sequence[str],
+        *,
+        text: float = 10.0,
+    ) -> None:
+        """Create empty panels.
+
+        Args:
+            extent: What each panel shows.
+            pixels_per_metre: Their scale.
+            titles: One for each panel; each of as many lines.
+            text: Size of the text, points.
+        """
+        self._text = text
+        self.figure = Figure(dpi=DPI)
+        self.axes: list[Axes] = []
+        self._size = (
+            math.ceil(extent.width * pixels_per_metre - 1e-6),
+            math.ceil(extent.height * pixels_per_metre - 1e-6),
+        )
+        for title in titles:
+            axes = self.figure.add_axes((0, 0, 1, 1))
+            axes.set_xlim(extent.west, extent.east)
+            axes.set_ylim(extent.south, extent.north)
+            axes.set_xlabel("x, m", fontsize=text)
+            axes.tick_params(labelsize=text)
+            axes.set_title(
+                title, loc="left", fontsize=text * _TITLE, pad=_PAD, parse_math=False
+            )
+            self.axes.append(axes)
+        self.axes[0].set_ylabel("y, m", fontsize=text)
+        lines = max(title.count("\n") + 1 for title in titles)
+        self._top = self._pixels(_TITLE_LINE) * lines + self._pixels(1.0)
+        self._place(0)
+
+    def add_legend(self, rows: Sequence[Artist]) -> None:
+        """Place a legend below the panels, in as many lines as it needs."""
+        for columns in range(len(rows), 0, -1):
+            legend = self._legend(rows, columns)
+            box = _size_of(legend, self.figure)
+            if box.width <= self.figure.bbox.width or columns == 1:
+                break
+            legend.remove()
+        self._place(math.ceil(box.height))
+
+    def add_status(self) -> Text:
+        """Place a text that changes below the first line of the first title."""
+        return self.axes[0].annotate(
+            "",
+            (0.0, 1.0),
+            xytext=(0.0, _PAD),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            fontsize=self._text * _TITLE,
+            parse_math=False,
+        )
+
+    def show(self, extent: Extent) -> None:
+        """Let all panels show an extent too, at a smaller scale if it is larger."""
+        axes = self.axes[0]
+        (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+        shown = Extent(west, south, east, north)
+        wanted = shown.union(extent)
+        if wanted == shown:
+            return
+        share = max(wanted.width / shown.width, wanted.height / shown.height) * _ZOOM
+        middle_x = (wanted.west + wanted.east) / 2
+        middle_y = (wanted.south + wanted.north) / 2
+        across, up = shown.width * share / 2, shown.height * share / 2
+        for axes in self.axes:
+            axes.set_xlim(middle_x - across, middle_x + across)
+            axes.set_ylim(middle_y - up, middle_y + up)
+
+    def _legend(self, rows: Sequence[Artist], columns: int) -> Legend:
+        return self.figure.legend(
+            handles=list(rows),
+            loc="lower center",
+            ncols=columns,
+            fontsize=self._text,
+            frameon=False,
+        )
+
+    def _place(self, legend_height: int) -> None:
+        """Set the size of the figure, and the places of the panels in it."""
+        across, up = self._size
+        count = len(self.axes)
+        west, gap, east = (self._pixels(each) for each in (_WEST, _GAP, _EAST))
+        inner = west + count * across + (count - 1) * gap + east
+        width = _even(max(inner, _NARROWEST))
+        bottom = self._pixels(_TICKS) + legend_height
+        height = _even(bottom + up + self._top)
+        self.figure.set_size_inches(width / DPI, height / DPI)
+        left = west + (width - inner) // 2
+        for axes in self.axes:
+            place = (left / width, bottom / height, across / width, up / height)
+            axes.set_position(place)
+            left += across + gap
+
+    def _pixels(self, lines: float) -> int:
+        """Return a length of some heights of the text in pixels."""
+        return round(lines * self._text * DPI / 72)
+
+
+def _even(pixels: float) -> int:
+    return math.ceil(pixels / EVEN) * EVEN
+
+
+def _size_of(legend: Legend, figure: Figure) -> Bbox:
+    canvas: Any = FigureCanvasAgg(figure)  # parts of it have no types
+    return legend.get_window_extent(canvas.get_renderer())

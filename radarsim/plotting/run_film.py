@@ -1,0 +1,94 @@
+"""Frames of films of navigation runs."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from radarsim.geometry import Floats
+from radarsim.navigation.bug import Point
+from radarsim.navigation.run_log import RunLog
+from radarsim.plotting.film import FrameCanvas
+from radarsim.plotting.film_encoders import Pixels
+from radarsim.plotting.outlines import Outline, area_rows, draw_areas, outlines_extent
+from radarsim.plotting.panels import Extent, Panels
+from radarsim.plotting.run_markers import GOAL, START, marker_rows
+from radarsim.plotting.runs import (
+    FOLLOWING,
+    GOING,
+    RunPanel,
+    path_rows,
+    pixels_per_metre,
+    run_extent,
+    run_rows,
+)
+
+_AROUND: Final = 2.0  # m around what a film shows at first
+_LARGEST_SCENE: Final = 40.0  # m of a side of a scene that it shows whole
+_TEXT: Final = 10.0  # points
+
+
+def first_extent(
+    outlines: Sequence[Outline], start: Point, goals: Sequence[Point]
+) -> Extent:
+    """Return what a film shows at first: start, goals, a scene that is not too large.
+
+    Args:
+        outlines: The scene; none if it is unknown.
+        start: Start of the robot, m.
+        goals: All goals, m.
+    """
+    shown = Extent(*start, *start)
+    for goal in goals:
+        shown = shown.union(Extent(*goal, *goal))
+    scene = outlines_extent(outlines)
+    if scene is not None and max(scene.width, scene.height) <= _LARGEST_SCENE:
+        shown = shown.union(scene)
+    return shown.grown(_AROUND)
+
+
+class RunFrames:
+    """Draws frames of one size; what they show grows with the run if it has to."""
+
+    def __init__(
+        self,
+        extent: Extent,
+        title: str,
+        robot_class: str,
+        medium: str | None,
+        outlines: Sequence[Outline] = (),
+    ) -> None:
+        """Draw what does not change.
+
+        Args:
+            extent: What is shown at first.
+            title: Title, in words, one line.
+            robot_class: Class of the robot.
+            medium: What it senses with, as in ``RunView``.
+            outlines: What is truly there.
+        """
+        self._panels = Panels(extent, pixels_per_metre(extent), [f"{title}\n"])
+        axes = self._panels.axes[0]
+        draw_areas(axes, outlines)
+        self._panel = RunPanel(axes, robot_class, medium)
+        self._status = self._panels.add_status()
+        self._panels.add_legend(
+            [
+                *path_rows([GOING, FOLLOWING]),
+                *run_rows(medium, truth=bool(outlines)),
+                *area_rows(outlines),
+                *marker_rows([START, GOAL]),
+            ]
+        )
+        self._canvas = FrameCanvas(self._panels.figure)
+
+    def draw(self, run_log: RunLog, true_path: Floats, status: str) -> Pixels:
+        """Draw a frame, (H, W, 3).
+
+        Args:
+            run_log: The run; at least one row.
+            true_path: Path that the robot truly drove, (N, 2) m.
+            status: The second line of the title.
+        """
+        self._panel.update(run_log, true_path, text=_TEXT)
+        self._panels.show(run_extent(run_log, true_path))
+        self._status.set_text(status)
+        return self._canvas.render([*self._panel.artists, self._status])
