@@ -1,5 +1,6 @@
 """Files are written completely or not at all."""
 
+import contextlib
 import os
 import resource
 import signal
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.atomic_write import write_atomically
+from radarsim.atomic_write import write_atomically, written_atomically
 
 
 def names(folder: Path) -> list[str]:
@@ -116,7 +117,7 @@ def test_full_disk_leaves_the_old_files(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from radarsim.atomic_write import write_atomically
+from radarsim.atomic_write import write_atomically, written_atomically
 path, number = Path(sys.argv[1]), 0
 while True:
     number += 1
@@ -137,3 +138,22 @@ def test_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
         data = path.read_bytes()
         assert len(data) == 3_000_000
         assert len(set(data)) == 1
+
+
+def test_file_written_bit_by_bit_appears_when_it_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "film.gif"
+    path.write_bytes(b"old")
+    with written_atomically(path) as part:
+        part.write_bytes(b"new")
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"new"
+    with contextlib.suppress(KeyboardInterrupt), written_atomically(path) as part:
+        part.write_bytes(b"half")
+        raise KeyboardInterrupt
+    assert path.read_bytes() == b"new"
+    assert names(tmp_path) == ["film.gif"]
+    with (
+        pytest.raises(OSError, match="not a regular file"),
+        written_atomically(Path("/dev/null")),
+    ):
+        pass

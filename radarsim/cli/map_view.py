@@ -33,8 +33,9 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         mapper.grid,
         mapper.trajectory.rows(),
         drawn_robot(result.robot_class).name,
-        f"{headline(result)}\n{_summary(result)}",
+        headline(result),
         true_outlines(result, mapper),
+        _summary(result),
     )
 
 

@@ -13,7 +13,7 @@ from radarsim.navigation.bug import Activity
 from radarsim.plotting.film_encoders import Pixels
 from radarsim.plotting.outlines import Outline, outlines_of
 from radarsim.plotting.run_film import RunFrames, first_extent
-from radarsim.plotting.runs import NO_PATH, RunView
+from radarsim.plotting.runs import NO_PATH, RunView, SteeringSensor
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 
@@ -31,11 +31,12 @@ def view_of(run: NavigationRun) -> RunView:
     """Return how a run is drawn; it has at least one row."""
     return RunView(
         run.run_log,
-        f"{headline(run)}\n{_summary(run)}",
+        headline(run),
         drawn_robot(run.mission.robot_class).name,
-        medium_of(run),
-        true_outlines(run),
-        true_path(run),
+        sensor_of(run),
+        outlines=true_outlines(run),
+        subtitle=_summary(run),
+        true_path=true_path(run),
     )
 
 
@@ -49,15 +50,17 @@ def headline(run: NavigationRun) -> str:
     return f"{name} {endings.get(run.outcome, 'fails')}{where}"
 
 
-def medium_of(run: NavigationRun) -> str | None:
-    """Return whether a robot steers by ``radar`` or ``laser``; None if unknown."""
+def sensor_of(run: NavigationRun) -> SteeringSensor | None:
+    """Return the sensor that a robot steers by; None if the class is unknown."""
     try:
         items = load_robot(run.mission.robot_class).items_of("RangeScanner")
     except PresetError:
         return None
     wanted = (run.mission.scanner or items[0].name).casefold()
-    sensors = [item.sensor for item in items if item.name.casefold() == wanted]
-    return load_settings(sensors[0]).medium if sensors and sensors[0] else None
+    for item in items:
+        if item.name.casefold() == wanted and item.sensor is not None:
+            return SteeringSensor(item.sensor, load_settings(item.sensor).medium)
+    return None
 
 
 def true_outlines(run: NavigationRun) -> tuple[Outline, ...]:
@@ -106,6 +109,6 @@ class RunCamera:
             first_extent(outlines, (row.x, row.y), run.mission.goals),
             f"{name} drives to its goal{where}",
             drawn_robot(run.mission.robot_class).name,
-            medium_of(run),
+            sensor_of(run),
             outlines,
         )

@@ -12,7 +12,7 @@ from radarsim.host import Host
 from radarsim.navigation.mission import Mission
 from radarsim.navigation.options import Algorithm
 from radarsim.plotting.outlines import outlines_of
-from radarsim.plotting.runs import RunView, run_figure
+from radarsim.plotting.runs import RunView, SteeringSensor, run_figure
 
 OPEN: Final = "bug_u_trap"  # a goal that can be reached
 CLOSED: Final = "bug_closed_box"  # and one that cannot
@@ -57,9 +57,9 @@ def _view(run: NavigationRun) -> RunView:
         run.run_log,
         _title(run),
         run.mission.robot_class,
-        "radar",
+        SteeringSensor("radar", "radar"),
         outlines_of(run.scene, plan_height(run.scene)),
-        _truth(run).positions,
+        true_path=_truth(run).positions,
     )
 
 

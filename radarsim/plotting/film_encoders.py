@@ -46,8 +46,8 @@ def film_format(path: Path) -> str:
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
             cure = "pip install 'radarsim[film]'"
-            name = path.with_suffix(".gif").name
-            text = f"MP4 films need ffmpeg, expected: {cure}, or a GIF: {name}"
+            name = path.with_suffix(".gif")
+            text = f"MP4 films need ffmpeg, expected {cure}, or --film {name}"
             raise ValueError(text) from None
     return suffix
 

@@ -60,9 +60,9 @@ class MapFrames:
             outlines: What is truly there.
         """
         scale = pixels_per_metre(extent, resolution)
-        self._panels = Panels(extent, scale, [f"{title}\n"])
+        self._panels = Panels(extent, scale, [title], [""])
         self._panel = MapPanel(self._panels.axes[0], robot_class, outlines)
-        self._status = self._panels.add_status()
+        (self._status,) = self._panels.subtitles
         kinds = [outline.kind for outline in outlines]
         rows = [*cell_rows(), *path_rows(), *outline_rows(kinds)]
         self._panels.add_legend(rows)

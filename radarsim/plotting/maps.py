@@ -29,7 +29,13 @@ from radarsim.mapping.export import (
 )
 from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
 from radarsim.plotting.outlines import KINDS, Outline, outlines_extent
-from radarsim.plotting.panels import Extent, Panels
+from radarsim.plotting.palette import (
+    MAPPED_PATH,
+    TRUE_FOLIAGE,
+    TRUE_SMOKE,
+    TRUE_SOLID,
+)
+from radarsim.plotting.panels import Extent, Panels, titles_of
 from radarsim.plotting.robots import draw_robot
 
 Shade: TypeAlias = tuple[int, int, int]  # RGB, 0 to 255
@@ -40,9 +46,13 @@ CELL_TEXTS: Final[dict[Shade, str]] = {
     GREY: f"sensed within {SHORT_RANGE:g} m",
     BLACK: "beams end here",
 }
-PATH_COLOUR: Final = "#e31a1c"
-PATH_WIDTH: Final = 1.4  # points
-OUTLINE_COLOURS: Final = {"foliage": "#20b520", "solid": "#ff9f00", "cloud": "#b0b0ff"}
+PATH_WIDTH: Final = 1.6  # points
+OUTLINE_WIDTH: Final = 1.2  # points
+OUTLINE_COLOURS: Final = {
+    "foliage": TRUE_FOLIAGE,
+    "solid": TRUE_SOLID,
+    "cloud": TRUE_SMOKE,
+}
 OUTLINE_TEXTS: Final = {
     "foliage": "foliage, in truth",
     "solid": "solid things, in truth",
@@ -64,6 +74,7 @@ class MapView:
         robot_class: Class of the robot.
         title: Title, in words.
         outlines: What is truly there.
+        subtitle: A further line; empty for none.
     """
 
     grid: OccupancyGrid
@@ -71,6 +82,7 @@ class MapView:
     robot_class: str
     title: str
     outlines: tuple[Outline, ...] = ()
+    subtitle: str = ""
 
     @property
     def extent(self) -> Extent:
@@ -114,14 +126,14 @@ class MapPanel:
                 LineCollection(
                     outline.lines,
                     colors=OUTLINE_COLOURS[outline.kind],
-                    linewidths=1.0,
+                    linewidths=OUTLINE_WIDTH,
                     zorder=2,
                 )
             )
             for outline in outlines
         ]
         (self._path,) = axes.plot(
-            [], [], color=PATH_COLOUR, linewidth=PATH_WIDTH, zorder=3
+            [], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, zorder=3
         )
         (self._start,) = axes.plot([], [], zorder=3, **_START_STYLE)
         self._robot: list[Artist] = []
@@ -150,7 +162,7 @@ class MapPanel:
 
 
 _START_STYLE: Final[dict[str, Any]] = {
-    "color": PATH_COLOUR,
+    "color": MAPPED_PATH,
     "marker": "o",
     "markersize": 7,
     "markeredgecolor": "white",
@@ -181,7 +193,7 @@ def map_figure(views: Sequence[MapView], *, text: float = 10.0) -> Figure:
     for view in views[1:]:
         extent = extent.union(view.extent)
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
-    panels = Panels(extent, scale, [view.title for view in views], text=text)
+    panels = Panels(extent, scale, *titles_of(views), text=text)
     for axes, view in zip(panels.axes, views, strict=True):
         MapPanel(axes, view.robot_class, view.outlines).update(view.grid, view.path)
     panels.add_legend(legend_rows(views))
@@ -227,7 +239,7 @@ def cell_rows(shades: Iterable[Shade] = tuple(CELL_TEXTS)) -> list[Artist]:
 def path_rows() -> list[Artist]:
     """Return the rows of a legend for the path and the start of the robot."""
     return [
-        Line2D([], [], color=PATH_COLOUR, linewidth=PATH_WIDTH, label="path"),
+        Line2D([], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, label="path"),
         Line2D([], [], label="start", **_START_STYLE),
     ]
 

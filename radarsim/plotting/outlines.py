@@ -13,6 +13,7 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family
 from radarsim.plotting.panels import Extent
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
@@ -86,8 +87,11 @@ def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
     return tuple(lines)
 
 
-FILLS: Final = {"solid": "#c9c5bc", "foliage": "#b7dfae", "cloud": "#e3e3e3"}
-EDGES: Final = {"solid": "#6b6862", "foliage": "#2f7d32", "cloud": "#b0b0b0"}
+FILLS: Final = {
+    "solid": FAMILY_COLOURS[Family.STONE],
+    "foliage": FAMILY_COLOURS[Family.FOLIAGE],
+    "cloud": FAMILY_COLOURS[Family.SMOKE],
+}
 TEXTS: Final = {"solid": "solid", "foliage": "foliage", "cloud": "smoke or dust"}
 
 
@@ -98,7 +102,7 @@ def draw_areas(axes: Axes, outlines: Iterable[Outline], *, zorder: float = 1.0) 
         patch = PathPatch(
             Path.make_compound_path(*paths),
             facecolor=FILLS[outline.kind],
-            edgecolor=EDGES[outline.kind],
+            edgecolor=MARKER,
             linewidth=1.0,
             zorder=zorder,
         )
@@ -110,7 +114,7 @@ def area_rows(outlines: Iterable[Outline]) -> list[Artist]:
     return [
         Patch(
             facecolor=FILLS[outline.kind],
-            edgecolor=EDGES[outline.kind],
+            edgecolor=MARKER,
             label=TEXTS[outline.kind],
         )
         for outline in outlines

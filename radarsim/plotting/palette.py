@@ -48,21 +48,32 @@ SICK: Final = "#753daa"
 LASER: Final = "#be6ab5"
 PHYSICAL: Final = "#2a3d35"
 
-# Parts of navigation and mapping runs.
-GOING: Final = RIGHT_RAY  # path towards the goal
-FOLLOWING: Final = HOKUYO  # path along a boundary
-RETURNING: Final = "#00c8ff"  # path back to the leave point
+# Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
+GOING: Final = "#00c8ff"  # path towards the goal
+FOLLOWING: Final = "#ffc800"  # path along a boundary
+RETURNING: Final = FAMILY_COLOURS[Family.WOOD]  # path back to the leave point
 TRUE_PATH: Final = CENTRE_RAY
-SENSED: Final = FAMILY_COLOURS[Family.STONE]  # ends of beams
+UNKNOWN_SENSOR: Final = LASER
+MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
+TRUE_SOLID: Final = "#ff9f00"  # outlines over a map: what is truly there
+TRUE_FOLIAGE: Final = FAMILY_COLOURS[Family.FOLIAGE]
+TRUE_SMOKE: Final = "#d58cff"
 MARKER: Final = CENTRE_RAY  # start, goal, hit and leave points, told apart by shape
 ROBOT: Final = "#ffffff"  # hull of the robot, outlined in ``MARKER``
 
 _ON_MATERIALS = tuple(FAMILY_COLOURS.values())
+_RUN = (
+    *(GOING, FOLLOWING, RETURNING, TRUE_PATH),
+    *(FAMILY_COLOURS[family] for family in (Family.STONE, Family.FOLIAGE)),
+)
+_CELLS = ("#0000ff", "#ffffff", "#a0a0a0", "#000000")  # UsarCommander's
 SHOWN_TOGETHER: Final = {
     "rays over a plan": (*_ON_MATERIALS, LEFT_RAY, CENTRE_RAY, RIGHT_RAY),
     "sensors over a plan": (*_ON_MATERIALS, RADAR, HOKUYO, SICK, LASER, PHYSICAL),
-    "run": (GOING, FOLLOWING, RETURNING, TRUE_PATH, SENSED),
-    "path over a map": (LEFT_RAY, TRUE_PATH, FAMILY_COLOURS[Family.FOLIAGE], SENSED),
+    **{
+        f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, HOKUYO, SICK, LASER)
+    },
+    "map": (*_CELLS, MAPPED_PATH, TRUE_SOLID, TRUE_FOLIAGE, TRUE_SMOKE),
 }
 
 # The last word of a name that is found decides: a "wood_floor" is ground.

@@ -7,7 +7,7 @@ show can be compared; above each its title, below all of them one legend.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -21,8 +21,9 @@ DPI: Final = 110
 EVEN: Final = 2  # pixels; sides of frames of a film are even
 _WEST, _EAST, _GAP = 4.4, 1.6, 4.4  # beside the panels, in heights of the text
 _TICKS: Final = 3.6  # below the panels, likewise
-_TITLE_LINE: Final = 1.5  # likewise
-_TITLE: Final = 1.15  # size of a title, in sizes of the text
+_TOP: Final = 2.8  # above the panels, likewise, for a title
+_LINE: Final = 1.4  # likewise, for a subtitle
+_TITLE: Final = 1.2  # size of a title, in sizes of the text
 _PAD: Final = 6.0  # points between a title and its panel
 _ZOOM: Final = 1.15  # so that a film does not zoom at every scan
 _NARROWEST: Final = 640  # pixels of the figure
@@ -79,6 +80,7 @@ class Panels:
     Attributes:
         figure: The figure.
         axes: One for each panel, from left to right.
+        subtitles: The further lines; what they say may change.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class Panels:
         extent: Extent,
         pixels_per_metre: float,
         titles: Sequence[str],
+        subtitles: Sequence[str] = (),
         *,
         text: float = 10.0,
     ) -> None:
@@ -94,7 +97,8 @@ class Panels:
         Args:
             extent: What each panel shows.
             pixels_per_metre: Their scale.
-            titles: One for each panel; each of as many lines.
+            titles: One for each panel, a line each.
+            subtitles: A further line for each panel; none for no such lines.
             text: Size of the text, points.
         """
         self._text = text
@@ -111,12 +115,20 @@ class Panels:
             axes.set_xlabel("x, m", fontsize=text)
             axes.tick_params(labelsize=text)
             axes.set_title(
-                title, loc="left", fontsize=text * _TITLE, pad=_PAD, parse_math=False
+                title,
+                loc="left",
+                fontsize=text * _TITLE,
+                fontweight="bold",
+                pad=_PAD + _LINE * text * bool(subtitles),
+                parse_math=False,
             )
             self.axes.append(axes)
         self.axes[0].set_ylabel("y, m", fontsize=text)
-        lines = max(title.count("\n") + 1 for title in titles)
-        self._top = self._pixels(_TITLE_LINE) * lines + self._pixels(1.0)
+        self.subtitles = [
+            self._write_subtitle(*each)
+            for each in zip(self.axes, subtitles, strict=bool(subtitles))
+        ]
+        self._top = self._pixels(_TOP + _LINE * bool(subtitles))
         self._place(0)
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
@@ -128,18 +140,6 @@ class Panels:
                 break
             legend.remove()
         self._place(math.ceil(box.height))
-
-    def add_status(self) -> Text:
-        """Place a text that changes below the first line of the first title."""
-        return self.axes[0].annotate(
-            "",
-            (0.0, 1.0),
-            xytext=(0.0, _PAD),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            fontsize=self._text * _TITLE,
-            parse_math=False,
-        )
 
     def show(self, extent: Extent) -> None:
         """Let all panels show an extent too, at a smaller scale if it is larger."""
@@ -156,6 +156,17 @@ class Panels:
         for axes in self.axes:
             axes.set_xlim(middle_x - across, middle_x + across)
             axes.set_ylim(middle_y - up, middle_y + up)
+
+    def _write_subtitle(self, axes: Axes, text: str) -> Text:
+        return axes.annotate(
+            text,
+            (0.0, 1.0),
+            xytext=(0.0, _PAD),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            fontsize=self._text,
+            parse_math=False,
+        )
 
     def _legend(self, rows: Sequence[Artist], columns: int) -> Legend:
         return self.figure.legend(
@@ -185,6 +196,24 @@ class Panels:
     def _pixels(self, lines: float) -> int:
         """Return a length of some heights of the text in pixels."""
         return round(lines * self._text * DPI / 72)
+
+
+class Titled(Protocol):
+    """What has a title and, perhaps, a further line."""
+
+    @property
+    def title(self) -> str:
+        """Title, in words."""
+
+    @property
+    def subtitle(self) -> str:
+        """A further line; empty for none."""
+
+
+def titles_of(views: Sequence[Titled]) -> tuple[list[str], list[str]]:
+    """Return the titles and the subtitles of some views; no subtitles if all lack."""
+    subtitles = [view.subtitle for view in views]
+    return [view.title for view in views], subtitles if any(subtitles) else []
 
 
 def _even(pixels: float) -> int:

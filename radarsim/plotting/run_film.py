@@ -15,6 +15,7 @@ from radarsim.plotting.runs import (
     FOLLOWING,
     GOING,
     RunPanel,
+    SteeringSensor,
     path_rows,
     pixels_per_metre,
     run_extent,
@@ -53,7 +54,7 @@ class RunFrames:
         extent: Extent,
         title: str,
         robot_class: str,
-        medium: str | None,
+        sensor: SteeringSensor | None,
         outlines: Sequence[Outline] = (),
     ) -> None:
         """Draw what does not change.
@@ -62,18 +63,18 @@ class RunFrames:
             extent: What is shown at first.
             title: Title, in words, one line.
             robot_class: Class of the robot.
-            medium: What it senses with, as in ``RunView``.
+            sensor: The sensor that it steers by, as in ``RunView``.
             outlines: What is truly there.
         """
-        self._panels = Panels(extent, pixels_per_metre(extent), [f"{title}\n"])
+        self._panels = Panels(extent, pixels_per_metre(extent), [title], [""])
         axes = self._panels.axes[0]
         draw_areas(axes, outlines)
-        self._panel = RunPanel(axes, robot_class, medium)
-        self._status = self._panels.add_status()
+        self._panel = RunPanel(axes, robot_class, sensor)
+        (self._status,) = self._panels.subtitles
         self._panels.add_legend(
             [
                 *path_rows([GOING, FOLLOWING]),
-                *run_rows(medium, truth=bool(outlines)),
+                *run_rows(sensor, truth=bool(outlines)),
                 *area_rows(outlines),
                 *marker_rows([START, GOAL]),
             ]

@@ -12,8 +12,8 @@ from matplotlib.patheffects import withStroke
 
 from radarsim.navigation.bug import Point
 from radarsim.navigation.run_log import RunLog
+from radarsim.plotting.palette import MARKER
 
-COLOUR: Final = "black"  # their shapes and letters tell markers apart
 _TOGETHER: Final = 0.35  # m; markers that are nearer share a label
 _HALO: Final = withStroke(linewidth=3, foreground="white")
 
@@ -40,7 +40,7 @@ class MarkerStyle:
     def options(self) -> dict[str, Any]:
         """Options of matplotlib for the marker."""
         return {
-            "color": COLOUR,
+            "color": MARKER,
             "marker": self.marker,
             "markersize": self.size,
             "markeredgecolor": "white",
@@ -99,7 +99,7 @@ def _label(
         xytext=style.offset,
         textcoords="offset points",
         ha="right" if style.offset[0] < 0 else "left",
-        color=COLOUR,
+        color=MARKER,
         fontsize=size,
         fontweight="bold",
         path_effects=[_HALO],

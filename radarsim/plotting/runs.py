@@ -21,8 +21,9 @@ from matplotlib.lines import Line2D
 from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import Activity
 from radarsim.navigation.run_log import RunLog
+from radarsim.plotting import palette
 from radarsim.plotting.outlines import Outline, area_rows, draw_areas
-from radarsim.plotting.panels import Extent, Panels
+from radarsim.plotting.panels import Extent, Panels, titles_of
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.run_markers import (
     STYLES,
@@ -35,8 +36,6 @@ FORMS: Final = ("png", "svg", "pdf")
 AROUND: Final = 3.0  # m around the path that are shown
 NO_PATH: Final[Floats] = np.zeros((0, 2))
 FAINTEST: Final = 0.2  # opacity of dots where one beam ended
-TRUE_COLOUR: Final = "black"
-SENSED_COLOURS: Final = {"radar": "#cc79a7", "laser": "#56b4e9", None: "#808080"}
 _MARGIN: Final = 0.6  # m
 _WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
 _CLOSEST: Final = 160.0  # pixels per metre, at most
@@ -52,14 +51,30 @@ class PathStyle:
     zorder: float
 
 
-GOING: Final = PathStyle("going to the goal", "#0072b2", 2.2, 4.0)
-FOLLOWING: Final = PathStyle("following a boundary", "#e69f00", 2.8, 3.0)
-RETURNING: Final = PathStyle("returning to the leave point", "#7b3294", 1.4, 3.5)
+GOING: Final = PathStyle("going to the goal", palette.GOING, 2.2, 4.0)
+FOLLOWING: Final = PathStyle("following a boundary", palette.FOLLOWING, 2.8, 3.0)
+RETURNING: Final = PathStyle(
+    "returning to the leave point", palette.RETURNING, 1.4, 3.5
+)
 PATH_STYLES: Final = {
     Activity.ALIGNING: FOLLOWING,
     Activity.FOLLOWING: FOLLOWING,
     Activity.RETURNING: RETURNING,
 }
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringSensor:
+    """The sensor that a robot steers by: name of the preset, and its medium."""
+
+    name: str
+    medium: str
+
+
+def _sensor_colour(sensor: SteeringSensor | None) -> str:
+    if sensor is None:
+        return palette.UNKNOWN_SENSOR
+    return palette.sensor_colour(sensor.name, sensor.medium)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,16 +85,18 @@ class RunView:
         run_log: The run; at least one row.
         title: Title, in words.
         robot_class: Class of the robot.
-        medium: ``radar`` or ``laser``, what it senses with; None if that is unknown.
+        sensor: The sensor that it steers by; None if that is unknown.
         outlines: What is truly there, if it is known.
+        subtitle: A further line; empty for none.
         true_path: Path that it truly drove, (N, 2) m; none if it is unknown.
     """
 
     run_log: RunLog
     title: str
     robot_class: str
-    medium: str | None = None
+    sensor: SteeringSensor | None = None
     outlines: tuple[Outline, ...] = ()
+    subtitle: str = ""
     true_path: Floats = field(default_factory=lambda: NO_PATH)
 
     @property
@@ -103,10 +120,12 @@ def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
 class RunPanel:
     """A run in a panel, which can be updated while it goes on."""
 
-    def __init__(self, axes: Axes, robot_class: str, medium: str | None) -> None:
+    def __init__(
+        self, axes: Axes, robot_class: str, sensor: SteeringSensor | None
+    ) -> None:
         self._axes = axes
         self._robot_class = robot_class
-        self._colour = to_rgb(SENSED_COLOURS[medium])
+        self._colour = to_rgb(_sensor_colour(sensor))
         self._moving: list[Artist] = []
 
     def update(self, run_log: RunLog, true_path: Floats, *, text: float) -> None:
@@ -147,7 +166,7 @@ _GOAL_LINE: Final[dict[str, Any]] = {
     "linestyle": "--",
     "linewidth": 1.0,
 }
-_TRUE_PATH: Final[dict[str, Any]] = {"color": TRUE_COLOUR, "linewidth": 0.9}
+_TRUE_PATH: Final[dict[str, Any]] = {"color": palette.TRUE_PATH, "linewidth": 0.9}
 
 
 def draw_run(view: RunView, *, form: str = "png") -> bytes:
@@ -170,11 +189,11 @@ def run_figure(views: Sequence[RunView], *, text: float = 10.0) -> Figure:
     extent = views[0].extent
     for view in views[1:]:
         extent = extent.union(view.extent)
-    titles = [view.title for view in views]
-    panels = Panels(extent, pixels_per_metre(extent), titles, text=text)
+    scale = pixels_per_metre(extent)
+    panels = Panels(extent, scale, *titles_of(views), text=text)
     for axes, view in zip(panels.axes, views, strict=True):
         draw_areas(axes, view.outlines)
-        panel = RunPanel(axes, view.robot_class, view.medium)
+        panel = RunPanel(axes, view.robot_class, view.sensor)
         panel.update(view.run_log, view.true_path, text=text)
     panels.add_legend(_legend_rows(views))
     return panels.figure
@@ -193,7 +212,7 @@ def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
         *path_rows(
             [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
         ),
-        *run_rows(views[0].medium, truth=any(len(view.true_path) for view in views)),
+        *run_rows(views[0].sensor, truth=any(len(view.true_path) for view in views)),
         *area_rows(views[0].outlines),
         *marker_rows([style for style in STYLES if style in markers]),
     ]
@@ -207,12 +226,16 @@ def path_rows(styles: Collection[PathStyle]) -> list[Artist]:
     ]
 
 
-def run_rows(medium: str | None, *, truth: bool) -> list[Artist]:
+def run_rows(sensor: SteeringSensor | None, *, truth: bool) -> list[Artist]:
     """Return the rows of a legend for the true path, goal lines and what is sensed."""
-    colour, by = SENSED_COLOURS[medium], "" if medium is None else f" by the {medium}"
-    dot: dict[str, Any] = {"color": colour, "marker": ".", "linestyle": "none"}
+    by = "" if sensor is None else f" by the {sensor.medium}"
+    dot: dict[str, Any] = {
+        "color": _sensor_colour(sensor),
+        "marker": ".",
+        "linestyle": "none",
+    }
     rows: list[Artist] = [
-        Line2D([], [], **dot, markersize=8, label=f"sensed{by}"),
+        Line2D([], [], **dot, label=f"sensed{by}"),
         Line2D([], [], **_GOAL_LINE, label="line to the goal"),
     ]
     return [Line2D([], [], **_TRUE_PATH, label="true path"), *rows] if truth else rows

@@ -20,7 +20,7 @@ from radarsim.scene.map_file import shipped_maps
 Command = Callable[..., Any]
 FOLIAGE = ("--serve", "foliage_room", "--time-limit", "3")
 SEEN = ("--serve", "empty_room", "--strategy", "frontiers")  # seen from the start
-FILES = ["map.pgm", "map.png", "map.tum", "map.yaml"]
+FILES = ["map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png"]
 fast_server = pytest.mark.usarsim(map="empty_room", speed=4)
 pytestmark = pytest.mark.timeout(180)
 
@@ -49,7 +49,8 @@ def test_map_is_written_and_summarised_in_lines(
         r"in truth 0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
         r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
         r" \d+ wrong, collisions: 0\n"
-        rf"files    map\.png, map\.pgm, map\.yaml, map\.tum in {where}\n",
+        r"files    map\.png, map\.pgm, map\.yaml, map\.tum, map_view\.png"
+        rf" in {where}\n",
         run.text,
     )
     told = [line.split(" s  ")[1] for line in run.err.splitlines()]
@@ -96,7 +97,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     assert told["judge"]["right"] > 1000 * told["judge"]["wrong"]
     assert told["judge"]["unknown"] > 1000
     assert [Path(file).name for file in told["files"]] == [
-        *("room.png", "room.pgm", "room.yaml", "room.tum")
+        *("room.png", "room.pgm", "room.yaml", "room.tum", "room_view.png")
     ]
 
 
@@ -105,9 +106,9 @@ def test_same_seed_gives_the_same_map_and_another_seed_another(
 ) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
         radarsim("map", str(tmp_path / name), *SEEN, "--seed", seed)
-    for ending in (".png", ".pgm", ".tum"):
+    for ending in (".png", ".pgm", ".tum", "_view.png"):
         one, same, other = (
-            (tmp_path / name).with_suffix(ending).read_bytes() for name in "abc"
+            (tmp_path / f"{name}{ending}").read_bytes() for name in "abc"
         )
         assert one == same
         assert one != other
@@ -130,7 +131,7 @@ def test_map_of_probabilities_is_a_second_picture(
     run = radarsim("map", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
     assert run.code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == [
-        *("a.png", "a.tum", "a_scale.png", "a_scale.yaml")
+        *("a.png", "a.tum", "a_scale.png", "a_scale.yaml", "a_view.png")
     ]
     assert 'image: "a_scale.png"' in (tmp_path / "a_scale.yaml").read_text()
 
@@ -187,6 +188,12 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
         ),
         pytest.param(
             ["--through", "0", "--max-range", "0"], ["--max-range"], id="no range"
+        ),
+        pytest.param([*SEEN, "--film", "x.avi"], ["--film", ".gif"], id="film"),
+        pytest.param([*SEEN, "--film", "no/x.gif"], ["no such folder"], id="folder"),
+        pytest.param([*SEEN, "--film-speed", "0"], ["--film-speed"], id="film speed"),
+        pytest.param(
+            ["--through", "0", "--film", "x.gif"], ["--film"], id="film of another"
         ),
         pytest.param(["--strategy", "luck"], ["--strategy"], id="strategy"),
         pytest.param(["--through", "0", "--serve", "x"], ["--through"], id="through"),
@@ -322,7 +329,7 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
 def test_files_of_other_programs_are_not_overwritten(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    for ending in (".png", ".pgm", ".yaml", ".tum"):
+    for ending in (".png", ".pgm", ".yaml", ".tum", "_view.png"):
         (tmp_path / f"map{ending}").write_text("mine\n")
         run = radarsim("map", str(tmp_path), *FOLIAGE)
         assert run.code == 2
@@ -376,7 +383,7 @@ def test_interrupted_run_is_reported_in_json(
     told = json.loads(out)
     assert process.returncode == 130
     assert (told["outcome"], told["error"]) == ("broken_off", "interrupted")
-    assert len(told["files"]) == 4
+    assert len(told["files"]) == 5
 
 
 class Through:
@@ -430,3 +437,75 @@ def test_no_map_is_written_when_no_client_connects(
     assert code == 1
     assert "radarsim: no map: no scan has passed\n" in errors
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.timeout(120)
+def test_film_shows_the_run_and_does_not_change_it(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    words = ("--serve", "empty_room", "--way=-7,0", "--json")
+    plain = radarsim("map", str(tmp_path / "a"), *words)
+    films = [tmp_path / "a.gif", tmp_path / "b.gif"]
+    runs = [
+        radarsim("map", str(tmp_path / "b"), *words, "--film", str(film))
+        for film in films
+    ]
+    told = [json.loads(run.text) for run in (plain, *runs)]
+    for each in told:
+        del each["files"]
+    assert told[0] == told[1] == told[2]
+    for ending in (".png", ".tum", "_view.png"):
+        one, other = ((tmp_path / f"{name}{ending}").read_bytes() for name in "ab")
+        assert one == other
+    assert films[0].read_bytes() == films[1].read_bytes()
+    with Image.open(films[0]) as image:
+        frames = getattr(image, "n_frames", 1)
+        assert frames == pytest.approx(told[0]["time"] / 0.6, abs=2)
+        first = np.asarray(image.convert("RGB"))
+        image.seek(frames - 1)
+        assert image.info["duration"] == 2000
+        assert (np.asarray(image.convert("RGB")) != first).any()
+
+
+def test_place_of_a_film_has_to_be_a_file(radarsim: Command, tmp_path: Path) -> None:
+    (tmp_path / "x.gif").symlink_to("/dev/null")
+    film = str(tmp_path / "x.gif")
+    run = radarsim("map", str(tmp_path), *SEEN, "--film", film)
+    assert (run.code, run.out) == (2, b"")
+    assert "regular file" in run.err
+
+
+def test_film_that_cannot_be_written_does_not_spoil_the_map(
+    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("radarsim.plotting.film.open_encoder", fail)
+    film = tmp_path / "x.gif"
+    run = radarsim("map", str(tmp_path), *SEEN, "--film", str(film))
+    assert run.code == 2
+    assert f"cannot write {film}: No space left" in run.err
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+    assert run.text.startswith("explored by frontiers")
+
+
+@fast_server
+def test_interrupted_run_leaves_the_film_so_far(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    port, film = str(usarsim_server.address[1]), tmp_path / "run.gif"
+    words = ("map", str(tmp_path), "--port", port, "--film", str(film))
+    with start_radarsim(*words) as process:
+        deadline = time.monotonic() + 60
+        while not any(tmp_path.glob(".*.part")) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"Traceback" not in errors
+    with Image.open(film) as image:
+        image.seek(getattr(image, "n_frames", 1) - 1)
+        assert image.info["duration"] >= 2000
+    assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, "run.gif"]

@@ -2,11 +2,14 @@
 
 import json
 import math
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
 
 from radarsim.cli.map_report import as_text
+from radarsim.cli.map_view import view_of
 from radarsim.client import ScannerInfo
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.map_score import MapScore
@@ -64,3 +67,28 @@ def test_open_map_has_no_coverage(empty_room: Scene) -> None:
         class_accuracy=None,
     )
     assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"
+
+
+def score_with(hidden: float | None) -> MapScore:
+    counts: dict[str, Any] = dict.fromkeys((each.name for each in fields(MapScore)), 0)
+    return MapScore(**counts | {"hidden_coverage": hidden})
+
+
+def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
+    run = MappingResult("auto", "ins", robot_class="P3AT_Radar360", scene=empty_room)
+    run.outcome, run.score = "explored", score_with(0.973)
+    view = view_of(run, mapper)
+    assert view.title == "P3AT_Radar360 maps empty_room"
+    assert view.subtitle.startswith("97 % of the floor beyond its reach is sensed, ")
+    assert [outline.kind for outline in view.outlines] == ["solid"]
+    run.outcome, run.score = "broken_off", score_with(None)
+    assert view_of(run, mapper).subtitle == "0.0 m in 0 s until interrupted"
+
+
+def test_view_of_an_unknown_robot_and_scene_can_be_drawn(mapper: Mapper) -> None:
+    view = view_of(MappingResult(None, "none", outcome="overheard"), mapper)
+    assert view.title == "A robot that another client drives maps what it senses"
+    assert (view.robot_class, view.outlines) == ("P3AT", ())
+    other = MappingResult("auto", "ins", robot_class="Zerg", outcome="explored")
+    assert view_of(other, mapper).robot_class == "P3AT"
+    assert view_of(other, mapper).title.startswith("Zerg maps")

@@ -14,7 +14,7 @@ from processes import start_radarsim
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
-ENDINGS = ("pgm", "png", "tum", "yaml")
+NAMES = ("map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png")
 HERE = ("--serve", "empty_room", "--way=-7,0", "--time-limit", "1")
 THERE = (*HERE, "--pose=5,1,40", "--seed", "1")
 PATIENCE = 60.0  # s
@@ -31,7 +31,7 @@ def mapping(folder: Path, *options: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    paths = [folder / f"map.{ending}" for ending in ENDINGS]
+    paths = [folder / name for name in NAMES]
     return {path.name: path.read_bytes() for path in paths}
 
 
@@ -82,7 +82,7 @@ def test_full_disk_leaves_the_old_map_complete(
     assert re.search(rb"radarsim: cannot write \S+: the file would be", errors)
     assert b"Traceback" not in errors
     assert contents(folder) == old_map
-    assert len([*folder.iterdir()]) == len(ENDINGS)
+    assert len([*folder.iterdir()]) == len(NAMES)
 
 
 def test_kill_before_the_last_file_leaves_the_old_map_complete(
@@ -92,14 +92,14 @@ def test_kill_before_the_last_file_leaves_the_old_map_complete(
     pipe.unlink()
     os.mkfifo(pipe)  # whoever writes to it waits for a reader
     with mapping(folder, *HERE) as process:
-        assert wait_for_parts(3, folder, process)
+        assert wait_for_parts(4, folder, process)
         time.sleep(0.1)
         process.kill()
     assert process.returncode == -9
     pipe.unlink()
     pipe.write_bytes(old_map["map.png"])
     assert contents(folder) == old_map
-    assert len(parts(folder)) == 3
+    assert len(parts(folder)) == 4
 
 
 def test_kill_at_any_time_leaves_complete_files(

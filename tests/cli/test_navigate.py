@@ -19,9 +19,16 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
+from radarsim.cli.navigate_view import headline
+from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.host import Host
+from radarsim.navigation.mission import Mission
+from radarsim.navigation.options import Algorithm
+from radarsim.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
 from radarsim.pytest_plugin import UsarsimServer
+from radarsim.scene.map_file import load_map
 
 Command = Callable[..., Any]
 BUG2 = ("navigate", "--algorithm", "bug2")
@@ -257,6 +264,8 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
         pytest.param([*BOX, "--time-limit", "0"], ["--time-limit"], id="time limit"),
         pytest.param([*BOX, "--rule", "any"], ["--rule"], id="rule"),
         pytest.param([*BOX, "--plot", "run.gif"], ["--plot", "svg"], id="form"),
+        pytest.param([*BOX, "--film", "run.webm"], ["--film", ".gif"], id="film"),
+        pytest.param([*BOX, "--film-speed", "-1"], ["--film-speed"], id="film speed"),
         pytest.param([*BOX, "--trace", "no/t.csv"], ["no such folder"], id="folder"),
     ],
 )
@@ -393,3 +402,43 @@ def test_missing_server_is_an_error(radarsim: Command) -> None:
     run = radarsim(*NEAR, "--port", str(port))
     assert (run.code, run.out) == (1, b"")
     assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
+
+
+def test_film_shows_the_run_and_does_not_change_it(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    words = (*BOX, "--time-limit", "4", "--json")
+    films = [tmp_path / "a.gif", tmp_path / "b.gif"]
+    runs = [radarsim(*words), *(radarsim(*words, "--film", str(f)) for f in films)]
+    assert {run.text for run in runs} == {runs[0].text}
+    assert {run.code for run in runs} == {1}
+    assert films[0].read_bytes() == films[1].read_bytes()
+    with Image.open(films[0]) as image:
+        frames = getattr(image, "n_frames", 1)
+        assert frames == pytest.approx(4 / 0.6, abs=2)
+        image.seek(frames - 1)
+        assert image.info["duration"] >= 2000
+
+
+def test_headline_says_how_a_run_ended() -> None:
+    mission = Mission(algorithm=Algorithm.BUG1, goals=((1.0, 0.0),))
+    run = NavigationRun(mission, None)
+    assert headline(run) == "Bug1 fails"
+    run.error = INTERRUPTED
+    assert headline(run) == "Bug1, interrupted"
+    for outcome, text in (("reached", "reaches its goal"), ("no_path", "no path")):
+        run.result = Result(outcome, 1.0, 1.0, (), (), 0, 1.0, 0, 0.5)
+        run.error = ""
+        assert text in headline(run)
+
+
+def test_interrupt_is_noted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("radarsim.evaluation.navigation_run.run_mission", interrupt)
+    mission = Mission(algorithm=Algorithm.BUG1, goals=((1.0, 0.0),))
+    run = NavigationRun(mission, Host(load_map("empty_room")))
+    with pytest.raises(KeyboardInterrupt):
+        run.execute(("", 0))
+    assert headline(run) == "Bug1 in empty_room, interrupted"

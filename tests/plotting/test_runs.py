@@ -16,17 +16,23 @@ from radarsim.navigation.control import STOP
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.run_log import RunLog
 from radarsim.navigation.runner import NavigationStep
+from radarsim.plotting.outlines import Outline
+from radarsim.plotting.palette import HOKUYO, MARKER, RADAR, TRUE_PATH
 from radarsim.plotting.runs import (
     AROUND,
     FOLLOWING,
     FORMS,
     GOING,
     RETURNING,
+    RunView,
+    SteeringSensor,
     draw_run,
-    figure_of,
+    run_figure,
 )
 
-PLAN = np.array([[[1.5, -1.0], [1.5, 1.0]], [[1.5, 1.0], [2.0, 1.0]]])
+WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
+PLAN = (Outline("solid", (WALL,)),)
+TRUE = np.array([[0.0, 0.0], [1.0, 0.2], [4.0, 0.2]])
 BUG1 = [
     *(
         (0.0, 0.0, Activity.GOING),
@@ -61,8 +67,17 @@ def record_of(*rows: tuple[float, float, Activity], goal: Point = (4.0, 0.0)) ->
     return run_log
 
 
+def view_of(run_log: RunLog, title: str = "title", **options: Any) -> RunView:
+    options = {"robot_class": "P3AT_Radar360", **options}
+    return RunView(run_log, title, **options)
+
+
+def figure_of(run_log: RunLog, **options: Any) -> Figure:
+    return run_figure([view_of(run_log, **options)])
+
+
 def labels(figure: Figure) -> set[str]:
-    return {text.get_text() for text in figure.axes[0].texts}
+    return {text.get_text() for text in figure.axes[0].texts} - {""}
 
 
 def legend(figure: Figure) -> list[str]:
@@ -82,9 +97,8 @@ def drawn(figure: Figure) -> dict[str, float]:
 
 
 def test_path_is_coloured_by_activity() -> None:
-    shown = drawn(figure_of(record_of(*BUG1), "", PLAN))
+    shown = drawn(figure_of(record_of(*BUG1), outlines=PLAN))
     assert shown == {
-        "#000000": pytest.approx(2.5),
         GOING.colour: pytest.approx(1.0 + math.hypot(1.5, 0.2)),
         FOLLOWING.colour: pytest.approx(1.5 * (1 + math.sqrt(5) + math.sqrt(2))),
         RETURNING.colour: pytest.approx(math.hypot(1.5, 0.2)),
@@ -92,11 +106,11 @@ def test_path_is_coloured_by_activity() -> None:
 
 
 def test_start_goal_hit_and_leave_points_are_labelled() -> None:
-    assert labels(figure_of(record_of(*BUG1), "")) == {"S", "G", "H1", "L1"}
+    assert labels(figure_of(record_of(*BUG1))) == {"S", "G", "H1", "L1"}
 
 
 def test_close_points_share_a_label() -> None:
-    texts = labels(figure_of(record_of(*NEARLY_THE_SAME), ""))
+    texts = labels(figure_of(record_of(*NEARLY_THE_SAME)))
     assert texts == {"S", "G", "H1, H2", "L1", "L2"}
 
 
@@ -107,41 +121,73 @@ def test_several_goals_are_numbered() -> None:
             row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0)
         )
         run_log.add(NavigationStep(observation, row.activity, STOP, (), row.goal))
-    assert {"G1", "G2"} <= labels(figure_of(run_log, ""))
+    assert {"G1", "G2"} <= labels(figure_of(run_log))
 
 
 def test_legend_lists_exactly_what_is_drawn() -> None:
-    reached = legend(figure_of(record_of(*BUG1), "", PLAN))
-    assert "returning to the leave point" in reached
-    assert "map" in reached
-    assert "end, goal not reached" not in reached
-    failed = legend(figure_of(record_of(*NO_PATH), ""))
-    assert "end, goal not reached" in failed
-    assert not {"map", "leave point", "returning to the leave point"} & {*failed}
+    reached = legend(figure_of(record_of(*BUG1), outlines=PLAN, true_path=TRUE))
+    assert {"returning to the leave point", "solid", "true path"} <= {*reached}
+    failed = legend(figure_of(record_of(*NO_PATH)))
+    absent = {"solid", "true path", "leave point", "returning to the leave point"}
+    assert not absent & {*failed}
+    assert "hit point" in failed
 
 
 def test_axes_have_equal_scale_and_the_legend_is_outside() -> None:
-    figure = figure_of(record_of(*BUG1), "title", PLAN)
+    figure = figure_of(record_of(*BUG1), outlines=PLAN, subtitle="in 3 s")
     figure.draw_without_rendering()
     (axes,) = figure.axes
     frame = axes.get_window_extent()
     wide, tall = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
-    assert frame.width / wide == pytest.approx(frame.height / tall)
-    assert figure.legends[0].get_window_extent().x0 > frame.x1
-    assert axes.get_title() == "title"
+    assert frame.width / wide == pytest.approx(frame.height / tall, rel=0.01)
+    assert figure.legends[0].get_window_extent().y1 < frame.y0
+    assert axes.get_title("left") == "title"
+    assert "in 3 s" in labels(figure)
+
+
+def test_runs_beside_each_other_have_one_scale() -> None:
+    near = record_of((0.0, 0.0, Activity.GOING), goal=(1.0, 0.0))
+    views = [view_of(record_of(*BUG1)), view_of(near)]
+    one, other = run_figure(views).axes
+    assert one.viewLim.bounds == other.viewLim.bounds
+    assert one.get_window_extent().size == pytest.approx(other.get_window_extent().size)
+
+
+def test_true_path_is_drawn_beside_the_estimated_one() -> None:
+    (axes,) = figure_of(record_of(*BUG1), true_path=TRUE).axes
+    true = [line for line in axes.lines if line.get_color() == TRUE_PATH != MARKER]
+    paths = [np.asarray(line.get_xydata()) for line in true or axes.lines]
+    assert any(path.shape == TRUE.shape and (path == TRUE).all() for path in paths)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "colour"),
+    [
+        pytest.param(SteeringSensor("radar", "radar"), RADAR, id="radar"),
+        pytest.param(SteeringSensor("hokuyo", "laser"), HOKUYO, id="laser"),
+    ],
+)
+def test_sensed_points_have_the_colour_of_the_sensor(
+    sensor: SteeringSensor, colour: str
+) -> None:
+    figure = figure_of(record_of(*BUG1), sensor=sensor)
+    (dots,) = (c for c in figure.axes[0].collections if isinstance(c, PathCollection))
+    shades = np.asarray(dots.get_facecolor())
+    assert {to_hex(shade) for shade in shades[:, :3]} == {colour}
+    assert f"sensed by the {sensor.medium}" in legend(figure)
 
 
 def test_far_points_do_not_enlarge_the_extent() -> None:
-    (axes,) = figure_of(record_of(*BUG1), "").axes
+    (axes,) = figure_of(record_of(*BUG1)).axes
     assert np.ptp(axes.get_xlim()) < 4.0 + 2 * AROUND + 2
 
 
-def test_cells_with_more_beam_ends_are_darker() -> None:
-    (axes,) = figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1), "").axes
+def test_cells_with_more_beam_ends_are_more_opaque() -> None:
+    (axes,) = figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1)).axes
     (dots,) = (each for each in axes.collections if isinstance(each, PathCollection))
-    shades, places = np.asarray(dots.get_array()), np.asarray(dots.get_offsets())
-    ahead = np.hypot(*(places - (1.0, 0.0)).T).argmin()
-    assert shades[ahead] == shades.min() < shades.max()
+    shades = np.asarray(dots.get_facecolor())[:, 3]
+    ahead = np.hypot(*(np.asarray(dots.get_offsets()) - (1.0, 0.0)).T).argmin()
+    assert shades[ahead] == shades.max() > shades.min()
 
 
 @pytest.mark.parametrize(
@@ -155,15 +201,14 @@ def test_cells_with_more_beam_ends_are_darker() -> None:
 def test_the_same_run_gives_the_same_file(form: str, begins: bytes) -> None:
     assert form in FORMS
     once, again = (
-        draw_run(record_of(*NO_PATH), "no path", plan=PLAN, form=form) for _ in "ab"
+        draw_run(view_of(record_of(*NO_PATH), outlines=PLAN), form=form) for _ in "ab"
     )
     assert once == again
     assert once.startswith(begins)
 
 
 def test_run_without_motion_can_be_drawn() -> None:
-    data = draw_run(
-        record_of((0.0, 0.0, Activity.GOING), goal=(0.0, 0.0)), "broken off"
-    )
+    run_log = record_of((0.0, 0.0, Activity.GOING), goal=(0.0, 0.0))
+    data = draw_run(view_of(run_log))
     with Image.open(io.BytesIO(data)) as image:
         assert min(image.size) > 300
