@@ -25,11 +25,8 @@ from radarsim.mapping.export import (
     nav_map,
 )
 from radarsim.mapping.trajectory import tum_text
-<<<<<<< HEAD
 from radarsim.os_errors import describe_os_error
-=======
 from radarsim.plotting.maps import draw_map_view
->>>>>>> e4200cc (Annotated map views, films of runs, true paths in pictures of runs)
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
 DEFAULT_STEM: Final = "map"  # of the names of files in a folder

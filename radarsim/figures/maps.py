@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 
 from radarsim.exploration.traversability import Point
 from radarsim.figures.figure import DrawnFigure
@@ -19,21 +18,14 @@ from radarsim.figures.mapping_drives import (
     radar,
 )
 from radarsim.figures.scan_spec import START, load_scene
-<<<<<<< HEAD
-from radarsim.geometry import Floats
-from radarsim.mapping.export import BLACK, BLUE, GREY, WHITE, commander_png, nav_map
-from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
-from radarsim.plotting.robots import draw_robot
-=======
+from radarsim.plotting.annotations import HALO
 from radarsim.plotting.maps import MapView, map_figure
 from radarsim.plotting.outlines import outlines_of
->>>>>>> e4200cc (Annotated map views, films of runs, true paths in pictures of runs)
 from radarsim.presets.sensors import load_settings
 
 NAMES: Final = ("radar", "Hokuyo")
 MIN_CORE: Final = 0.01  # share of blue cells from which a bush has a blue core
 _TEXT: Final = 13.0  # points; the page shows it at half its size
-_HALO: Final = withStroke(linewidth=2.5, foreground="white")
 
 
 def draw_maps(seed: int, *, waypoints: tuple[Point, ...] = WAYPOINTS) -> DrawnFigure:
@@ -141,6 +133,6 @@ def _draw_names(axes: Axes, run: MappingResult) -> None:
                 ha="center",
                 va="top",
                 fontsize=_TEXT,
-                path_effects=[_HALO],
+                path_effects=[HALO],
                 zorder=5,
             )

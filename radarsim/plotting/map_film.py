@@ -79,4 +79,6 @@ class MapFrames:
         self._panel.update(grid, path)
         self._panels.show(extent_of(grid, sensed_window(grid)))
         self._status.set_text(status)
-        return self._canvas.render([*self._panel.artists, self._status])
+        return self._canvas.render(
+            [*self._panel.artists, *self._panels.scale_bar, self._status]
+        )

@@ -177,23 +177,26 @@ def draw_map_view(view: MapView) -> bytes:
         Content of a PNG file; the same map gives the same bytes.
     """
     data = io.BytesIO()
-    canvas = FigureCanvasAgg(map_figure([view]))
+    canvas = FigureCanvasAgg(map_figure([view], numbers=True))
     canvas.print_figure(data, format="png", metadata={"Software": MARK})
     return data.getvalue()
 
 
-def map_figure(views: Sequence[MapView], *, text: float = 10.0) -> Figure:
+def map_figure(
+    views: Sequence[MapView], *, text: float = 10.0, numbers: bool = False
+) -> Figure:
     """Draw maps beside each other, at one scale.
 
     Args:
         views: One map for each panel.
         text: Size of the text, points.
+        numbers: Whether coordinates are written beside the panels.
     """
     extent = views[0].extent
     for view in views[1:]:
         extent = extent.union(view.extent)
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
-    panels = Panels(extent, scale, *titles_of(views), text=text)
+    panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
         MapPanel(axes, view.robot_class, view.outlines).update(view.grid, view.path)
     panels.add_legend(legend_rows(views))

@@ -14,8 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.transforms import Bbox
+from matplotlib.transforms import Bbox, offset_copy
+
+from radarsim.plotting.annotations import round_length
+from radarsim.plotting.palette import MARKER
 
 DPI: Final = 110
 EVEN: Final = 2  # pixels; sides of frames of a film are even
@@ -25,6 +29,7 @@ _TOP: Final = 2.8  # above the panels, likewise, for a title
 _LINE: Final = 1.4  # likewise, for a subtitle
 _TITLE: Final = 1.2  # size of a title, in sizes of the text
 _PAD: Final = 6.0  # points between a title and its panel
+_BAR_SHARE: Final = 0.15  # of the width of a panel that a scale bar takes at most
 _ZOOM: Final = 1.15  # so that a film does not zoom at every scan
 _NARROWEST: Final = 640  # pixels of the figure
 
@@ -81,6 +86,7 @@ class Panels:
         figure: The figure.
         axes: One for each panel, from left to right.
         subtitles: The further lines; what they say may change.
+        scale_bar: The parts of the scale bar in the first panel.
     """
 
     def __init__(
@@ -91,6 +97,7 @@ class Panels:
         subtitles: Sequence[str] = (),
         *,
         text: float = 10.0,
+        numbers: bool = False,
     ) -> None:
         """Create empty panels.
 
@@ -100,8 +107,9 @@ class Panels:
             titles: One for each panel, a line each.
             subtitles: A further line for each panel; none for no such lines.
             text: Size of the text, points.
+            numbers: Whether coordinates are written beside the panels.
         """
-        self._text = text
+        self._text, self._numbers = text, numbers
         self.figure = Figure(dpi=DPI)
         self.axes: list[Axes] = []
         self._size = (
@@ -110,10 +118,13 @@ class Panels:
         )
         for title in titles:
             axes = self.figure.add_axes((0, 0, 1, 1))
+            if numbers:
+                axes.set_xlabel("x, m", fontsize=text)
+                axes.tick_params(labelsize=text)
+            else:
+                axes.set(xticks=[], yticks=[])
             axes.set_xlim(extent.west, extent.east)
             axes.set_ylim(extent.south, extent.north)
-            axes.set_xlabel("x, m", fontsize=text)
-            axes.tick_params(labelsize=text)
             axes.set_title(
                 title,
                 loc="left",
@@ -123,7 +134,10 @@ class Panels:
                 parse_math=False,
             )
             self.axes.append(axes)
-        self.axes[0].set_ylabel("y, m", fontsize=text)
+        if numbers:
+            self.axes[0].set_ylabel("y, m", fontsize=text)
+        self.scale_bar: list[Artist] = []
+        self._draw_scale()
         self.subtitles = [
             self._write_subtitle(*each)
             for each in zip(self.axes, subtitles, strict=bool(subtitles))
@@ -156,6 +170,45 @@ class Panels:
         for axes in self.axes:
             axes.set_xlim(middle_x - across, middle_x + across)
             axes.set_ylim(middle_y - up, middle_y + up)
+        self._draw_scale()
+
+    def _draw_scale(self) -> None:
+        """Draw the scale bar anew."""
+        for artist in self.scale_bar:
+            artist.remove()
+        self.scale_bar = self._draw_scale_bar(self.axes[0])
+
+    def _draw_scale_bar(self, axes: Axes) -> list[Artist]:
+        """Draw a scale bar above the right corner of a panel, where it covers nothing.
+
+        ``annotations.draw_scale_bar`` would be in the way of the cells of a map.
+        """
+        west, east = axes.get_xlim()
+        length = round_length(_BAR_SHARE * (east - west))
+        place = offset_copy(
+            axes.get_xaxis_transform(), self.figure, y=_PAD, units="points"
+        )
+        bar = Line2D(
+            [east - length, east],
+            [1.0, 1.0],
+            color=MARKER,
+            linewidth=3,
+            solid_capstyle="butt",
+            transform=place,
+            clip_on=False,
+        )
+        axes.add_artist(bar)
+        text = axes.annotate(
+            f"{length:g} m",
+            (east - length, 1.0),
+            xytext=(-5, _PAD - 3),
+            xycoords=axes.get_xaxis_transform(),
+            textcoords="offset points",
+            ha="right",
+            fontsize=self._text,
+            annotation_clip=False,
+        )
+        return [bar, text]
 
     def _write_subtitle(self, axes: Axes, text: str) -> Text:
         return axes.annotate(
@@ -181,10 +234,11 @@ class Panels:
         """Set the size of the figure, and the places of the panels in it."""
         across, up = self._size
         count = len(self.axes)
-        west, gap, east = (self._pixels(each) for each in (_WEST, _GAP, _EAST))
+        sides = (_WEST, _GAP, _EAST) if self._numbers else (_EAST, _EAST, _EAST)
+        west, gap, east = (self._pixels(each) for each in sides)
         inner = west + count * across + (count - 1) * gap + east
         width = _even(max(inner, _NARROWEST))
-        bottom = self._pixels(_TICKS) + legend_height
+        bottom = self._pixels(_TICKS if self._numbers else 1.0) + legend_height
         height = _even(bottom + up + self._top)
         self.figure.set_size_inches(width / DPI, height / DPI)
         left = west + (width - inner) // 2

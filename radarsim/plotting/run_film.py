@@ -92,4 +92,6 @@ class RunFrames:
         self._panel.update(run_log, true_path, text=_TEXT)
         self._panels.show(run_extent(run_log, true_path))
         self._status.set_text(status)
-        return self._canvas.render([*self._panel.artists, self._status])
+        return self._canvas.render(
+            [*self._panel.artists, *self._panels.scale_bar, self._status]
+        )

@@ -8,14 +8,13 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 
 from radarsim.navigation.bug import Point
 from radarsim.navigation.run_log import RunLog
+from radarsim.plotting.annotations import HALO
 from radarsim.plotting.palette import MARKER
 
 _TOGETHER: Final = 0.35  # m; markers that are nearer share a label
-_HALO: Final = withStroke(linewidth=3, foreground="white")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +101,7 @@ def _label(
         color=MARKER,
         fontsize=size,
         fontweight="bold",
-        path_effects=[_HALO],
+        path_effects=[HALO],
         zorder=8.0,
         annotation_clip=True,
     )

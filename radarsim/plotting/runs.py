@@ -174,23 +174,26 @@ def draw_run(view: RunView, *, form: str = "png") -> bytes:
     dates = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
     data = io.BytesIO()
     with rc_context({"svg.hashsalt": "radarsim"}):
-        canvas = FigureCanvasAgg(run_figure([view]))
+        canvas = FigureCanvasAgg(run_figure([view], numbers=True))
         canvas.print_figure(data, format=form, metadata={dates[form]: None})
     return data.getvalue()
 
 
-def run_figure(views: Sequence[RunView], *, text: float = 10.0) -> Figure:
+def run_figure(
+    views: Sequence[RunView], *, text: float = 10.0, numbers: bool = False
+) -> Figure:
     """Draw runs beside each other, at one scale.
 
     Args:
         views: One run for each panel.
         text: Size of the text, points.
+        numbers: Whether coordinates are written beside the panels.
     """
     extent = views[0].extent
     for view in views[1:]:
         extent = extent.union(view.extent)
     scale = pixels_per_metre(extent)
-    panels = Panels(extent, scale, *titles_of(views), text=text)
+    panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
         draw_areas(axes, view.outlines)
         panel = RunPanel(axes, view.robot_class, view.sensor)

@@ -77,7 +77,8 @@ def figure_of(run_log: RunLog, **options: Any) -> Figure:
 
 
 def labels(figure: Figure) -> set[str]:
-    return {text.get_text() for text in figure.axes[0].texts} - {""}
+    texts = {text.get_text() for text in figure.axes[0].texts}
+    return {text for text in texts if not text.endswith(" m")}  # the scale
 
 
 def legend(figure: Figure) -> list[str]:
