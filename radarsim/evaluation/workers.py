@@ -1,10 +1,13 @@
 """A pool of worker processes for runs that are independent of each other."""
 
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.connection import wait
 
 
 @contextmanager
@@ -18,7 +21,7 @@ def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
     others = {*active_children()}
     # spawned, because threads of this process would not survive a fork
     pool = ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=_ignore_interrupts
+        count, mp_context=get_context("spawn"), initializer=_start_worker
     )
     try:
         yield pool
@@ -28,6 +31,14 @@ def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the main process; it terminates the workers."""
+def _start_worker() -> None:
+    """Leave Ctrl-C to the main process, which terminates its workers, or is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -215,6 +215,8 @@ class EmbreeScene:
         margin = RELATIVE_MARGIN * radius
         device, scene = _build(library, self.triangles, margin)
         self._close = weakref.finalize(self, _release, library, scene, device)
+        # When Python ends, a daemon thread may still trace rays in the scene.
+        self._close.atexit = False
         self.handle = SceneHandle(
             _address_of(library.rtcIntersect1),
             _address_of(library.rtcPointQuery),

@@ -56,7 +56,7 @@ class Rays:
     Attributes:
         origins: (N, 3) m, map frame.
         directions: (N, 3) unit vectors, map frame.
-        max_range: (N,) m, inclusive.
+        max_range: (N,) m, inclusive, finite.
         power: (N,) initial penetration power.
         class_index: (N,) uint8, index into ``ray_classes``; with ``DEFAULT_CLASSES``,
             ``RADAR`` or ``LASER``.
@@ -215,7 +215,7 @@ def columns_of(rays: Rays) -> RayColumns:
 
 @njit_inline
 def is_valid_ray(origin: Any, direction: Any, max_range: Any, power: Any) -> Any:
-    """Return whether a ray has finite coordinates, a unit direction, and no NaN."""
+    """Return whether a ray has finite coordinates and range, and a unit direction."""
     length = 0.0
     for axis in range(3):
         length += direction[axis] ** 2
@@ -223,7 +223,7 @@ def is_valid_ray(origin: Any, direction: Any, max_range: Any, power: Any) -> Any
             return False
     if not abs(length - 1.0) <= UNIT_TOLERANCE:
         return False
-    return max_range >= 0.0 and power >= 0.0
+    return 0.0 <= max_range < np.inf and power >= 0.0
 
 
 def reject_ray(rays: Rays, row: int) -> NoReturn:
@@ -241,6 +241,8 @@ def reject_ray(rays: Rays, row: int) -> NoReturn:
         number = float(getattr(rays, name)[row])
         if not number >= 0.0:
             raise EngineError(f"{name}[{row}] is {number}, expected at least 0")
+    if not np.isfinite(rays.max_range[row]):
+        raise EngineError(f"max_range[{row}] is inf, expected a finite range")
     most = len(rays.ray_classes) - 1
     if rays.class_index[row] > most:
         text = f"class_index[{row}] is {rays.class_index[row]}, expected 0 to {most}"

@@ -2,6 +2,8 @@ import ctypes.util
 import gc
 import importlib.metadata
 import math
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -294,3 +296,28 @@ def test_unusable_builds_of_embree_are_rejected(
     with pytest.raises(EngineError) as caught:
         expect_version(library(*answers))
     assert str(caught.value) == text
+
+
+SCAN_WHILE_PYTHON_ENDS = """
+import threading, time
+import radarsim
+
+scene = radarsim.load_map("foliage_room")
+radar = radarsim.load_sensor("radar", return_mode="all")
+scanned = threading.Event()
+
+def scan_forever():
+    rng = radarsim.generator_for(0, "test")
+    while True:
+        radar.scan(scene, (-8, 0, 0), rng)
+        scanned.set()
+
+for _ in range(4):
+    threading.Thread(target=scan_forever, daemon=True).start()
+scanned.wait(60)
+"""
+
+
+def test_python_can_end_while_threads_trace_rays() -> None:
+    for _ in range(2):  # some runs ended well by chance
+        subprocess.run([sys.executable, "-c", SCAN_WHILE_PYTHON_ENDS], check=True)

@@ -111,6 +111,11 @@ def with_number(shape: tuple[int, ...], place: Any, number: float) -> np.ndarray
             id="nan reach",
         ),
         pytest.param(
+            {"max_range": with_number((3,), 0, math.inf)},
+            "max_range[0] is inf, expected a finite range",
+            id="infinite nan reach",
+        ),
+        pytest.param(
             {"power": with_number((3,), 2, math.nan)},
             "power[2] is nan, expected at least 0",
             id="nan power",
