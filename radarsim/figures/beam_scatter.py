@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -13,21 +14,24 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, FancyArrowPatch
 
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import HALO, as_words, draw_part, draw_title
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.geometry import Pose2
+from radarsim.figures.title import as_words, draw_title
+from radarsim.geometry import Floats, Pose2
+from radarsim.plotting.annotations import HALO
+from radarsim.plotting.palette import RADAR, RETURNED
+from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.plotting.robots import draw_robot
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
+from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
 
 MAP: Final = "marulan_trial"
 BEAM: Final = 99  # past a pole, and into the hedge behind it
 RAYS: Final = 60
 LIGHT: Final = 299_792_458.0  # m/s
-OUT, BACK = "#1f73cc", "#c2410c"
 _BEND: Final = 1.1  # m; twice as far as the ways back are off the beam
 _SETTINGS: Final = (
     ("side_mode", "cone"),
@@ -104,8 +108,8 @@ def draw_scatter(seed: int) -> DrawnFigure:
     draw_title(drawing, f"One beam, several echoes: {_told(returns)}")
     return DrawnFigure(
         (drawing,),
-        "A radar beam that is wider than the pole goes out (blue); the pole sends back"
-        " a part of it, and the hedge behind it another (orange). The time that each"
+        "A radar beam that is wider than the pole goes out (thin lines); the pole sends"
+        " back a part of it, and the hedge behind it another (arrows). The time that each"
         " takes tells its range.",
         (shot.command,),
         _details(returns),
@@ -133,7 +137,7 @@ def _details(returns: Sequence[Return]) -> str:
     )
     width = dict(_SETTINGS)["beamwidth_az_deg"]
     return (
-        f"One beam of a radar, {width}° wide, here {RAYS} rays, goes out (blue) and is"
+        f"One beam of a radar, {width}° wide, here {RAYS} rays, goes out and is"
         " scattered where it meets something (arcs). Some of the scattered waves come"
         f" back (arrows, the thicker the more): {echoes}. A thing that is narrower than"
         f" the beam lets the rest pass, so that this one direction has {len(returns)}"
@@ -147,11 +151,9 @@ def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
     place, angle = scan.pose.position()[:2], float(scan.angles[BEAM])
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s], [s, c]])  # of rows, by minus the angle
-    objects = [part for part in shot.scene.parts if part.object_name != "ground"]
-    for part in objects:
-        draw_part(axes, part, shot.pose.z, lambda points: (points - place) @ turn)
+    draw_plan(axes, _turned(shot.scene, place, turn), shot.pose.z)
     segments = split_rays(tracer_of(shot.scene), rays)
-    shades = np.tile(to_rgba(OUT), (len(segments.rays), 1))
+    shades = np.tile(to_rgba(RADAR), (len(segments.rays), 1))
     shades[:, 3] = 0.6 * line_opacity(segments.shares)
     lines = LineCollection(
         list((segments.lines - place) @ turn), colors=shades, linewidths=0.7, zorder=2
@@ -160,6 +162,20 @@ def _draw_beam(axes: Axes, shot: ScanSpec, scan: Scan, rays: Rays) -> None:
     x, y = (np.array([shot.robot.x, shot.robot.y]) - place) @ turn
     draw_robot(axes, ROBOT, Pose2(float(x), float(y), shot.robot.yaw - angle))
     axes.set_ylabel("across, m")
+
+
+def _turned(scene: Scene, place: Floats, turn: Floats) -> Scene:
+    """Return a scene with a place as origin, and turned; (2,) m and (2, 2), of rows."""
+    parts = [
+        replace(
+            part,
+            vertices=np.column_stack(
+                [(part.vertices[:, :2] - place) @ turn, part.vertices[:, 2]]
+            ),
+        )
+        for part in scene.parts
+    ]
+    return replace(scene, parts=tuple(parts))
 
 
 def _draw_waves(axes: Axes, one: Return) -> None:
@@ -171,7 +187,7 @@ def _draw_waves(axes: Axes, one: Return) -> None:
             2 * size,
             theta1=100,
             theta2=260,
-            color=BACK,
+            color=RETURNED,
             alpha=min(1.0, 0.2 + one.strength) * (1.7 - size) / 1.3,
             linewidth=1.2,
             zorder=4,
@@ -187,7 +203,7 @@ def _draw_way_back(axes: Axes, one: Return, *, bend: float) -> None:
         connectionstyle=f"arc3,rad={bend}",
         arrowstyle="-|>,head_length=8,head_width=4",
         mutation_scale=1.2,
-        color=BACK,
+        color=RETURNED,
         linewidth=1.2 + 5 * one.strength,
         shrinkA=0,
         shrinkB=0,
@@ -201,7 +217,7 @@ def _draw_way_back(axes: Axes, one: Return, *, bend: float) -> None:
         textcoords="offset points",
         ha="center",
         va="bottom" if bend > 0 else "top",
-        color=BACK,
+        color=RETURNED,
         path_effects=[HALO],
         zorder=6,
     )
@@ -218,7 +234,7 @@ def _metres(times: Any) -> Any:
 def _draw_strengths(axes: Axes, returns: Sequence[Return]) -> None:
     """Draw the received power over the range."""
     for one in returns:
-        axes.vlines(one.range, 0, 100 * one.strength, color=BACK, linewidth=5)
+        axes.vlines(one.range, 0, 100 * one.strength, color=RETURNED, linewidth=5)
         axes.annotate(
             f"{as_words(one.name)}: {one.range:.2f} m, {100 * one.strength:.0f} %",
             (one.range, 100 * one.strength),

@@ -23,19 +23,23 @@ from radarsim.figures.clear_and_dust import (
     trial_parts,
 )
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import draw_plan, draw_scale_bar, draw_title
-from radarsim.figures.palette import DUST_COLOUR, LASER_COLOUR, QUIET, RADAR_COLOUR
 from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene, object_names
+from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
+from radarsim.plotting import palette
+from radarsim.plotting.annotations import QUIET, draw_scale_bar
+from radarsim.plotting.palette import Family
+from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.robots import draw_robot
-from radarsim.plotting.style import scan_points
+from radarsim.plotting.style import area_style, scan_points
 from radarsim.sensors.scan import Scan
 
 NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
-COLOURS: Final = {RADAR: RADAR_COLOUR, LASER: LASER_COLOUR}
+COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.PHYSICAL}
 AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
 Samples: TypeAlias = dict[str, Line2D | Patch]  # of a legend, by their text
 _EDGE: Final = 1.0  # m around all that is shown
+_BELOW: Final = 1.0  # m more below it, for the scale bar
 _DOT: Final = 16  # square points
 
 
@@ -118,7 +122,7 @@ def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
 
 def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
     """Draw objects, robot, dust and readings; return samples of them by their text."""
-    draw_plan(axes, load_scene(MAP), shot.pose.z, skip=("ground",))
+    draw_plan(axes, load_scene(MAP), shot.pose.z)
     draw_robot(axes, ROBOT, shot.robot)
     samples: Samples = {}
     if shot.map != MAP:
@@ -138,9 +142,9 @@ def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
 def _draw_dust(axes: Axes) -> Samples:
     low, high = dust_extent()
     wide, tall = high - low
-    cloud = Rectangle(low, wide, tall, color=DUST_COLOUR, zorder=0.5, linewidth=0)
-    axes.add_patch(cloud)
-    return {"dust": Patch(color=DUST_COLOUR)}
+    style = area_style(Family.SMOKE)
+    axes.add_patch(Rectangle(low, wide, tall, zorder=0.5, **style))
+    return {"dust": Patch(**style)}
 
 
 def _draw_missed(axes: Axes, shot: ScanSpec) -> Samples:
@@ -186,7 +190,7 @@ def _frame(axes: Axes, shot: ScanSpec) -> None:
     ends = np.concatenate([*corners, dust_extent(), [shot.pose.position()[:2]]])
     low, high = ends.min(axis=0) - _EDGE, ends.max(axis=0) + _EDGE
     axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+    axes.set_ylim(low[1] - _BELOW, high[1])
     axes.set_axis_off()
     draw_scale_bar(axes)
 

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import draw_title
 from radarsim.figures.foliage_wall import (
     FAR,
     bush_parts,
@@ -19,10 +18,11 @@ from radarsim.figures.foliage_wall import (
     hokuyo,
     radar,
 )
-from radarsim.figures.palette import LASER_COLOUR, RADAR_COLOUR
 from radarsim.figures.room_plan import draw_room, name_hidden_objects, new_sheet
 from radarsim.figures.scan_spec import ScanSpec, hit_points, object_names
+from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import HOKUYO, RADAR
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 
@@ -63,7 +63,7 @@ def draw_hokuyo(seed: int) -> DrawnFigure:
         " get behind it"
     )
     return DrawnFigure(
-        (_draw(shot, scan, title, LASER_COLOUR, STOPPED),),
+        (_draw(shot, scan, title, HOKUYO, STOPPED),),
         "The Hokuyo, a laser, scans the test map from the start. To it the bushes are a"
         " wall, and what stands behind them stays hidden.",
         (shot.command,),
@@ -84,7 +84,7 @@ def draw_radar(seed: int) -> DrawnFigure:
         " get behind them"
     )
     return DrawnFigure(
-        (_draw(shot, scan, title, RADAR_COLOUR, SPENT),),
+        (_draw(shot, scan, title, RADAR, SPENT),),
         "The radar scans the test map from the same place. Where the bushes are thin,"
         " its beams go through and read what stands behind; where they are thick, beams"
         " are spent inside.",

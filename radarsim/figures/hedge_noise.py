@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import draw_title
 from radarsim.figures.foliage_wall import (
     COUNT,
     STEP,
@@ -20,10 +19,11 @@ from radarsim.figures.foliage_wall import (
     count_moved,
     radar,
 )
-from radarsim.figures.palette import NOISE_COLOUR, QUIET
 from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ScanSpec
+from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import MARKER, RADAR
 from radarsim.plotting.ray_segments import group_by_ray
 from radarsim.plotting.style import scan_points
 from radarsim.presets.divergence import METRES_PER_UNIT
@@ -125,7 +125,7 @@ def _draw_shifts(axes: Axes, still: Floats, scan: Scan) -> dict[str, Line2D]:
     ends = scan_points(scan)
     far = np.hypot(*(ends - still).T) > STEP
     lines = np.stack([still, ends], axis=1)
-    samples = {"as without noise": _dots(axes, ends[~far], QUIET, STILL_AREA)}
+    samples = {"as without noise": _dots(axes, ends[~far], MARKER, STILL_AREA)}
     for chosen, colour, name in group_by_ray(scan):
         moved = chosen & far
         if moved.any():
@@ -143,11 +143,11 @@ def _draw_spans(axes: Axes, scans: Sequence[Scan]) -> dict[str, Line2D]:
     near, far = (points[index, beams] for index in (ranges.argmin(0), ranges.argmax(0)))
     changed = np.ptp(ranges, axis=0) > STEP
     still = np.unique(points[:, ~changed].reshape(-1, 2), axis=0)
-    samples = {"the same in all scans": _dots(axes, still, QUIET, STILL_AREA)}
+    samples = {"the same in all scans": _dots(axes, still, MARKER, STILL_AREA)}
     if changed.any():
-        _join(axes, np.stack([near, far], axis=1)[changed], NOISE_COLOUR)
+        _join(axes, np.stack([near, far], axis=1)[changed], RADAR)
         moved = np.unique(points[:, changed].reshape(-1, 2), axis=0)
-        sample = _dots(axes, moved, NOISE_COLOUR, MOVED_AREA / 2)
+        sample = _dots(axes, moved, RADAR, MOVED_AREA / 2)
         samples["of a beam that changes"] = sample
     return samples
 

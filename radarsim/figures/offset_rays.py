@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import draw_scale_bar, draw_title
 from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
+from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
+from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.ray_segments import RAY_COLOURS, line_opacity, split_rays
 from radarsim.plotting.robots import draw_robot
 from radarsim.presets.divergence import METRES_PER_UNIT
@@ -49,9 +50,9 @@ def draw_offset_rays(seed: int, *, offset: int) -> DrawnFigure:
     """Draw figure 11 or 12: left rays red and right rays blue, over the robot too."""
     shots = {side: scan_spec_for(seed, offset, side) for side in (LEFT, RIGHT)}
     scans = {side: shot.take()[0] for side, shot in shots.items()}
-    drawing = Figure(figsize=(15, 6.3), dpi=120)
-    room = drawing.add_axes((0.005, 0.09, 0.66, 0.76), anchor="W")
-    close = drawing.add_axes((0.675, 0.09, 0.315, 0.76), anchor="E")
+    drawing = Figure(figsize=(12.7, 6.3), dpi=120)
+    room = drawing.add_axes((0.005, 0.09, 0.575, 0.76), anchor="W")
+    close = drawing.add_axes((0.6, 0.09, 0.39, 0.76), anchor="E")
     shot = shots[LEFT]
     _draw_rays(room, shot, scans, every=SPARSE)
     draw_room(room, shot)

@@ -10,8 +10,8 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, box, cylinder
 
-BODY, DECK, TYRE = Material("robot"), Material("deck"), Material("tyre")
-SCANNER: Final = Material("scanner")
+NAME: Final = "robot"  # of the parts of a robot
+HULL, DARK = Material("hull"), Material("tyre")
 _TYRE_WIDTH: Final = 0.09  # m
 _DECK_HEIGHT: Final = 0.03  # m
 _CLEARANCE: Final = 0.06  # m between the floor and the body
@@ -32,14 +32,14 @@ def robot_parts(model: RobotModel, pose: Pose2) -> tuple[Part, ...]:
     scanner = cylinder(_TYRE_WIDTH, model.height - top)
     ahead = model.items_of("RangeScanner")[0].mount.x
     pieces: list[tuple[Material, Mesh, tuple[float, float, float]]] = [
-        (BODY, body, (0.0, 0.0, (top + _CLEARANCE) / 2)),
-        (DECK, deck, (0.0, 0.0, top + _DECK_HEIGHT / 2)),
-        (SCANNER, scanner, (ahead - _TYRE_WIDTH, 0.0, (top + model.height) / 2)),
+        (HULL, body, (0.0, 0.0, (top + _CLEARANCE) / 2)),
+        (DARK, deck, (0.0, 0.0, top + _DECK_HEIGHT / 2)),
+        (HULL, scanner, (ahead - _TYRE_WIDTH, 0.0, (top + model.height) / 2)),
     ]
     ends = (-1, 1)
     pieces += [
         (
-            TYRE,
+            DARK,
             _wheel(model.wheel_radius),
             (
                 fore * model.wheel_base / 2,
@@ -51,7 +51,7 @@ def robot_parts(model: RobotModel, pose: Pose2) -> tuple[Part, ...]:
         for side in ends
     ]
     return tuple(
-        Part("robot", material, _placed(vertices + np.array(place), pose), faces)
+        Part(NAME, material, _placed(vertices + np.array(place), pose), faces)
         for material, (vertices, faces), place in pieces
     )
 

@@ -6,15 +6,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from radarsim.figures.floor_plan import HALO, as_words, draw_plan, draw_scale_bar
 from radarsim.figures.foliage_wall import hidden_parts
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
+from radarsim.figures.title import as_words
+from radarsim.plotting.annotations import HALO, draw_scale_bar
+from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.robots import draw_robot
 from radarsim.scene.scene import Scene
 
 FRAME: Final = (0.01, 0.06, 0.98, 0.87)  # of the axes in a figure of SIZE
 SIZE: Final = (12, 8.2)  # inches
 _EDGE: Final = 0.45  # m around the room
+_BELOW: Final = 0.6  # m more below it, for the scale bar
 
 
 def new_sheet() -> tuple[Figure, Axes]:
@@ -25,7 +28,7 @@ def new_sheet() -> tuple[Figure, Axes]:
 
 def draw_room(axes: Axes, shot: ScanSpec) -> None:
     """Draw the test map with the robot of a scan, without axes and with a scale bar."""
-    draw_plan(axes, shot.scene, shot.pose.z, skip=("floor",))
+    draw_plan(axes, shot.scene, shot.pose.z)
     draw_robot(axes, ROBOT, shot.robot, zorder=6)
     show_room(axes, shot.scene)
 
@@ -33,6 +36,7 @@ def draw_room(axes: Axes, shot: ScanSpec) -> None:
 def show_room(axes: Axes, scene: Scene) -> None:
     """Set the limits, the same in all figures, and replace axes by a scale bar."""
     low, high = scene.bounds[:, :2] + np.array([[-_EDGE], [_EDGE]])
+    low[1] -= _BELOW
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")

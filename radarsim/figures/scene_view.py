@@ -5,7 +5,7 @@ their middles; large triangles are subdivided first, so that this order is right
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,28 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
+from radarsim.figures import robot_model
 from radarsim.geometry import Floats
 from radarsim.plants.figure import brightness
-from radarsim.plotting.style import material_colours
+from radarsim.plotting.palette import MARKER, ROBOT
+from radarsim.plotting.style import colour_of
 from radarsim.scene.scene import Part, Scene
 
-# Natural colours of materials; others keep the colour of the scan plots.
-NATURAL: Final = {
-    "concrete": "#b9b6ae",
-    "wood": "#a5713c",
-    "foliage": "#4c9a45",
-    "soil": "#d9c9a3",
-    "painted_steel": "#5b7fa6",
-    "hedge": "#3f7d3a",
-    "shrub_cloud": "#6aa84f",
-    "shrub_leaves": "#6aa84f",
-    "tree_leaves": "#7fb85c",
-    "robot": "#b5342c",
-    "tyre": "#26282b",
-    "deck": "#3a3d42",
-    "scanner": "#c9ccd1",
-}
-ROBOT_NAME: Final = "robot"  # of the parts of a robot
 SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
 _SHADE: Final = 0.78  # brightness of the ground in shadows
 _LARGEST: Final = 2.0  # m, of sides of triangles that are painted as they are
@@ -69,14 +54,9 @@ class View:
 ABOVE: Final = View(-math.pi / 2, math.pi / 2)  # x to the right, y up
 
 
-def natural_colours(scene: Scene) -> dict[str, str]:
-    """Return a natural colour for each material of a scene."""
-    return {**material_colours(scene), **NATURAL}
-
-
 def ground_colour(scene: Scene) -> Floats:
     """Return the colour of the painted floor, RGB (3,)."""
-    colour = natural_colours(scene)[_ground_and_rest(scene)[0][0].material.name]
+    colour = colour_of(_ground_and_rest(scene)[0][0].material)
     level = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
     lit = brightness(level, SUN)[0] * np.array(to_rgb(colour))
     return np.asarray(_PALER + (1 - _PALER) * lit)
@@ -87,13 +67,12 @@ def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
 
     Walls around a room cast no shadow into it.
     """
-    colours = natural_colours(scene)
     ground, rest = _ground_and_rest(scene)
     if ground:
-        axes.add_collection(_painting(ground, colours, view, _PALER, zorder=0))
+        axes.add_collection(_painting(ground, view, _PALER, zorder=0))
         casting = [part for part in rest if not _encloses(part, scene)]
-        axes.add_collection(_shadows(ground, casting, colours, view))
-    axes.add_collection(_painting(rest, colours, view, 0.0, zorder=1))
+        axes.add_collection(_shadows(ground, casting, view))
+    axes.add_collection(_painting(rest, view, 0.0, zorder=1))
     axes.set_aspect("equal")
 
 
@@ -117,7 +96,6 @@ def _top(part: Part) -> float:
 
 def _painting(
     parts: Sequence[Part],
-    colours: Mapping[str, str],
     view: View,
     paler: float,
     *,
@@ -129,8 +107,7 @@ def _painting(
         for part in parts
     ]
     shades = [
-        _brightness(part, triangles)[:, None]
-        * np.array(to_rgb(colours[part.material.name]))
+        _brightness(part, triangles)[:, None] * np.array(to_rgb(_colour(part)))
         for part, triangles in zip(parts, corners, strict=True)
     ]
     seen = view.project(np.concatenate(corners))
@@ -145,8 +122,15 @@ def _painting(
     )
 
 
+def _colour(part: Part) -> str:
+    """Return the colour of a part: of robots that of plans, else the material's."""
+    if _is_robot(part):
+        return MARKER if part.material == robot_model.DARK else ROBOT
+    return colour_of(part.material)
+
+
 def _is_robot(part: Part) -> bool:
-    return part.object_name == ROBOT_NAME
+    return part.object_name == robot_model.NAME
 
 
 def _brightness(part: Part, corners: Floats) -> Floats:
@@ -157,7 +141,6 @@ def _brightness(part: Part, corners: Floats) -> Floats:
 def _shadows(
     ground: Sequence[Part],
     parts: Sequence[Part],
-    colours: Mapping[str, str],
     view: View,
 ) -> PolyCollection:
     """Create the shadows of parts on the ground, clipped to its bounding box."""
@@ -168,7 +151,7 @@ def _shadows(
     floor = np.concatenate([part.vertices[:, :2] for part in ground])
     flat = np.clip(flat, floor.min(axis=0), floor.max(axis=0))
     level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
-    colour = np.array(to_rgb(colours[ground[0].material.name]))
+    colour = np.array(to_rgb(colour_of(ground[0].material)))
     shade = _SHADE * (_PALER + (1 - _PALER) * colour)
     return PolyCollection(
         list(view.project(level)[:, :, :2]),

@@ -12,18 +12,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import HALO, as_words, draw_title
 from radarsim.figures.foliage_wall import bush_parts, hidden_parts
 from radarsim.figures.robot_model import robot_parts
 from radarsim.figures.room_plan import new_sheet, show_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene
 from radarsim.figures.scene_view import (
     ABOVE,
-    ROBOT_NAME,
     View,
     draw_solids,
 )
+from radarsim.figures.title import as_words, draw_title
 from radarsim.geometry import Floats, Pose3
+from radarsim.plotting.annotations import HALO
 from radarsim.plotting.robots import draw_robot
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_parts
@@ -88,7 +88,7 @@ def _draw_oblique(axes: Axes, scene: Scene) -> None:
     _show(axes, OBLIQUE.project(_corners(scene))[:, :2])
     axes.set_axis_off()
     for part in (*named_parts(scene), robot[-1]):
-        name = ROBOT if part.object_name == ROBOT_NAME else part.object_name
+        name = ROBOT if part is robot[-1] else part.object_name
         low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
         middle = (low + high) / 2
         x, y, _ = OBLIQUE.project(np.array([middle[0], middle[1], high[2]]))

@@ -48,6 +48,9 @@ SICK: Final = "#753daa"
 LASER: Final = "#be6ab5"
 PHYSICAL: Final = "#2a3d35"
 
+# Power that comes back of a radar beam.
+RETURNED: Final = HOKUYO
+
 # Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
 GOING: Final = "#00c8ff"  # path towards the goal
 FOLLOWING: Final = "#ffc800"  # path along a boundary

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import as_words
 from radarsim.figures.robot_model import robot_parts
 from radarsim.figures.scan_spec import load_scene
 from radarsim.figures.scene_view import (
@@ -14,7 +13,6 @@ from radarsim.figures.scene_view import (
     View,
     _cut,
     ground_colour,
-    natural_colours,
 )
 from radarsim.figures.scenes import (
     OBLIQUE,
@@ -22,6 +20,7 @@ from radarsim.figures.scenes import (
     draw_trial_scene,
     named_parts,
 )
+from radarsim.figures.title import as_words
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import load_robot
 
@@ -65,9 +64,8 @@ def test_subdivided_triangles_are_small_and_cover_the_same_area() -> None:
 
 
 @pytest.mark.parametrize("name", ["marulan_trial", "foliage_room"])
-def test_all_materials_have_a_colour_and_the_ground_is_pale(name: str) -> None:
+def test_the_ground_is_pale(name: str) -> None:
     scene = load_scene(name)
-    assert {part.material.name for part in scene.parts} <= set(natural_colours(scene))
     assert (ground_colour(scene) > 0.7).all()
     assert (ground_colour(scene) <= 1).all()
 
@@ -138,4 +136,5 @@ def test_robot_is_drawn_as_large_as_its_class() -> None:
     assert size[1] == pytest.approx(model.length)
     assert size[0] == pytest.approx(model.width, abs=0.06)
     assert (points[:, 2].min(), points[:, 2].max()) == pytest.approx((0, model.height))
-    assert sum(part.material.name == "tyre" for part in parts) == 4
+    on_floor = [part for part in parts if part.vertices[:, 2].min() < 1e-9]
+    assert len(on_floor) == 4
