@@ -109,8 +109,8 @@ def draw_scatter(seed: int) -> DrawnFigure:
     return DrawnFigure(
         (drawing,),
         "A radar beam that is wider than the pole goes out (thin lines); the pole sends"
-        " back a part of it, and the hedge behind it another (arrows). The time that each"
-        " takes tells its range.",
+        " back a part of it, and the hedge behind it another (arrows). The time that"
+        " each takes tells its range.",
         (shot.command,),
         _details(returns),
     )
