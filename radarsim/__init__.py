@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
     from radarsim.host import Host
+    from radarsim.plotting.comparison import compare
     from radarsim.raycast.attenuation import EventKind
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map, shipped_maps
@@ -46,6 +47,7 @@ _MODULES = {
     "SimulationConfig": "radarsim.simulation.config",
     "StartPose": "radarsim.scene.scene",
     "Target": "radarsim.sensors.echoes",
+    "compare": "radarsim.plotting.comparison",
     "generator_for": "radarsim.rng",
     "load_map": "radarsim.scene.map_file",
     "load_sensor": "radarsim.sensors.range_scanner",
@@ -76,6 +78,7 @@ __all__ = [
     "StartPose",
     "Target",
     "__version__",
+    "compare",
     "generator_for",
     "load_map",
     "load_sensor",

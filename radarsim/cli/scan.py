@@ -140,7 +140,6 @@ def load_scene_and_pose(
 
 
 def _pose_at_start(scene: Scene, name: str) -> Pose3:
-    from radarsim.geometry import Pose3
     from radarsim.presets.robots import load_robot
 
     start = scene.start(name)
@@ -150,9 +149,7 @@ def _pose_at_start(scene: Scene, name: str) -> Pose3:
         if not names:
             text = f"{name[:80]!r}, expected --pose: the map has no starts"
         raise typer.BadParameter(text, param_hint="--start")
-    model = load_robot("P3AT")
-    lift = Pose3(0.0, 0.0, model.origin_height)
-    return start.pose.compose(lift).compose(model.items_of("RangeScanner")[0].mount)
+    return load_robot("P3AT").scanner_pose(start.pose)
 
 
 def _read_pose(scene: Scene, text: str) -> Pose3:

@@ -1,6 +1,15 @@
 """Plots of scans and of runs over a plan of the map."""
 
+from radarsim.plotting.comparison import compare
 from radarsim.plotting.plan import plot_scene
-from radarsim.plotting.scans import draw_scan, draw_scans, plot_scans
+from radarsim.plotting.scans import as_svg, draw_scans, plot_scan, plot_scans, render
 
-__all__ = ["draw_scan", "draw_scans", "plot_scans", "plot_scene"]
+__all__ = [
+    "as_svg",
+    "compare",
+    "draw_scans",
+    "plot_scan",
+    "plot_scans",
+    "plot_scene",
+    "render",
+]

@@ -8,34 +8,32 @@ import numpy as np
 
 from radarsim.plotting.sight import Sight
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
 
 
-def describe_scans(scene: Scene, scans: Sequence[Scan], sight: Sight) -> str:
+def describe_scans(who: str, scans: Sequence[Scan], sight: Sight) -> str:
     """Return the title of a picture: what one sees in it.
 
     Args:
-        scene: The map.
+        who: The sensor, and where it is.
         scans: One or more scans of one sensor.
         sight: How the beams of the first one see.
     """
     scan = scans[0]
-    where = f"{scan.sensor} in {scene.name}"
     if len(scans) > 1:
-        return f"{where}: {_count_all(scans)}"
+        return f"{who}: {_count_all(scans)}"
     beams = len(scan.ranges)
     if blinded := int(np.count_nonzero(scan.ranges == 0)):
-        return f"{where}: {blinded} of {beams} beams are blinded"
+        return f"{who}: {blinded} of {beams} beams are blinded"
     if through := int(sight.through.sum()):
-        return f"{where}: {through} of {beams} beams see through {sight.words}"
+        return f"{who}: {through} of {beams} beams see through {sight.words}"
     stopped = Counter(_penetrable_readings(scan))
     if stopped:
         ((material, count),) = stopped.most_common(1)
         name = _as_words(material)
-        return f"{where}: {name} stops {count} of {beams} beams, none sees through"
+        return f"{who}: {name} stops {count} of {beams} beams, none sees through"
     read = int(np.count_nonzero(np.isfinite(scan.ranges)))
-    return f"{where}: {read} of {beams} beams read something"
+    return f"{who}: {read} of {beams} beams read something"
 
 
 def _as_words(name: str) -> str:

@@ -32,6 +32,7 @@ from radarsim.sensors.scan import Scan
 FORMS: Final = ("png", "svg", "pdf")  # file formats with the same bytes each time
 THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
 _DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
+NOWHERE: Final[Floats] = np.zeros((0, 2))
 _SIZE: Final = (12.0, 7.6)  # inches
 
 
@@ -93,6 +94,7 @@ def draw_scan(
     legend: Legend | None = None,
     *,
     robot: Pose2 | None = None,
+    include: Floats = NOWHERE,
 ) -> None:
     """Draw scans into axes; arguments as in ``plot_scans``.
 
@@ -102,6 +104,7 @@ def draw_scan(
         scans: One or more scans of one sensor.
         legend: Gets rows for what is drawn; several panels may share it.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
+        include: Points, (N, 2) m, that the limits are to contain too.
     """
     legend = legend or Legend()
     plan = draw_plan(axes, scene, scans[0].pose.z)
@@ -120,9 +123,26 @@ def draw_scan(
     legend.add_heading("Materials")
     legend.add_materials(plan.materials)
     _draw_sensor(axes, scans[0], robot)
-    show_extent(axes, np.concatenate([plan.corners, *_points(scans)]))
-    words = describe_scans(scene, scans, sight)
+    show_extent(axes, np.concatenate([plan.corners, include, *_points(scans)]))
+    words = describe_scans(f"{scans[0].sensor} in {scene.name}", scans, sight)
     write_title(axes, words, describe_beams(scans))
+
+
+def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
+    """Draw a scan into axes, or into a figure of its own with a legend."""
+    if axes is None:
+        return plot_scans(scene, [scan]).axes[0]
+    draw_scan(axes, scene, [scan])
+    return axes
+
+
+def as_svg(axes: Axes) -> str:
+    """Return the figure of axes as an ``<svg>`` element."""
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise ValueError("axes without a figure, expected axes of a figure")
+    text = render(figure, "svg").decode()
+    return text[text.index("<svg") :]
 
 
 def _draw_hits(axes: Axes, scan: Scan, sight: Sight, legend: Legend) -> None:

@@ -135,6 +135,15 @@ class RobotModel(BaseModel):
         wanted = item_type.casefold()
         return tuple(item for item in self.items if item.type.casefold() == wanted)
 
+    def scanner_pose(self, start: Pose3) -> Pose3:
+        """Return the pose of its first range scanner if it stands at a start pose.
+
+        Args:
+            start: Pose on the floor, map frame.
+        """
+        lift = Pose3(0.0, 0.0, self.origin_height)
+        return start.compose(lift).compose(self.items_of("RangeScanner")[0].mount)
+
 
 def robot_names() -> tuple[str, ...]:
     """Return the names of all shipped robot classes, sorted."""

@@ -1,12 +1,12 @@
 """Materials: how they attenuate and reflect beams, and whether they stop robots."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 OPAQUE = math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Material:
     """A named material.
 
@@ -45,6 +45,15 @@ class Material:
     radar_mirror: bool = False
     laser_mirror: bool = False
     rain: float = 0.0
+
+    def __repr__(self) -> str:
+        """Return the call that makes it, without what is by default."""
+        others = [
+            f"{field.name}={getattr(self, field.name)!r}"
+            for field in fields(self)[1:]
+            if getattr(self, field.name) != field.default
+        ]
+        return f"Material({', '.join([repr(self.name), *others])})"
 
     @property
     def penetrable(self) -> bool:

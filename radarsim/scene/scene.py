@@ -4,16 +4,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.late_plotting import load_plotting
 from radarsim.scene.material import Material
 from radarsim.scene.shapes import Faces
 from radarsim.scene.topology import is_closed
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Part:
     """The surfaces of one object that have one material.
 
@@ -54,6 +59,10 @@ class Part:
                 f" expected 0 to {len(vertices) - 1}"
             )
 
+    def __repr__(self) -> str:
+        name, count = self.object_name, len(self.faces)
+        return f"<Part {name}: {self.material.name}, {count} triangles>"
+
     @cached_property
     def closed(self) -> bool:
         """Whether the surfaces enclose a volume, so that inside and outside exist."""
@@ -84,7 +93,7 @@ class Trial:
     safety_distance: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """A loaded map; immutable.
 
@@ -106,6 +115,28 @@ class Scene:
     materials: Mapping[str, Material] = field(default_factory=dict)
     air: Material | None = None
     trial: Trial | None = None
+
+    def __repr__(self) -> str:
+        objects = len({part.object_name for part in self.parts})
+        return f"<Scene {self.name}: {objects} objects, {len(self.starts)} starts>"
+
+    def _repr_html_(self) -> str:
+        """Return the plan as SVG, for notebooks."""
+        return str(load_plotting().as_svg(self.plot()))
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the plan with the names of objects and starts.
+
+        The section is at the height of a P3AT's scanner.
+
+        Args:
+            ax: Axes of matplotlib, in m; None for a figure of its own, with a legend.
+
+        Returns:
+            The axes; ``scene.plot().figure.savefig("plan.png")`` writes a file.
+        """
+        axes: Axes = load_plotting().plot_scene(self, ax)
+        return axes
 
     @cached_property
     def bounds(self) -> Floats:

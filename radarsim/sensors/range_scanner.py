@@ -57,6 +57,13 @@ class RangeScanner:
         )
         self._ray_classes = (ray_class_of(settings),)
 
+    def __repr__(self) -> str:
+        settings = self.settings
+        return (
+            f"<RangeScanner {self.name}: {settings.medium}, {len(self.angles)} beams"
+            f" over {settings.fov_deg:g}°, up to {settings.max_range:g} m>"
+        )
+
     @property
     def has_side_rays(self) -> bool:
         """Whether beams can have several rays."""
@@ -98,7 +105,7 @@ class RangeScanner:
         tracer = tracer_of(scene)
         plan = self.plan(tracer, sensor_pose(scene, pose), rng)
         traces = tracer.trace(plan.rays, events=plan.events, incidence=plan.incidence)
-        return self.read(plan, traces)
+        return replace(self.read(plan, traces), scene=scene)
 
     def plan(
         self,

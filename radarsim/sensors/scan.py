@@ -2,16 +2,21 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.late_plotting import load_plotting
 from radarsim.raycast.rays import Rays
+from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import Sides
 from radarsim.sensors.echoes import Echoes
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Scan:
     """One scan of a radar or a laser.
 
@@ -28,6 +33,7 @@ class Scan:
         resolution: Angle between neighbouring beams, rad.
         cast: The N rays that gave the ranges; for a beam without range one of its rays.
         find_echoes: Computes ``echoes`` on demand.
+        scene: The map; None for a scan of a simulation with its robots.
     """
 
     sensor: str
@@ -38,8 +44,42 @@ class Scan:
     range_min: float
     range_max: float
     resolution: float
-    cast: Rays = field(repr=False)
-    find_echoes: Callable[[], Echoes] = field(repr=False)
+    cast: Rays
+    find_echoes: Callable[[], Echoes]
+    scene: Scene | None = None
+
+    def __repr__(self) -> str:
+        read = sum(map(math.isfinite, self.ranges.tolist()))
+        return (
+            f"<Scan {self.sensor}: {read} of {len(self.ranges)} beams return,"
+            f" from x {self.pose.x:.2f} m, y {self.pose.y:.2f} m,"
+            f" yaw {math.degrees(self.pose.yaw):.0f}°>"
+        )
+
+    def _repr_html_(self) -> str | None:
+        """Return the picture as SVG, for notebooks; None without a map."""
+        if self.scene is None:
+            return None
+        return str(load_plotting().as_svg(self.plot()))
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw rays, echoes and readings over the plan of the map.
+
+        Rays that see through something are the boldest lines.
+
+        Args:
+            ax: Axes of matplotlib, in m; None for a figure of its own, with a legend.
+
+        Returns:
+            The axes; ``scan.plot().figure.savefig("scan.png")`` writes a file.
+
+        Raises:
+            ValueError: If the scan is not from ``RangeScanner.scan``.
+        """
+        if self.scene is None:
+            raise ValueError("scan without a map, expected one from RangeScanner.scan")
+        axes: Axes = load_plotting().plot_scan(self.scene, self, ax)
+        return axes
 
     @property
     def echoes(self) -> Echoes:
