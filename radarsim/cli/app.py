@@ -22,6 +22,7 @@ from radarsim.cli.explain import explain
 from radarsim.cli.figures import figures
 from radarsim.cli.map import map_
 from radarsim.cli.navigate import navigate
+from radarsim.cli.new import new
 from radarsim.cli.presets import materials, sensors
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
@@ -65,6 +66,7 @@ def _root(
 
 app.command()(with_compile_progress(serve))
 app.command()(with_compile_progress(check))
+app.command()(new)
 app.command()(with_compile_progress(scan))
 app.command()(with_compile_progress(explain))
 app.command()(sensors)

@@ -1,12 +1,24 @@
 """``radarsim check``: what a map contains, or its errors."""
 
+from typing import Annotated
+
 import typer
 
 from radarsim.cli.options import MapArgument
 from radarsim.errors import MapError
 
 
-def check(map_: MapArgument) -> None:
+def check(
+    map_: MapArgument,
+    *,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="Exit with 1 if a start is not free or the trial has no path.",
+        ),
+    ] = False,
+) -> None:
     """Read a map and print what is in it, or all its errors."""
     from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
     from radarsim.scene.map_file import load_variants
@@ -15,8 +27,7 @@ def check(map_: MapArgument) -> None:
     try:
         scene, *variants = load_variants(map_)
         summary = summarise(scene)
-        lists = {
-            "variants": [variant.name for variant in variants],
+        doubts = {
             "starts that are not free": occupied_starts(scene),
             "doubts of the trial": trial_warnings(scene),
         }
@@ -24,6 +35,9 @@ def check(map_: MapArgument) -> None:
         typer.echo("\n".join(error.problems))
         raise typer.Exit(1) from None
     typer.echo("\n".join(summary))
-    for title, lines in lists.items():
+    names = [variant.name for variant in variants]
+    for title, lines in {"variants": names, **doubts}.items():
         if lines:
             typer.echo("\n  ".join((title, *lines)))
+    if strict and any(doubts.values()):
+        raise typer.Exit(1)

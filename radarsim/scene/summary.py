@@ -3,10 +3,13 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Scene, StartPose, Trial
+from radarsim.scene.scene import Part, Scene, StartPose, Trial
+
+LEAST_GROUP: Final = 3  # objects of one material that are listed in one line
 
 
 def summarise(scene: Scene) -> list[str]:
@@ -17,13 +20,13 @@ def summarise(scene: Scene) -> list[str]:
         f"{_count(objects, 'object')}, {_count(scene.triangles, 'triangle')}",
         *_extents(scene),
         *([f"air: {scene.air.name}"] if scene.air else []),
+        f"{_count(len(scene.starts), 'start')}, x y z in m, yaw in degrees",
+        *(f"  {_start(start)}" for start in scene.starts),
+        *([_trial(scene.trial)] if scene.trial else []),
         _count(len(scene.materials), "material"),
         *_materials(scene),
         "objects, with their materials and triangles",
         *_objects(scene),
-        f"{_count(len(scene.starts), 'start')}, x y z in m, yaw in degrees",
-        *(f"  {_start(start)}" for start in scene.starts),
-        *([_trial(scene.trial)] if scene.trial else []),
     ]
 
 
@@ -93,10 +96,26 @@ def _surface(material: Material) -> Iterator[str]:
 
 
 def _objects(scene: Scene) -> list[str]:
+    """Return a line for each object, or for many that differ in their number only."""
+    groups: dict[tuple[str, str], list[Part]] = {}
+    for part in scene.parts:
+        stem = part.object_name.rstrip("0123456789")
+        groups.setdefault((stem, part.material.name), []).append(part)
     return [
-        f"  {part.object_name}: {part.material.name}, {len(part.faces)}"
-        for part in scene.parts
+        f"  {name}: {parts[0].material.name}, {sum(len(part.faces) for part in parts)}"
+        for group in groups.values()
+        for name, parts in _named(group)
     ]
+
+
+def _named(group: list[Part]) -> Iterator[tuple[str, list[Part]]]:
+    """Yield the parts of a group together if they are many, each with its name."""
+    names = list(dict.fromkeys(part.object_name for part in group))
+    if len(names) >= LEAST_GROUP:
+        yield f"{names[0]} to {names[-1]} ({len(names)})", group
+        return
+    for part in group:
+        yield part.object_name, [part]
 
 
 def _start(start: StartPose) -> str:

@@ -21,6 +21,7 @@ def test_version_and_help_are_printed(radarsim: Command) -> None:
     assert radarsim("sarve").code == 2
 
 
+@pytest.mark.usefixtures("empty_room")  # which compiles
 def test_closed_stdout_ends_the_program_without_an_error() -> None:
     command = (*PROGRAM, "scan", "empty_room", "--sensor", "laser")
     with subprocess.Popen(
@@ -36,6 +37,7 @@ def test_closed_stdout_ends_the_program_without_an_error() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.usefixtures("empty_room")  # which compiles
 def test_full_disk_is_reported_in_one_line() -> None:
     command = (*PROGRAM, "check", "empty_room")
     with Path("/dev/full").open("wb") as full:

@@ -100,3 +100,31 @@ def test_errors_in_any_variant_are_found(radarsim: Command, tmp_path: Path) -> N
     assert radarsim("check", f"{path}@dust").code == 0
     unknown = radarsim("check", f"{path}@fog")
     assert "variants: 'fog', expected one of ['dust', 'rain']" in unknown.text
+
+
+NO_PATH = """\
+version: 1
+materials: {wall: {density: opaque}}
+objects:
+  - {name: wall, box: [0.2, 20, 2], position: [2, 0, 1], material: wall}
+  - {name: north, box: [20, 0.2, 2], position: [0, 5, 1], material: wall}
+  - {name: south, box: [20, 0.2, 2], position: [0, -5, 1], material: wall}
+  - {name: west, box: [0.2, 20, 2], position: [-5, 0, 1], material: wall}
+starts: [{name: RobotStart1, position: [0, 0, 0]}]
+trial: {start: RobotStart1, goal: [4, 0], safety_distance: 0.5}
+"""
+
+
+@pytest.mark.parametrize("text", [OCCUPIED, NO_PATH])
+def test_strict_check_fails_for_what_is_only_told_otherwise(
+    radarsim: Command, tmp_path: Path, text: str
+) -> None:
+    path = tmp_path / "room.yaml"
+    path.write_text(text)
+    loose, strict = (radarsim("check", str(path), *o) for o in ((), ("--strict",)))
+    assert (loose.code, strict.code) == (0, 1)
+    assert loose.text == strict.text
+
+
+def test_strict_check_passes_a_map_without_doubts(radarsim: Command) -> None:
+    assert radarsim("check", "foliage_room", "--strict").code == 0

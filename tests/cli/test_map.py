@@ -14,8 +14,10 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.client import Client
+from radarsim.exploration.exploration import warm_up
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.map_file import shipped_maps
+from radarsim.scene.scene import Scene
 
 Command = Callable[..., Any]
 FOLIAGE = ("--serve", "foliage_room", "--time-limit", "3")
@@ -384,6 +386,12 @@ def test_interrupted_run_is_reported_in_json(
     assert process.returncode == 130
     assert (told["outcome"], told["error"]) == ("broken_off", "interrupted")
     assert len(told["files"]) == 5
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled(empty_room: Scene) -> None:  # noqa: ARG001
+    """Compile before the tests, which read the first line that a program tells."""
+    warm_up()
 
 
 class Through:

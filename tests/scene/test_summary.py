@@ -27,6 +27,8 @@ def test_summary_lists_the_content_of_a_map() -> None:
         "  x from -2.000 to 2.000 m",
         "  y from -2.000 to 2.000 m",
         "  z from -3.000 to 3.000 m",
+        "1 start, x y z in m, yaw in degrees",
+        "  RobotStart1: -8.000 0.250 0.000, 90.0",
         "3 materials",
         "  wood: density opaque, laser opaque, solid; 24 triangles",
         "  leaf: density 0.7 per m, laser opaque, solid; 1280 triangles",
@@ -36,8 +38,6 @@ def test_summary_lists_the_content_of_a_map() -> None:
         "  crate: wood, 12",
         "  tree: wood, 12",
         "  tree: leaf, 1280",
-        "1 start, x y z in m, yaw in degrees",
-        "  RobotStart1: -8.000 0.250 0.000, 90.0",
     ]
 
 
@@ -46,7 +46,7 @@ def test_single_items_are_in_the_singular() -> None:
     parts = (Part("leaf", LEAF, vertices, faces[:1]),)
     lines = summarise(Scene("room", "DM-Room", parts, (), {"leaf": LEAF}))
     assert lines[1] == "1 object, 1 triangle"
-    assert lines[5:7] == [
+    assert lines[6:8] == [
         "1 material",
         "  leaf: density 0.7 per m, laser opaque, solid; 1 triangle",
     ]
@@ -55,7 +55,7 @@ def test_single_items_are_in_the_singular() -> None:
 def test_empty_map_can_be_summarised() -> None:
     lines = summarise(Scene("room", "DM-Room"))
     assert lines[1] == "0 objects, 0 triangles"
-    assert lines[-1] == "0 starts, x y z in m, yaw in degrees"
+    assert "0 starts, x y z in m, yaw in degrees" in lines
 
 
 @pytest.mark.parametrize(
@@ -106,4 +106,32 @@ def test_summary_has_the_trial() -> None:
     trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
     lines = summarise(Scene("room", "DM-Room", trial=trial))
     text = "trial: RobotStart1 to 7.000 -2.500, 0.500 m away from all that is seen"
-    assert lines[-1] == text
+    assert text in lines
+
+
+def test_objects_that_differ_in_their_number_only_are_in_one_line() -> None:
+    posts = [Part(f"post_{i}", WOOD, *box(1, 1, 1)) for i in range(1, 6)]
+    trees = [
+        Part(f"tree{i}", material, *box(1, 1, 1))
+        for i in range(2)
+        for material in (WOOD, LEAF)
+    ]
+    scene = Scene("room", "DM-Room", (*posts, *trees), (), {"wood": WOOD, "leaf": LEAF})
+    lines = summarise(scene)
+    assert lines[lines.index("objects, with their materials and triangles") + 1 :] == [
+        "  post_1 to post_5 (5): wood, 60",
+        "  tree0: wood, 12",
+        "  tree1: wood, 12",
+        "  tree0: leaf, 12",
+        "  tree1: leaf, 12",
+    ]
+
+
+def test_starts_are_not_hidden_below_the_objects() -> None:
+    part, start = (
+        Part("a", WOOD, *box(1, 1, 1)),
+        StartPose("RobotStart1", Pose3(0, 0, 0)),
+    )
+    lines = summarise(Scene("room", "DM-Room", (part,), (start,), {"wood": WOOD}))
+    (row,) = (i for i, line in enumerate(lines) if "RobotStart1" in line)
+    assert row < lines.index("objects, with their materials and triangles")

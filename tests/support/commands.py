@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from radarsim.cli import main
+from radarsim.compilation import describe
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,9 @@ def run_in_process(*arguments: str) -> Run:
             code = end.code if isinstance(end.code, int) else 1
         finally:
             signal.signal(signal.SIGTERM, before)
-    return Run(code, _contents(out), _contents(err).decode())
+    # Whether anything has to be compiled depends on what ran before.
+    told = _contents(err).decode().replace(f"radarsim: {describe()}\n", "")
+    return Run(code, _contents(out), told)
 
 
 def _contents(stream: io.TextIOWrapper) -> bytes:

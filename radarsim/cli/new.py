@@ -1,0 +1,37 @@
+"""``radarsim new``: a starter map."""
+
+import shlex
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from radarsim.cli.options import check_writable, write_file
+
+STARTER_MAP: Final = Path(__file__).parents[1] / "scene" / "starter_map.yaml"
+_SUFFIXES: Final = (".yaml", ".yml")
+
+
+def new(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="The map file to write, such as room.yaml."
+        ),
+    ],
+) -> None:
+    """Write a small map to start your own from, with comments."""
+    if file.suffix.lower() not in _SUFFIXES:
+        text = f"{str(file)!r}, expected a name that ends in .yaml"
+        raise typer.BadParameter(text, param_hint="FILE")
+    check_writable(file, "FILE")
+    if file.exists():
+        text = f"{str(file)!r} exists, expected the name of a new file"
+        raise typer.BadParameter(text, param_hint="FILE")
+    write_file(file, STARTER_MAP.read_bytes(), "FILE")
+    name = shlex.quote(str(file))
+    picture = shlex.quote(str(file.with_suffix(".png")))
+    scan = f"scan {name} --sensor radar --start RobotStart1 -o {picture}"
+    typer.echo(f"{file}: change it in an editor, then try")
+    for command in (f"check {name}", scan, f"serve {name}"):
+        typer.echo(f"  radarsim {command}")

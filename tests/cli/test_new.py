@@ -1,0 +1,63 @@
+"""The starter map that ``radarsim new`` writes."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Command = Callable[..., Any]
+
+
+@pytest.fixture
+def room(radarsim: Command, tmp_path: Path) -> Path:
+    path = tmp_path / "my room.yaml"
+    assert radarsim("new", str(path)).code == 0
+    return path
+
+
+def test_starter_map_passes_the_strict_check(radarsim: Command, room: Path) -> None:
+    run = radarsim("check", str(room), "--strict")
+    assert run.code == 0
+    for text in ("hedge", "bush", "crate", "RobotStart1", "trial", "@dust"):
+        assert text in run.text
+
+
+def test_starter_map_explains_itself(room: Path) -> None:
+    lines = room.read_text().splitlines()
+    assert sum("#" in line for line in lines) > 10
+    assert len(lines) < 60
+
+
+def test_radar_sees_through_the_hedge_that_stops_the_laser(
+    radarsim: Command, room: Path
+) -> None:
+    ahead = {}
+    for sensor in ("radar", "sick"):
+        words = ("--sensor", sensor, "--start", "RobotStart1")
+        scan = json.loads(radarsim("scan", str(room), *words).text)
+        ahead[sensor] = scan["ranges"][len(scan["ranges"]) // 2]
+    assert ahead["sick"] < 4.5 < ahead["radar"]
+
+
+def test_next_steps_are_told(radarsim: Command, tmp_path: Path) -> None:
+    run = radarsim("new", str(tmp_path / "my room.yaml"))
+    assert f"radarsim serve '{tmp_path}/my room.yaml'" in run.text
+
+
+def test_existing_file_is_not_overwritten(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "room.yaml"
+    path.write_text("mine")
+    run = radarsim("new", str(path))
+    assert run.code == 2
+    assert "exists, expected the name of a new file" in run.err
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["room", "room.png", "no/room.yaml"])
+def test_file_that_would_be_no_map_is_refused(
+    radarsim: Command, tmp_path: Path, name: str
+) -> None:
+    assert radarsim("new", str(tmp_path / name)).code == 2
+    assert not [*tmp_path.iterdir()]
