@@ -7,7 +7,7 @@ little later it gives up with an error that names what was missing.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, NoReturn, Protocol
 
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import ClientError, ClientTimeout, NavigationError
@@ -18,6 +18,7 @@ from radarsim.protocol.reports import Report
 HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
 STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
 STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
+STUCK_AFTER_TURN: Final = math.tau  # rad that it was commanded to turn without turning
 STANDSTILL_LIMIT: Final = 60.0  # s
 _LEAST_MOVE = 0.1  # m; less is due to noise
 _LEAST_TURN = 0.3  # rad
@@ -74,12 +75,14 @@ def moved(start: Pose2, end: Pose2) -> float:
 
 
 class StuckDetector:
-    """Notices that a robot does not move though it is commanded to."""
+    """Notices that a robot does not move or turn though it is commanded to."""
 
     def __init__(self) -> None:
-        self._reference: Observation | None = None
         self._last_time = 0.0
-        self._commanded = 0.0  # m since the reference
+        self._place: Pose2 | None = None  # before the commanded distance
+        self._distance = 0.0  # m
+        self._heading: Pose2 | None = None  # before the commanded turn
+        self._turn = 0.0  # rad
 
     def check(self, observation: Observation, twist: Twist) -> None:
         """Compare a scan, and the twist decided by it, with those before.
@@ -89,18 +92,31 @@ class StuckDetector:
         """
         elapsed = observation.time - self._last_time
         self._last_time = observation.time
-        reference = self._reference
-        if reference is None or moved(reference.pose, observation.pose) > _LEAST_MOVE:
-            self._reference, self._commanded = observation, 0.0
+        self._check_distance(observation.pose, abs(twist.speed) * elapsed)
+        self._check_turn(observation.pose, abs(twist.turn) * elapsed)
+
+    def _check_distance(self, pose: Pose2, commanded: float) -> None:
+        if self._place is None or moved(self._place, pose) > _LEAST_MOVE:
+            self._place, self._distance = pose, 0.0
             return
-        self._commanded += abs(twist.speed) * elapsed
-        if self._commanded > STUCK_AFTER:
-            pose = reference.pose
-            raise NavigationError(
-                f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to go"
-                f" {STUCK_AFTER:g} m; perhaps something is nearer than it is seen,"
-                " and the safety distance too small"
-            )
+        self._distance += commanded
+        if self._distance > STUCK_AFTER:
+            _raise_stuck(self._place, f"go {STUCK_AFTER:g} m")
+
+    def _check_turn(self, pose: Pose2, commanded: float) -> None:
+        if self._heading is None or _has_moved(self._heading, pose):
+            self._heading, self._turn = pose, 0.0
+            return
+        self._turn += commanded
+        if self._turn > STUCK_AFTER_TURN:
+            _raise_stuck(self._heading, f"turn {math.degrees(STUCK_AFTER_TURN):.0f}°")
+
+
+def _raise_stuck(pose: Pose2, command: str) -> NoReturn:
+    raise NavigationError(
+        f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to {command}; perhaps"
+        " something is nearer than it is seen, and the safety distance too small"
+    )
 
 
 class StandstillDetector:

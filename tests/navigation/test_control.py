@@ -40,7 +40,24 @@ def test_3_m_commanded_without_motion_is_stuck() -> None:
         push.check(at(13.0), Twist(0.25, 0.0))
 
 
-def test_robot_commanded_to_stand_is_not_stuck() -> None:
-    push = StuckDetector()
+def test_full_turn_commanded_without_turning_is_stuck() -> None:
+    detector = StuckDetector()
+    for time in range(13):
+        detector.check(at(time, yaw=0.02 * (time % 2)), Twist(0.0, -0.5))
+    with pytest.raises(NavigationError, match=r"at 0\.00 1\.50, told to turn 360"):
+        detector.check(at(13.0), Twist(0.0, -0.5))
+
+
+def test_robot_that_turns_or_stands_as_commanded_is_not_stuck() -> None:
+    turning, standing = StuckDetector(), StuckDetector()
     for time in range(300):
-        push.check(at(time), Twist(0.0, 0.5))
+        turning.check(at(time, yaw=0.05 * time), Twist(0.0, 0.5))
+        standing.check(at(time), Twist(0.0, 0.0))
+
+
+def test_turning_on_the_spot_does_not_hide_that_a_robot_cannot_go_ahead() -> None:
+    detector = StuckDetector()
+    for time in range(31):
+        detector.check(at(time, yaw=0.5 * time), Twist(0.1, 0.5))
+    with pytest.raises(NavigationError, match="told to go 3 m"):
+        detector.check(at(31.0), Twist(0.1, 0.5))
