@@ -48,7 +48,7 @@ def draw_bug(seed: int, *, algorithm: Algorithm) -> DrawnFigure:
     commands = [
         f"radarsim navigate --serve {map_} {options}" for map_ in (OPEN, CLOSED)
     ]
-    return DrawnFigure((drawing,), _caption(*runs), tuple(commands))
+    return DrawnFigure((drawing,), _caption(runs[0]), tuple(commands), _details(*runs))
 
 
 def _view(run: NavigationRun) -> RunView:
@@ -63,24 +63,31 @@ def _view(run: NavigationRun) -> RunView:
     )
 
 
-def _caption(left: NavigationRun, right: NavigationRun) -> str:
+def _caption(left: NavigationRun) -> str:
     how = {
-        Algorithm.BUG1: "all round its boundary, then back to the point of it that is"
-        " nearest to the goal",
-        Algorithm.BUG2: "along its boundary until that crosses the line to the goal,"
-        " nearer to it than where it was met",
+        Algorithm.BUG1: "all the way round it, and leaves it where it came nearest to"
+        " the goal",
+        Algorithm.BUG2: "along it, and leaves it where it is back on the line to the"
+        " goal, and nearer",
     }[left.mission.algorithm]
-    name = left.mission.algorithm.value
+    name = left.mission.algorithm.value.capitalize()
+    return (
+        f"{name} drives towards the goal (G) until something is in the way (H), then"
+        f" {how} (L). On the left it gets out of a trap; on the right, where the goal"
+        " is in a closed box, it comes round to where it began, and so knows that there"
+        " is no path."
+    )
+
+
+def _details(left: NavigationRun, right: NavigationRun) -> str:
     touched = sum(_truth(each).collisions for each in (left, right))
     return (
-        f"{name.capitalize()} drives a {ROBOT} by the eight bumpers of its radar: in a"
-        " straight line towards the goal (G) until something is in the way (H),"
-        f" {how} (L), and on from there. On the left: {_ending(left)}. On the right,"
-        f" where the goal is in a closed box: {_ending(right)}. It touched something"
-        f" {touched} times."
-        " The coloured path is where the robot believes to be, by its drifting INS, the"
-        " thin black one where it truly is. The dots are where its beams ended, by that"
-        " belief; the grey walls are the map, which it does not know."
+        f"A {ROBOT} drives by the eight bumpers of its radar. On the left:"
+        f" {_ending(left)}. On the right: {_ending(right)}. It touched something"
+        f" {touched} times. The coloured path is where the robot believes to be, by its"
+        " drifting INS, the thin black one where it truly is. The dots are where its"
+        " beams ended, by that belief; the grey walls are the map, which it does not"
+        " know."
     )
 
 

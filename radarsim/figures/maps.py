@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 
 from radarsim.exploration.traversability import Point
 from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.floor_plan import as_words
 from radarsim.figures.foliage_wall import MAP, bush_parts, hidden_parts
 from radarsim.figures.mapping_drives import (
     WAYPOINTS,
@@ -43,7 +44,7 @@ def draw_map_pair(left: MappingResult, right: MappingResult) -> DrawnFigure:
     for axes, run in zip(drawing.axes, runs, strict=True):
         _draw_names(axes, run)
     commands = tuple(run.drive.command for run in runs)
-    return DrawnFigure((drawing,), _caption(*runs), commands)
+    return DrawnFigure((drawing,), _caption(*runs), commands, _details(*runs))
 
 
 def _view(run: MappingResult, name: str) -> MapView:
@@ -58,19 +59,29 @@ def _view(run: MappingResult, name: str) -> MapView:
 
 
 def _caption(left: MappingResult, right: MappingResult) -> str:
+    things = [len(_shown(run)) for run in (left, right)]
+    shares = [run.score.hidden_coverage or 0.0 for run in (left, right)]
+    return (
+        "Two robots drive along a wall of bushes, on this side of it only, and map what"
+        " they sense: white and grey where a beam has been, blue where none has. The"
+        f" radar's map has {_percent(shares[0])} of the floor behind the bushes and"
+        f" {things[0]} of the {len(hidden_parts(load_scene(MAP)))} things on it, the"
+        f" Hokuyo's {_percent(shares[1])} and {things[1] or 'none'}."
+    )
+
+
+def _details(left: MappingResult, right: MappingResult) -> str:
     settings, longest = left.drive.scanner.settings, right.drive.scanner.settings
     hidden = hidden_parts(load_scene(MAP))
-    shares = [_percent(run.score.hidden_coverage or 0.0) for run in (left, right)]
     return (
-        f"Two robots go from {START} along the bushes, on this side of them only,"
-        f" {left.length:.2f} and {right.length:.2f} m, and map what they sense: a"
+        f"From {START} they drive {left.length:.2f} and {right.length:.2f} m: a"
         f" {left.drive.robot} by its radar, N = {settings.side_offset_uu:g}, and a"
         f" {right.drive.robot} by the Hokuyo, whose own range of"
         f" {load_settings('hokuyo').max_range:g} m is made {longest.max_range:g} m, so"
-        " that it is the foliage that stops it. Of the floor behind the bushes on which"
-        f" a robot would have room, {shares[0]} are sensed by the radar and {shares[1]}"
-        f" by the Hokuyo; of the {len(hidden)} things there the radar's map shows"
-        f" {_shown(left)}, the Hokuyo's {_shown(right)}."
+        " that it is the foliage that stops it. The floor behind the bushes is that on"
+        f" which a robot would have room; of the {len(hidden)} things there the radar's"
+        f" map shows {_join_names(_shown(left))}, the Hokuyo's"
+        f" {_join_names(_shown(right))}."
         f" {_describe_bushes(bush_coverage(left), bush_coverage(right))}"
     )
 
@@ -100,10 +111,10 @@ def _describe_bushes(
     )
 
 
-def _shown(run: MappingResult) -> str:
-    return _join_names(
-        [name for name, cells in count_object_cells(run).items() if cells]
-    )
+def _shown(run: MappingResult) -> list[str]:
+    """Return the names of the hidden things that a map shows."""
+    counts = count_object_cells(run)
+    return [as_words(name) for name, cells in counts.items() if cells]
 
 
 def _join_names(names: Sequence[str]) -> str:
@@ -126,7 +137,7 @@ def _draw_names(axes: Axes, run: MappingResult) -> None:
         if counts[part.object_name]:
             low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
             axes.annotate(
-                part.object_name,
+                as_words(part.object_name),
                 (float(low[0] + high[0]) / 2, float(low[1])),
                 xytext=(0, -4),
                 textcoords="offset points",

@@ -227,6 +227,8 @@ class Panels:
             loc="lower center",
             ncols=columns,
             fontsize=self._text,
+            columnspacing=1.5,
+            handlelength=1.6,
             frameon=False,
         )
 

@@ -19,7 +19,7 @@ def test_upper_run_succeeds_and_lower_run_fails(
     algorithm: Algorithm, seed: int
 ) -> None:
     drawn = draw_bug(seed, algorithm=algorithm)
-    left, right = drawn.caption.split("On the right, where")
+    left, right = drawn.details.split("On the right")
     assert "On the left: goal reached after" in left
     assert "no path after" in right
     assert "touched something 0 times" in right

@@ -87,13 +87,15 @@ def test_both_maps_have_the_same_scale_and_their_own_titles(pair: Pair) -> None:
     assert not right.texts
     named = {text.get_text() for text in left.texts} - {"2 m"}  # the scale
     assert named == {
-        name for name, cells in count_object_cells(pair[0]).items() if cells
+        name.replace("_", " ")
+        for name, cells in count_object_cells(pair[0]).items()
+        if cells
     }
     assert drawn.commands == tuple(run.drive.command for run in pair)
-    described = f"{100 * hidden:.1f} % are sensed by the radar and 0.0 % by the Hokuyo"
-    assert described in drawn.caption
-    assert "the Hokuyo's none" in drawn.caption
-    assert not re.search(r"nan|inf|None|\?", drawn.caption)
+    assert f"{100 * hidden:.1f} % of the floor behind the bushes" in drawn.caption
+    assert "the Hokuyo's 0.0 % and none" in drawn.caption
+    assert "the Hokuyo's none" in drawn.details
+    assert not re.search(r"nan|inf|None|\?", drawn.caption + drawn.details)
 
 
 @pytest.mark.slow
