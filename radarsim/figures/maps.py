@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 
 from radarsim.exploration.traversability import Point
 from radarsim.figures.figure import DrawnFigure
-from radarsim.figures.floor_plan import as_words
 from radarsim.figures.foliage_wall import MAP, bush_parts, hidden_parts
 from radarsim.figures.mapping_drives import (
     WAYPOINTS,
@@ -19,6 +18,7 @@ from radarsim.figures.mapping_drives import (
     radar,
 )
 from radarsim.figures.scan_spec import START, load_scene
+from radarsim.figures.title import as_words
 from radarsim.plotting.annotations import HALO
 from radarsim.plotting.maps import MapView, map_figure
 from radarsim.plotting.outlines import outlines_of
