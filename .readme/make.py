@@ -23,7 +23,7 @@ PICTURES = {
     "radar": "figures/figure_08.png",
     "scan": "scan.png",
     "navigate": "navigate.png",
-    "map": "map/map.png",
+    "map": "map/map_view.png",
     "shrub_shapes": "shrub.png",
 }
 

@@ -205,9 +205,9 @@ def map_(
 ) -> None:
     """Explore with a robot and map what it senses, or map what another client drives.
 
-    Writes OUT.png in UsarCommander's colours, OUT.pgm with OUT.yaml for nav2's
-    map_server, the trajectory of the robot as OUT.tum, and OUT_view.png, the map with
-    the robot's path, a scale and a legend.
+    Writes OUT.png in UsarCommander's colours, OUT.pgm with OUT.yaml for
+    nav2's map_server, the robot's trajectory as OUT.tum, and OUT_view.png,
+    the map with the robot's path, a scale and a legend.
     """
     exit_143_on_sigterm()
     from radarsim.cli.film import check_film

@@ -144,8 +144,8 @@ FilmOption = Annotated[
     typer.Option(
         "--film",
         metavar="FILE",
-        help="Film the run into a .gif, or an .mp4 with 'radarsim[film]' installed; an"
-        " interrupted run leaves the film so far.",
+        help="Film the run into a .gif, or an .mp4 with 'radarsim\\[film]' installed;"
+        " an interrupted run leaves the film so far.",
     ),
 ]
 FilmSpeedOption = Annotated[
