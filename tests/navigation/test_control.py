@@ -57,7 +57,7 @@ def test_robot_that_turns_or_stands_as_commanded_is_not_stuck() -> None:
 
 def test_turning_on_the_spot_does_not_hide_that_a_robot_cannot_go_ahead() -> None:
     detector = StuckDetector()
-    for time in range(31):
+    for time in range(30):
         detector.check(at(time, yaw=0.5 * time), Twist(0.1, 0.5))
     with pytest.raises(NavigationError, match="told to go 3 m"):
         detector.check(at(31.0), Twist(0.1, 0.5))
