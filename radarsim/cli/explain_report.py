@@ -172,7 +172,7 @@ def as_text(report: dict[str, Any]) -> list[str]:
         ray += f", one of {report['one_of']} that answer together"
     lines = [
         f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}",
-        f"leaves with power {_power_text(report['power'])}",
+        f"sent with power {_power_text(report['power'])}",
     ]
     if report["air"]:
         lines.append(f"everywhere: the air takes {report['air']:.6f} of it per metre")

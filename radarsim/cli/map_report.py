@@ -34,7 +34,7 @@ FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
 CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
 ENDINGS: Final = {
     "time_limit": "time is up",
-    "broken_off": "broken off",
+    "broken_off": "interrupted",
     "overheard": "mapped what passed",
 }
 

@@ -252,17 +252,20 @@ def _suffix(path: Path) -> str:
 
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
-    """Print the result of a run; of one that fails only as JSON."""
+    """Print the result of a run, also of an interrupted one; else failures as JSON."""
     from radarsim.cli.navigate_report import as_json as result_as_json
     from radarsim.cli.navigate_report import as_text
+    from radarsim.evaluation.navigation_run import INTERRUPTED
 
     try:
         yield
     except BaseException as error:
-        reason = str(error) if isinstance(error, Exception) else "interrupted"
-        run.error = run.error or reason
+        failed = isinstance(error, Exception)
+        run.error = run.error or (str(error) if failed else INTERRUPTED)
         if as_json:
             typer.echo(result_as_json(run))
+        elif not failed and run.run_log.rows:
+            typer.echo("\n".join(as_text(run)))
         raise
     typer.echo(result_as_json(run) if as_json else "\n".join(as_text(run)))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from radarsim.cli.progress import live_status
-from radarsim.evaluation.navigation_run import NavigationRun
+from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.run_log import AT_BOUNDARY, Row, RunLog
 
@@ -113,7 +113,9 @@ def as_text(run: NavigationRun) -> list[str]:
 
 
 def _ending(run: NavigationRun) -> str:
-    return ENDINGS.get(run.outcome, "failed" if run.error else "broken off")
+    if run.error == INTERRUPTED:
+        return INTERRUPTED
+    return ENDINGS.get(run.outcome, "failed")
 
 
 def _points_text(points: Sequence[Point]) -> str:

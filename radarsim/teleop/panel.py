@@ -15,8 +15,12 @@ WARNING: Final = "class:warning"
 SILENCE_WARNING: Final = (
     0.6  # s without reports from the server, which sends some every 0.2 s
 )
-HELP: Final = (
-    "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"  # fits 64
+HELP: Final = "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"
+SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
+    "WASD drive  space stops  +/- speed  q quits",
+    "WASD drive  space stops  q quits",
+    "space stops  q quits",
+    "q quits",
 )
 POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth))
 
@@ -60,6 +64,16 @@ def panel_lines(
     lines += [[("", "touch    "), _touch(state)]]
     lines += [[("", "nearest  "), nearest(state)], []]
     return lines + [[(WARNING, text)] for text in warnings(state, silence)]
+
+
+def help_text(width: int) -> str:
+    """Return as much help as fits in some columns.
+
+    >>> help_text(40)
+    'WASD drive  space stops  q quits'
+    """
+    fitting = (text for text in (HELP, *SHORTER_HELP) if len(text) <= width)
+    return next(fitting, SHORTER_HELP[-1][:width])
 
 
 def nearest(state: RobotState) -> tuple[str, str]:

@@ -25,7 +25,7 @@ from prompt_toolkit.output import Output
 from prompt_toolkit.styles import Style
 
 from radarsim.teleop.keyboard import Key
-from radarsim.teleop.panel import HELP, WIDTH
+from radarsim.teleop.panel import WIDTH, help_text
 from radarsim.teleop.view import Fragments
 
 Draw: TypeAlias = Callable[[int, int], list[Fragments]]
@@ -147,4 +147,4 @@ def make_screen(
 
 
 def _help(width: int, _: int) -> list[Fragments]:
-    return [[("", HELP[:width])]]
+    return [[("", help_text(width))]]

@@ -102,7 +102,7 @@ def test_text_has_a_line_for_each_crossing(radarsim: Command, room: str) -> None
     lines = radarsim("explain", room, *AHEAD).text.splitlines()
     assert lines == [
         "radar, beam 90 at 0.00 deg, centre ray",
-        "leaves with power 1.0000",
+        "sent with power 1.0000",
         "starts inside mist (mist), leaves at 2.0000 m, power 1.0000 to 0.8000",
         "3.5000 m: enters bush (leaf), leaves at 4.5000 m, power 0.8000 to 0.3000",
         "6.0000 m: enters paper (sheet), leaves at 6.0000 m, power 0.3000 to 0.0500",
@@ -117,7 +117,7 @@ def test_beam_without_hits_is_out_of_range(radarsim: Command, room: str) -> None
         *("--set", "max_range=1"),
     )
     assert run.text.splitlines()[1:] == [
-        "leaves with power unlimited",
+        "sent with power unlimited",
         "1.0000 m: out of range, power left unlimited",
         "reads nothing",
     ]

@@ -323,7 +323,7 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
         process.send_signal(number)
         out, errors = process.communicate(timeout=60)
     assert process.returncode == code
-    assert out.startswith(b"broken off by auto: ")
+    assert out.startswith(b"interrupted by auto: ")
     assert b"Traceback" not in errors
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 

@@ -12,7 +12,15 @@ from radarsim.protocol.reports import (
     Status,
     Touch,
 )
-from radarsim.teleop.panel import HELP, WIDTH, bearing, nearest, panel_lines, warnings
+from radarsim.teleop.panel import (
+    HELP,
+    WIDTH,
+    bearing,
+    help_text,
+    nearest,
+    panel_lines,
+    warnings,
+)
 from radarsim.teleop.robot_state import RobotState
 from radarsim.teleop.terminal import MIN_COLUMNS
 
@@ -120,3 +128,9 @@ def test_panel_warns(state: RobotState) -> None:
     state.take(scan(1.0, 1.0, 1.0))
     state.take(Status(1.0, battery=5, light=False))
     assert warnings(state, 0.1) == []
+
+
+@pytest.mark.parametrize("width", [7, 20, 40, 60, 64, 200])
+def test_the_key_that_quits_is_shown_however_narrow_the_terminal_is(width: int) -> None:
+    assert help_text(width).endswith("q quits")
+    assert len(help_text(width)) <= width
