@@ -16,6 +16,7 @@ from radarsim import __version__
 from radarsim.cli.bench import bench
 from radarsim.cli.check import check
 from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.demo import demo
 from radarsim.cli.docs import docs
 from radarsim.cli.drive import drive
 from radarsim.cli.explain import explain
@@ -64,6 +65,7 @@ def _root(
     pass
 
 
+app.command()(with_compile_progress(demo))
 app.command()(with_compile_progress(serve))
 app.command()(with_compile_progress(check))
 app.command()(new)

@@ -1,11 +1,14 @@
 """``radarsim check``: what a map contains, or its errors."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Final
 
 import typer
 
-from radarsim.cli.options import MapArgument
+from radarsim.cli.options import MapArgument, check_writable, write_file
 from radarsim.errors import MapError
+
+FORMS: Final = ("png", "svg", "pdf")
 
 
 def check(
@@ -18,8 +21,17 @@ def check(
             help="Exit with 1 if a start is not free or the trial has no path.",
         ),
     ] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Draw the plan with names; .png, .svg or .pdf."
+        ),
+    ] = None,
 ) -> None:
     """Read a map and print what is in it, or all its errors."""
+    if plot is not None:
+        form = _form_of(plot)
+        check_writable(plot, "--plot")
     from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
     from radarsim.scene.map_file import load_variants
     from radarsim.scene.summary import summarise
@@ -39,5 +51,24 @@ def check(
     for title, lines in {"variants": names, **doubts}.items():
         if lines:
             typer.echo("\n  ".join((title, *lines)))
+    if plot is not None:
+        from radarsim.plotting import draw_scene
+
+        write_file(plot, draw_scene(scene, form=form), "--plot")
+
     if strict and any(doubts.values()):
         raise typer.Exit(1)
+
+
+def _form_of(path: Path) -> str:
+    """Return the format that the ending of a picture's name tells.
+
+    Raises:
+        typer.BadParameter: If it tells none.
+    """
+    form = path.suffix.lower().removeprefix(".")
+    if form not in FORMS:
+        endings = ", ".join(f".{each}" for each in FORMS)
+        text = f"{path}, expected an ending of {endings}"
+        raise typer.BadParameter(text, param_hint="--plot")
+    return form

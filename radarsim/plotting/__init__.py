@@ -2,12 +2,20 @@
 
 from radarsim.plotting.comparison import compare
 from radarsim.plotting.plan import plot_scene
-from radarsim.plotting.scans import as_svg, draw_scans, plot_scan, plot_scans, render
+from radarsim.plotting.scans import (
+    as_svg,
+    draw_scans,
+    draw_scene,
+    plot_scan,
+    plot_scans,
+    render,
+)
 
 __all__ = [
     "as_svg",
     "compare",
     "draw_scans",
+    "draw_scene",
     "plot_scan",
     "plot_scans",
     "plot_scene",

@@ -27,6 +27,7 @@ MARGIN: Final = 0.5  # m around what is shown
 ROBOT: Final = "P3AT"
 LEAF_OPACITY: Final = 0.35  # of the area around leaves
 _BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
+_NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 _WALL: Final = "wall"  # objects of this name need no label
 _SMALL: Final = 1.2  # m; names of smaller objects are written beside them
@@ -104,12 +105,18 @@ def _area(part: Part, lines: Floats) -> Geometry:
     return shapely.build_area(shapely.node(segments))
 
 
-def show_extent(axes: Axes, points: Floats) -> None:
-    """Set the limits of axes to points, (N, 2) m, and a margin; draw a scale bar."""
+def show_extent(axes: Axes, points: Floats, aside: float = 0.0) -> None:
+    """Set the limits of axes to points and a margin; draw a scale bar.
+
+    Args:
+        axes: Axes in m.
+        points: What is to be seen, (N, 2) m.
+        aside: More space on the left and the right, m.
+    """
     if not len(points):
         points = np.zeros((1, 2))
     (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-    axes.set_xlim(x0 - MARGIN, x1 + MARGIN)
+    axes.set_xlim(x0 - MARGIN - aside, x1 + MARGIN + aside)
     space = _BAR_SPACE * (y1 - y0)
     axes.set_ylim(y0 - MARGIN - space, y1 + MARGIN)
     draw_scale_bar(axes)
@@ -134,7 +141,8 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
     height = scene.floor_at(0.0, 0.0) + HEIGHT
     plan = draw_plan(axes, scene, height)
     places = np.array([(start.pose.x, start.pose.y) for start in scene.starts])
-    show_extent(axes, np.concatenate([plan.corners, places.reshape(-1, 2)]))
+    shown = np.concatenate([plan.corners, places.reshape(-1, 2)])
+    show_extent(axes, shown, _NAME_SPACE * np.ptp(shown[:, 0]) if len(shown) else 0.0)
     name_objects(axes, scene.parts, height)
     for start in scene.starts:
         pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)

@@ -20,7 +20,7 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.annotations import write_title
 from radarsim.plotting.echo_marks import add_echo_rows, draw_echoes
 from radarsim.plotting.palette import MARKER
-from radarsim.plotting.plan import ROBOT, draw_plan, show_extent
+from radarsim.plotting.plan import ROBOT, draw_plan, plot_scene, show_extent
 from radarsim.plotting.ray_segments import add_ray_rows, draw_rays, group_by_ray
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.scan_words import describe_beams, describe_scans
@@ -136,13 +136,22 @@ def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
     return axes
 
 
+def draw_scene(scene: Scene, *, form: str = "png") -> bytes:
+    """Draw the plan of a scene, see ``plot_scene``, as a file of one of ``FORMS``."""
+    return render(_figure_of(plot_scene(scene)), form)
+
+
 def as_svg(axes: Axes) -> str:
     """Return the figure of axes as an ``<svg>`` element."""
+    text = render(_figure_of(axes), "svg").decode()
+    return text[text.index("<svg") :]
+
+
+def _figure_of(axes: Axes) -> Figure:
     figure = axes.get_figure(root=True)
     if figure is None:
         raise ValueError("axes without a figure, expected axes of a figure")
-    text = render(figure, "svg").decode()
-    return text[text.index("<svg") :]
+    return figure
 
 
 def _draw_hits(axes: Axes, scan: Scan, sight: Sight, legend: Legend) -> None:

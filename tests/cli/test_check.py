@@ -128,3 +128,25 @@ def test_strict_check_fails_for_what_is_only_told_otherwise(
 
 def test_strict_check_passes_a_map_without_doubts(radarsim: Command) -> None:
     assert radarsim("check", "foliage_room", "--strict").code == 0
+
+
+@pytest.mark.parametrize(
+    ("ending", "head"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
+)
+def test_plan_is_drawn_into_a_file_beside_the_summary(
+    radarsim: Command, tmp_path: Path, ending: str, head: bytes
+) -> None:
+    path = tmp_path / f"plan.{ending}"
+    run = radarsim("check", "empty_room", "--plot", str(path))
+    assert run.code == 0
+    assert run.text == radarsim("check", "empty_room").text
+    assert path.read_bytes().startswith(head)
+
+
+def test_plan_of_another_ending_is_wrong_usage(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    run = radarsim("check", "empty_room", "--plot", str(tmp_path / "plan.gif"))
+    assert run.code == 2
+    assert ".svg" in run.err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,56 @@
+"""``radarsim demo``: radar and laser side by side, in one picture."""
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from radarsim.cli.options import check_writable, write_file
+
+MAP: Final = "foliage_room"
+START: Final = "RobotStart1"
+TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
+_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
+_NEXT: Final = f"""\
+Try next:
+  radarsim explain {MAP} --sensor radar --start {START} --beam 92
+  radarsim navigate --algorithm bug2 --serve bug_u_trap --plot run.png
+  radarsim serve {MAP}
+"""
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Argument(metavar="[OUT]", help="The picture, a PNG file.")
+    ] = Path("radarsim_demo.png"),
+) -> None:
+    """Draw what radar and laser see of a room behind bushes, in one picture."""
+    _check_out(out)
+    from radarsim.plotting import compare, render
+
+    figure = compare(MAP, "laser", "radar", start=START)
+    figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
+    write_file(out, render(figure, "png"), "OUT")
+    typer.echo(out)
+    typer.echo(_NEXT, err=True, nl=False)
+
+
+def _check_out(out: Path) -> None:
+    """Check that a picture can be written, and that no other file is in its place."""
+    if out.suffix.lower() != ".png":
+        text = f"{out}, expected a file that ends in .png"
+        raise typer.BadParameter(text, param_hint="OUT")
+    check_writable(out, "OUT")
+    if out.exists() and not _is_by_radarsim(out):
+        text = f"{out} is not by radarsim, expected another file"
+        raise typer.BadParameter(text, param_hint="OUT")
+
+
+def _is_by_radarsim(path: Path) -> bool:
+    from radarsim.figures.figure import is_radarsim_figure
+
+    try:
+        with path.open("rb") as file:
+            return is_radarsim_figure(file.read(_HEAD_SIZE))
+    except OSError:
+        return False

@@ -1,0 +1,43 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+Command = Callable[..., Any]
+
+
+def test_demo_needs_no_options_and_says_where_its_picture_is(
+    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = radarsim("demo")
+    assert run.code == 0
+    assert run.text == "radarsim_demo.png\n"
+    assert run.err.count("  radarsim ") == 3  # commands to try next
+    with Image.open(tmp_path / "radarsim_demo.png") as picture:
+        assert picture.width > 1.5 * picture.height
+    first = (tmp_path / "radarsim_demo.png").read_bytes()
+    assert radarsim("demo").code == 0  # its own picture may be replaced
+    assert (tmp_path / "radarsim_demo.png").read_bytes() == first
+
+
+def test_demo_does_not_overwrite_files_of_others(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "photo.png"
+    path.write_bytes(b"\x89PNG, a photo")
+    run = radarsim("demo", str(path))
+    assert run.code == 2
+    assert "not by radarsim" in run.err
+    assert path.read_bytes() == b"\x89PNG, a photo"
+
+
+@pytest.mark.parametrize("name", ["demo", "demo.jpg", "none/demo.png"])
+def test_demo_refuses_what_it_cannot_write(
+    radarsim: Command, tmp_path: Path, name: str
+) -> None:
+    run = radarsim("demo", str(tmp_path / name))
+    assert run.code == 2
+    assert list(tmp_path.iterdir()) == []
