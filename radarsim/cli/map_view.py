@@ -105,5 +105,5 @@ class MapCamera:
                 robot_radius=math.hypot(robot.length, robot.width) / 2,
                 height=_sensor_height(result, mapper),
             )
-        extent = first_extent(outlines, (x, y))
+        extent = first_extent(outlines, mapper.grid)
         return MapFrames(extent, resolution, headline(result), robot.name, outlines)

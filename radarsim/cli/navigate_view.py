@@ -75,8 +75,9 @@ def true_path(run: NavigationRun) -> Floats:
 
 
 def _summary(run: NavigationRun) -> str:
-    rounds = f"{run.circuits} circuit{'s' * (run.circuits != 1)}"
-    path = f"{run.run_log.path_length:.1f} m in {run.run_log.time:.0f} s, {rounds}"
+    path = f"{run.run_log.path_length:.1f} m in {run.run_log.time:.0f} s"
+    if run.circuits:
+        path += f", {run.circuits} circuit{'s' * (run.circuits != 1)}"
     if run.monitor is None:
         return path
     away = run.monitor.distance(run.mission.goals[-1])

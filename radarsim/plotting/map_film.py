@@ -19,23 +19,20 @@ from radarsim.plotting.maps import (
 from radarsim.plotting.outlines import Outline, outlines_extent
 from radarsim.plotting.panels import Extent, Panels
 
-_AROUND: Final = 10.0  # m around the start that a film shows at first
-_EDGE: Final = 0.5  # m around a scene, into which unknown cells may reach
+_EDGE: Final = 0.5  # m around a scene, or around what is sensed of it
 _LARGEST_SCENE: Final = 40.0  # m of a side of a scene that it shows whole
 
 
-def first_extent(outlines: Sequence[Outline], start: tuple[float, float]) -> Extent:
+def first_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Extent:
     """Return what a film shows at first: a scene that is known and not too large.
 
     Args:
         outlines: The scene; none if it is unknown.
-        start: Start of the robot, m.
+        grid: The map, which is shown otherwise; at least one scan.
     """
-    x, y = start
-    around = Extent(x, y, x, y).grown(_AROUND)
     scene = outlines_extent(outlines)
     if scene is None or max(scene.width, scene.height) > _LARGEST_SCENE:
-        return around
+        return extent_of(grid, sensed_window(grid)).grown(_EDGE)
     return scene.grown(_EDGE)
 
 

@@ -22,7 +22,8 @@ from radarsim.plotting.runs import (
     run_rows,
 )
 
-_AROUND: Final = 2.0  # m around what a film shows at first
+_AROUND: Final = 2.0  # m around start and goals that a film shows at first
+_EDGE: Final = 0.7  # m around a scene
 _LARGEST_SCENE: Final = 40.0  # m of a side of a scene that it shows whole
 _TEXT: Final = 10.0  # points
 
@@ -40,10 +41,11 @@ def first_extent(
     shown = Extent(*start, *start)
     for goal in goals:
         shown = shown.union(Extent(*goal, *goal))
+    shown = shown.grown(_AROUND)
     scene = outlines_extent(outlines)
     if scene is not None and max(scene.width, scene.height) <= _LARGEST_SCENE:
-        shown = shown.union(scene)
-    return shown.grown(_AROUND)
+        shown = shown.union(scene.grown(_EDGE))
+    return shown
 
 
 class RunFrames:

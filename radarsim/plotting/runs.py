@@ -20,7 +20,7 @@ from matplotlib.lines import Line2D
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import Activity
-from radarsim.navigation.run_log import RunLog
+from radarsim.navigation.run_log import CELL, RunLog
 from radarsim.plotting import palette
 from radarsim.plotting.outlines import Outline, area_rows, draw_areas
 from radarsim.plotting.panels import Extent, Panels, titles_of
@@ -37,6 +37,7 @@ AROUND: Final = 3.0  # m around the path that are shown
 NO_PATH: Final[Floats] = np.zeros((0, 2))
 FAINTEST: Final = 0.2  # opacity of dots where one beam ended
 _MARGIN: Final = 0.6  # m
+_DOT: Final = 0.85  # diameter of a dot, in sides of the cell that it stands for
 _WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
 _CLOSEST: Final = 160.0  # pixels per metre, at most
 
@@ -252,7 +253,9 @@ def _draw_sensed(
     often = np.log1p(counts) / np.log1p(counts.max(initial=1.0))
     shades = np.tile((*colour, 1.0), (len(counts), 1))
     shades[:, 3] = FAINTEST + (1 - FAINTEST) * often
-    return axes.scatter(x, y, 5.0, shades, linewidths=0.0, zorder=2.5)
+    points_per_metre = axes.bbox.width / axes.viewLim.width * 72 / axes.figure.dpi
+    size = (_DOT * CELL * points_per_metre) ** 2
+    return axes.scatter(x, y, size, shades, linewidths=0.0, zorder=2.5)
 
 
 def _styles(run_log: RunLog) -> list[PathStyle]:

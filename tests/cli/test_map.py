@@ -447,6 +447,7 @@ def test_no_map_is_written_when_no_client_connects(
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(120)
 def test_film_shows_the_run_and_does_not_change_it(
     radarsim: Command, tmp_path: Path

@@ -119,8 +119,9 @@ def test_cells_have_a_whole_number_of_pixels() -> None:
 
 
 def test_film_shows_more_when_the_map_outgrows_it() -> None:
-    frames = MapFrames(first_extent((), (0.0, 0.0)), 0.05, "A map grows", "P3AT")
-    small = frames.draw(grid_of(5.0), PATH[:1], "1 s")
+    grid = grid_of(5.0)
+    frames = MapFrames(first_extent((), grid), 0.05, "A map grows", "P3AT")
+    small = frames.draw(grid, PATH[:1], "1 s")
     large = frames.draw(grid_of(15.0), PATH, "2 s")
     assert small.shape == large.shape
     assert all(side % 2 == 0 for side in small.shape[:2])
@@ -129,9 +130,11 @@ def test_film_shows_more_when_the_map_outgrows_it() -> None:
 
 
 def test_film_begins_with_a_scene_that_is_not_too_large() -> None:
-    assert first_extent(PLAN, (0.0, 0.0)).width == pytest.approx(9)
+    grid = grid_of(2.0)
+    assert first_extent(PLAN, grid).width == pytest.approx(9)
     large = (Outline("solid", (ROOM * 20,)),)
-    assert first_extent(large, (3.0, 0.0)).east == pytest.approx(13)
+    assert first_extent(large, grid) == first_extent((), grid)
+    assert 4 < first_extent(large, grid).width < 7
 
 
 def test_commander_colours_are_by_cell() -> None:
