@@ -8,6 +8,7 @@ import atexit
 import os
 import signal
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -89,8 +90,20 @@ def _ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
+def _replace_closed_streams() -> None:
+    """Open the null device for each stream that the parent process has closed.
+
+    Else Python has None for it, and the next file that is opened gets its number.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            stream = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115
+            setattr(sys, name, stream)
+
+
 def main() -> None:
     """Run a command and exit with its code."""
+    _replace_closed_streams()
     signal.signal(signal.SIGTERM, ExitOnSignal(0))
     atexit.register(_ignore_signals)
     try:

@@ -90,3 +90,21 @@ def test_sigterm_ends_a_command_with_exit_code_0() -> None:
     command = (sys.executable, "-c", SIGTERM_WHILE_RUNNING)
     run = subprocess.run(command, capture_output=True, check=False, timeout=90)
     assert (run.returncode, run.stdout, run.stderr) == (0, b"", b"")
+
+
+@pytest.mark.parametrize(
+    ("closed", "command", "code"),
+    [
+        pytest.param("<&- >&- 2>&-", "docs radar", 0, id="all"),
+        pytest.param(">&-", "docs radar", 0, id="stdout"),
+        pytest.param(
+            "2>&-", "scan nowhere --sensor radar --pose 0,0,0", 1, id="stderr"
+        ),
+    ],
+)
+def test_streams_may_be_closed(closed: str, command: str, code: int) -> None:
+    shell = ("sh", "-c", f'exec "$@" {closed}', "sh")
+    words = (*shell, *PROGRAM, *command.split())
+    run = subprocess.run(words, capture_output=True, check=False, timeout=120)
+    assert run.returncode == code
+    assert b"Traceback" not in run.stderr
