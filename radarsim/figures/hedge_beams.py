@@ -20,7 +20,7 @@ from radarsim.figures.foliage_wall import (
 )
 from radarsim.figures.room_plan import draw_room, name_hidden_objects, new_sheet
 from radarsim.figures.scan_spec import ScanSpec, hit_points, object_names
-from radarsim.figures.title import draw_title
+from radarsim.figures.title import as_words, draw_title
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import HOKUYO, RADAR
 from radarsim.sensors.range_scanner import load_sensor
@@ -90,7 +90,7 @@ def draw_radar(seed: int) -> DrawnFigure:
         " are spent inside.",
         (shot.command,),
         f"{counts.behind} of its {counts.beams} beams go through the thin edges of the"
-        f" bushes and end behind them: at {', '.join(counts.objects)}."
+        f" bushes and end behind them: at {', '.join(map(as_words, counts.objects))}."
         f" {counts.inside} are spent inside a bush, between its near and its far side."
         f" {_everywhere(shot)} N is 0 here: there is no noise.",
     )

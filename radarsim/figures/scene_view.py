@@ -16,7 +16,7 @@ from matplotlib.colors import to_rgb
 
 from radarsim.figures import robot_model
 from radarsim.geometry import Floats
-from radarsim.plants.figure import brightness
+from radarsim.plants.figure import brightness, painted_triangles
 from radarsim.plotting.palette import MARKER, ROBOT
 from radarsim.plotting.style import colour_of
 from radarsim.scene.scene import Part, Scene
@@ -113,10 +113,9 @@ def _painting(
     seen = view.project(np.concatenate(corners))
     order = np.argsort(seen[:, :, 2].mean(axis=1), kind="stable")
     paint = paler + (1 - paler) * np.concatenate(shades)[order]
-    return PolyCollection(
-        list(seen[order][:, :, :2]),
-        facecolors=paint,
-        edgecolors=paint,
+    return painted_triangles(
+        seen[order][:, :, :2],
+        paint,
         linewidths=0.6,  # closes the seams between triangles
         zorder=zorder,
     )
@@ -153,10 +152,9 @@ def _shadows(
     level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
     colour = np.array(to_rgb(colour_of(ground[0].material)))
     shade = _SHADE * (_PALER + (1 - _PALER) * colour)
-    return PolyCollection(
-        list(view.project(level)[:, :, :2]),
-        facecolors=shade,
-        edgecolors=shade,
+    return painted_triangles(
+        view.project(level)[:, :, :2],
+        shade,
         linewidths=0.3,
         zorder=0.5,
         label="shadows",

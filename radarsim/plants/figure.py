@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,12 +16,16 @@ from radarsim.plants.calibration import Comparison
 from radarsim.plants.parameters import LEAVES, WOOD
 from radarsim.plants.plant import Plant
 from radarsim.plants.range_profile import BEFORE, HEIGHT, WALL, PlantRanges
+from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
 from radarsim.robots.obstacles import slice_mesh
 
-COLOURS: Final = {WOOD: "#7a4a21", LEAVES: "#3f8f3a"}
+COLOURS: Final = {
+    WOOD: FAMILY_COLOURS[Family.WOOD],
+    LEAVES: FAMILY_COLOURS[Family.FOLIAGE],
+}
 SUN: Final = np.array([-0.45, -0.55, 0.7])  # direction to the light: above left
 AMBIENT: Final = 0.55  # brightness of faces along the light
-RAY, END, WALL_END = "tab:blue", "tab:red", "black"
+RAY, END, WALL_END = RADAR, RADAR, MARKER
 BIN: Final = 0.1  # m
 TITLE: Final = "A shrub in three shapes: the same mean transmission, another scatter"
 TITLE_HEIGHT: Final = 0.55  # inches
@@ -66,11 +70,8 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
         depths.append(corners[:, :, 1].mean(axis=1))
     order = np.argsort(-np.concatenate(depths))  # painter's algorithm: far faces first
     sorted_colours = np.concatenate(colours)[order]
-    triangles = PolyCollection(
-        list(np.concatenate(polygons)[order]),
-        facecolors=sorted_colours,
-        edgecolors=sorted_colours,
-        linewidths=0.2,
+    triangles = painted_triangles(
+        np.concatenate(polygons)[order], sorted_colours, linewidths=0.2
     )
     axes.add_collection(triangles)
     axes.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
@@ -78,6 +79,19 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
     axes.set_ylabel("z, m")
+
+
+def painted_triangles(corners: Floats, colours: Floats, **style: Any) -> PolyCollection:
+    """Return triangles as matplotlib draws them, in the order given.
+
+    Args:
+        corners: (T, 3, 2), in units of the axes.
+        colours: RGB, (T, 3) for each triangle or (3,) for all, from 0 to 1.
+        **style: Other properties of the collection.
+    """
+    # an array is much faster than a sequence of arrays, but missing in the types
+    polygons: Any = corners
+    return PolyCollection(polygons, facecolors=colours, edgecolors=colours, **style)
 
 
 def brightness(

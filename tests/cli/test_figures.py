@@ -149,6 +149,7 @@ def test_all_figures_are_on_one_page(radarsim: Command, tmp_path: Path) -> None:
         (caption,) = re.findall(r'<p class="caption">(.*?)</p>', block, re.DOTALL)
         assert len(caption) > 60
         assert caption.endswith(".")
+        assert len(re.findall(r"[.?!](?: |$)", caption)) == 2
         assert f"radarsim figures OUT --only {number} --seed 0" in block
 
 

@@ -5,6 +5,7 @@ import pytest
 from radarsim.figures.catalogue import (
     FIGURES,
     NUMBERS,
+    FigureSpec,
     render,
     render_all,
     select_figures,
@@ -59,3 +60,16 @@ def test_several_processes_render_the_same_bytes_as_one() -> None:
     alone = {made.number: made for made in render_all(wanted, 0, workers=1)}
     shared = {made.number: made for made in render_all(wanted, 0, workers=2)}
     assert alone == shared
+
+
+@pytest.mark.parametrize("entry", FIGURES[:14], ids=lambda entry: str(entry.number))
+def test_caption_has_two_sentences_and_the_picture_a_title_in_words(
+    entry: FigureSpec,
+) -> None:
+    drawn = entry.draw(0)
+    assert len(re.findall(r"\.(?: |$)", drawn.caption)) == 2
+    assert len(drawn.caption.split()) < 60
+    assert drawn.details
+    title = drawn.drawings[0].texts[0].get_text()
+    assert len(title.split()) > 3
+    assert "_" not in title
