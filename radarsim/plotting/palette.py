@@ -2,7 +2,8 @@
 
 Materials have the colour of their family: foliage is green, wood brown, concrete and
 brick grey, smoke and dust a pale lilac that is drawn translucent. Sensors have one
-colour each. The rays of a beam are coloured as in the thesis: left red, right blue.
+colour each. The rays of a beam are coloured as in the thesis: left red, right
+blue, centre grey.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
 protanopia; ``SHOWN_TOGETHER`` lists these groups.
@@ -27,26 +28,30 @@ class Family(StrEnum):
     GROUND = "ground"
 
 
+PAPER: Final = "#ffffff"
+INK: Final = "#191818"  # text, outlines, markers, robots
+
+# As they look on paper; what is translucent is painted darker, see ``area_style``.
 FAMILY_COLOURS: Final = {
-    Family.FOLIAGE: "#9cbc61",
-    Family.WOOD: "#8f3b09",
-    Family.STONE: "#a9a6a5",
-    Family.METAL: "#31476a",
-    Family.GLASS: "#00c8ff",
-    Family.SMOKE: "#ede4f9",
-    Family.GROUND: "#f1d2af",
+    Family.FOLIAGE: "#a5c262",
+    Family.WOOD: "#701a00",
+    Family.STONE: "#aaabad",
+    Family.METAL: "#33486a",
+    Family.GLASS: "#39befa",
+    Family.SMOKE: "#d8d5f7",
+    Family.GROUND: "#c2ac89",
 }
 
-# As in the thesis, the left ray is red and the right ray blue.
-LEFT_RAY: Final = "#d23359"
-CENTRE_RAY: Final = "#191818"
-RIGHT_RAY: Final = "#5e5dc6"
+# As in the thesis, the left ray is red, the right ray blue, the centre ray grey.
+LEFT_RAY: Final = "#d12c19"
+CENTRE_RAY: Final = "#5e5d5b"
+RIGHT_RAY: Final = "#1563be"
 
-RADAR: Final = "#6949eb"
+RADAR: Final = "#6a4aeb"
 HOKUYO: Final = "#ff5704"
-SICK: Final = "#753daa"
-LASER: Final = "#be6ab5"
-PHYSICAL: Final = "#2a3d35"
+SICK: Final = "#743ba8"
+LASER: Final = "#c06ab5"
+PHYSICAL: Final = "#3a4b42"
 
 # Power that comes back of a radar beam.
 RETURNED: Final = HOKUYO
@@ -55,18 +60,18 @@ RETURNED: Final = HOKUYO
 GOING: Final = "#00c8ff"  # path towards the goal
 FOLLOWING: Final = "#ffc800"  # path along a boundary
 RETURNING: Final = FAMILY_COLOURS[Family.WOOD]  # path back to the leave point
-TRUE_PATH: Final = CENTRE_RAY
+TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
 MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
 TRUE_SOLID: Final = "#ff9f00"  # outlines over a map: what is truly there
 TRUE_FOLIAGE: Final = FAMILY_COLOURS[Family.FOLIAGE]
 TRUE_SMOKE: Final = "#d58cff"
-MARKER: Final = CENTRE_RAY  # start, goal, hit and leave points, told apart by shape
-ROBOT: Final = "#ffffff"  # hull of the robot, outlined in ``MARKER``
+MARKER: Final = INK  # start, goal, hit and leave points, told apart by shape
+ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 
-_ON_MATERIALS = tuple(FAMILY_COLOURS.values())
+_ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
 _RUN = (
-    *(GOING, FOLLOWING, RETURNING, TRUE_PATH),
+    *(PAPER, GOING, FOLLOWING, RETURNING, TRUE_PATH),
     *(FAMILY_COLOURS[family] for family in (Family.STONE, Family.FOLIAGE)),
 )
 _CELLS = ("#0000ff", "#ffffff", "#a0a0a0", "#000000")  # UsarCommander's

@@ -114,8 +114,11 @@ def area_style(family: Family) -> dict[str, Any]:
     The outline is a darker shade of the fill; what floats in the air is translucent.
     """
     colour = to_rgb(FAMILY_COLOURS[family])
+    opacity = SMOKE_OPACITY if family is Family.SMOKE else 1.0
+    # on paper, which shows through, the paint looks like the colour of the family
+    paint = tuple((part - 1 + opacity) / opacity for part in colour)
     return {
-        "facecolor": (*colour, SMOKE_OPACITY if family is Family.SMOKE else 1.0),
+        "facecolor": (*paint, opacity),
         "edgecolor": tuple(OUTLINE_SHADE * part for part in colour),
         "linewidth": 0.6,
     }

@@ -5,12 +5,15 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgb, to_rgba
 
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import (
+    FAMILY_COLOURS,
     HOKUYO,
+    INK,
     LASER,
+    PAPER,
     RADAR,
     SHOWN_TOGETHER,
     SICK,
@@ -18,6 +21,7 @@ from radarsim.plotting.palette import (
     family_of,
     sensor_colour,
 )
+from radarsim.plotting.style import area_style
 from radarsim.presets.materials import library_material
 from radarsim.scene.material import Material
 
@@ -116,3 +120,16 @@ def test_each_kind_of_sensor_has_its_colour() -> None:
     assert sensor_colour("usarsim_hokuyo", "laser") == HOKUYO
     assert sensor_colour("sick_lms200", "laser") == SICK
     assert sensor_colour("laser", "laser") == LASER
+
+
+@pytest.mark.parametrize("family", Family)
+def test_areas_look_on_paper_like_the_colour_of_their_family(family: Family) -> None:
+    *paint, opacity = to_rgba(area_style(family)["facecolor"])
+    on_paper = [opacity * part + 1 - opacity for part in paint]
+    assert on_paper == pytest.approx(to_rgb(FAMILY_COLOURS[family]))
+    assert (opacity < 1) == (family is Family.SMOKE)
+
+
+@pytest.mark.parametrize("picture", ["rays over a plan", "sensors over a plan"])
+def test_groups_contain_the_paper_and_the_ink(picture: str) -> None:
+    assert {PAPER, INK} <= set(SHOWN_TOGETHER[picture])
