@@ -28,6 +28,7 @@ from radarsim.mapping.export import (
     sensed_window,
 )
 from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
+from radarsim.plotting.cell_image import CellImage
 from radarsim.plotting.outlines import KINDS, Outline, outlines_extent
 from radarsim.plotting.palette import (
     MAPPED_PATH,
@@ -112,15 +113,8 @@ class MapPanel:
         axes.set_facecolor(_rgb(BLUE))  # beyond the map
         self._axes = axes
         self._robot_class = robot_class
-        limits = axes.get_xlim(), axes.get_ylim()
-        self._image = axes.imshow(
-            np.zeros((1, 1, 4), np.uint8),
-            origin="lower",
-            interpolation="nearest",
-            aspect="auto",
-            zorder=1,
-        )
-        axes.set(xlim=limits[0], ylim=limits[1])
+        self._image = CellImage(axes, zorder=1)
+        axes.add_artist(self._image)
         self._outlines = [
             axes.add_collection(
                 LineCollection(
@@ -141,11 +135,7 @@ class MapPanel:
     def update(self, grid: OccupancyGrid, path: Floats) -> None:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
         window = sensed_window(grid)
-        cells = commander_pixels(grid)[window]
-        opaque = np.full((*cells.shape[:2], 1), 255, np.uint8)  # 4 are drawn faster
-        self._image.set_data(np.concatenate([cells, opaque], axis=2))
-        extent = extent_of(grid, window)
-        self._image.set_extent((extent.west, extent.east, extent.south, extent.north))
+        self._image.show(commander_pixels(grid)[window], extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
         self._start.set_data(path[:1, 0], path[:1, 1])
         for artist in self._robot:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from PIL import Image
@@ -21,6 +22,7 @@ from radarsim.mapping.export import (
 )
 from radarsim.mapping.occupancy_grid import OccupancyGrid
 from radarsim.mapping.scan import read_scan
+from radarsim.plotting.cell_image import CellImage
 from radarsim.plotting.map_film import MapFrames, first_extent
 from radarsim.plotting.maps import (
     CELL_TEXTS,
@@ -146,3 +148,26 @@ def test_commander_colours_are_by_cell() -> None:
     assert tuple(cells[row, column]) == GREY
     row, column = grid.frame.cell(5.0, 0.0) or (0, 0)
     assert tuple(cells[row, column]) == BLACK
+
+
+def test_pixels_have_the_colour_of_the_cell_under_them() -> None:
+    """Quickly drawn cells are those that matplotlib would draw."""
+    colours = np.random.Generator(np.random.PCG64(0)).integers(0, 256, (5, 7, 3))
+    cells, pictures = colours.astype(np.uint8), []
+    for quickly in (True, False):
+        figure = Figure(figsize=(2, 2), dpi=50)
+        axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+        axes.set_axis_off()
+        if quickly:
+            image = CellImage(axes, zorder=1)
+            axes.add_artist(image)
+            image.show(cells, Extent(-1.0, 0.0, 6.0, 5.0))
+        else:
+            extent = (-1.0, 6.0, 0.0, 5.0)
+            axes.imshow(cells, origin="lower", interpolation="nearest", extent=extent)
+        axes.set(xlim=(-2.0, 6.0), ylim=(-1.0, 7.0), aspect="auto")
+        data = io.BytesIO()
+        FigureCanvasAgg(figure).print_figure(data, format="png")
+        with Image.open(data) as picture:
+            pictures.append(np.array(picture.convert("RGB")))
+    assert (pictures[0] == pictures[1]).all()
