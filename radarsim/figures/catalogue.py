@@ -74,9 +74,19 @@ FIGURES: Final = (
     FigureSpec(
         "12", "Left and right rays, N = 100", partial(draw_offset_rays, offset=100)
     ),
-    FigureSpec("13", "Bug1", partial(draw_bug, algorithm=Algorithm.BUG1), 4),
-    FigureSpec("14", "Bug2", partial(draw_bug, algorithm=Algorithm.BUG2), 2),
-    FigureSpec("15", "The explored test map, by radar and by Hokuyo", draw_maps, 8),
+    FigureSpec(
+        "13",
+        "Bug1 in a trap and at a closed box",
+        partial(draw_bug, algorithm=Algorithm.BUG1),
+        4,
+    ),
+    FigureSpec(
+        "14",
+        "Bug2 in a trap and at a closed box",
+        partial(draw_bug, algorithm=Algorithm.BUG2),
+        2,
+    ),
+    FigureSpec("15", "The test map as mapped by radar and by Hokuyo", draw_maps, 8),
 )
 NUMBERS: Final = tuple(entry.number for entry in FIGURES)
 

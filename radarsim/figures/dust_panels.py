@@ -28,7 +28,7 @@ from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
 from radarsim.plotting import palette
 from radarsim.plotting.annotations import QUIET, draw_scale_bar
-from radarsim.plotting.palette import Family
+from radarsim.plotting.palette import MARKER, Family
 from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.style import area_style, scan_points
@@ -154,7 +154,7 @@ def _draw_missed(axes: Axes, shot: ScanSpec) -> Samples:
         return {}
     style: dict[str, Any] = {
         "markerfacecolor": "none",
-        "markeredgecolor": QUIET,
+        "markeredgecolor": MARKER,
         "markersize": 9,
     }
     axes.plot(*missed.T, "o", linestyle="none", zorder=3, **style)
