@@ -23,7 +23,7 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
 HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
-MARGIN: Final = 0.5  # m around what is shown
+MARGIN: Final = 0.8  # m around what is shown
 ROBOT: Final = "P3AT"
 LEAF_OPACITY: Final = 0.35  # of the area around leaves
 _BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
