@@ -19,6 +19,7 @@ R = TypeVar("R")
 _INTERVAL: Final = 0.1  # s between two drawings
 _FRAMES: Final = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
 _PLAIN_FRAMES: Final = "|/-\\"
+_SHORT: Final = "compiling the ray engine"
 _ERASE: Final = "\r\x1b[K"
 
 
@@ -147,7 +148,8 @@ class _LiveLine:
         frame = frames[int(seconds / _INTERVAL) % len(frames)]
         end = f" {seconds:.0f} s"
         width = shutil.get_terminal_size().columns - len(end) - 3
-        return f"{frame} {f'radarsim: {describe()}'[:width]}{end}"
+        texts = f"radarsim: {describe()}", _SHORT, _SHORT[:width]
+        return f"{frame} {next(each for each in texts if len(each) <= width)}{end}"
 
     def _write(self, text: str) -> None:
         if sys.stderr is self._stream:  # else another display shows something there
