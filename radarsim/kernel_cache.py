@@ -49,7 +49,10 @@ def cache_folder() -> Path | None:
 def is_cold() -> bool:
     """Return whether no kernel is cached, so that all have to be compiled."""
     folder = cache_folder()
-    return folder is None or not any(folder.glob("*/*.nbi"))
+    try:
+        return folder is None or not any(folder.glob("*/*.nbi"))
+    except OSError:  # it may not be read any more
+        return True
 
 
 def kernel_hash(package: Path) -> str:

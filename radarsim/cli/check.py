@@ -5,7 +5,7 @@ from typing import Annotated, Final
 
 import typer
 
-from radarsim.cli.options import MapArgument, check_writable, write_file
+from radarsim.cli.options import MapArgument, check_ending, check_writable, write_file
 from radarsim.errors import MapError
 
 FORMS: Final = ("png", "svg", "pdf")
@@ -30,7 +30,7 @@ def check(
 ) -> None:
     """Read a map and print what is in it, or all its errors."""
     if plot is not None:
-        form = _form_of(plot)
+        form = check_ending(plot, FORMS, "--plot")
         check_writable(plot, "--plot")
     from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
     from radarsim.scene.map_file import load_variants
@@ -55,20 +55,5 @@ def check(
         from radarsim.plotting import draw_scene
 
         write_file(plot, draw_scene(scene, form=form), "--plot")
-
     if strict and any(doubts.values()):
         raise typer.Exit(1)
-
-
-def _form_of(path: Path) -> str:
-    """Return the format that the ending of a picture's name tells.
-
-    Raises:
-        typer.BadParameter: If it tells none.
-    """
-    form = path.suffix.lower().removeprefix(".")
-    if form not in FORMS:
-        endings = ", ".join(f".{each}" for each in FORMS)
-        text = f"{path}, expected an ending of {endings}"
-        raise typer.BadParameter(text, param_hint="--plot")
-    return form

@@ -5,7 +5,7 @@ from typing import Annotated, Final
 
 import typer
 
-from radarsim.cli.options import check_writable, write_file
+from radarsim.cli.options import check_ending, check_writable, write_file
 
 MAP: Final = "foliage_room"
 START: Final = "RobotStart1"
@@ -37,9 +37,7 @@ def demo(
 
 def _check_out(out: Path) -> None:
     """Check that a picture can be written, and that no other file is in its place."""
-    if out.suffix.lower() != ".png":
-        text = f"{out}, expected a file that ends in .png"
-        raise typer.BadParameter(text, param_hint="OUT")
+    check_ending(out, ["png"], "OUT")
     check_writable(out, "OUT")
     if out.exists() and not _is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"

@@ -26,6 +26,7 @@ from radarsim.cli.options import (
     StartOption,
     TimeLimitOption,
     TimeoutOption,
+    check_ending,
     check_positive,
     check_robot,
     check_server_options,
@@ -241,13 +242,8 @@ def _check_files(trace: Path | None, plot: Path | None) -> None:
     for hint, path in (("--trace", trace), ("--plot", plot)):
         if path is not None:
             check_writable(path, hint)
-    if plot is not None and _suffix(plot) not in _PLOT_FORMATS:
-        text = f"{str(plot)!r}, expected a name that ends in one of {_PLOT_FORMATS}"
-        raise typer.BadParameter(text, param_hint="--plot")
-
-
-def _suffix(path: Path) -> str:
-    return path.suffix.lower().lstrip(".")
+    if plot is not None:
+        check_ending(plot, _PLOT_FORMATS, "--plot")
 
 
 @contextmanager
@@ -281,7 +277,8 @@ def _write_files(
         if trace is not None:
             write_file(trace, run.run_log.as_csv().encode(), "--trace")
         if plot is not None and run.run_log.rows:
-            write_file(plot, _draw(run, _suffix(plot)), "--plot")
+            form = check_ending(plot, _PLOT_FORMATS, "--plot")
+            write_file(plot, _draw(run, form), "--plot")
 
 
 def _draw(run: NavigationRun, form: str) -> bytes:

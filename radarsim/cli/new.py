@@ -6,10 +6,9 @@ from typing import Annotated, Final
 
 import typer
 
-from radarsim.cli.options import check_writable, write_file
+from radarsim.cli.options import check_ending, check_writable, write_file
 
 STARTER_MAP: Final = Path(__file__).parents[1] / "scene" / "starter_map.yaml"
-_SUFFIXES: Final = (".yaml", ".yml")
 
 
 def new(
@@ -21,9 +20,7 @@ def new(
     ],
 ) -> None:
     """Write a small map to start your own from, with comments."""
-    if file.suffix.lower() not in _SUFFIXES:
-        text = f"{str(file)!r}, expected a name that ends in .yaml"
-        raise typer.BadParameter(text, param_hint="FILE")
+    check_ending(file, ["yaml", "yml"], "FILE")
     check_writable(file, "FILE")
     if file.exists():
         text = f"{str(file)!r} exists, expected the name of a new file"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -295,6 +295,25 @@ def server_address(host: str | None, port: int | None) -> tuple[str, int]:
 def penetration_depth(foliage_density: float | None, power: float) -> float:
     """Return how far a radar sees into foliage, m; 0 if the density is not given."""
     return 0.0 if foliage_density is None else power / foliage_density
+
+
+def check_ending(path: Path, known: Sequence[str], hint: str) -> str:
+    """Return the ending of a file's name, in lower case and without the dot.
+
+    Args:
+        path: The file to be written.
+        known: The endings that are possible.
+        hint: Name of the option that asks for it.
+
+    Raises:
+        typer.BadParameter: If it is none of them.
+    """
+    ending = path.suffix.lower().removeprefix(".")
+    if ending not in known:
+        endings = ", ".join(f".{each}" for each in known)
+        text = f"{path}, expected an ending of {endings}"
+        raise typer.BadParameter(text, param_hint=hint)
+    return ending
 
 
 def check_writable(path: Path, hint: str) -> None:
