@@ -12,6 +12,7 @@ WIDTH = 900  # pixels
 COLOURS = 128
 COMMANDS = (
     "radarsim figures figures --only 6,7,8",
+    "radarsim demo demo.png",
     "radarsim scan foliage_room --sensor radar --start RobotStart1 -o scan.png",
     "radarsim.plants plants --figure shrub.png",
     "radarsim navigate --algorithm bug2 --serve bug_u_trap --plot navigate.png",
@@ -21,6 +22,7 @@ PICTURES = {
     "scene": "figures/figure_06.png",
     "laser": "figures/figure_07.png",
     "radar": "figures/figure_08.png",
+    "demo": "demo.png",
     "scan": "scan.png",
     "navigate": "navigate.png",
     "map": "map/map_view.png",
