@@ -31,7 +31,13 @@ _NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 _WALL: Final = "wall"  # objects of this name need no label
 _SMALL: Final = 1.2  # m; names of smaller objects are written beside them
-_OFFSETS: Final = {"center": (0, 0), "right": (4, 0), "below": (0, -9)}  # points
+# In points.
+_OFFSETS: Final = {
+    "center": (0, 0),
+    "right": (4, 0),
+    "above": (0, 12),
+    "below": (0, -13),
+}
 _SIZE: Final = (10.5, 7.2)  # inches
 
 
@@ -150,7 +156,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
         _write(axes, start.name, (pose.x, pose.y), "below")
     if scene.trial is not None:
         axes.plot(*scene.trial.goal, "*", color="black", markersize=10, zorder=5)
-        _write(axes, "goal of the trial", scene.trial.goal, "below")
+        _write(axes, "goal of the trial", scene.trial.goal, "above")
     objects = len({part.object_name for part in scene.parts})
     words = f"{scene.name}: {objects} objects, {len(scene.starts)} starts"
     write_title(axes, words, f"section at z {height:.2f} m, where a P3AT scans")
@@ -181,16 +187,16 @@ def name_objects(axes: Axes, parts: Iterable[Part], height: float) -> None:
 def _write(
     axes: Axes, text: str, place: tuple[float, float], side: str = "center"
 ) -> None:
-    """Write a text at a place, to the ``right`` of it, or ``below`` it."""
+    """Write a text at a place, to the ``right`` of it, ``above`` or ``below`` it."""
     axes.annotate(
         text,
         place,
         xytext=_OFFSETS[side],
         textcoords="offset points",
         ha="left" if side == "right" else "center",
-        va="top" if side == "below" else "center",
+        va={"above": "bottom", "below": "top"}.get(side, "center"),
         fontsize=7,
-        fontweight="bold" if side == "below" else "normal",
+        fontweight="bold" if side in ("above", "below") else "normal",
         path_effects=[HALO],
         parse_math=False,
         clip_on=True,
