@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from radarsim import errors
+
 from .conftest import RunCommand
 
 SCAN = ("scan", "empty_room", "--sensor", "laser", "--start", "RobotStart1")
@@ -93,6 +95,14 @@ def test_folder_is_told_to_be_one(radarsim: RunCommand, tmp_path: Path) -> None:
     assert f"{tmp_path}: a folder, expected a map file" in run.text
 
 
+def is_readable(path: Path) -> bool:
+    try:
+        path.open("rb").close()
+    except PermissionError:
+        return False
+    return True
+
+
 @contextmanager
 def plain_user() -> Iterator[None]:
     """Run as a user who may not read and write everything."""
@@ -101,6 +111,8 @@ def plain_user() -> Iterator[None]:
         return
     os.seteuid(65534)
     try:
+        if not is_readable(Path(errors.__file__)):
+            pytest.skip("the package is in a folder that only root can read")
         yield
     finally:
         os.seteuid(0)

@@ -116,6 +116,7 @@ def test_commands_in_captions_repeat_the_scans(radarsim: Command, number: str) -
         assert scan.ranges.tolist() == ranges
 
 
+@pytest.mark.slow
 def test_commands_in_captions_repeat_the_runs(radarsim: Command) -> None:
     run = bugs.run(bugs.CLOSED, Algorithm.BUG2, 1)
     words = f"navigate --serve {bugs.CLOSED} --algorithm bug2 --seed 1 --json"

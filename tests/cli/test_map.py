@@ -61,6 +61,7 @@ def test_map_is_written_and_summarised_in_lines(
     assert sorted(file.name for file in folder.iterdir()) == FILES
 
 
+@pytest.mark.slow
 def test_waypoints_are_driven_to_and_unreachable_ones_listed(
     radarsim: Command, tmp_path: Path
 ) -> None:
@@ -103,6 +104,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_map_and_another_seed_another(
     radarsim: Command, tmp_path: Path
 ) -> None:

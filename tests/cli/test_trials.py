@@ -12,6 +12,7 @@ Command = Callable[..., Any]
 QUICK = ("trials", "--maps", "bug_box", "--seeds", "1", "--workers", "1")
 
 
+@pytest.mark.slow
 def test_table_has_a_row_for_each_kind_of_trial(radarsim: Command) -> None:
     run = radarsim(*QUICK)
     assert run.code == 0

@@ -47,6 +47,7 @@ def test_trials_are_all_combinations_ordered_by_map() -> None:
     assert len(every) == len({*every}) == 8
 
 
+@pytest.mark.slow
 def test_two_trials_are_correct_and_in_order() -> None:
     reached, closed = run_trials([QUICK, CLOSED], workers=1)
     assert (reached.map, closed.map) == ("bug_box", "bug_closed_box")
@@ -60,6 +61,7 @@ def test_two_trials_are_correct_and_in_order() -> None:
     assert closed.circuits == 1
 
 
+@pytest.mark.slow
 def test_same_trial_gives_the_same_score_and_another_seed_another() -> None:
     score, again = run_trial(QUICK), run_trial(QUICK)
     assert score == again

@@ -239,6 +239,7 @@ def gate(width: float) -> list[shapely.Polygon]:
     ]
 
 
+@pytest.mark.slow
 @BOTH
 @HANDS
 @pytest.mark.parametrize("width", [1.1, 1.3, 1.5, 1.7, 1.9])
@@ -254,6 +255,7 @@ def test_bug_passes_two_obstacles_at_any_distance(
     assert world.nearest > 0.42
 
 
+@pytest.mark.slow
 @BOTH
 @HANDS
 @pytest.mark.parametrize("width", [1.4, 1.5, 1.9])
