@@ -1,14 +1,18 @@
 """``radarsim check``: what a map contains, or its errors."""
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-from radarsim.cli.options import MapArgument, check_ending, check_writable, write_file
+from radarsim.cli.options import (
+    PICTURE_FORMS,
+    MapArgument,
+    check_ending,
+    check_writable,
+    write_file,
+)
 from radarsim.errors import MapError
-
-FORMS: Final = ("png", "svg", "pdf")
 
 
 def check(
@@ -30,7 +34,7 @@ def check(
 ) -> None:
     """Read a map and print what is in it, or all its errors."""
     if plot is not None:
-        form = check_ending(plot, FORMS, "--plot")
+        form = check_ending(plot, PICTURE_FORMS, "--plot")
         check_writable(plot, "--plot")
     from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
     from radarsim.scene.map_file import load_variants

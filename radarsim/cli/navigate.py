@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from radarsim.cli.options import (
+    PICTURE_FORMS,
     DriveUnit,
     DriveUnitOption,
     FilmOption,
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from radarsim.scene.scene import Trial
 
 EXIT_CODES: Final = {"reached": 0, "no_path": 3}
-_PLOT_FORMATS: Final = ("png", "svg", "pdf")
 
 
 class Side(StrEnum):
@@ -243,7 +243,7 @@ def _check_files(trace: Path | None, plot: Path | None) -> None:
         if path is not None:
             check_writable(path, hint)
     if plot is not None:
-        check_ending(plot, _PLOT_FORMATS, "--plot")
+        check_ending(plot, PICTURE_FORMS, "--plot")
 
 
 @contextmanager
@@ -277,7 +277,7 @@ def _write_files(
         if trace is not None:
             write_file(trace, run.run_log.as_csv().encode(), "--trace")
         if plot is not None and run.run_log.rows:
-            form = check_ending(plot, _PLOT_FORMATS, "--plot")
+            form = check_ending(plot, PICTURE_FORMS, "--plot")
             write_file(plot, _draw(run, form), "--plot")
 
 

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 DEFAULT_PORT: Final = 3000  # of USARSim
 
 
+PICTURE_FORMS: Final = ("png", "svg", "pdf")  # endings of files that plots go into
+
+
 class DriveUnit(StrEnum):
     """Unit of the wheel speeds in DRIVE commands."""
 

@@ -13,11 +13,10 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, FancyArrowPatch
 
-from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.figure import DrawnFigure, draw_title
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.figures.title import as_words, draw_title
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.annotations import HALO
+from radarsim.plotting.annotations import HALO, as_words
 from radarsim.plotting.palette import RADAR, RETURNED
 from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.ray_segments import line_opacity, split_rays

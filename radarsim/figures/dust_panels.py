@@ -22,9 +22,8 @@ from radarsim.figures.clear_and_dust import (
     scan_spec_for,
     trial_parts,
 )
-from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.figure import DrawnFigure, draw_title
 from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene, object_names
-from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
 from radarsim.plotting import palette
 from radarsim.plotting.annotations import QUIET, draw_scale_bar

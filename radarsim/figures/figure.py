@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 SOFTWARE: Final = "radarsim"  # metadata that marks a picture as radarsim's
 _WHITE: Final = 255
 _GAP: Final = 24  # pixels between drawings
+TITLE_GAP: Final = 0.16  # inches above the title
+TITLE_SIZE: Final = 17  # points
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,3 +76,10 @@ def _stack(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
         for number, picture in enumerate(pictures)
     ]
     return np.concatenate(rows)
+
+
+def draw_title(drawing: Figure, text: str) -> None:
+    """Write the title of a figure at its upper left."""
+    _, height = drawing.get_size_inches()
+    place = (0.02, 1 - TITLE_GAP / height)
+    drawing.text(*place, text, va="top", fontsize=TITLE_SIZE, fontweight="bold")

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.figure import DrawnFigure, draw_title
 from radarsim.figures.foliage_wall import (
     FAR,
     bush_parts,
@@ -20,8 +20,8 @@ from radarsim.figures.foliage_wall import (
 )
 from radarsim.figures.room_plan import draw_room, name_hidden_objects, new_sheet
 from radarsim.figures.scan_spec import ScanSpec, hit_points, object_names
-from radarsim.figures.title import as_words, draw_title
 from radarsim.geometry import Floats
+from radarsim.plotting.annotations import as_words
 from radarsim.plotting.palette import HOKUYO, RADAR
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan

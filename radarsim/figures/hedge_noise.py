@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.figure import DrawnFigure, draw_title
 from radarsim.figures.foliage_wall import (
     COUNT,
     STEP,
@@ -21,7 +21,6 @@ from radarsim.figures.foliage_wall import (
 )
 from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ScanSpec
-from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import MARKER, RADAR
 from radarsim.plotting.ray_segments import group_by_ray

@@ -18,8 +18,7 @@ from radarsim.figures.mapping_drives import (
     radar,
 )
 from radarsim.figures.scan_spec import START, load_scene
-from radarsim.figures.title import as_words
-from radarsim.plotting.annotations import HALO
+from radarsim.plotting.annotations import HALO, as_words
 from radarsim.plotting.maps import MapView, map_figure
 from radarsim.plotting.outlines import outlines_of
 from radarsim.presets.sensors import load_settings

@@ -9,10 +9,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.figure import DrawnFigure, draw_title
 from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.figures.title import draw_title
 from radarsim.geometry import Floats
 from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.ray_segments import RAY_COLOURS, line_opacity, split_rays

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 
 from radarsim.figures.foliage_wall import hidden_parts
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
-from radarsim.figures.title import as_words
-from radarsim.plotting.annotations import HALO, draw_scale_bar
+from radarsim.plotting.annotations import HALO, as_words, draw_scale_bar
 from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.robots import draw_robot
 from radarsim.scene.scene import Scene

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from radarsim.figures.figure import DrawnFigure
+from radarsim.figures.figure import DrawnFigure, draw_title
 from radarsim.figures.foliage_wall import bush_parts, hidden_parts
 from radarsim.figures.robot_model import robot_parts
 from radarsim.figures.room_plan import new_sheet, show_room
@@ -21,9 +21,8 @@ from radarsim.figures.scene_view import (
     View,
     draw_solids,
 )
-from radarsim.figures.title import as_words, draw_title
 from radarsim.geometry import Floats, Pose3
-from radarsim.plotting.annotations import HALO
+from radarsim.plotting.annotations import HALO, as_words
 from radarsim.plotting.robots import draw_robot
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_parts

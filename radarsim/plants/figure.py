@@ -1,12 +1,10 @@
 """Figure of the three shapes: side views, ends of rays, histograms of ranges."""
 
-import io
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -17,6 +15,7 @@ from radarsim.plants.parameters import LEAVES, WOOD
 from radarsim.plants.plant import Plant
 from radarsim.plants.range_profile import BEFORE, HEIGHT, WALL, PlantRanges
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
+from radarsim.plotting.rendering import render
 from radarsim.robots.obstacles import slice_mesh
 
 COLOURS: Final = {
@@ -34,11 +33,7 @@ MARGIN: Final = 0.15  # m, of the plan
 
 def draw_shapes(shapes: Sequence[Comparison]) -> bytes:
     """Draw a row for each shape, with side view, plan and histogram; return a PNG."""
-    figure = plot_shapes(shapes)
-    png = io.BytesIO()
-    canvas = FigureCanvasAgg(figure)
-    canvas.print_figure(png, format="png", metadata={"Software": "radarsim"})
-    return png.getvalue()
+    return render(plot_shapes(shapes))
 
 
 def plot_shapes(shapes: Sequence[Comparison]) -> Figure:

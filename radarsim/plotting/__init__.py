@@ -2,13 +2,13 @@
 
 from radarsim.plotting.comparison import compare
 from radarsim.plotting.plan import plot_scene
+from radarsim.plotting.rendering import render
 from radarsim.plotting.scans import (
     as_svg,
     draw_scans,
     draw_scene,
     plot_scan,
     plot_scans,
-    render,
 )
 
 __all__ = [

@@ -14,6 +14,15 @@ QUIET: Final = "0.35"  # colour of small print
 _BAR_SHARE: Final = 0.2  # of the width of the axes that a scale bar takes at most
 
 
+def as_words(name: str) -> str:
+    """Return the name of an object or a material as words.
+
+    >>> as_words("crate_low")
+    'crate low'
+    """
+    return name.replace("_", " ")
+
+
 def write_title(axes: Axes, words: str, small_print: str = "") -> None:
     """Write what one sees large above a drawing, and its parameters small below it."""
     axes.set_title(words, loc="left", fontsize=14, fontweight="bold", parse_math=False)

@@ -3,7 +3,6 @@
 ``MapPanel`` draws a map that may grow: once for a picture, frame by frame for a film.
 """
 
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -11,7 +10,6 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -37,6 +35,7 @@ from radarsim.plotting.palette import (
     TRUE_SOLID,
 )
 from radarsim.plotting.panels import Extent, Panels, titles_of
+from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
 
 Shade: TypeAlias = tuple[int, int, int]  # RGB, 0 to 255
@@ -166,10 +165,7 @@ def draw_map_view(view: MapView) -> bytes:
     Returns:
         Content of a PNG file; the same map gives the same bytes.
     """
-    data = io.BytesIO()
-    canvas = FigureCanvasAgg(map_figure([view], numbers=True))
-    canvas.print_figure(data, format="png", metadata={"Software": MARK})
-    return data.getvalue()
+    return render(map_figure([view], numbers=True), software=MARK)
 
 
 def map_figure(

@@ -14,7 +14,7 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.annotations import HALO, draw_scale_bar, write_title
+from radarsim.plotting.annotations import HALO, as_words, draw_scale_bar, write_title
 from radarsim.plotting.palette import family_of
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.style import Legend, area_style
@@ -181,7 +181,7 @@ def name_objects(axes: Axes, parts: Iterable[Part], height: float) -> None:
         is_small = max(east - west, north - south) < _SMALL
         x, y = east if is_small else (west + east) / 2, (south + north) / 2
         side = "right" if is_small else "center"
-        _write(axes, name.replace("_", " "), (float(x), float(y)), side)
+        _write(axes, as_words(name), (float(x), float(y)), side)
 
 
 def _write(

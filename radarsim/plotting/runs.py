@@ -3,16 +3,13 @@
 ``RunPanel`` draws a run that may go on: once for a picture, frame by frame for a film.
 """
 
-import io
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -24,6 +21,7 @@ from radarsim.navigation.run_log import CELL, RunLog
 from radarsim.plotting import palette
 from radarsim.plotting.outlines import Outline, area_rows, draw_areas
 from radarsim.plotting.panels import Extent, Panels, titles_of
+from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.run_markers import (
     STYLES,
@@ -32,7 +30,6 @@ from radarsim.plotting.run_markers import (
     marker_rows,
 )
 
-FORMS: Final = ("png", "svg", "pdf")
 AROUND: Final = 3.0  # m around the path that are shown
 NO_PATH: Final[Floats] = np.zeros((0, 2))
 FAINTEST: Final = 0.2  # opacity of dots where one beam ended
@@ -171,13 +168,8 @@ _TRUE_PATH: Final[dict[str, Any]] = {"color": palette.TRUE_PATH, "linewidth": 0.
 
 
 def draw_run(view: RunView, *, form: str = "png") -> bytes:
-    """Draw a run into a file of a form in ``FORMS``; equal runs give equal bytes."""
-    dates = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
-    data = io.BytesIO()
-    with rc_context({"svg.hashsalt": "radarsim"}):
-        canvas = FigureCanvasAgg(run_figure([view], numbers=True))
-        canvas.print_figure(data, format=form, metadata={dates[form]: None})
-    return data.getvalue()
+    """Draw a run into a file of a form; equal runs give equal bytes."""
+    return render(run_figure([view], numbers=True), form)
 
 
 def run_figure(

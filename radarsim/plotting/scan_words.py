@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from radarsim.plotting.annotations import as_words
 from radarsim.plotting.sight import Sight
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.sensors.scan import Scan
@@ -30,14 +31,10 @@ def describe_scans(who: str, scans: Sequence[Scan], sight: Sight) -> str:
     stopped = Counter(_penetrable_readings(scan))
     if stopped:
         ((material, count),) = stopped.most_common(1)
-        name = _as_words(material)
+        name = as_words(material)
         return f"{who}: {name} stops {count} of {beams} beams, none sees through"
     read = int(np.count_nonzero(np.isfinite(scan.ranges)))
     return f"{who}: {read} of {beams} beams read something"
-
-
-def _as_words(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _count_all(scans: Sequence[Scan]) -> str:

@@ -5,15 +5,12 @@ through something are the boldest lines, and their hits the largest marks. Sever
 are drawn as readings, or as echoes if the sensor keeps all of them.
 """
 
-import io
 import math
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Floats, Pose2
@@ -22,6 +19,7 @@ from radarsim.plotting.echo_marks import add_echo_rows, draw_echoes
 from radarsim.plotting.palette import MARKER
 from radarsim.plotting.plan import ROBOT, draw_plan, plot_scene, show_extent
 from radarsim.plotting.ray_segments import add_ray_rows, draw_rays, group_by_ray
+from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.scan_words import describe_beams, describe_scans
 from radarsim.plotting.sight import Sight, find_sight
@@ -29,9 +27,7 @@ from radarsim.plotting.style import Legend, scan_points
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
 
-FORMS: Final = ("png", "svg", "pdf")  # file formats with the same bytes each time
 THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
-_DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
 NOWHERE: Final[Floats] = np.zeros((0, 2))
 _SIZE: Final = (12.0, 7.6)  # inches
 
@@ -55,17 +51,6 @@ def draw_scans(
         Content of the file; the same scans give the same bytes.
     """
     return render(plot_scans(scene, scans, robot=robot), form)
-
-
-def render(figure: Figure, form: str) -> bytes:
-    """Return a figure as a file of one of ``FORMS``; equal figures give equal bytes."""
-    data = io.BytesIO()
-    metadata = {_DATES[form]: "radarsim" if form == "png" else None}
-    if form != "png":
-        metadata["Creator"] = "radarsim"
-    with rc_context({"svg.hashsalt": "radarsim"}):
-        FigureCanvasAgg(figure).print_figure(data, format=form, metadata=metadata)
-    return data.getvalue()
 
 
 def plot_scans(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.plotting.annotations import as_words
 from radarsim.plotting.palette import Family, family_of
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import tracer_of
@@ -38,7 +39,7 @@ class Sight:
         for material in self.materials:
             names.setdefault(family_of(material), []).append(material.name)
         words = (
-            of_family[0].replace("_", " ") if len(of_family) == 1 else family.value
+            as_words(of_family[0]) if len(of_family) == 1 else family.value
             for family, of_family in names.items()
         )
         return " and ".join(words)

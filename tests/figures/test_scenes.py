@@ -20,8 +20,8 @@ from radarsim.figures.scenes import (
     draw_trial_scene,
     named_parts,
 )
-from radarsim.figures.title import as_words
 from radarsim.geometry import Floats, Pose2
+from radarsim.plotting.annotations import as_words
 from radarsim.presets.robots import load_robot
 
 

@@ -18,10 +18,10 @@ from radarsim.navigation.run_log import RunLog
 from radarsim.navigation.runner import NavigationStep
 from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import HOKUYO, MARKER, RADAR, TRUE_PATH
+from radarsim.plotting.rendering import FORMS
 from radarsim.plotting.runs import (
     AROUND,
     FOLLOWING,
-    FORMS,
     GOING,
     RETURNING,
     RunView,

@@ -25,7 +25,7 @@ from radarsim.plotting.ray_segments import (
     line_opacity,
     line_width,
 )
-from radarsim.plotting.scans import FORMS
+from radarsim.plotting.rendering import FORMS
 from radarsim.plotting.style import area_style, scan_points
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box

@@ -1,0 +1,29 @@
+"""Figures as files that have the same bytes each time."""
+
+import io
+from typing import Final
+
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+FORMS: Final = ("png", "svg", "pdf")
+# Keys of the date or the version that matplotlib would write.
+_DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
+
+
+def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> bytes:
+    """Return a figure as a file of one of ``FORMS``; equal figures give equal bytes.
+
+    Args:
+        figure: The figure.
+        form: File format.
+        software: Name of the program in a PNG file.
+    """
+    data = io.BytesIO()
+    metadata = {_DATES[form]: software if form == "png" else None}
+    if form != "png":
+        metadata["Creator"] = software
+    with rc_context({"svg.hashsalt": "radarsim"}):
+        FigureCanvasAgg(figure).print_figure(data, format=form, metadata=metadata)
+    return data.getvalue()
