@@ -19,10 +19,9 @@ from radarsim.scene.map_schema import (
     ScatterEntry,
 )
 from radarsim.scene.material import Material
+from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.meshes import (
-    MeshError,
     Surface,
-    find_inside,
     join_surfaces,
     join_volume,
     read_surfaces,

@@ -23,7 +23,7 @@ from pydantic import (
 from radarsim.presets.materials import library_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import OPAQUE
-from radarsim.scene.meshes import MeshError, find_inside
+from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.suggestions import did_you_mean, expected_one_of
 from radarsim.validation import short_repr
 

@@ -2,10 +2,10 @@
 
 trimesh parses the formats; it is imported at the first file, because the import takes
 longer than everything else that loading a map of primitives does. It gets bytes and
-never a path: files that a mesh file refers to are read on its behalf, and only from
-inside of the map's folder. These are the buffers of a glTF file: textures do not matter
-here, and of an OBJ file's material library only the names do, which the OBJ file itself
-contains.
+never a path, and only files whose counts have been checked: files that a mesh file
+refers to are read on its behalf, and only from inside of the map's folder. These are
+the buffers of a glTF file: textures do not matter here, and of an OBJ file's material
+library only the names do, which the OBJ file itself contains.
 """
 
 import io
@@ -14,11 +14,13 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from radarsim.geometry import Floats
+from radarsim.scene.gltf import reduce_gltf
+from radarsim.scene.mesh_files import MeshError, MeshFiles
+from radarsim.scene.mesh_headers import check_obj, check_ply, check_stl
 from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.scene.topology import (
     count_degenerate,
@@ -26,7 +28,6 @@ from radarsim.scene.topology import (
     orient_outward,
     weld_vertices,
 )
-from radarsim.validation import short_repr
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -35,12 +36,6 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     ".ply": {"skip_materials": True},
 }
 _MATERIAL_LIBRARY = "names.mtl"
-_FALLBACK_HEADER = "model.gltf"  # trimesh asks for it if a glTF file is broken
-_TEXTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".webp")
-
-
-class MeshError(Exception):
-    """A mesh file cannot be used; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,35 +58,11 @@ class Surface:
         return self.vertices, self.faces
 
 
-def find_inside(folder: Path, start: Path, reference: str) -> Path:
-    """Resolve a reference to a file, following symbolic links.
-
-    Args:
-        folder: The folder that must contain the file, links resolved.
-        start: The folder that the reference is relative to.
-        reference: A relative path.
-
-    Raises:
-        MeshError: If it leads out of the folder, or there is no such file.
-    """
-    text = short_repr(reference)
-    try:
-        path = (start / reference).resolve()
-        exists = path.is_file()
-    except (OSError, RuntimeError, ValueError) as error:  # loops, NUL, endless names
-        raise MeshError(f"{text}, expected the path of a file") from error
-    if not path.is_relative_to(folder):
-        raise MeshError(f"{text}, expected a file in the map's own folder")
-    if not exists:
-        raise MeshError(f"{text}, expected an existing file")
-    return path
-
-
 def read_surfaces(path: Path, folder: Path) -> list[Surface]:
     """Read the surfaces of a mesh file, the transforms of its scene graph applied.
 
     Args:
-        path: A file that `find_inside` has returned.
+        path: A file that `mesh_files.find_inside` has returned.
         folder: The folder that must contain all files that this one refers to, links
             resolved.
 
@@ -101,12 +72,12 @@ def read_surfaces(path: Path, folder: Path) -> list[Surface]:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise MeshError(f"{path.name!r}, expected one of {list(SUFFIXES)}")
-    references = _References(path.parent, folder)
+    files = MeshFiles(path.parent, folder)
     try:
-        scene = _load(_content(path, suffix, references), suffix, references)
+        scene = _parse(_prepare(files.read(path), suffix, files), suffix, files)
         surfaces = [_surface(scene, node) for node in scene.graph.nodes_geometry]
     except MeshError as error:
-        raise MeshError(f"{path.name!r}: refers to {error}") from error
+        raise MeshError(f"{path.name!r}: {error}") from error
     except MemoryError as error:
         raise MeshError(f"{path.name!r}: too large") from error
     except Exception as error:  # broken files make parsers raise anything
@@ -166,52 +137,40 @@ def _weld(surfaces: list[Surface]) -> Mesh:
     return concatenate(closed)
 
 
-class _References:
-    """Resolver that trimesh asks for the files that a mesh file refers to."""
-
-    file_name = None
-
-    def __init__(self, start: Path, folder: Path) -> None:
-        self._start = start
-        self._folder = folder
-        self._virtual: dict[str, bytes] = {}
-
-    def add(self, name: str, content: bytes) -> None:
-        """Add a virtual file, which hides one of that name on the disk."""
-        self._virtual[name] = content
-
-    def get(self, name: str) -> bytes:
-        """Return the bytes of a file."""
-        if name in self._virtual:
-            return self._virtual[name]
-        if name == _FALLBACK_HEADER or name.lower().endswith(_TEXTURES):
-            raise FileNotFoundError(name)
-        return find_inside(self._folder, self._start, unquote(name)).read_bytes()
-
-    __getitem__ = get
+def _prepare(content: bytes, suffix: str, files: MeshFiles) -> bytes:
+    """Check a file's counts, and drop what does not matter here."""
+    match suffix:
+        case ".glb" | ".gltf":
+            return reduce_gltf(content, suffix, files)
+        case ".obj":
+            check_obj(content)
+            return _name_materials(content, files)
+        case ".ply":
+            check_ply(content)
+        case _:
+            check_stl(content)
+    return content
 
 
-def _content(path: Path, suffix: str, references: _References) -> bytes:
-    """Read a file; give an OBJ file a virtual library of its materials' names."""
-    content = path.read_bytes()
-    if suffix != ".obj":
-        return content
-    text = re.sub(r"(?m)^\s*mtllib.*$", "", content.decode("utf-8", "replace"))
-    names = dict.fromkeys(re.findall(r"(?m)^\s*usemtl[ \t]+(.*\S)", text))
+def _name_materials(content: bytes, files: MeshFiles) -> bytes:
+    """Give an OBJ file a virtual library of its materials' names."""
+    text = re.sub(r"(?m)^[ \t]*mtllib.*$", "", content.decode("utf-8", "replace"))
+    names = dict.fromkeys(re.findall(r"(?m)^[ \t]*usemtl[ \t]+(.*\S)", text))
     library = "".join(f"newmtl {name}\nKd 1 1 1\n" for name in names)
-    references.add(_MATERIAL_LIBRARY, library.encode())
+    files.add(_MATERIAL_LIBRARY, library.encode())
     return f"mtllib {_MATERIAL_LIBRARY}\n{text}".encode()
 
 
-def _load(content: bytes, suffix: str, references: Any) -> Any:
+def _parse(content: bytes, suffix: str, files: Any) -> Any:
+    """Parse what `_prepare` has returned."""
     import trimesh  # noqa: PLC0415 - slow, see above
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return trimesh.load_scene(
             io.BytesIO(content),
-            file_type=suffix[1:],
-            resolver=references,
+            file_type="gltf" if suffix == ".glb" else suffix[1:],
+            resolver=files,
             process=False,
             **_OPTIONS.get(suffix, {}),
         )

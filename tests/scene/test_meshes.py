@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
+from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.meshes import (
-    MeshError,
     Surface,
-    find_inside,
     join_surfaces,
     join_volume,
     read_surfaces,
@@ -275,21 +274,20 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
         pytest.param(
             "a.stl",
             bytes(80) + struct.pack("<I", 12) + b"\x80" * 300,
-            "'a.stl': cannot be read as STL:"
-            " Binary STL has incorrect length in header: 300 vs 600",
+            "'a.stl': 12 triangles in the header,"
+            " expected a file of 684 bytes, not of 384",
             id="cut binary STL",
         ),
         pytest.param(
             "a.gltf",
             "{",
-            "'a.gltf': cannot be read as GLTF: Expecting property name enclosed in"
-            " double quotes: line 1 column 2 (char 1)",
+            "'a.gltf': not JSON: EOF while parsing an object at line 1 column 1",
             id="cut glTF",
         ),
         pytest.param(
             "a.gltf",
-            '{"buffers": [{}]}',
-            "'a.gltf': cannot be read as GLTF: no 'uri'",
+            json.dumps(gltf_box(None, NODES)),
+            "'a.gltf': a buffer has no uri, expected one",
             id="missing key",
         ),
     ],
@@ -306,7 +304,7 @@ def test_broken_file_is_refused(
 def test_broken_file_is_not_replaced_by_another(tmp_path: Path) -> None:
     write(tmp_path / "box.bin", box_buffer())
     write(tmp_path / "model.gltf", json.dumps(gltf_box("box.bin", NODES)))
-    with pytest.raises(MeshError, match="cannot be read as GLTF"):
+    with pytest.raises(MeshError, match="not JSON"):
         read_surfaces(write(tmp_path / "a.gltf", "{"), tmp_path)
 
 
@@ -319,14 +317,6 @@ def test_random_bytes_are_refused(tmp_path: Path, suffix: str) -> None:
             read_surfaces(path, tmp_path)
         assert "odule" not in str(caught.value)
         assert "\n" not in str(caught.value)
-
-
-def test_file_too_large_for_memory_is_refused(tmp_path: Path) -> None:
-    tree = gltf_box(None, NODES)
-    tree["accessors"][0] = {"componentType": 5126, "count": 10**17, "type": "VEC3"}
-    path = write(tmp_path / "a.glb", glb(tree, box_buffer()))
-    with pytest.raises(MeshError, match="too large"):
-        read_surfaces(path, tmp_path)
 
 
 def surface(faces: Any, at: float = 0.0) -> Surface:

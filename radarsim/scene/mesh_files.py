@@ -1,0 +1,114 @@
+"""Files of meshes: which ones may be read, and how large they may be."""
+
+from pathlib import Path
+from typing import Final
+
+from radarsim.validation import short_repr
+
+MAX_TRIANGLES: Final = 2_000_000  # of a map in all, and so of a mesh file
+MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material
+MAX_FILE_BYTES: Final = 128 * 1024 * 1024
+MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # parsers of text take 20 times its size
+
+
+class MeshError(Exception):
+    """A mesh file cannot be used; the message says why."""
+
+
+class MeshFiles:
+    """Reads a mesh file, and on its behalf the files that it refers to.
+
+    It is the resolver that trimesh asks for these; virtual ones are added by name.
+    """
+
+    file_name = None  # trimesh asks for it
+
+    def __init__(self, start: Path, folder: Path) -> None:
+        """Start with nothing read.
+
+        Args:
+            start: The folder that references are relative to.
+            folder: The folder that must contain all files, links resolved.
+        """
+        self._start = start
+        self._folder = folder
+        self._virtual: dict[str, bytes | memoryview] = {}
+        self._bytes_left = MAX_FILE_BYTES
+
+    def read(self, path: Path) -> bytes:
+        """Return the bytes of a file.
+
+        Raises:
+            MeshError: If all files together are too large.
+            OSError: If it cannot be read.
+        """
+        size = path.stat().st_size
+        expect_at_most(size, self._bytes_left, "bytes", of=MAX_FILE_BYTES)
+        with path.open("rb") as file:
+            content = file.read(self._bytes_left)
+        self._bytes_left -= len(content)
+        return content
+
+    def add(self, name: str, content: bytes | memoryview) -> None:
+        """Add a virtual file."""
+        self._virtual[name] = content
+
+    def find(self, reference: str) -> Path:
+        """Return the path of a file that the mesh file refers to.
+
+        Raises:
+            MeshError: If it is outside of the folder, or missing.
+        """
+        try:
+            return find_inside(self._folder, self._start, reference)
+        except MeshError as error:
+            raise MeshError(f"refers to {error}") from error
+
+    def get(self, name: str) -> bytes | memoryview:
+        """Return a virtual file; nothing else is read for trimesh."""
+        if name not in self._virtual:
+            raise FileNotFoundError(name)
+        return self._virtual[name]
+
+    __getitem__ = get
+
+
+def find_inside(folder: Path, start: Path, reference: str) -> Path:
+    """Resolve a reference to a file, following symbolic links.
+
+    Args:
+        folder: The folder that must contain the file, links resolved.
+        start: The folder that the reference is relative to.
+        reference: A relative path.
+
+    Raises:
+        MeshError: If it leads out of the folder, or there is no such file.
+    """
+    text = short_repr(reference)
+    try:
+        path = (start / reference).resolve()
+        exists = path.is_file()
+    except (OSError, RuntimeError, ValueError) as error:  # loops, NUL, endless names
+        raise MeshError(f"{text}, expected the path of a file") from error
+    if not path.is_relative_to(folder):
+        raise MeshError(f"{text}, expected a file in the map's own folder")
+    if not exists:
+        raise MeshError(f"{text}, expected an existing file")
+    return path
+
+
+def expect_at_most(count: int, most: int, what: str, *, of: int | None = None) -> None:
+    """Check a count against a limit.
+
+    Args:
+        count: What came.
+        most: The largest count that is left.
+        what: The things that are counted.
+        of: The limit before others were counted, for the message.
+
+    Raises:
+        MeshError: If it is larger.
+    """
+    if count > most:
+        limit = most if of is None else of
+        raise MeshError(f"{count} {what}, expected at most {limit}")
