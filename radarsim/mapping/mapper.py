@@ -35,6 +35,8 @@ MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
 MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
 TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
 
+_MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odometry"}
+
 
 class EchoCollector:
     """Collects the echo lines of one scan, which arrive before it."""
@@ -126,8 +128,9 @@ class Mapper:
         self._spawn_pose: Pose2 | None = None
         self._prior: Pose2 | None = None  # newest pose of the motion source
         self._scans_since_prior = 0
+        self._sources: set[str] = set()  # that sent poses
         source = self.settings.slam.motion_source
-        self.missing = self._missing_scan if source == "none" else f"pose from {source}"
+        self.missing = self._missing_scan if source == "none" else self._missing_pose
 
     @property
     def trajectory(self) -> Trajectory:
@@ -137,6 +140,18 @@ class Mapper:
     @property
     def _missing_scan(self) -> str:
         return f"scan of {self.scanner.name!r}"
+
+    @property
+    def _missing_pose(self) -> str:
+        return f"pose from {self.settings.slam.motion_source}"
+
+    @property
+    def cure(self) -> str:
+        """The motion sources that are left, if poses of the wanted one are missing."""
+        if self.missing != self._missing_pose:
+            return ""
+        others = self._sources - {self.settings.slam.motion_source}
+        return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
 
     def take(self, report: Report) -> Observation | None:
         """Add a report.
@@ -159,8 +174,10 @@ class Mapper:
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
         if not isinstance(report, Odometry):  # which counts from anywhere
             self._spawn_pose = self._spawn_pose or pose
-        sources: dict[type, str] = {Ins: "ins", Odometry: "odometry"}
-        if sources.get(type(report)) == self.settings.slam.motion_source:
+        source = _MOTION_SOURCES.get(type(report))
+        if source is not None:
+            self._sources.add(source)
+        if source == self.settings.slam.motion_source:
             self._prior, self._scans_since_prior = pose, 0
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
@@ -172,7 +189,7 @@ class Mapper:
         settings = self.settings
         source = settings.slam.motion_source
         if source != "none" and not self._is_motion_known():
-            self.missing = f"pose from {source}"
+            self.missing = self._missing_pose
             return None
         time = self._stamps.time_of(report.time)
         if not len(self.trajectory):

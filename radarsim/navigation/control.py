@@ -170,6 +170,10 @@ class ObservationSource(Protocol):
     def missing(self) -> str:
         """The report that it waits for, for messages."""
 
+    @property
+    def cure(self) -> str:
+        """What to expect instead of what is missing, for messages; may be empty."""
+
     def take(self, report: Report) -> Observation | None:
         """Process a report; return the observation that it completes, if any."""
 
@@ -229,7 +233,8 @@ class ControlLoop:
         names = ", ".join(sorted(received))
         came = f"what came: {names}" if received else "nothing came"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
-        raise ClientError(f"{missing}, {came}; the robot was told to stop")
+        cure = f"; {self._source.cure}" * bool(self._source.cure)
+        raise ClientError(f"{missing}, {came}; the robot was told to stop{cure}")
 
     def _read(self, timeout: float) -> list[Report]:
         try:

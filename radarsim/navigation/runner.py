@@ -141,7 +141,16 @@ class ObservationBuilder:
         self._scan_clock = ScanClock(clock)
         self._pose: Pose2 | None = None
         self._start: Pose2 | None = None
+        self._others: set[PoseSource] = set()  # other sources that sent poses
         self.missing = f"pose from {pose_source.value}"
+
+    @property
+    def cure(self) -> str:
+        """The other sources of poses, if the wanted one has sent none."""
+        names = [source.value for source in PoseSource if source in self._others]
+        if self._pose is not None or not names:
+            return ""
+        return f"expected poses from {' or '.join(names)}"
 
     def take(self, report: Report) -> Observation | None:
         """Process a report; return the observation that it completes, if any.
@@ -164,7 +173,9 @@ class ObservationBuilder:
             self._start = self._start or pose
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
-        if pose is not None and isinstance(report, self._pose_report):
+        if not isinstance(report, self._pose_report):
+            self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
+        elif pose is not None:
             self._pose = pose
             self.missing = f"scan of {self._scanner.name!r}"
 

@@ -48,6 +48,7 @@ class Item(BaseModel):
         settings: Settings that differ from the preset of the sensor, or from the
             defaults of the item's type.
         interval: Time between two readings, s; None for the interval of the dialect.
+        dialect: The only dialect in which the item is mounted; None for both.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -59,6 +60,7 @@ class Item(BaseModel):
     sensor: str | None = None
     settings: dict[str, Any] = {}
     interval: Length | None = None
+    dialect: Literal["compat", "udk"] | None = None
 
     @model_validator(mode="after")
     def _scanners_name_a_sensor(self) -> Self:
@@ -134,6 +136,11 @@ class RobotModel(BaseModel):
         """Return the items of one type, in mounting order; case does not matter."""
         wanted = item_type.casefold()
         return tuple(item for item in self.items if item.type.casefold() == wanted)
+
+    def in_dialect(self, dialect: str) -> Self:
+        """Return the class with the items that it carries in a dialect."""
+        carried = [item for item in self.items if item.dialect in (None, dialect)]
+        return self.model_copy(update={"items": tuple(carried)})
 
     def scanner_pose(self, start: Pose3) -> Pose3:
         """Return the pose of its first range scanner if it stands at a start pose.

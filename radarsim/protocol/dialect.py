@@ -49,6 +49,8 @@ class Dialect:
         mount_form: Template of one item of a GEO.
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
             separation instead of the hull's.
+        joins_touch: Whether the reading of a touch sensor is in the segment of its
+            name.
         ins_has_time: Whether INS lines have a time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
@@ -83,6 +85,7 @@ class Dialect:
     scanner_conf_keys: tuple[str, ...]
     mount_form: str
     dimensions_are_wheels: bool
+    joins_touch: bool
     ins_has_time: bool
     ins_angles_positive: bool
     accepts_any_case_true: bool
@@ -129,6 +132,7 @@ COMPAT = Dialect(
         "{{Name {name} Location {location} Orientation {orientation} Mount HARD}}"
     ),
     dimensions_are_wheels=False,
+    joins_touch=True,  # one client stops reading at a segment of its own
     ins_has_time=True,
     ins_angles_positive=False,
     accepts_any_case_true=True,
@@ -174,6 +178,7 @@ UDK = Dialect(
         "{{Mount {robot}}}"
     ),
     dimensions_are_wheels=True,
+    joins_touch=False,
     ins_has_time=False,
     ins_angles_positive=True,
     accepts_any_case_true=False,

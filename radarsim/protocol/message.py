@@ -10,6 +10,7 @@ inverse, and it acts on roll, pitch and yaw as on x, y and z: the first number k
 sign, the other two change theirs.
 """
 
+import functools
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -114,6 +115,24 @@ class Message:
         if item:
             yield Message(self.verb, tuple(item))
 
+    def split_fields(self, *keys: str) -> "Message":
+        """Return the message with a segment of its own for each field of an item.
+
+        Servers of some generations write the fields of an item into one segment.
+
+        >>> Message("SEN", (("Name", "Bumper Touch True"),)).split_fields("Touch")
+        Message(verb='SEN', segments=(('Name', 'Bumper'), ('Touch', 'True')))
+
+        Args:
+            keys: Keys of the fields besides the name, in any case.
+        """
+        inner = _inner_keys(keys)
+        segments: list[tuple[str, str]] = []
+        for key, value in self.segments:
+            first, *rest = [part.strip() for part in inner.split(value)]
+            segments += [(key, first), *zip(rest[::2], rest[1::2], strict=True)]
+        return Message(self.verb, tuple(segments))
+
     def _parse(self, key: str, text: str, parse: Callable[[str], Value]) -> Value:
         try:
             return parse(text)
@@ -141,6 +160,11 @@ def decode_message(line: str) -> Message:
     if len(groups) != line.count("{"):
         raise _expected("'}' after the brace", _find_open_brace(line), line)
     return Message(verb, tuple(_split(group) for group in groups if group.strip()))
+
+
+@functools.cache
+def _inner_keys(keys: tuple[str, ...]) -> re.Pattern[str]:
+    return re.compile(rf"\s({'|'.join(keys)})\s", re.IGNORECASE)
 
 
 def _split(group: str) -> tuple[str, str]:

@@ -6,7 +6,6 @@ missing; such a number is NaN.
 """
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final, Self
@@ -29,7 +28,7 @@ VEHICLE: Final = "GroundVehicle"  # the type of a robot on wheels
 _VEHICLES = frozenset(
     (VEHICLE.lower(), "leggedrobot", "nauticvehicle", "aerialvehicle")
 )
-_MOUNT_KEY = re.compile(r"\s+(Location|Orientation|Mount)\s+", re.IGNORECASE)
+_MOUNT_KEYS = ("Location", "Orientation", "Mount")
 _RIGID = "hard"  # the kind of a mount, where other servers name what it is fixed to
 
 
@@ -115,7 +114,7 @@ class ItemGeo:
         """
         mounts: list[tuple[str, Pose3]] = []
         robot = ""
-        for item in _split_mounts(message).items():
+        for item in message.split_fields(*_MOUNT_KEYS).items():
             mounts.append((item.name, _decode_mount(item)))
             carrier = item.get("Mount") or ""
             robot = robot or ("" if carrier.lower() == _RIGID else carrier)
@@ -375,15 +374,6 @@ def _is_of_robot(message: Message) -> bool:
 def _decode_mount(item: Message) -> Pose3:
     angles = item.parse_optional("Orientation", parse_flipped) or (0.0, 0.0, 0.0)
     return Pose3(*item.parse("Location", parse_flipped), *angles)
-
-
-def _split_mounts(message: Message) -> Message:
-    """Convert mounts with one segment for each item to one for each field."""
-    segments: list[tuple[str, str]] = []
-    for key, value in message.segments:
-        first, *rest = _MOUNT_KEY.split(value)
-        segments += [(key, first), *zip(rest[::2], rest[1::2], strict=True)]
-    return Message(message.verb, tuple(segments))
 
 
 def _line(verb: str, *fields: tuple[str, str]) -> str:

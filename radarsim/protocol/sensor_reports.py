@@ -255,11 +255,14 @@ class Touch(SensorReport):
     @classmethod
     def decode(cls, message: Message) -> Self:
         """Read the report from its message."""
-        touched = message.parse("Touch", parse_flag)
-        return cls(message.number_or_nan("Time"), message.name, touched)
+        fields = message.split_fields("Touch")
+        touched = fields.parse("Touch", parse_flag)
+        return cls(fields.number_or_nan("Time"), fields.name, touched)
 
-    def fields(self, _: Dialect) -> Fields:
+    def fields(self, dialect: Dialect) -> Fields:
         """Return the keys and values after time and type."""
+        if dialect.joins_touch:
+            return (("Name", f"{self.name} Touch {self.touched}"),)
         return (("Name", self.name), ("Touch", str(self.touched)))
 
 

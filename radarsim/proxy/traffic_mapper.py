@@ -118,5 +118,9 @@ class TrafficMapper:
             return f"the map ends early: {observer.error}"
         if not is_finished:
             return "no map: what had passed was still being read after 30 s"
-        has_scans = self.mapper is not None and self.mapper.scans
-        return "" if has_scans else "no map: no scan has passed"
+        if self.mapper is None:
+            return "no map: no scan has passed"
+        if self.mapper.scans:
+            return ""
+        cure = f"; {self.mapper.cure}" * bool(self.mapper.cure)
+        return f"no map: no {self.mapper.missing} has passed{cure}"

@@ -101,12 +101,13 @@ class Simulation:
         Args:
             name: Name of the robot, which selects its random numbers; a number is
                 appended if another robot has that name.
-            model: Robot class.
+            model: Robot class; it carries what it has in the simulation's dialect.
             pose: Requested pose, map frame.
 
         Returns:
             The robot; None if there is no free place.
         """
+        model = model.in_dialect(self.config.dialect.name)
         obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
         height = obstacles.floor + model.origin_height
         free = obstacles.nearest_free_pose(

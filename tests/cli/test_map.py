@@ -15,6 +15,7 @@ from processes import start_radarsim
 
 from radarsim.client import Client
 from radarsim.exploration.exploration import warm_up
+from radarsim.protocol.reports import Ins, RangeScan
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.map_file import shipped_maps
 from radarsim.scene.scene import Scene
@@ -447,6 +448,25 @@ def test_no_map_is_written_when_no_client_connects(
     assert code == 1
     assert "radarsim: no map: no scan has passed\n" in errors
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.slow
+@pytest.mark.usarsim(map="empty_room", dialect="udk", speed=4)
+def test_proxy_tells_which_motion_sources_a_robot_has(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    port = usarsim_server.address[1]
+    tap = Through(tmp_path, port, "--motion-from", "odometry")
+    with Client.connect("127.0.0.1", tap.port) as client:
+        client.spawn("P3AT_Radar360", start="RobotStart1")
+        client.wait_for(Ins)
+        client.wait_for(RangeScan)
+    code, _, errors = tap.end()
+    assert code == 1
+    assert (
+        "radarsim: no map: no pose from odometry has passed;"
+        " expected motion from ins or none\n" in errors
+    )
 
 
 @pytest.mark.slow

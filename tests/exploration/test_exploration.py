@@ -31,6 +31,7 @@ from radarsim.mapping.trajectory import trajectory_errors
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.runner import TripMeter
+from radarsim.protocol.dialect import UDK
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -104,6 +105,17 @@ def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
     assert errors.ate < 0.05
     assert exploration.trip.start is not None
     assert exploration.trip.start.y == pytest.approx(3.5, abs=0.05)
+
+
+def test_robot_without_odometry_is_told_with_what_it_has(empty_room: Scene) -> None:
+    with pytest.raises(ClientError, match="no pose from odometry within 2 s") as error:
+        run(
+            empty_room,
+            SimulationConfig(UDK),
+            motion_source="odometry",
+            drive_unit="rev_per_s",
+        )
+    assert str(error.value).endswith("; expected motion from ins or none")
 
 
 def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:

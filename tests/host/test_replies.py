@@ -147,7 +147,7 @@ def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) 
 def test_every_item_of_every_robot_gets_a_reply(
     empty_room: Scene, class_name: str, dialect: Dialect
 ) -> None:
-    items = load_robot(class_name).items
+    items = load_robot(class_name).in_dialect(dialect.name).items
     asked = [
         f"{verb} {{Type {item.type}}} {{Name {item.name}}}"
         for item in items

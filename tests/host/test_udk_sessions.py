@@ -6,10 +6,12 @@ from dataclasses import replace
 import pytest
 
 from radarsim.host import Host
+from radarsim.presets.robots import robot_names
 from radarsim.protocol.dialect import UDK
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 
+OWN_TYPES = ("Odometry", "Touch")  # of no P3AT of the original
 INIT = b"INIT {ClassName USARBot.P3AT} {Location -8,0,0}\r\n"
 
 
@@ -46,10 +48,8 @@ def test_lines_of_the_first_two_tenths_of_a_second(host: Host) -> None:
         "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
         "SEN {Time 0.1000} {Type GroundTruth} {Name GndTruth} "
         "{Location -8.000,0.000,-0.146} {Orientation 0.000,0.000,0.000}",
-        "SEN {Time 0.1000} {Type Odometry} {Name Odometer} {Pose 0.0000,0.0000,0.0000}",
         "SEN {Time 0.1000} {Type Encoder} {Name W1} {Tick 0}",
         "SEN {Time 0.1000} {Type Encoder} {Name W2} {Tick 0}",
-        "SEN {Time 0.1000} {Type Touch} {Name Bumper} {Touch False}",
     ]
     second = run(host, number, 10)
     assert len(second) == len(first) + 3
@@ -57,7 +57,7 @@ def test_lines_of_the_first_two_tenths_of_a_second(host: Host) -> None:
         "SEN {Type INS} {Name InsTest} {Location -8.00,0.00,-0.35} "
         "{Orientation 0.00,0.00,0.00}"
     )
-    assert second[4].startswith(
+    assert second[3].startswith(
         "SEN {Time 0.2000} {Type Tachometer} {Name TachTest} "
         "{Vel 0.0000,0.0000,0.0000,0.0000} {Pos "
     )
@@ -67,6 +67,22 @@ def test_lines_of_the_first_two_tenths_of_a_second(host: Host) -> None:
     ranges = re.findall(r"[0-9.]+", scan.split("{Range ")[1])
     assert len(ranges) == 181
     assert max(float(r) for r in ranges) <= 20
+
+
+@pytest.mark.parametrize("class_name", [*robot_names()])
+def test_p3at_carries_what_the_original_mounts(host: Host, class_name: str) -> None:
+    init = f"INIT {{ClassName USARBot.{class_name}}} {{Location -8,0,0}}\r\n"
+    number = spawned(host, init.encode())
+    asked = [f"GET{v} {{Type {t}}}" for v in ("GEO", "CONF") for t in OWN_TYPES]
+    host.receive(number, "\r\n".join([*asked, ""]).encode())
+    text = "\n".join(run(host, number, 30))
+    is_p3at = class_name.startswith("P3AT")
+    for kind in OWN_TYPES:
+        told = re.findall(rf"^(\w+) .*{{Type {kind}}}", text, re.MULTILINE)
+        assert set(told) == (set() if is_p3at else {"GEO", "CONF", "SEN"})
+    has_touch = "{Type Touch} {Name Bumper} {Touch False}" in text
+    assert has_touch is not is_p3at
+    assert f"{{Name {'GndTruth' if is_p3at else 'GroundTruth'}}}" in text
 
 
 @pytest.mark.parametrize(

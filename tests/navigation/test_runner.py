@@ -17,9 +17,9 @@ from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.options import Algorithm, PoseSource
 from radarsim.navigation.runner import NavigationStep, Result
 from radarsim.protocol.commands import Drive, parse_command
-from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import TICK
+from radarsim.simulation.config import TICK, SimulationConfig
 
 GOAL = (-5.5, 0.5)  # from RobotStart1 of the empty room, nothing is in the way
 SCANS = b"{Type RangeScanner}"
@@ -228,6 +228,33 @@ def test_missing_poses_are_reported(
         ClientError, match=f"no pose from {pose_source.value} within 2 s"
     ):
         go_with(link, pose_source=pose_source)
+
+
+@pytest.mark.parametrize(
+    ("lines", "cure"),
+    [
+        pytest.param(b"nothing", "; expected poses from ins or ground_truth", id="two"),
+        pytest.param(b"{Type INS}", "; expected poses from ground_truth", id="one"),
+    ],
+)
+def test_robot_without_odometry_is_told_with_what_it_has(
+    empty_room: Scene, lines: bytes, cure: str
+) -> None:
+    host = Host(empty_room, config=SimulationConfig(UDK))
+    link = FaultyTransport(host, lines, since=ALWAYS)
+    with pytest.raises(ClientError) as error:
+        go_with(link, pose_source=PoseSource.ODOMETRY, drive_unit="rev_per_s")
+    text = str(error.value)
+    assert text.startswith("no pose from odometry within 2 s, what came: ")
+    assert text.endswith(cure)
+    assert all(drive.left == drive.right == 0 for _, drive in link.drive_commands)
+
+
+def test_without_any_poses_no_other_source_is_proposed(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), b"{Location ", since=ALWAYS)
+    with pytest.raises(ClientError, match="no pose from odometry") as error:
+        go_with(link, pose_source=PoseSource.ODOMETRY)
+    assert "expected" not in str(error.value)
 
 
 def test_stuck_robot_is_an_error(empty_room: Scene) -> None:

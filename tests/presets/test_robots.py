@@ -110,6 +110,16 @@ def test_p3at_has_the_item_names_that_clients_know() -> None:
     ]
 
 
+def test_p3at_carries_in_the_udk_dialect_what_the_original_mounts() -> None:
+    names = [item.name for item in load_robot("P3AT").in_dialect("udk").items]
+    assert names == ["GndTruth", "InsTest", "TachTest", "W1", "W2", "battery", "lms200"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_items_are_carried_in_the_compat_dialect(name: str) -> None:
+    assert load_robot(name).in_dialect("compat") == load_robot(name)
+
+
 def test_p3at_scanner_is_mounted_as_in_the_original() -> None:
     (scanner,) = load_robot("P3AT").items_of("RangeScanner")
     assert scanner.mount == Pose3(0.2085, 0, 0.2)

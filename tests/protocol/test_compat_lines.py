@@ -149,7 +149,7 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
     (
         "touch",
         Touch(10.2, "Touch", touched=True),
-        "SEN {Time 10.20} {Type Touch} {Name Touch} {Touch True}",
+        "SEN {Time 10.20} {Type Touch} {Name Touch Touch True}",
     ),
     (
         "shape of the robot",

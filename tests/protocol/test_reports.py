@@ -365,6 +365,11 @@ def _is_same(one: Any, other: Any) -> bool:
             Touch(2, "T", True),
             id="touch",
         ),
+        pytest.param(
+            "SEN {Time 2} {Type Touch} {Name T  touch  false}",
+            Touch(2, "T", False),
+            id="touch in one segment",
+        ),
     ],
 )
 def test_lines_of_other_servers_are_decoded(line: str, expected: Report) -> None:
