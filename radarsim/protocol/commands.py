@@ -28,13 +28,16 @@ from radarsim.protocol.message import (
     pose_from_wire,
 )
 from radarsim.protocol.numbers import (
-    LARGEST_READ,
+    LARGEST_COMMANDED,
     parse_flag,
     parse_number,
     parse_numbers,
 )
 
 PACKAGE: Final = "USARBot."  # of robot classes
+
+_parse_number = partial(parse_number, largest=LARGEST_COMMANDED)
+_parse_flipped = partial(parse_flipped, largest=LARGEST_COMMANDED)
 
 Values: TypeAlias = tuple[str | None, ...]  # one for each key; None leaves it out
 
@@ -73,8 +76,8 @@ class Init:
         return cls(
             class_name,
             name,
-            position=message.parse_optional("Location", parse_flipped),
-            rotation=message.parse_optional("Rotation", parse_flipped),
+            position=message.parse_optional("Location", _parse_flipped),
+            rotation=message.parse_optional("Rotation", _parse_flipped),
         )
 
     def values(self) -> Values:
@@ -115,8 +118,8 @@ class Drive:
         """Read the command from its message."""
         flag = partial(parse_flag, any_case=dialect.accepts_any_case_true)
         return cls(
-            left=message.parse_optional("Left", parse_number),
-            right=message.parse_optional("Right", parse_number),
+            left=message.parse_optional("Left", _parse_number),
+            right=message.parse_optional("Right", _parse_number),
             normalized=message.parse_optional("Normalized", flag),
             light=message.parse_optional("Light", flag),
             flip=message.parse_optional("Flip", flag),
@@ -307,7 +310,7 @@ def parse_pose(params: str) -> Pose3:
     Raises:
         MalformedMessage: If the text is not six numbers.
     """
-    return pose_from_wire(parse_numbers(params, 6))
+    return pose_from_wire(parse_numbers(params, 6, largest=LARGEST_COMMANDED))
 
 
 def parse_switch(params: str) -> bool:
@@ -338,6 +341,7 @@ def _format_vector(values: Iterable[float]) -> str:
 
 
 def _format_number(value: float) -> str:
-    if not math.isfinite(value) or abs(value) > LARGEST_READ:
-        raise ValueError(f"number {value!r}, expected at most {LARGEST_READ:g} in size")
+    if not math.isfinite(value) or abs(value) > LARGEST_COMMANDED:
+        limit = f"at most {LARGEST_COMMANDED:g} in size"
+        raise ValueError(f"number {value!r}, expected {limit}")
     return np.format_float_positional(value + 0.0, trim="0")

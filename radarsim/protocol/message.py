@@ -19,10 +19,12 @@ from typing import TypeAlias, TypeVar
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3, wrap_angle
-from radarsim.protocol.numbers import parse_number, parse_numbers
+from radarsim.protocol.numbers import LARGEST, parse_number, parse_numbers
 
 Triple: TypeAlias = tuple[float, float, float]
 Value = TypeVar("Value")
+
+MAX_SEGMENTS = 1000  # of a line; a client can send some 20 000, which takes 10 ms
 
 _SEGMENT = re.compile(r"\{([^{}]*)\}")
 
@@ -148,7 +150,8 @@ def decode_message(line: str) -> Message:
 
     Raises:
         MalformedMessage: If the verb is missing, if other text than a segment follows
-            it, or if a brace is not closed.
+            it, if a brace is not closed, or if there are more segments than
+            ``MAX_SEGMENTS``.
     """
     head, _, _ = line.partition("{")
     if not head.strip():
@@ -156,8 +159,13 @@ def decode_message(line: str) -> Message:
     verb, *rest = head.split(maxsplit=1)
     if rest:
         raise _expected("'{Key value}'", len(head) - len(rest[0]), line)
+    count = line.count("{")
+    if count > MAX_SEGMENTS:
+        raise MalformedMessage(
+            f"{count} segments in {line[:80]!r}, expected at most {MAX_SEGMENTS}"
+        )
     groups = _SEGMENT.findall(line)
-    if len(groups) != line.count("{"):
+    if len(groups) != count:
         raise _expected("'}' after the brace", _find_open_brace(line), line)
     return Message(verb, tuple(_split(group) for group in groups if group.strip()))
 
@@ -210,23 +218,23 @@ def wrapped_angles_on_wire(pose: Pose3) -> Triple:
     return (wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw))
 
 
-def parse_triple(text: str) -> Triple:
+def parse_triple(text: str, *, largest: float = LARGEST) -> Triple:
     """Parse three numbers.
 
     Raises:
-        MalformedMessage: If the text is not three numbers.
+        MalformedMessage: If the text is not three numbers up to ``largest``.
     """
-    first, second, third = parse_numbers(text, 3)
+    first, second, third = parse_numbers(text, 3, largest=largest)
     return (first, second, third)
 
 
-def parse_flipped(text: str) -> Triple:
+def parse_flipped(text: str, *, largest: float = LARGEST) -> Triple:
     """Parse x, y, z or roll, pitch, yaw of the wire and convert them to REP-103.
 
     Raises:
-        MalformedMessage: If the text is not three numbers.
+        MalformedMessage: If the text is not three numbers up to ``largest``.
     """
-    return flip_axes(parse_triple(text))
+    return flip_axes(parse_triple(text, largest=largest))
 
 
 def pose_from_wire(numbers: Sequence[float]) -> Pose3:

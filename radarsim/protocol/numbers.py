@@ -17,32 +17,34 @@ from numpy.typing import NDArray
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats
 
-LARGEST_READ = 1e9  # m, rad, rad/s; arithmetic on it cannot overflow
-LARGEST_WRITTEN = 2.0**31  # the original casts to 32 bit integers
+LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
+LARGEST = 2.0**31  # in reports; the original casts to 32 bit integers
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
 _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
 
 
-def parse_number(text: str) -> float:
+def parse_number(text: str, *, largest: float = LARGEST) -> float:
     """Parse one number with a decimal point or a decimal comma.
 
     >>> parse_number("-0,5"), parse_number(".4"), parse_number("+1")
     (-0.5, 0.4, 1.0)
 
     Raises:
-        MalformedMessage: If the text is not a number, or above ``LARGEST_READ``.
+        MalformedMessage: If the text is not a number, or larger than ``largest``.
     """
     digits = text.strip()
     if not _NUMBER.fullmatch(digits):
         raise MalformedMessage(f"{text[:80]!r}, expected a number")
     number = float(digits.replace(",", "."))
-    if abs(number) > LARGEST_READ:
-        raise MalformedMessage(f"{text[:80]!r}, expected at most {LARGEST_READ:g}")
+    if abs(number) > largest:
+        raise MalformedMessage(f"{text[:80]!r}, expected at most {largest:g}")
     return number
 
 
-def parse_numbers(text: str, count: int) -> tuple[float, ...]:
+def parse_numbers(
+    text: str, count: int, *, largest: float = LARGEST
+) -> tuple[float, ...]:
     """Parse a vector of at least two numbers in any form that clients send.
 
     If there are as many words as numbers, blanks separate them, and a comma inside a
@@ -52,7 +54,8 @@ def parse_numbers(text: str, count: int) -> tuple[float, ...]:
     True
 
     Raises:
-        MalformedMessage: If the text is not that many numbers.
+        MalformedMessage: If the text is not that many numbers, or one of them is
+            larger than ``largest``.
     """
     joined = " ".join(text.split()).replace(" ,", ",")
     words = joined.split()
@@ -62,7 +65,7 @@ def parse_numbers(text: str, count: int) -> tuple[float, ...]:
         parts = joined.split(",")
     if len(parts) != count:
         raise MalformedMessage(f"{text[:80]!r}, expected {count} numbers")
-    return tuple(parse_number(part) for part in parts)
+    return tuple(parse_number(part, largest=largest) for part in parts)
 
 
 def parse_list(text: str) -> list[float]:
@@ -73,7 +76,7 @@ def parse_list(text: str) -> list[float]:
 
     Raises:
         MalformedMessage: If the list is empty, or a number in it is not readable or
-            above ``LARGEST_READ``.
+            above ``LARGEST``.
     """
     words = text.replace(",", " ").split()
     if not words or not _LIST.fullmatch(text):
@@ -82,8 +85,8 @@ def parse_list(text: str) -> list[float]:
         numbers = [float(word) for word in words]
     except ValueError:
         raise MalformedMessage(f"{text[:80]!r}, expected numbers") from None
-    if max(numbers) > LARGEST_READ or min(numbers) < -LARGEST_READ:
-        raise MalformedMessage(f"{text[:80]!r}, expected at most {LARGEST_READ:g} each")
+    if max(numbers) > LARGEST or min(numbers) < -LARGEST:
+        raise MalformedMessage(f"{text[:80]!r}, expected at most {LARGEST:g} each")
     return numbers
 
 
@@ -125,7 +128,7 @@ class NumberFormat:
         Raises:
             ValueError: If it is not finite or does not fit into 32 bits.
         """
-        if not abs(value) < LARGEST_WRITTEN:
+        if not abs(value) < LARGEST:
             raise ValueError(f"number {value!r}, expected less than 2**31 in size")
         if self.step is not None:
             value = int(value / self.step) * self.step

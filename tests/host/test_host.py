@@ -20,6 +20,7 @@ from radarsim.host.commands import (
 )
 from radarsim.host.host import COMMANDS_PER_TICK, WAITING_WORK
 from radarsim.presets.robots import robot_names
+from radarsim.protocol.reports import GroundTruth, Ins, decode_report
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.config import SimulationConfig
 
@@ -727,6 +728,23 @@ def test_robot_can_be_spawned_far_outside_the_map(
     number = spawned(host, b"INIT {ClassName P3AT} {Location 1e9,-1e9,1e9}\r\n")
     run_ticks(host, 10)
     assert b"80.00,80.00,80.00" in host.take(number)
+
+
+def test_poses_that_drift_beyond_the_largest_that_is_commanded_can_be_read(
+    empty_room: Scene,
+) -> None:
+    edge = b"{Location 1e9,1e9,0} {Rotation 0,0,0.785}"
+    host = Host(empty_room)
+    number = spawned(host, b"INIT {ClassName P3AT} %b\r\n" % edge)
+    host.receive(number, b"SET {Type INS} {Opcode POSE} {Params 1e9,1e9,0,0,0,0.7}\r\n")
+    host.receive(number, b"DRIVE {Left 8} {Right 8}\r\n")
+    run_ticks(host, 100)
+    lines = host.take(number).decode("ascii").splitlines()
+    reports = [decode_report(line) for line in lines]
+    poses = [report.pose for report in reports if isinstance(report, GroundTruth | Ins)]
+    assert len(poses) == 20
+    assert poses[-2].x > 1e9
+    assert poses[-1].x > 1e9
 
 
 def test_map_without_starts_sends_zero_start_poses(empty_room: Scene) -> None:

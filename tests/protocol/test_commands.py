@@ -124,6 +124,11 @@ def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
             id="overflow",
         ),
         pytest.param(
+            "INIT {ClassName P3AT} {Location 0,2e9,0}",
+            "INIT Location: '2e9', expected at most 1e+09",
+            id="outside the world",
+        ),
+        pytest.param(
             "INIT {ClassName P3AT} {Location 1,2}",
             "INIT Location: '1,2', expected 3 numbers",
             id="short vector",

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3, rotation_matrix
 from radarsim.protocol.message import (
+    MAX_SEGMENTS,
     Message,
     angles_on_wire,
     decode_message,
@@ -103,6 +104,14 @@ def test_malformed_line_raises_an_error_with_the_column(
 ) -> None:
     with pytest.raises(MalformedMessage, match=f"^{re.escape(problem)}$"):
         decode_message(line)
+
+
+def test_number_of_segments_is_limited() -> None:
+    most = "DRIVE" + "{A 1}" * MAX_SEGMENTS
+    assert len(decode_message(most).segments) == MAX_SEGMENTS
+    text = f"{MAX_SEGMENTS + 1} segments in 'DRIVE"
+    with pytest.raises(MalformedMessage, match=f"^{re.escape(text)}"):
+        decode_message(most + "{")
 
 
 def test_keys_match_in_any_case_and_the_first_is_used() -> None:

@@ -249,7 +249,7 @@ def test_damaged_line_is_decoded_or_malformed(
     except MalformedMessage:
         return
     for number in _numbers_and_texts(read):
-        assert not isinstance(number, float) or abs(number) <= 1e9 or not number < inf
+        assert not isinstance(number, float) or abs(number) <= 2**31 or not number < inf
 
 
 def _transmitted(report: Report, dialect: Dialect) -> Report:
@@ -438,10 +438,14 @@ ECHOES += " {Transparency 1} {LaserPasses False} {RobotPasses False}"
         ),
         pytest.param(f"{SCAN} {{FOV 1}} {{Range ,}}", "expected numbers", id="a comma"),
         pytest.param(
-            f"{SCAN} {{FOV 1}} {{Range 1,1e10}}", "at most 1e.09 each", id="too far"
+            f"{SCAN} {{FOV 1}} {{Range 1,1e10}}",
+            "expected at most .* each",
+            id="too far",
         ),
         pytest.param(
-            f"{SCAN} {{FOV 1}} {{Range -1e10}}", "at most 1e.09 each", id="far behind"
+            f"{SCAN} {{FOV 1}} {{Range -1e10}}",
+            "expected at most .* each",
+            id="far behind",
         ),
         pytest.param("STA {Time soon}", "STA Time: 'soon', expected a num", id="time"),
         pytest.param(
