@@ -1,4 +1,11 @@
-"""Signal handlers for the time that something runs, and the exit codes of signals."""
+"""How SIGINT and SIGTERM end the program: at once, or by an exception.
+
+At once is the default, also while modules are imported and kernels are compiled: an
+exception gets lost in callbacks from C, or ends in a traceback or a crash there. Only
+where something is to be saved or restored the signals raise an exception.
+
+Imports next to nothing, so that a program can install its handlers first of all.
+"""
 
 import os
 import signal
@@ -6,12 +13,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import FrameType
 from typing import Final
 
 INTERRUPTED: Final = 130  # exit codes as shells report them
 TERMINATED: Final = 143
+
+_exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
 
 
 @contextmanager
@@ -19,6 +27,8 @@ def signal_handlers(
     handlers: Mapping[int, Callable[[int, FrameType | None], object]],
 ) -> Iterator[None]:
     """Install signal handlers, and put the previous ones back at the end.
+
+    A handler that has been replaced meanwhile by still another one stays replaced.
 
     Args:
         handlers: Handler by signal number.
@@ -30,69 +40,58 @@ def signal_handlers(
         yield
     finally:
         for number, handler in previous.items():
-            signal.signal(number, handler)
-
-
-@dataclass(frozen=True, slots=True)
-class ExitOnSignal:
-    """A signal handler that exits by an exception.
-
-    Attributes:
-        code: The exit code.
-    """
-
-    code: int
-
-    def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Raise SystemExit."""
-        sys.exit(self.code)
-
-
-def exit_143_on_sigterm() -> None:
-    """Make SIGTERM exit with 143, because 0 would claim that the work is finished."""
-    signal.signal(signal.SIGTERM, ExitOnSignal(TERMINATED))
+            if signal.getsignal(number) is handlers[number]:
+                signal.signal(number, handler)
 
 
 @contextmanager
-def exit_immediately_on_signals(terminated: int = TERMINATED) -> Iterator[None]:
+def exit_immediately_on_signals() -> Iterator[None]:
     """Make SIGINT and SIGTERM end the process at once, without raising an exception.
 
-    For loading and compiling, before there is anything to save. The exception that
-    Python raises for a signal gets lost in callbacks from the compiler, or ends in a
-    traceback or a segmentation fault there.
-
-    Args:
-        terminated: Exit code after SIGTERM.
+    Does nothing outside of the main thread, which alone gets signals, nor for signals
+    that the parent process has told to be ignored.
     """
-    codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): terminated}
-    with _immediate_exits(codes):
+    with signal_handlers(dict.fromkeys(_heeded_signals(), _exit_immediately)):
         yield
 
 
 @contextmanager
-def immediate_exits() -> Iterator[None]:
-    """Make signals that would exit by an exception end the process at once instead.
+def raise_on_signals() -> Iterator[None]:
+    """Make SIGINT and SIGTERM raise SystemExit, so that work can be saved.
 
-    Other handlers, and the exit codes, stay. Does nothing outside of the main thread,
-    which alone gets signals.
+    Every signal does, also those that come while work is saved. Does nothing where
+    ``exit_immediately_on_signals`` does nothing.
     """
-    codes = {}
-    if threading.current_thread() is threading.main_thread():
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            codes[int(signal.SIGINT)] = INTERRUPTED
-        on_sigterm = signal.getsignal(signal.SIGTERM)
-        if isinstance(on_sigterm, ExitOnSignal):
-            codes[int(signal.SIGTERM)] = on_sigterm.code
-    with _immediate_exits(codes):
+    with signal_handlers(dict.fromkeys(_heeded_signals(), _raise_exit)):
         yield
 
 
-@contextmanager
-def _immediate_exits(codes: Mapping[int, int]) -> Iterator[None]:
-    def end(number: int, _: FrameType | None) -> None:
-        if sys.stderr.isatty():  # a line may be half written there
-            os.write(sys.stderr.fileno(), b"\n")
-        os._exit(codes[number])
+def set_exit_code_of_sigterm(code: int) -> None:
+    """Set what SIGTERM makes of the process: 143 if work is left, 0 if it is done."""
+    _exit_codes[signal.SIGTERM] = code
 
-    with signal_handlers(dict.fromkeys(codes, end)):
-        yield
+
+def ignore_signals() -> None:
+    """Ignore SIGINT and SIGTERM, as the process ends by itself.
+
+    Python restores the default handlers before the process has ended; a second signal
+    would then kill it. Signals that are ignored stay ignored.
+    """
+    for number in _exit_codes:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _heeded_signals() -> list[int]:
+    if threading.current_thread() is not threading.main_thread():
+        return []
+    return [n for n in _exit_codes if signal.getsignal(n) is not signal.SIG_IGN]
+
+
+def _exit_immediately(number: int, _: FrameType | None) -> None:
+    if os.isatty(2):  # a line may be half written there
+        os.write(2, b"\n")
+    os._exit(_exit_codes[number])
+
+
+def _raise_exit(number: int, _: FrameType | None) -> None:
+    sys.exit(_exit_codes[number])

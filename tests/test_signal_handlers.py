@@ -1,75 +1,126 @@
-"""Signals while a command loads and compiles."""
+"""How signals end a process: at once, or by an exception."""
 
 import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
 
 import pytest
 
 from radarsim.signal_handlers import (
     exit_immediately_on_signals,
-    immediate_exits,
+    ignore_signals,
+    raise_on_signals,
     signal_handlers,
 )
 
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
+CODES = [
+    pytest.param("SIGINT", "", 130, id="interrupted"),
+    pytest.param("SIGTERM", "", 143, id="told to end"),
+    pytest.param("SIGTERM", "set_exit_code_of_sigterm(0)", 0, id="told to end, done"),
+]
+
+
+@pytest.fixture(autouse=True)
+def _handlers() -> Iterator[None]:
+    before = [signal.getsignal(number) for number in NUMBERS]
+    yield
+    for number, handler in zip(NUMBERS, before, strict=True):
+        signal.signal(number, handler)
+
+
+def run(script: str) -> tuple[int, bytes, bytes]:
+    lines = (
+        f"import ctypes, os, signal\nfrom radarsim.signal_handlers import *\n{script}"
+    )
+    ended = subprocess.run(
+        (sys.executable, "-c", lines), check=False, capture_output=True
+    )
+    return ended.returncode, ended.stdout, ended.stderr
+
+
 # Like the compiler, which calls back from C, where exceptions get lost.
-SCRIPT = """
-import ctypes, os, signal
-from radarsim.signal_handlers import exit_immediately_on_signals
-with exit_immediately_on_signals({terminated}):
+IMMEDIATE = """
+{setting}
+with raise_on_signals(), exit_immediately_on_signals():
     ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.{name}))()
     print("goes on")
 """
 
 
-@pytest.mark.parametrize(
-    ("name", "terminated", "code"),
-    [
-        pytest.param("SIGINT", "", 130, id="interrupted"),
-        pytest.param("SIGTERM", "", 143, id="told to end"),
-        pytest.param("SIGTERM", "0", 0, id="server told to end"),
-    ],
-)
-def test_signal_ends_the_process_at_once(name: str, terminated: str, code: int) -> None:
-    script = SCRIPT.format(name=name, terminated=terminated)
-    words = (sys.executable, "-c", script)
-    run = subprocess.run(words, check=False, capture_output=True)
-    assert (run.returncode, run.stdout, run.stderr) == (code, b"", b"")
-
-
-def test_previous_handlers_are_restored() -> None:
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.getsignal(number) for number in numbers]
-    with pytest.raises(ValueError, match="broken"), exit_immediately_on_signals():
-        raise ValueError("broken")
-    assert [signal.getsignal(number) for number in numbers] == before
+@pytest.mark.parametrize(("name", "setting", "code"), CODES)
+def test_signal_ends_the_process_at_once(name: str, setting: str, code: int) -> None:
+    assert run(IMMEDIATE.format(name=name, setting=setting)) == (code, b"", b"")
 
 
 RAISING = """
-import ctypes, os, signal
-from radarsim.signal_handlers import ExitOnSignal, immediate_exits
-signal.signal(signal.SIGTERM, ExitOnSignal(7))
-with immediate_exits():
-    ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.{name}))()
-    print("goes on")
+{setting}
+with exit_immediately_on_signals(), raise_on_signals():
+    try:
+        os.kill(os.getpid(), signal.{name})
+    finally:
+        print("saved")
 """
 
 
-@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 7)])
-def test_signals_that_would_raise_end_the_process_at_once_with_their_code(
-    name: str, code: int
-) -> None:
-    words = (sys.executable, "-c", RAISING.format(name=name))
-    run = subprocess.run(words, check=False, capture_output=True)
-    assert (run.returncode, run.stdout, run.stderr) == (code, b"", b"")
+@pytest.mark.parametrize(("name", "setting", "code"), CODES)
+def test_signal_lets_work_be_saved(name: str, setting: str, code: int) -> None:
+    ended = run(RAISING.format(name=name, setting=setting))
+    assert ended == (code, b"saved\n", b"")
 
 
-def test_handlers_that_do_not_raise_stay() -> None:
+ENDING = """
+import atexit
+atexit.register(lambda: os.kill(os.getpid(), signal.{name}))
+with exit_immediately_on_signals():
+    ignore_signals()
+os.kill(os.getpid(), signal.{name})
+print("done")
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_signal_at_the_end_changes_nothing(name: str) -> None:
+    assert run(ENDING.format(name=name)) == (0, b"done\n", b"")
+
+
+@pytest.mark.parametrize("context", [exit_immediately_on_signals, raise_on_signals])
+def test_previous_handlers_are_restored(context: type) -> None:
+    before = [signal.getsignal(number) for number in NUMBERS]
+    with pytest.raises(ValueError, match="broken"), context():
+        raise ValueError("broken")
+    assert [signal.getsignal(number) for number in NUMBERS] == before
+
+
+def test_handlers_that_were_replaced_stay_replaced() -> None:
+    with exit_immediately_on_signals():
+        ignore_signals()
+    assert {signal.getsignal(number) for number in NUMBERS} == {signal.SIG_IGN}
+
+
+def test_signals_that_are_ignored_stay_ignored() -> None:
     def handle(*_: object) -> None:
         pass
 
-    with signal_handlers(dict.fromkeys((signal.SIGINT, signal.SIGTERM), handle)):
-        with immediate_exits():
-            assert signal.getsignal(signal.SIGINT) is handle
-            assert signal.getsignal(signal.SIGTERM) is handle
-        assert signal.getsignal(signal.SIGINT) is handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with signal_handlers({signal.SIGTERM: handle}), exit_immediately_on_signals():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        assert signal.getsignal(signal.SIGTERM) is not handle
+
+
+def test_other_threads_leave_signals_alone() -> None:
+    failures: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            with exit_immediately_on_signals(), raise_on_signals():
+                pass
+        except ValueError as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert not failures

@@ -1,16 +1,22 @@
 """Command line of radarsim: data on stdout, everything else on stderr.
 
-Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted. After SIGTERM it is 0 for
-commands that run until they are stopped, and 143 for those whose work is unfinished.
+Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted, 143 told to end by SIGTERM
+before the work was done. Commands that run until they are stopped are done then.
 """
 
-from radarsim.signal_handlers import exit_immediately_on_signals
+from radarsim.signal_handlers import (
+    TERMINATED,
+    exit_immediately_on_signals,
+    set_exit_code_of_sigterm,
+)
 
 __all__ = ["main"]
 
 
 def main() -> None:
     """Run a command and exit with its code."""
+    set_exit_code_of_sigterm(TERMINATED)
     with exit_immediately_on_signals():
         from radarsim.cli import app
-    app.main()
+
+        app.main()

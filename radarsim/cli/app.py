@@ -4,9 +4,7 @@ Modules of commands import what is heavy inside their functions, so that
 ``radarsim --help`` answers at once.
 """
 
-import atexit
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +30,7 @@ from radarsim.cli.trials import trials
 from radarsim.cli.usage import PlainGroup
 from radarsim.errors import RadarsimError
 from radarsim.os_errors import describe_os_error
-from radarsim.signal_handlers import ExitOnSignal
+from radarsim.signal_handlers import INTERRUPTED, ignore_signals
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -83,13 +81,6 @@ app.command()(docs)
 app.command()(with_compile_progress(bench))
 
 
-def _ignore_signals() -> None:
-    # Python restores the default handlers before the process has ended; a second signal
-    # would then kill it. Signals that are ignored stay ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-
-
 def _replace_closed_streams() -> None:
     """Open the null device for each stream that the parent process has closed.
 
@@ -104,15 +95,13 @@ def _replace_closed_streams() -> None:
 def main() -> None:
     """Run a command and exit with its code."""
     _replace_closed_streams()
-    signal.signal(signal.SIGTERM, ExitOnSignal(0))
-    atexit.register(_ignore_signals)
     try:
         app()
     except RadarsimError as error:
         sys.stderr.write(f"radarsim: {error}\n")
         sys.exit(1)
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
     except OSError as error:
         name = "" if error.filename is None else f" {error.filename}"
         reason = describe_os_error(error)
@@ -120,3 +109,5 @@ def main() -> None:
         # Python flushes stdout once more at exit, and would report the error again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    finally:
+        ignore_signals()

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
-from radarsim.signal_handlers import exit_143_on_sigterm
+from radarsim.signal_handlers import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.benchmark.timing import BenchmarkRow
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 def bench(*, as_json: JsonOption = False) -> None:
     """Measure the engine and the server on this machine, in under two minutes."""
-    exit_143_on_sigterm()
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from radarsim.benchmark.run import run_all
@@ -27,7 +26,8 @@ def bench(*, as_json: JsonOption = False) -> None:
 
     compile_now()
     columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    with raise_on_signals(), bar as progress:
         task = progress.add_task("bench")
 
         def update(name: str, done: int, total: int) -> None:

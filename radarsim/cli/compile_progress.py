@@ -11,7 +11,7 @@ from typing import Final, ParamSpec, TypeVar
 
 from radarsim.compilation import compilation, describe
 from radarsim.kernel_cache import is_cold
-from radarsim.signal_handlers import exit_immediately_on_signals, immediate_exits
+from radarsim.signal_handlers import exit_immediately_on_signals
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -62,8 +62,7 @@ def compile_progress() -> Iterator[None]:
 def compile_now(*, maps: bool = False) -> None:
     """Compile what is not cached, before worker processes or another display start.
 
-    Signals end the process at once meanwhile. Workers would compile the same, each for
-    itself and in silence.
+    Workers would compile the same, each for itself and in silence.
 
     Args:
         maps: Whether to compile what maps are made with as well.
@@ -72,10 +71,9 @@ def compile_now(*, maps: bool = False) -> None:
     from radarsim.scene.map_file import load_map
     from radarsim.simulation.simulation import Simulation
 
-    with exit_immediately_on_signals():
-        Simulation(load_map("empty_room"))
-        if maps:
-            warm_up()
+    Simulation(load_map("empty_room"))
+    if maps:
+        warm_up()
 
 
 class _SignalGuard:
@@ -90,7 +88,7 @@ class _SignalGuard:
     def update(self, running: bool) -> None:
         """Begin or end to guard."""
         if running:
-            self._until_end.enter_context(immediate_exits())
+            self._until_end.enter_context(exit_immediately_on_signals())
         else:
             self._until_end.close()
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
+from radarsim.signal_handlers import signal_handlers
 from radarsim.suggestions import expected_one_of
 
 FOLDER: Final = Path(__file__).parent.parent / "docs"
@@ -51,5 +53,7 @@ def _page(text: str) -> None:
     os.environ.setdefault("LESS", "-FRX")
     console = Console()
     width = min(console.width, 100)
-    with console.pager(styles=True):
+    # Ctrl-C is the pager's matter: pydoc waits for it on KeyboardInterrupt.
+    interrupts = signal_handlers({signal.SIGINT: signal.default_int_handler})
+    with interrupts, console.pager(styles=True):
         console.print(Markdown(text, hyperlinks=False), width=width)

@@ -3,11 +3,13 @@
 import asyncio
 import os
 import sys
+from functools import partial
 from typing import Annotated
 
 import typer
 
 from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive, check_robot
+from radarsim.signal_handlers import set_exit_code_of_sigterm
 
 
 def drive(
@@ -43,7 +45,9 @@ def drive(
         raise typer.Exit(2)
     check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit.value)
-    raise typer.Exit(asyncio.run(drive_robot(host, port, settings)))
+    # Driving has no end of its own: whoever stops it ends it as it should end.
+    driving = drive_robot(host, port, settings, partial(set_exit_code_of_sigterm, 0))
+    raise typer.Exit(asyncio.run(driving))
 
 
 def _terminal_problem() -> str | None:

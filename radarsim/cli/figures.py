@@ -14,7 +14,7 @@ from rich.console import Console
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import SeedOption, write_file
 from radarsim.os_errors import describe_os_error
-from radarsim.signal_handlers import exit_143_on_sigterm
+from radarsim.signal_handlers import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.figures.catalogue import FigureSpec, RenderedFigure
@@ -36,7 +36,6 @@ def figures(
     ] = None,
 ) -> None:
     """Draw the figures of the thesis from runs of the program, and a page of them."""
-    exit_143_on_sigterm()
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from radarsim.figures.catalogue import render_all, select_figures
@@ -50,7 +49,11 @@ def figures(
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     made: list[RenderedFigure] = []
-    with bar, closing(render_all(wanted, seed, workers=workers)) as drawn:
+    with (
+        raise_on_signals(),
+        bar,
+        closing(render_all(wanted, seed, workers=workers)) as drawn,
+    ):
         task = bar.add_task("figures", total=weight)
         for figure in drawn:
             write_file(out / figure.file, figure.png, "OUT")

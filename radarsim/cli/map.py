@@ -36,7 +36,7 @@ from radarsim.cli.options import (
 from radarsim.cli.serve import load_served_host
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import ROBOT
-from radarsim.signal_handlers import exit_143_on_sigterm, exit_immediately_on_signals
+from radarsim.signal_handlers import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.cli.map_report import MapFiles
@@ -209,7 +209,6 @@ def map_(
     nav2's map_server, the robot's trajectory as OUT.tum, and OUT_view.png,
     the map with the robot's path, a scale and a legend.
     """
-    exit_143_on_sigterm()
     from radarsim.cli.film import check_film
     from radarsim.cli.map_proxy import map_through_proxy
     from radarsim.cli.map_report import MapFiles
@@ -280,8 +279,7 @@ def map_(
     )
     check_robot(plan.robot_class, served)
     check_start(start, pose, None if served is None else served.simulation.scene)
-    with exit_immediately_on_signals():
-        warm_up()
+    warm_up()
     run = MappingRun(plan, served, seed=seed or 0)
     _explore(
         run,
@@ -308,7 +306,10 @@ def _explore(
     from radarsim.cli.map_report import map_progress, print_result, save_map
     from radarsim.cli.map_view import MapCamera
 
-    with filmed(film, MapCamera(run).draw, film_speed) as update_film:
+    with (
+        raise_on_signals(),
+        filmed(film, MapCamera(run).draw, film_speed) as update_film,
+    ):
         try:
             with map_progress(run.exploration) as update:
 

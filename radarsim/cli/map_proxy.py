@@ -14,7 +14,7 @@ from radarsim.geometry import Pose3
 from radarsim.mapping.slam import MotionSource
 from radarsim.proxy.connection_state import ScannerDefaults
 from radarsim.proxy.traffic_mapper import TrafficMapper
-from radarsim.signal_handlers import exit_immediately_on_signals
+from radarsim.signal_handlers import raise_on_signals
 
 LISTEN: Final = "127.0.0.1"
 _GUESS: Final = (
@@ -66,9 +66,22 @@ def map_through_proxy(
     )
     traffic.on_guess = lambda name: _warn(_GUESS.format(name))
     files.check()
-    with exit_immediately_on_signals():
-        warm_up()
-    result = MappingResult(None, motion_source, trip=traffic.trip, outcome="overheard")
+    warm_up()
+    with raise_on_signals():
+        return _map_traffic(traffic, files, port, server, as_json=as_json)
+
+
+def _map_traffic(
+    traffic: TrafficMapper,
+    files: MapFiles,
+    port: int,
+    server: tuple[str, int],
+    *,
+    as_json: bool,
+) -> int:
+    """Map what passes until a signal comes, and return the exit code."""
+    source = traffic.motion_source
+    result = MappingResult(None, source, trip=traffic.trip, outcome="overheard")
     with map_progress(traffic) as update:
         traffic.on_scan = lambda: update("listening")
         try:

@@ -41,7 +41,7 @@ from radarsim.cli.options import (
 )
 from radarsim.cli.serve import load_served_host
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
-from radarsim.signal_handlers import exit_143_on_sigterm
+from radarsim.signal_handlers import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.evaluation.navigation_run import NavigationRun
@@ -153,7 +153,6 @@ def navigate(
     film_speed: FilmSpeedOption = 6.0,
 ) -> None:
     """Drive a robot to a goal with Bug1 or Bug2; exit with 3 if there is no path."""
-    exit_143_on_sigterm()
     from radarsim.cli.film import check_film
     from radarsim.evaluation.navigation_run import NavigationRun
     from radarsim.navigation.control import SpeedLimits
@@ -197,6 +196,7 @@ def navigate(
     run = NavigationRun(mission, served)
     address = server_address(host, port)
     with (
+        raise_on_signals(),
         _write_files(run, trace, plot),
         _print_result(run, as_json=as_json),
     ):

@@ -17,6 +17,7 @@ import typer
 from radarsim.atomic_write import write_atomically
 from radarsim.errors import PresetError
 from radarsim.os_errors import describe_os_error
+from radarsim.signal_handlers import raise_on_signals
 from radarsim.suggestions import did_you_mean, expected_one_of
 
 if TYPE_CHECKING:
@@ -381,7 +382,8 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
         typer.BadParameter: If it cannot be written.
     """
     try:
-        write_atomically({path: data})
+        with raise_on_signals():  # which leaves no temporary file
+            write_atomically({path: data})
     except OSError as error:
         reason = _obstacle_to_writing(path) or describe_os_error(error)
         text = f"cannot write {path}: {reason}"

@@ -19,7 +19,7 @@ from radarsim.cli.options import (
     read_item_settings,
 )
 from radarsim.errors import PortUnavailable, PresetError, ServerError
-from radarsim.signal_handlers import TERMINATED, exit_immediately_on_signals
+from radarsim.signal_handlers import set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
     from radarsim.host import Host
@@ -86,7 +86,7 @@ def serve(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    server = Server(load_host(map_, config, seed=seed, terminated=0), speed=speed)
+    server = Server(load_host(map_, config, seed=seed), speed=speed)
     try:
         code = asyncio.run(serve_until_signal(server, host, port, announce))
     except PortUnavailable as error:
@@ -94,16 +94,13 @@ def serve(
     raise typer.Exit(code)
 
 
-def load_host(
-    map_: str, config: SimulationConfig, *, seed: int, terminated: int = TERMINATED
-) -> Host:
-    """Load a map and create the server's host; signals end the process meanwhile.
+def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
+    """Load a map and create the server's host.
 
     Args:
         map_: Name of a map, or path of a map file.
         config: Dialect and settings of items.
         seed: Seed of the simulation.
-        terminated: Exit code after SIGTERM.
 
     Raises:
         MapError: If the map is wrong.
@@ -116,8 +113,7 @@ def load_host(
         config.check()
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
-    with exit_immediately_on_signals(terminated):
-        return Host(load_map(map_), config=config, seed=seed)
+    return Host(load_map(map_), config=config, seed=seed)
 
 
 def load_served_host(
@@ -145,6 +141,7 @@ def load_served_host(
 
 def announce(address: tuple[str, int]) -> None:
     """Tell programs on stdout that clients can connect, and a person what is next."""
+    set_exit_code_of_sigterm(0)  # it runs, and has no end of its own
     typer.echo(f"radarsim: listening on {address[0]}:{address[1]}")
     sys.stdout.flush()
     if sys.stderr.isatty():  # a person reads it; logs of services stay as they are

@@ -6,6 +6,7 @@ import json
 import os
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +19,7 @@ from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
-from radarsim.signal_handlers import exit_143_on_sigterm
+from radarsim.signal_handlers import raise_on_signals
 from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
@@ -56,7 +57,6 @@ def trials(
     as_json: JsonOption = False,
 ) -> None:
     """Run Bug1 and Bug2 on several maps, and score them by the ground truth."""
-    exit_143_on_sigterm()
     from radarsim.evaluation.trials import MAPS, all_trials, run_trials
 
     names = MAPS if maps is None else _split(maps, "--maps")
@@ -67,7 +67,8 @@ def trials(
     processes = min(workers or _count_cores(), len(todo))
     compile_now()
     began = time.perf_counter()
-    scores = list(_with_bar(run_trials(todo, workers=processes), len(todo)))
+    with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:
+        scores = list(_with_bar(running, len(todo)))
     duration = time.perf_counter() - began
     if as_json:
         typer.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))

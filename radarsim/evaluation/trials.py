@@ -5,7 +5,7 @@ length of the shortest path.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
@@ -180,7 +180,9 @@ def _prepare(map_: str) -> tuple[Scene, Trial, float | None]:
     return scene, trial, None if path is None else path[0]
 
 
-def run_trials(specs: Sequence[TrialSpec], *, workers: int) -> Iterator[TrialResult]:
+def run_trials(
+    specs: Sequence[TrialSpec], *, workers: int
+) -> Generator[TrialResult, None, None]:
     """Run trials on several cores, and yield the results in their order.
 
     Closing the iterator early terminates the trials that still run.

@@ -25,6 +25,7 @@ class TrafficMapper:
 
     Attributes:
         mapper: The mapper; None before a robot was selected.
+        motion_source: Where the motion between scans is read from.
         trip: Time and path length so far.
         error: Why there is no map, or only a part of it; empty if there is one.
         on_scan: Called after every scan that is on the map, in the observer's thread.
@@ -53,7 +54,7 @@ class TrafficMapper:
         self.error = ""
         self.on_scan: Callable[[], None] = lambda: None
         self.on_guess: Callable[[str], None] = lambda _: None
-        self._motion_source: MotionSource = motion_source
+        self.motion_source: MotionSource = motion_source
         self._resolution = resolution
         self._scanner = scanner
         self._defaults = defaults
@@ -98,7 +99,7 @@ class TrafficMapper:
             self.on_guess(scanner)
         echoes = connection.asks_for_echoes(scanner)
         settings = MapperSettings(
-            slam=SlamSettings(motion_source=self._motion_source),
+            slam=SlamSettings(motion_source=self.motion_source),
             resolution=self._resolution,
             echo_wait=ECHO_WAIT if echoes else 0.0,
         )

@@ -49,8 +49,19 @@ class TeleopSettings:
     drive_unit: DriveUnit
 
 
-async def drive(host: str, port: int, settings: TeleopSettings) -> int:
+async def drive(
+    host: str,
+    port: int,
+    settings: TeleopSettings,
+    on_start: Callable[[], object] = lambda: None,
+) -> int:
     """Connect, and drive from this process' terminal until a key ends it.
+
+    Args:
+        host: Host of the server.
+        port: Port of the server.
+        settings: Robot, start, scanner and speed.
+        on_start: Called when the robot is there, and keys begin to drive it.
 
     Returns:
         The exit code.
@@ -62,7 +73,9 @@ async def drive(host: str, port: int, settings: TeleopSettings) -> int:
     """
     async with await AsyncClient.connect(host, port) as client:
         state = await prepare(client, settings)
-        return await Teleop(client, state, settings.speed).run()
+        teleop = Teleop(client, state, settings.speed)
+        on_start()
+        return await teleop.run()
 
 
 async def prepare(client: AsyncClient, settings: TeleopSettings) -> RobotState:
@@ -164,13 +177,13 @@ class Teleop:
             asyncio.create_task(self._listen()),
             asyncio.create_task(self._steer()),
         ]
-        try:
-            with _calling_on_signals(partial(self._leave, 0)):
+        with _calling_on_signals(partial(self._leave, 0)):
+            try:
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            finally:
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
         # A key that ends it takes precedence over an error at the same moment.
         try:
             return (screen if screen in done else done.pop()).result()

@@ -1,4 +1,3 @@
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -7,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from radarsim.cli import app, main
+from radarsim.cli import app
 from radarsim.errors import ServerError
 
 Command = Callable[..., Any]
@@ -56,40 +55,15 @@ def test_full_disk_is_reported_in_one_line() -> None:
     ],
 )
 def test_errors_become_exit_codes(
-    error: BaseException,
-    code: int,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
 ) -> None:
     def fail() -> None:
         raise error
 
     monkeypatch.setattr(app, "app", fail)
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == code
-    text = capsys.readouterr().err
-    assert text == ("radarsim: the port is taken\n" if code == 1 else "")
-
-
-SIGTERM_WHILE_RUNNING = """
-import os, signal, time
-from radarsim.cli import app, main
-
-def command():
-    os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(100)
-
-app.app = command
-main()
-"""
-
-
-def test_sigterm_ends_a_command_with_exit_code_0() -> None:
-    command = (sys.executable, "-c", SIGTERM_WHILE_RUNNING)
-    run = subprocess.run(command, capture_output=True, check=False, timeout=90)
-    assert (run.returncode, run.stdout, run.stderr) == (0, b"", b"")
+    run = radarsim("check", "empty_room")
+    assert run.code == code
+    assert run.err == ("radarsim: the port is taken\n" if code == 1 else "")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 import contextlib
 import os
+import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -120,6 +122,37 @@ def test_keys_drive_the_robot_and_the_terminal_is_restored(
     assert b"\x1b[?1049l" in terminal.shown, "the screen as it was before"
     shown = terminal.shown
     assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l"), "with its cursor"
+
+
+@needs_pty
+@pytest.mark.timeout(180)
+def test_sigterm_is_the_end_of_a_drive_and_restores_the_terminal(
+    terminal: Terminal, port: int
+) -> None:
+    before = terminal.attributes()
+    with start(terminal, "--port", str(port)) as process:
+        wait_until(lambda: b"lms200" in terminal.shown)
+        for _ in range(2):
+            process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=60) == 0
+    assert terminal.attributes() == before
+    assert b"Traceback" not in terminal.shown
+
+
+@needs_pty
+@pytest.mark.timeout(180)
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
+)
+def test_signal_before_the_robot_is_there_is_no_end_of_a_drive(
+    terminal: Terminal, number: int, code: int
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        options = ("--port", str(silent.getsockname()[1]))
+        with start(terminal, *options) as process, silent.accept()[0]:
+            process.send_signal(number)
+            assert process.wait(timeout=60) == code
+    assert b"Traceback" not in terminal.shown
 
 
 @needs_pty

@@ -31,7 +31,7 @@ def run_in_process(*arguments: str) -> Run:
     """
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
     code = 0
-    before = signal.getsignal(signal.SIGTERM)
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "2000")
         patch.setattr(sys, "argv", ["radarsim", *arguments])
@@ -42,7 +42,8 @@ def run_in_process(*arguments: str) -> Run:
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 1
         finally:
-            signal.signal(signal.SIGTERM, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
     # Whether anything has to be compiled depends on what ran before.
     told = _contents(err).decode().replace(f"radarsim: {describe()}\n", "")
     return Run(code, _contents(out), told)

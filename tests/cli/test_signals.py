@@ -1,0 +1,84 @@
+"""Signals at any moment of a command: nothing unfinished is reported as done."""
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from processes import start_radarsim
+
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
+SCAN = ("scan", "empty_room", "--sensor", "laser", "--start", "RobotStart1")
+COMMANDS = {
+    "scan": SCAN,
+    "check": ("check", "foliage_room"),
+    "serve": ("serve", "empty_room", "--port", "0"),
+    "map": ("map", "{}/", "--serve", "empty_room", "--time-limit", "2"),
+    "navigate": ("navigate", "--algorithm", "bug2", "--serve", "bug_box"),
+    "trials": ("trials", "--maps", "bug_box,bug_u_trap", "--seeds", "1"),
+    "demo": ("demo", "{}/demo.png"),
+    "figures": ("figures", "{}", "--only", "2,3,6"),
+}
+pytestmark = [
+    pytest.mark.timeout(180),
+    pytest.mark.usefixtures("empty_room"),  # which compiles
+    pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
+]
+
+
+def start(name: str, folder: Path) -> subprocess.Popen[bytes]:
+    """Start a command, and return it when Python has started the program."""
+    process = start_radarsim(*(word.format(folder) for word in COMMANDS[name]))
+    deadline = time.monotonic() + 60
+    while not catches_sigterm(process) and process.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    return process
+
+
+def catches_sigterm(process: subprocess.Popen[bytes]) -> bool:
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    (mask,) = (line.split()[1] for line in status.splitlines() if "SigCgt" in line)
+    return bool(int(mask, 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def check_end(process: subprocess.Popen[bytes], number: int) -> None:
+    out, errors = process.communicate(timeout=120)
+    for word in (b"Traceback", b"Fatal", b"Exception"):
+        assert word not in errors
+    if process.returncode == 0:  # it was done before the signal, or is a server
+        assert out
+        assert number == signal.SIGTERM or not out.startswith(b"radarsim: listening")
+    else:
+        assert process.returncode == CODES[signal.Signals(number)]
+
+
+@pytest.mark.parametrize("number", CODES)
+@pytest.mark.parametrize("name", ["scan", "check", "serve"])
+def test_signal_at_the_start_is_not_taken_for_the_end(
+    tmp_path: Path, name: str, number: int
+) -> None:
+    with start(name, tmp_path) as process:
+        process.send_signal(number)
+        check_end(process, number)
+    assert process.returncode != 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("name", COMMANDS)
+def test_signals_at_any_moment_leave_no_traceback_and_no_false_success(
+    tmp_path: Path, name: str, seed: int
+) -> None:
+    rng = random.Random(f"{name} {seed}")
+    number = rng.choice(list(CODES))
+    with start(name, tmp_path) as process:
+        time.sleep(rng.uniform(0, 3))
+        for pause in [rng.uniform(0, 0.02) for _ in range(rng.choice([1, 2]))]:
+            process.send_signal(number)
+            time.sleep(pause)
+        check_end(process, number)
+    assert not [*tmp_path.glob(".*")]  # no temporary file
