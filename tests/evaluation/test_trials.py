@@ -95,7 +95,7 @@ def test_closing_the_iterator_terminates_the_trials() -> None:
         [QUICK, *all_trials(["bug_maze"], ["bug2"], ["radar"], 9)], workers=2
     )
     assert next(iter(scores)).map == "bug_box"
-    scores.close()  # type: ignore[attr-defined]
+    scores.close()
 
 
 @pytest.mark.parametrize(
