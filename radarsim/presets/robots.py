@@ -31,6 +31,7 @@ ItemType: TypeAlias = Literal[
     "Touch",
     "Battery",
 ]
+DialectName: TypeAlias = Literal["compat", "udk"]
 Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
@@ -49,6 +50,8 @@ class Item(BaseModel):
             defaults of the item's type.
         interval: Time between two readings, s; None for the interval of the dialect.
         dialect: The only dialect in which the item is mounted; None for both.
+        unstamped_in: Dialect in which its readings have no time stamp, which only
+            odometry can leave out; None for none.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -60,7 +63,8 @@ class Item(BaseModel):
     sensor: str | None = None
     settings: dict[str, Any] = {}
     interval: Length | None = None
-    dialect: Literal["compat", "udk"] | None = None
+    dialect: DialectName | None = None
+    unstamped_in: DialectName | None = None
 
     @model_validator(mode="after")
     def _scanners_name_a_sensor(self) -> Self:
@@ -68,6 +72,12 @@ class Item(BaseModel):
             raise ValueError(
                 "expected a sensor for a range scanner, and for no other item"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _only_odometry_is_unstamped(self) -> Self:
+        if self.unstamped_in is not None and self.type != "Odometry":
+            raise ValueError("expected unstamped_in for no other item than odometry")
         return self
 
     @property

@@ -1,7 +1,7 @@
 """The readings of sensors: SEN lines, in both directions.
 
 Each report writes and reads its own fields. Fields are read in any order, and keys and
-types in any case. A time stamp that a server leaves out is NaN.
+types in any case. A time stamp that a server leaves out is NaN, in both directions.
 """
 
 import math
@@ -37,7 +37,7 @@ class SensorReport(ABC):
 
     Attributes:
         sensor_type: Value of ``Type`` on the wire.
-        time: Simulated time, s.
+        time: Simulated time, s; NaN if the line has none.
     """
 
     sensor_type: ClassVar[str]
@@ -73,7 +73,7 @@ class SensorReport(ABC):
         return Message("SEN", fields).encode()
 
     def _has_time(self, _: Dialect) -> bool:
-        return True
+        return not math.isnan(self.time)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,7 +166,7 @@ class Ins(SensorReport):
         )
 
     def _has_time(self, dialect: Dialect) -> bool:
-        return dialect.ins_has_time
+        return dialect.ins_has_time and not math.isnan(self.time)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 Scanners are not among them, because the rays of all scans of a tick are cast together.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -125,6 +126,8 @@ class OdometryItem(_StatelessItem):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         model = mounting.robot.model
+        dialect = mounting.config.dialect.name
+        self._has_time = mounting.item.unstamped_in != dialect
         self._odometry = Odometry(
             wheel_radius=model.wheel_radius, wheel_separation=model.wheel_separation
         )
@@ -135,7 +138,8 @@ class OdometryItem(_StatelessItem):
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""
-        return reports.Odometry(time, self.name, self._odometry.pose)
+        stamp = time if self._has_time else math.nan
+        return reports.Odometry(stamp, self.name, self._odometry.pose)
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""

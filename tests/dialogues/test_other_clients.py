@@ -4,6 +4,7 @@ They run in lockstep with a host. An assertion in one of them is where the real 
 would drop data, stall or crash.
 """
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -251,10 +252,11 @@ class JavaController:
             self.lost.append(lines[0])
 
     def handle(self, line: str) -> None:
-        if line.startswith("SEN {Time "):
+        if line.startswith("SEN "):
             keys = re.findall(r"\{(\w+) [^}]*\}", line)
             kind = re.findall(r"\{Type (\w+)\}", line)[0]
-            self.readings.setdefault(kind, []).append(keys[2:])
+            after = keys[keys.index("Type") + 1 :]
+            self.readings.setdefault(kind, []).append(after)
 
 
 def test_the_java_controller_loses_only_the_status(wire: Wire) -> None:
@@ -344,7 +346,7 @@ def test_the_place_and_name_are_free_after_the_matlab_toolbox_disconnects(
 
 def test_a_student_client_reads_fields_by_position(wire: Wire) -> None:
     wire.send("INIT {ClassName USARBot.P2DX} {Location -8,1.9,1.8} {Name R1}\r\n")
-    scans = statuses = 0
+    scans = statuses = odometry = 0
     for data in wire.writes(3):
         assert len(data) <= 4096  # one recv(4096) ...
         assert data.endswith(b"\n")  # ... that ends with a line
@@ -356,8 +358,15 @@ def test_a_student_client_reads_fields_by_position(wire: Wire) -> None:
                 ranges = words[6].removeprefix("{Range ").removesuffix("}").split(",")
                 assert len([float(r) for r in ranges]) == 181
                 scans += 1
+            elif words[:2] == ["SEN", "{Type Odometry}"]:
+                x, y, theta = (
+                    words[3].removeprefix("{Pose ").removesuffix("}").split(",")
+                )
+                assert math.hypot(float(x), float(y), float(theta)) < 10
+                odometry += 1
             wire.send("DRIVE {LEFT 20} {RIGHT 10} {Normalized true}\r\n")
     assert scans >= 29
+    assert odometry >= 29
     assert statuses >= 29
     (vehicle,) = wire.host.simulation.vehicles
     assert vehicle.robot.pose.yaw < -0.5  # the left wheels are faster: it turns right

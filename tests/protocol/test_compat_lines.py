@@ -1,4 +1,4 @@
-from math import pi, radians
+from math import nan, pi, radians
 from typing import get_args
 
 import numpy as np
@@ -129,6 +129,11 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "odometry, which is not wrapped",
         Odometry(10.2, "Odometer", Pose2(1.0, 2.0, -7.5)),
         "SEN {Time 10.20} {Type Odometry} {Name Odometer} {Pose 1.0000,-2.0000,7.5000}",
+    ),
+    (
+        "odometry without a time stamp",
+        Odometry(nan, "Odometry", Pose2(1.0, 2.0, 0.5)),
+        "SEN {Type Odometry} {Name Odometry} {Pose 1.0000,-2.0000,-0.5000}",
     ),
     (
         "tachometer",

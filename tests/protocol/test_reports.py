@@ -118,6 +118,7 @@ POSES = st.builds(Pose3, *[NUMBERS] * 6)
 NAMED = st.lists(st.tuples(NAMES, NUMBERS), max_size=3).map(tuple)
 TRIPLES = st.tuples(*[NUMBERS] * 3)
 TIMES = st.floats(0.01, 1e6)
+ANY_TIMES = TIMES | st.just(nan)
 VECTORS = st.lists(NUMBERS, min_size=1, max_size=4).map(tuple)
 SHARES = st.floats(0, 1)
 SEEN = st.integers(1, 4).flatmap(
@@ -143,9 +144,9 @@ REPORTS = st.one_of(
     st.builds(Status, TIMES, st.integers(-5, 99999), st.booleans()),
     st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
     st.builds(EchoLine, TIMES, NAMES, *[st.integers(0, 999_999)] * 2, st.none() | SEEN),
-    st.builds(GroundTruth, TIMES, NAMES, POSES),
-    st.builds(Ins, TIMES, NAMES, POSES),
-    st.builds(Odometry, TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
+    st.builds(GroundTruth, ANY_TIMES, NAMES, POSES),
+    st.builds(Ins, ANY_TIMES, NAMES, POSES),
+    st.builds(Odometry, ANY_TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
     st.builds(Tachometer, TIMES, NAMES, VECTORS, VECTORS),
     st.builds(
         Encoder,

@@ -8,7 +8,7 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
-from radarsim.protocol.dialect import UDK
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
     Encoder,
     GroundTruth,
@@ -233,6 +233,27 @@ def test_requests_that_do_not_fit_an_item_have_no_effect(empty_room: Scene) -> N
             vehicle.request_scan(item)
             vehicle.set_ins(item, Pose3(0, 0, 0))
     assert all(not output.scans for _, output in run(simulation, 9)[vehicle.number])
+
+
+@pytest.mark.parametrize(
+    ("class_name", "dialect", "is_stamped"),
+    [
+        pytest.param("P2AT", COMPAT, False, id="P2AT"),
+        pytest.param("P2DX", COMPAT, False, id="P2DX"),
+        pytest.param("P3AT", COMPAT, True, id="P3AT"),
+        pytest.param("P2AT", UDK, True, id="P2AT in udk"),
+    ],
+)
+def test_odometry_of_the_older_robots_has_no_time_stamp(
+    empty_room: Scene, class_name: str, dialect: Dialect, is_stamped: bool
+) -> None:
+    simulation = Simulation(empty_room, config=SimulationConfig(dialect))
+    vehicle = simulation.spawn("R", load_robot(class_name), Pose2(-8, 0))
+    assert vehicle is not None
+    _, output = run(simulation, 20)[vehicle.number][-1]
+    (reading,) = (r for r in output.readings if isinstance(r, Odometry))
+    assert (reading.time == 0.2) is is_stamped
+    assert reading.encode(dialect).startswith("SEN {Time ") is is_stamped
 
 
 def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:
