@@ -2,7 +2,11 @@
 
 import os
 import signal
+import sys
+import threading
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -54,6 +58,32 @@ def pytest_collection_modifyitems(
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]
+
+
+@contextmanager
+def _without_tracing() -> Iterator[None]:
+    """Suspend coverage in this thread, in new threads and in new processes."""
+    tracers = sys.gettrace(), threading.gettrace()
+    settings = {k: v for k, v in os.environ.items() if k.startswith("COVERAGE_")}
+    for name in settings:
+        del os.environ[name]
+    sys.settrace(None)
+    threading.settrace(None)
+    try:
+        yield
+    finally:
+        sys.settrace(tracers[0])
+        threading.settrace(tracers[1])
+        os.environ.update(settings)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Run slow tests without coverage, which would double their time."""
+    if item.get_closest_marker("slow"):
+        with _without_tracing():
+            return (yield)
+    return (yield)
 
 
 def _ready(name: str) -> Scene:
