@@ -18,7 +18,6 @@ from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
 from radarsim.scene.map_file import load_variants
 
 pytest_plugins = ["pytester"]
-pytestmark = pytest.mark.timeout(600)
 
 SNIPPETS = [snippet for page in PAGES for snippet in snippets_of(page)]
 LANGUAGES = {"sh", "console", "python", "suite", "yaml", "text"}

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from processes import start_radarsim
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.slow
 
 NAMES = ("map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png")
 HERE = ("--serve", "empty_room", "--way=-7,0", "--time-limit", "1")

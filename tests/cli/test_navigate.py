@@ -36,7 +36,6 @@ BOX = (*BUG2, "--serve", "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
 FAR = (*BUG2, "--goal", "8,0")
 fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
-pytestmark = pytest.mark.timeout(180)
 
 
 class Relay:
@@ -358,7 +357,7 @@ def test_robot_is_stopped_when_the_server_fails(
     assert f"radarsim: {text}" in run.err
     if fault == "drops":
         return  # nobody hears it any more
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 240
     while middle.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert 0.3 < middle.stops[0] < 30.0
@@ -379,11 +378,11 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
     trace = tmp_path / "run.csv"
     port = str(middle.port)
     with start_radarsim(*FAR, "--port", port, "--trace", str(trace)) as process:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 240
         while len(middle.driven) < 10 and time.monotonic() < deadline:
             time.sleep(0.01)
         process.send_signal(number)
-        out, errors = process.communicate(timeout=60)
+        out, errors = process.communicate(timeout=240)
     assert process.returncode == code
     assert out.startswith(b"interrupted by bug")
     assert b"Traceback" not in errors

@@ -32,7 +32,7 @@ pytestmark = [
 def start(name: str, folder: Path) -> subprocess.Popen[bytes]:
     """Start a command, and return it when Python has started the program."""
     process = start_radarsim(*(word.format(folder) for word in COMMANDS[name]))
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 240
     while not catches_sigterm(process) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.001)

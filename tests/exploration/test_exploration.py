@@ -279,7 +279,6 @@ def test_trip_sums_motion_above_noise() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
 @pytest.mark.parametrize("name", list(StrategyName))
 def test_no_strategy_drives_into_foliage(
     foliage_room: Scene, name: StrategyName

@@ -35,7 +35,7 @@ from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map, shipped_maps
 from radarsim.simulation.config import SimulationConfig
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.slow
 
 Mask = NDArray[np.bool_]
 FollowMode = tuple[tuple[float, float], ...]

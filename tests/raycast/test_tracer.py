@@ -348,7 +348,7 @@ def test_explain_ends_where_trace_ends() -> None:
             400,
             1_000_000,
             id="a million rays",
-            marks=[pytest.mark.slow, pytest.mark.timeout(600)],
+            marks=pytest.mark.slow,
         ),
     ],
 )

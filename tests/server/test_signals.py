@@ -96,7 +96,7 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
                 pass
             process.send_signal(number)
             process.send_signal(number)  # users press Ctrl-C twice
-            out, errors = process.communicate(timeout=60)
+            out, errors = process.communicate(timeout=240)
         assert process.returncode == code
         assert out == ""
         assert "Traceback" not in errors
@@ -111,7 +111,7 @@ def test_program_reports_a_taken_port_in_one_line(
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         process = started(tmp_path, "empty_room", "--port", str(port))
-        out, errors = process.communicate(timeout=60)
+        out, errors = process.communicate(timeout=240)
     assert process.returncode == 1
     assert out == ""
     assert errors.count("\n") == 1

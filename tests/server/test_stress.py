@@ -24,7 +24,7 @@ SCAN = re.compile(rb"SEN {Time ([0-9.]+)} {Type RangeScanner}")
 LEAST_RATE = 9.5  # Hz of the wall clock, of 10
 MOST_GROWTH = 4.0  # MB of memory in the second half of the run
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(SECONDS + 60)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(SECONDS + 600)]
 
 
 @dataclass
