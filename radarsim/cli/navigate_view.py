@@ -10,6 +10,7 @@ from radarsim.evaluation.free_space import plan_height
 from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.geometry import Floats
 from radarsim.navigation.bug import Activity
+from radarsim.navigation.options import Algorithm
 from radarsim.plotting.film_encoders import Pixels
 from radarsim.plotting.outlines import Outline, outlines_of
 from radarsim.plotting.run_film import RunFrames, first_extent
@@ -112,4 +113,5 @@ class RunCamera:
             drawn_robot(run.mission.robot_class).name,
             sensor_of(run),
             outlines,
+            returns=run.mission.algorithm is Algorithm.BUG1,
         )

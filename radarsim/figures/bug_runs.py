@@ -48,7 +48,9 @@ def draw_bug(seed: int, *, algorithm: Algorithm) -> DrawnFigure:
     commands = [
         f"radarsim navigate --serve {map_} {options}" for map_ in (OPEN, CLOSED)
     ]
-    return DrawnFigure((drawing,), _caption(runs[0]), tuple(commands), _details(*runs))
+    return DrawnFigure(
+        (drawing,), _caption(algorithm), tuple(commands), _details(*runs)
+    )
 
 
 def _view(run: NavigationRun) -> RunView:
@@ -63,19 +65,22 @@ def _view(run: NavigationRun) -> RunView:
     )
 
 
-def _caption(left: NavigationRun) -> str:
-    how = {
-        Algorithm.BUG1: "all the way round it, and leaves it where it came nearest to"
-        " the goal",
-        Algorithm.BUG2: "along it, and leaves it where it is back on the line to the"
-        " goal, and nearer",
-    }[left.mission.algorithm]
-    name = left.mission.algorithm.value.capitalize()
+def _caption(algorithm: Algorithm) -> str:
+    leaving, finding = {
+        Algorithm.BUG1: (
+            "goes all the way round it, and leaves it where it came nearest (L1)",
+            "the wall is between it and the goal even there",
+        ),
+        Algorithm.BUG2: (
+            "goes along it, and leaves it where it is back on the line to the goal, and"
+            " nearer (L1)",
+            "it comes back to H1 without having crossed that line nearer to the goal",
+        ),
+    }[algorithm]
     return (
-        f"{name} drives towards the goal (G) until something is in the way (H), then"
-        f" {how} (L). On the left it gets out of a trap; on the right, where the goal"
-        " is in a closed box, it comes round to where it began, and so knows that there"
-        " is no path."
+        f"{algorithm.value.capitalize()} drives towards the goal until something is in"
+        f" the way (H1), {leaving}. At the closed box on the right {finding}, so it"
+        " knows that there is no path."
     )
 
 
@@ -85,9 +90,8 @@ def _details(left: NavigationRun, right: NavigationRun) -> str:
         f"A {ROBOT} drives by the eight bumpers of its radar. On the left:"
         f" {_ending(left)}. On the right: {_ending(right)}. It touched something"
         f" {touched} times. The coloured path is where the robot believes to be, by its"
-        " drifting INS, the thin black one where it truly is. The dots are where its"
-        " beams ended, by that belief; the grey walls are the map, which it does not"
-        " know."
+        " drifting INS, the dotted one where it truly is. The violet is where its beams"
+        " ended, by that belief; the grey walls are the map, which it does not know."
     )
 
 

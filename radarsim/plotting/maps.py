@@ -139,10 +139,8 @@ class MapPanel:
         self._start.set_data(path[:1, 0], path[:1, 1])
         for artist in self._robot:
             artist.remove()
-        others = {*self._axes.patches}
         pose = Pose2(*path[-1].tolist())
-        draw_robot(self._axes, self._robot_class, pose, zorder=4)
-        self._robot = [each for each in self._axes.patches if each not in others]
+        self._robot = [*draw_robot(self._axes, self._robot_class, pose, zorder=4)]
 
     @property
     def artists(self) -> list[Artist]:

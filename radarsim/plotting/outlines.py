@@ -1,8 +1,8 @@
 """True outlines of a scene at the height of a sensor, as areas and as lines."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -95,27 +95,35 @@ FILLS: Final = {
 TEXTS: Final = {"solid": "solid", "foliage": "foliage", "cloud": "smoke or dust"}
 
 
-def draw_areas(axes: Axes, outlines: Iterable[Outline], *, zorder: float = 1.0) -> None:
-    """Draw things as filled areas, each kind in its colour."""
+def draw_areas(
+    axes: Axes, outlines: Iterable[Outline], *, zorder: float, solid_zorder: float
+) -> list[PathPatch]:
+    """Draw things as filled areas, each kind in its colour.
+
+    Args:
+        axes: Axes in m, map frame.
+        outlines: What is to be drawn.
+        zorder: Z-order of what a sensor may see into.
+        solid_zorder: Z-order of what is solid.
+
+    Returns:
+        What was drawn.
+    """
+    drawn = []
     for outline in outlines:
-        paths = [Path(line) for line in outline.lines]
-        patch = PathPatch(
-            Path.make_compound_path(*paths),
-            facecolor=FILLS[outline.kind],
-            edgecolor=MARKER,
-            linewidth=1.0,
-            zorder=zorder,
-        )
-        axes.add_patch(patch)
+        path = Path.make_compound_path(*(Path(line) for line in outline.lines))
+        order = solid_zorder if outline.kind == "solid" else zorder
+        drawn.append(PathPatch(path, **_area_style(outline.kind), zorder=order))
+        axes.add_patch(drawn[-1])
+    return drawn
 
 
-def area_rows(outlines: Iterable[Outline]) -> list[Artist]:
-    """Return the rows of a legend for filled areas."""
+def area_rows(kinds: Collection[str]) -> list[Artist]:
+    """Return the rows of a legend for filled areas of some kinds."""
     return [
-        Patch(
-            facecolor=FILLS[outline.kind],
-            edgecolor=MARKER,
-            label=TEXTS[outline.kind],
-        )
-        for outline in outlines
+        Patch(**_area_style(kind), label=TEXTS[kind]) for kind in KINDS if kind in kinds
     ]
+
+
+def _area_style(kind: str) -> dict[str, Any]:
+    return {"facecolor": FILLS[kind], "edgecolor": MARKER, "linewidth": 0.8}

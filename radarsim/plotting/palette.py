@@ -59,19 +59,20 @@ RETURNED: Final = HOKUYO
 # Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
 GOING: Final = "#00c8ff"  # path towards the goal
 FOLLOWING: Final = "#ffc800"  # path along a boundary
-RETURNING: Final = FAMILY_COLOURS[Family.WOOD]  # path back to the leave point
+RETURNING: Final = "#0a7d5a"  # path back to the leave point
+TARGET: Final = "#b3001e"  # goals
 TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
 MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
 TRUE_SOLID: Final = "#ff9f00"  # outlines over a map: what is truly there
 TRUE_FOLIAGE: Final = FAMILY_COLOURS[Family.FOLIAGE]
 TRUE_SMOKE: Final = "#d58cff"
-MARKER: Final = INK  # start, goal, hit and leave points, told apart by shape
+MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 
 _ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
 _RUN = (
-    *(PAPER, GOING, FOLLOWING, RETURNING, TRUE_PATH),
+    *(PAPER, GOING, FOLLOWING, RETURNING, TRUE_PATH, TARGET),
     *(FAMILY_COLOURS[family] for family in (Family.STONE, Family.FOLIAGE)),
 )
 _CELLS = ("#0000ff", "#ffffff", "#a0a0a0", "#000000")  # UsarCommander's

@@ -8,12 +8,13 @@ from radarsim.navigation.bug import Point
 from radarsim.navigation.run_log import RunLog
 from radarsim.plotting.film import FrameCanvas
 from radarsim.plotting.film_encoders import Pixels
-from radarsim.plotting.outlines import Outline, area_rows, draw_areas, outlines_extent
+from radarsim.plotting.outlines import Outline, area_rows, outlines_extent
 from radarsim.plotting.panels import Extent, Panels
-from radarsim.plotting.run_markers import GOAL, START, marker_rows
+from radarsim.plotting.run_markers import HIT, LEAVE, marker_rows
 from radarsim.plotting.runs import (
     FOLLOWING,
     GOING,
+    RETURNING,
     RunPanel,
     SteeringSensor,
     path_rows,
@@ -58,6 +59,8 @@ class RunFrames:
         robot_class: str,
         sensor: SteeringSensor | None,
         outlines: Sequence[Outline] = (),
+        *,
+        returns: bool = True,
     ) -> None:
         """Draw what does not change.
 
@@ -67,18 +70,19 @@ class RunFrames:
             robot_class: Class of the robot.
             sensor: The sensor that it steers by, as in ``RunView``.
             outlines: What is truly there.
+            returns: Whether the robot may return to a leave point.
         """
         self._panels = Panels(extent, pixels_per_metre(extent), [title], [""])
         axes = self._panels.axes[0]
-        draw_areas(axes, outlines)
-        self._panel = RunPanel(axes, robot_class, sensor)
+        self._panel = RunPanel(axes, robot_class, sensor, outlines)
         (self._status,) = self._panels.subtitles
+        paths = [GOING, FOLLOWING, RETURNING] if returns else [GOING, FOLLOWING]
         self._panels.add_legend(
             [
-                *path_rows([GOING, FOLLOWING]),
-                *run_rows(sensor, truth=bool(outlines)),
-                *area_rows(outlines),
-                *marker_rows([START, GOAL]),
+                *path_rows(paths),
+                *run_rows(sensor, sensed=True, truth=bool(outlines)),
+                *area_rows([outline.kind for outline in outlines]),
+                *marker_rows([HIT, LEAVE]),
             ]
         )
         self._canvas = FrameCanvas(self._panels.figure)
@@ -91,7 +95,7 @@ class RunFrames:
             true_path: Path that the robot truly drove, (N, 2) m.
             status: The second line of the title.
         """
-        self._panel.update(run_log, true_path, text=_TEXT)
+        self._panel.update(run_log, true_path, text=_TEXT, is_over=False)
         self._panels.show(run_extent(run_log, true_path))
         self._status.set_text(status)
         return self._canvas.render(

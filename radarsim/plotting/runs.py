@@ -32,9 +32,10 @@ from radarsim.plotting.run_markers import (
 
 AROUND: Final = 3.0  # m around the path that are shown
 NO_PATH: Final[Floats] = np.zeros((0, 2))
-FAINTEST: Final = 0.2  # opacity of dots where one beam ended
+FAINTEST, STRONGEST = 0.12, 0.5  # opacity of cells where one, or most beams ended
+ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
 _MARGIN: Final = 0.6  # m
-_DOT: Final = 0.85  # diameter of a dot, in sides of the cell that it stands for
+_SAMPLE: Final = 7.0  # points; of what is sensed, in the legend
 _WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
 _CLOSEST: Final = 160.0  # pixels per metre, at most
 
@@ -49,10 +50,10 @@ class PathStyle:
     zorder: float
 
 
-GOING: Final = PathStyle("going to the goal", palette.GOING, 2.2, 4.0)
-FOLLOWING: Final = PathStyle("following a boundary", palette.FOLLOWING, 2.8, 3.0)
+GOING: Final = PathStyle("going to the goal", palette.GOING, 3.0, 4.0)
+FOLLOWING: Final = PathStyle("following a boundary", palette.FOLLOWING, 3.4, 3.0)
 RETURNING: Final = PathStyle(
-    "returning to the leave point", palette.RETURNING, 1.4, 3.5
+    "returning to the leave point", palette.RETURNING, 2.2, 3.5
 )
 PATH_STYLES: Final = {
     Activity.ALIGNING: FOLLOWING,
@@ -119,20 +120,37 @@ class RunPanel:
     """A run in a panel, which can be updated while it goes on."""
 
     def __init__(
-        self, axes: Axes, robot_class: str, sensor: SteeringSensor | None
+        self,
+        axes: Axes,
+        robot_class: str,
+        sensor: SteeringSensor | None,
+        outlines: Sequence[Outline] = (),
     ) -> None:
+        """Draw what does not change.
+
+        Args:
+            axes: The panel, m, map frame.
+            robot_class: Class of the robot.
+            sensor: The sensor that it steers by, as in ``RunView``.
+            outlines: What is truly there.
+        """
         self._axes = axes
         self._robot_class = robot_class
         self._colour = to_rgb(_sensor_colour(sensor))
+        # What beams enter lies below what they sense, walls lie above it.
+        self._areas = draw_areas(axes, outlines, zorder=1.0, solid_zorder=2.7)
         self._moving: list[Artist] = []
 
-    def update(self, run_log: RunLog, true_path: Floats, *, text: float) -> None:
+    def update(
+        self, run_log: RunLog, true_path: Floats, *, text: float, is_over: bool = True
+    ) -> None:
         """Show a run as it is.
 
         Args:
             run_log: The run; at least one row.
             true_path: Path that the robot truly drove, (N, 2) m.
             text: Size of labels, points.
+            is_over: Whether a goal that is not reached by now never will be.
         """
         for artist in self._moving:
             artist.remove()
@@ -140,7 +158,7 @@ class RunPanel:
         self._moving = [_draw_sensed(axes, run_log, self._colour)]
         for line in run_log.goal_lines:
             ends = np.array([line.start, line.goal])
-            self._moving += axes.plot(*ends.T, **_GOAL_LINE, zorder=2.0)
+            self._moving += axes.plot(*ends.T, **_GOAL_LINE, zorder=2.8)
         for lines in _path_lines(run_log):
             axes.add_collection(lines, autolim=False)
             self._moving.append(lines)
@@ -148,15 +166,16 @@ class RunPanel:
             self._moving += axes.plot(*true_path.T, **_TRUE_PATH, zorder=4.5)
         last = run_log.rows[-1]
         x, y = true_path[-1].tolist() if len(true_path) else (last.x, last.y)
-        others = {*axes.patches}
-        draw_robot(axes, self._robot_class, Pose2(x, y, last.yaw), zorder=6.0)
-        self._moving += [each for each in axes.patches if each not in others]
-        self._moving += draw_markers(axes, run_log, text=text)
+        robot = draw_robot(axes, self._robot_class, Pose2(x, y, last.yaw), zorder=6.0)
+        for patch in robot:
+            patch.set_alpha(ROBOT_OPACITY)
+        self._moving += robot
+        self._moving += draw_markers(axes, run_log, text=text, is_over=is_over)
 
     @property
     def artists(self) -> list[Artist]:
-        """Everything that ``update`` has drawn."""
-        return self._moving
+        """Everything in the panel, by which a film draws a frame."""
+        return [*self._areas, *self._moving]
 
 
 _GOAL_LINE: Final[dict[str, Any]] = {
@@ -164,7 +183,11 @@ _GOAL_LINE: Final[dict[str, Any]] = {
     "linestyle": "--",
     "linewidth": 1.0,
 }
-_TRUE_PATH: Final[dict[str, Any]] = {"color": palette.TRUE_PATH, "linewidth": 0.9}
+_TRUE_PATH: Final[dict[str, Any]] = {
+    "color": palette.TRUE_PATH,
+    "linestyle": (0, (1.0, 1.6)),
+    "linewidth": 1.1,
+}
 
 
 def draw_run(view: RunView, *, form: str = "png") -> bytes:
@@ -188,8 +211,7 @@ def run_figure(
     scale = pixels_per_metre(extent)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        draw_areas(axes, view.outlines)
-        panel = RunPanel(axes, view.robot_class, view.sensor)
+        panel = RunPanel(axes, view.robot_class, view.sensor, view.outlines)
         panel.update(view.run_log, view.true_path, text=text)
     panels.add_legend(_legend_rows(views))
     return panels.figure
@@ -204,12 +226,17 @@ def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
     """Return the rows of a legend of all that some runs show."""
     styles = {style for view in views for style in _styles(view.run_log)}
     markers = {style for view in views for style in marker_places(view.run_log)}
+    kinds = {outline.kind for view in views for outline in view.outlines}
     return [
         *path_rows(
             [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
         ),
-        *run_rows(views[0].sensor, truth=any(len(view.true_path) for view in views)),
-        *area_rows(views[0].outlines),
+        *run_rows(
+            views[0].sensor,
+            sensed=any(len(view.run_log.beam_ends) for view in views),
+            truth=any(len(view.true_path) for view in views),
+        ),
+        *area_rows(kinds),
         *marker_rows([style for style in STYLES if style in markers]),
     ]
 
@@ -222,32 +249,45 @@ def path_rows(styles: Collection[PathStyle]) -> list[Artist]:
     ]
 
 
-def run_rows(sensor: SteeringSensor | None, *, truth: bool) -> list[Artist]:
-    """Return the rows of a legend for the true path, goal lines and what is sensed."""
+def run_rows(
+    sensor: SteeringSensor | None, *, sensed: bool, truth: bool
+) -> list[Artist]:
+    """Return the rows of a legend for the true path, goal lines and what is sensed.
+
+    Args:
+        sensor: The sensor that the robot steers by, as in ``RunView``.
+        sensed: Whether anything was sensed.
+        truth: Whether the true path is known.
+    """
     by = "" if sensor is None else f" by the {sensor.medium}"
-    dot: dict[str, Any] = {
+    cell: dict[str, Any] = {
         "color": _sensor_colour(sensor),
-        "marker": ".",
+        "alpha": STRONGEST,
+        "marker": "s",
+        "markersize": _SAMPLE,
+        "markeredgewidth": 0.0,
         "linestyle": "none",
     }
-    rows: list[Artist] = [
-        Line2D([], [], **dot, label=f"sensed{by}"),
-        Line2D([], [], **_GOAL_LINE, label="line to the goal"),
-    ]
-    return [Line2D([], [], **_TRUE_PATH, label="true path"), *rows] if truth else rows
+    rows = [Line2D([], [], **_TRUE_PATH, label="true path")] if truth else []
+    rows.append(Line2D([], [], **_GOAL_LINE, label="line to the goal"))
+    if sensed:
+        rows.append(Line2D([], [], **cell, label=f"sensed{by}"))
+    return [*rows]
 
 
 def _draw_sensed(
     axes: Axes, run_log: RunLog, colour: tuple[float, float, float]
 ) -> Artist:
-    """Draw dots where beams ended, the more opaque the more often they did."""
+    """Draw the cells where beams ended, the more opaque the more often they did."""
     x, y, counts = run_log.beam_ends.T
     often = np.log1p(counts) / np.log1p(counts.max(initial=1.0))
     shades = np.tile((*colour, 1.0), (len(counts), 1))
-    shades[:, 3] = FAINTEST + (1 - FAINTEST) * often
+    shades[:, 3] = FAINTEST + (STRONGEST - FAINTEST) * often
     points_per_metre = axes.bbox.width / axes.viewLim.width * 72 / axes.figure.dpi
-    size = (_DOT * CELL * points_per_metre) ** 2
-    return axes.scatter(x, y, size, shades, linewidths=0.0, zorder=2.5)
+    size = (CELL * points_per_metre) ** 2
+    return axes.scatter(
+        x, y, size, shades, marker="s", linewidths=0.0, antialiased=False, zorder=2.5
+    )
 
 
 def _styles(run_log: RunLog) -> list[PathStyle]:

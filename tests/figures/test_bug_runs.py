@@ -1,7 +1,11 @@
+import functools
+
 import pytest
 
 from radarsim.figures.bug_runs import CLOSED, OPEN, draw_bug, run
 from radarsim.navigation.options import Algorithm
+
+drawn_bug = functools.cache(draw_bug)
 
 
 def test_bug2_fails_at_a_closed_box() -> None:
@@ -18,7 +22,7 @@ def test_bug2_fails_at_a_closed_box() -> None:
 def test_upper_run_succeeds_and_lower_run_fails(
     algorithm: Algorithm, seed: int
 ) -> None:
-    drawn = draw_bug(seed, algorithm=algorithm)
+    drawn = drawn_bug(seed, algorithm=algorithm)
     left, right = drawn.details.split("On the right")
     assert "On the left: goal reached after" in left
     assert "no path after" in right
@@ -28,6 +32,15 @@ def test_upper_run_succeeds_and_lower_run_fails(
     assert "reaches its goal" in reached.get_title("left")
     assert "no path" in failed.get_title("left")
     assert reached.viewLim.bounds == failed.viewLim.bounds
+
+
+@pytest.mark.slow
+def test_captions_tell_what_the_algorithms_do_differently() -> None:
+    captions = [drawn_bug(0, algorithm=algorithm).caption for algorithm in Algorithm]
+    one, two = (caption.split(". ") for caption in captions)
+    assert len(one) == len(two) == 2
+    assert one[0] != two[0]
+    assert one[1] != two[1]
 
 
 @pytest.mark.slow

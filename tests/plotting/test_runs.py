@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -16,14 +16,17 @@ from radarsim.navigation.control import STOP
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.run_log import RunLog
 from radarsim.navigation.runner import NavigationStep
-from radarsim.plotting.outlines import Outline
+from radarsim.plotting.outlines import FILLS, Outline
 from radarsim.plotting.palette import HOKUYO, MARKER, RADAR, TRUE_PATH
+from radarsim.plotting.panels import Extent
 from radarsim.plotting.rendering import FORMS
+from radarsim.plotting.run_film import RunFrames
 from radarsim.plotting.runs import (
     AROUND,
     FOLLOWING,
     GOING,
     RETURNING,
+    RunPanel,
     RunView,
     SteeringSensor,
     draw_run,
@@ -107,12 +110,51 @@ def test_path_is_coloured_by_activity() -> None:
 
 
 def test_start_goal_hit_and_leave_points_are_labelled() -> None:
-    assert labels(figure_of(record_of(*BUG1))) == {"S", "G", "H1", "L1"}
+    assert labels(figure_of(record_of(*BUG1))) == {"start", "goal", "H1", "L1"}
 
 
 def test_close_points_share_a_label() -> None:
     texts = labels(figure_of(record_of(*NEARLY_THE_SAME)))
-    assert texts == {"S", "G", "H1, H2", "L1", "L2"}
+    assert texts == {"start", "goal", "H1, H2", "L1", "L2"}
+
+
+def test_goal_that_is_not_reached_is_crossed_out() -> None:
+    for rows, crossed in ((BUG1, False), (NO_PATH, True), (BUG1[:3], True)):
+        figure = figure_of(record_of(*rows))
+        assert ("goal, not reached" in legend(figure)) == crossed
+        markers = {line.get_marker() for line in figure.axes[0].lines}
+        assert ("X" in markers) == crossed != ("*" in markers)
+
+
+def test_goal_of_a_run_that_goes_on_is_not_crossed_out_in_a_film() -> None:
+    for rows, crossed in ((BUG1[:3], False), (NO_PATH, True)):
+        figure = Figure()
+        panel = RunPanel(figure.add_subplot(), "P3AT", None)
+        panel.update(record_of(*rows), TRUE, text=10.0, is_over=False)
+        markers = {line.get_marker() for line in figure.axes[0].lines}
+        assert ("X" in markers) == crossed
+
+
+def test_hit_and_leave_points_have_the_colours_of_the_paths_that_begin_there() -> None:
+    (axes,) = figure_of(record_of(*BUG1)).axes
+    colours = {line.get_marker(): line.get_color() for line in axes.lines}
+    assert (colours["v"], colours["^"]) == (FOLLOWING.colour, GOING.colour)
+
+
+def test_what_is_sensed_does_not_cover_the_walls() -> None:
+    run_log = record_of(*((x, 0.0, Activity.GOING) for x in (0.55, 0.65, 0.75, 0.85)))
+    blind, areas = RunLog(), []
+    for row in run_log.rows:
+        pose, nothing = Pose2(row.x, row.y), np.zeros(0)
+        observation = Observation(row.time, pose, nothing, nothing)
+        blind.add(NavigationStep(observation, row.activity, STOP, (), row.goal))
+    extent = Extent(-2.0, -3.0, 6.0, 3.0)
+    for each in (run_log, blind):
+        frames = RunFrames(extent, "title", "P3AT", None, PLAN)
+        frame = frames.draw(each, TRUE[:1], "status")
+        grey = np.round(255 * np.array(to_rgb(FILLS["solid"])))
+        areas.append(int((frame == grey).all(axis=2).sum()))
+    assert areas[0] == areas[1] > 100
 
 
 def test_several_goals_are_numbered() -> None:
@@ -122,7 +164,7 @@ def test_several_goals_are_numbered() -> None:
             row.time, Pose2(row.x, row.y), np.zeros(0), np.zeros(0)
         )
         run_log.add(NavigationStep(observation, row.activity, STOP, (), row.goal))
-    assert {"G1", "G2"} <= labels(figure_of(run_log))
+    assert {"goal 1", "goal 2"} <= labels(figure_of(run_log))
 
 
 def test_legend_lists_exactly_what_is_drawn() -> None:
@@ -132,6 +174,11 @@ def test_legend_lists_exactly_what_is_drawn() -> None:
     absent = {"solid", "true path", "leave point", "returning to the leave point"}
     assert not absent & {*failed}
     assert "hit point" in failed
+    assert "sensed" in failed
+    blind = RunLog()
+    nothing = Observation(0.0, Pose2(0, 0), np.zeros(0), np.zeros(0))
+    blind.add(NavigationStep(nothing, Activity.GOING, STOP, (), (1.0, 0.0)))
+    assert "sensed" not in legend(figure_of(blind))
 
 
 def test_axes_have_equal_scale_and_the_legend_is_outside() -> None:
