@@ -1,3 +1,4 @@
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,6 +24,7 @@ from radarsim.yaml_reader import (
     MAX_VALUES,
     UnreadableYaml,
     compose,
+    parse_plain,
     parse_yaml,
     read_yaml,
 )
@@ -181,7 +183,7 @@ def test_too_large_file_is_not_read(tmp_path: Path) -> None:
 
 def test_invalid_yaml_is_one_problem() -> None:
     file = parse_yaml(Path("r.yaml"), "a: [1\n")
-    expected = "not YAML: expected ',' or ']', but got '<stream end>'"
+    expected = "not YAML: did not find expected ',' or ']'"
     assert (file.data, file.problems) == (None, (f"r.yaml:2:1: {expected}",))
     assert file.place(("a", 0)) == "r.yaml:2:1"
 
@@ -304,12 +306,14 @@ def test_all_problems_are_found_and_reading_continues() -> None:
     ("text", "position", "message"),
     [
         pytest.param(
-            "a: b: c", (1, 5), "not YAML: mapping values are not allowed here"
+            "a: b: c",
+            (1, 5),
+            "not YAML: mapping values are not allowed in this context",
         ),
         pytest.param(
             "a: [1",
             (1, 6),
-            "not YAML: expected ',' or ']', but got '<stream end>'",
+            "not YAML: did not find expected ',' or ']'",
             id="open bracket",
         ),
         pytest.param("a: 1\nb: \0", (2, 4), "not YAML: character '\\x00'", id="NUL"),
@@ -351,6 +355,14 @@ def test_depth_of_expanded_aliases_is_limited() -> None:
     lines += [f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 2000)]
     with pytest.raises(UnreadableYaml, match="more than 32 levels"):
         compose("\n".join(lines))
+
+
+def test_plain_text_may_have_infinite_numbers_but_no_problems() -> None:
+    assert parse_plain("[.inf, -.Inf, 3]") == [math.inf, -math.inf, 3]
+    assert math.isnan(parse_plain(".nan"))
+    for text in ("a: 1\na: 2", "!x 1", "[1"):
+        with pytest.raises(ValueError, match=r"duplicate|tag|not YAML"):
+            parse_plain(text)
 
 
 @given(st.text(alphabet="ab:-[]{}&*!|>'\"#%@?,\n \t01.", max_size=60))

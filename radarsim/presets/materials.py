@@ -176,13 +176,13 @@ def _losses(values: dict[str, Any]) -> tuple[Losses, float]:
         grammes = values["g_per_m3"]
         first, second, third = (grammes * db for db in _by_band(values["db_per_g"]))
         return (first, second, third), grammes * values["laser_db_per_g"]
-    none = dict.fromkeys(BANDS_GHZ, 0.0)
+    none = dict.fromkeys(map(str, BANDS_GHZ), 0.0)
     light = float(values.get("laser_db_per_m", 0.0))
     return _by_band(values.get("db_per_m", none)), light
 
 
-def _by_band(numbers: dict[int, float]) -> Losses:
-    first, second, third = (float(numbers[band]) for band in BANDS_GHZ)
+def _by_band(numbers: dict[str, float]) -> Losses:
+    first, second, third = (float(numbers[str(band)]) for band in BANDS_GHZ)
     return first, second, third
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict
-from ruamel.yaml import YAML
 
 from radarsim.errors import PresetError
 from radarsim.suggestions import expected_one_of
+from radarsim.yaml_reader import parse_plain
 
 Folder: TypeAlias = Literal["sensors", "materials", "robots"]
 
@@ -51,7 +51,7 @@ def preset_path(folder: Folder, name: str) -> Path:
 def read_preset(folder: Folder, name: str) -> Any:
     """Read the file of a preset that exists."""
     text = preset_path(folder, name).read_text(encoding="utf-8")
-    return YAML(typ="safe", pure=True).load(text)
+    return parse_plain(text)
 
 
 def unknown_preset(label: str, name: str, known: tuple[str, ...]) -> PresetError:

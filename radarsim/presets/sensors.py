@@ -4,8 +4,6 @@ import functools
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from radarsim.errors import PresetError
 from radarsim.presets.preset_files import (
@@ -17,6 +15,7 @@ from radarsim.presets.preset_files import (
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.suggestions import expected_one_of
 from radarsim.validation import describe_invalid, short_repr
+from radarsim.yaml_reader import parse_plain
 
 
 class SensorPreset(BaseModel):
@@ -92,6 +91,6 @@ def parse_setting(text: str) -> tuple[str, Any]:
     if "," in value and not value.lstrip().startswith("["):
         value = f"[{value}]"
     try:
-        return key.strip(), YAML(typ="safe", pure=True).load(value)
-    except YAMLError:
+        return key.strip(), parse_plain(value)
+    except ValueError:
         raise PresetError(f"setting {text[:80]!r}, expected KEY=VALUE") from None

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+import yaml
 from numpy.typing import NDArray
-from ruamel.yaml import YAML
 from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
@@ -169,7 +169,7 @@ def read_pgm(data: bytes) -> NDArray[np.uint8]:
 def read_nav(files: dict[str, bytes]) -> NavMap:
     """Load a map by the rule of map_server for trinary maps."""
     (name,) = (name for name in files if name.endswith(".yaml"))
-    head = YAML(typ="safe").load(files[name])
+    head = yaml.safe_load(files[name])
     assert (head["mode"], head["negate"], head["resolution"]) == ("trinary", 0, SIZE)
     occupied = (255 - read_pgm(files[head["image"]]).astype(np.float64)) / 255
     cells = np.full(occupied.shape, -1, np.int8)
@@ -203,7 +203,7 @@ def cut(thing: dict[str, Any]) -> Polygon:
 def read_room() -> dict[str, Polygon]:
     """Return the outlines of all objects in the room, by name."""
     text = shipped_maps()["foliage_room"].read_text()
-    things = YAML(typ="safe").load(text)["objects"]
+    things = yaml.safe_load(text)["objects"]
     return {one["name"]: cut(one) for one in things if one["name"] != "floor"}
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from numpy.typing import NDArray
 from PIL import Image
-from ruamel.yaml import YAML
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.export import (
@@ -89,7 +89,7 @@ def pixel_of(
 def loaded(grid: OccupancyGrid, mode: Any) -> tuple[NDArray[np.int16], dict[str, Any]]:
     """Read a map by the rules of nav2's map_server, row 0 in the south."""
     files = nav_map(grid, "yard", mode=mode)
-    head = YAML(typ="safe").load(files["yard.yaml"])
+    head = yaml.safe_load(files["yard.yaml"])
     with Image.open(io.BytesIO(files[head["image"]])) as image:
         colours = np.asarray(image.convert("RGBA"), np.float64) / 255
     shade = colours[..., :3].mean(axis=-1)
@@ -192,7 +192,7 @@ def test_png_has_the_colours_of_usarcommander(
 def test_yaml_quotes_any_file_name(mapped: OccupancyGrid) -> None:
     name = 'my "yard": #1'
     files = nav_map(mapped, name)
-    head = YAML(typ="safe").load(files[f"{name}.yaml"])
+    head = yaml.safe_load(files[f"{name}.yaml"])
     assert head["image"] == f"{name}.pgm"
     assert list(files) == [f"{name}.pgm", f"{name}.yaml"]
 
@@ -212,6 +212,6 @@ def test_map_without_sensed_cells_is_one_unknown_cell() -> None:
 )
 def test_yaml_names_its_image(mapped: OccupancyGrid, name: str) -> None:
     files = nav_map(mapped, name)
-    head = YAML(typ="safe").load(files[f"{name}.yaml"].decode("ascii"))
+    head = yaml.safe_load(files[f"{name}.yaml"].decode("ascii"))
     assert head["image"] == f"{name}.pgm"
     assert head["image"] in files

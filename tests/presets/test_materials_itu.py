@@ -34,7 +34,7 @@ def law(f_ghz: float, tilt_deg: float, elevation_deg: float = 0.0) -> PowerLaw:
 @pytest.mark.parametrize("band", BANDS)
 def test_rain_law_of_the_library_is_that_of_p838(band: int) -> None:
     numbers = library_entry("rain").numbers
-    loss = [numbers[key].value[band] for key in ("rain_k", "rain_alpha")]
+    loss = [numbers[key].value[str(band)] for key in ("rain_k", "rain_alpha")]
     assert loss == pytest.approx(law(band, 45), rel=2e-5)
 
 

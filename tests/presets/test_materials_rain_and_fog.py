@@ -61,7 +61,7 @@ def test_rain_of_the_library_is_between_horizontal_and_vertical_polarisation() -
     numbers = library_entry("rain").numbers
     for place, band in enumerate(BANDS):
         law = polarised(HORIZONTAL[band], VERTICAL[band], math.pi / 4)
-        k, alpha = (numbers[key].value[band] for key in ("rain_k", "rain_alpha"))
+        k, alpha = (numbers[key].value[str(band)] for key in ("rain_k", "rain_alpha"))
         assert (k, alpha) == pytest.approx(law, rel=1e-5)
         for rate in RATES:
             loss = library_material("rain", mm_per_h=rate)

@@ -27,7 +27,7 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
         ),
         pytest.param(
             "a: [1",
-            "m.yaml:1:6: not YAML: expected ',' or ']', but got '<stream end>'",
+            "m.yaml:1:6: not YAML: did not find expected ',' or ']'",
             id="no YAML",
         ),
         pytest.param("version: 2", "m.yaml:1:10: version: 2, expected 1", id="version"),
