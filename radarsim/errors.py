@@ -63,7 +63,18 @@ class ServerError(RadarsimError):
 
 
 class PortUnavailable(ServerError):
-    """The port to listen on is in use, or reserved; port 0 would take a free one."""
+    """The port to listen on is in use, or reserved; port 0 would take a free one.
+
+    Attributes:
+        port: The port.
+    """
+
+    def __init__(self, text: str, port: int) -> None:
+        super().__init__(text, port)
+        self.port = port
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class ClientError(RadarsimError):

@@ -23,6 +23,7 @@ from radarsim.signal_handlers import set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
     from radarsim.host import Host
+    from radarsim.server.image_server import ImageServer
     from radarsim.simulation.config import SimulationConfig
 
 
@@ -41,6 +42,15 @@ def serve(
         int,
         typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
     ] = DEFAULT_PORT,
+    image_port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Serve pictures of the first robot's camera on this port as well; the"
+            " original's is 5003.",
+        ),
+    ] = None,
     seed: SeedOption = 0,
     speed: Annotated[
         float,
@@ -86,12 +96,30 @@ def serve(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    server = Server(load_host(map_, config, seed=seed), speed=speed)
+    _check_ports(port, image_port)
+    simulated = load_host(map_, config, seed=seed)
+    images = None if image_port is None else make_image_server(simulated, image_port)
+
+    def announce_all(address: tuple[str, int]) -> None:
+        announce(address)
+        if images is not None:
+            announce_images(images.address)
+
+    server = Server(simulated, speed=speed)
+    serving = serve_until_signal(server, host, port, announce_all, images)
     try:
-        code = asyncio.run(serve_until_signal(server, host, port, announce))
+        code = asyncio.run(serving)
     except PortUnavailable as error:
-        raise ServerError(f"{error}; --port 0 takes a free one") from None
+        option = "--image-port" if error.port == image_port else "--port"
+        raise ServerError(f"{error}; {option} 0 takes a free one") from None
     raise typer.Exit(code)
+
+
+def _check_ports(port: int, image_port: int | None) -> None:
+    """Check that clients and viewers do not have the same port."""
+    if port and port == image_port:
+        text = f"{image_port} is the port of --port, expected another one"
+        raise typer.BadParameter(text, param_hint="--image-port")
 
 
 def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
@@ -114,6 +142,18 @@ def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
     return Host(load_map(map_), config=config, seed=seed)
+
+
+def make_image_server(host: Host, port: int) -> ImageServer:
+    """Create the server of pictures.
+
+    Args:
+        host: The host whose simulation is seen.
+        port: Port to listen on; 0 for a free one.
+    """
+    from radarsim.server.image_server import ImageServer
+
+    return ImageServer(host.simulation, port=port)
 
 
 def load_served_host(
@@ -150,6 +190,12 @@ def announce(address: tuple[str, int]) -> None:
             "; Ctrl-C ends the server",
             err=True,
         )
+
+
+def announce_images(address: tuple[str, int]) -> None:
+    """Tell on stdout that viewers can connect."""
+    typer.echo(f"radarsim: images on {address[0]}:{address[1]}")
+    sys.stdout.flush()
 
 
 def _drive_command(address: tuple[str, int]) -> str:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from radarsim.protocol.images import ImageType
 from radarsim.protocol.numbers import NumberFormat, Rounding
 
 DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
@@ -54,6 +55,7 @@ class Dialect:
         ins_has_time: Whether INS lines have a time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
+        image_type: Type of the image server's pictures.
         drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
         battery_start: Time that a full battery lasts, s.
         battery_runs_out: Whether the battery gets empty; otherwise it stops at 1 s.
@@ -89,6 +91,7 @@ class Dialect:
     ins_has_time: bool
     ins_angles_positive: bool
     accepts_any_case_true: bool
+    image_type: ImageType
     drive_unit: DriveUnit
     battery_start: float
     battery_runs_out: bool
@@ -136,6 +139,7 @@ COMPAT = Dialect(
     ins_has_time=True,
     ins_angles_positive=False,
     accepts_any_case_true=True,
+    image_type=ImageType.JPEG_GOOD,
     drive_unit="rad_per_s",
     battery_start=3600.0,
     battery_runs_out=False,  # a client that reads 0 pauses its robot permanently
@@ -182,6 +186,7 @@ UDK = Dialect(
     ins_has_time=False,
     ins_angles_positive=True,
     accepts_any_case_true=False,
+    image_type=ImageType.RAW,
     drive_unit="rev_per_s",
     battery_start=1200.0,
     battery_runs_out=True,

@@ -81,7 +81,7 @@ async def listen(
     except OSError as error:
         text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
         of_port = error_number(error) in (errno.EADDRINUSE, errno.EACCES)
-        raise (PortUnavailable if of_port else ServerError)(text) from error
+        raise (PortUnavailable(text, port) if of_port else ServerError(text)) from error
     if not listener.sockets:
         raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
     host, bound_port = listener.sockets[0].getsockname()[:2]

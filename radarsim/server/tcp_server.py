@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from radarsim.host import Diagnostic, Host
 from radarsim.server.lifecycle import (
@@ -13,6 +13,9 @@ from radarsim.server.lifecycle import (
     peer_name,
 )
 from radarsim.simulation.config import TICK
+
+if TYPE_CHECKING:
+    from radarsim.server.image_server import ImageServer
 
 log = logging.getLogger("radarsim.server")
 
@@ -249,6 +252,7 @@ async def serve(
     address: str,
     port: int,
     announce: Callable[[tuple[str, int]], None],
+    images: "ImageServer | None" = None,
 ) -> int:
     """Serve until a signal comes.
 
@@ -257,6 +261,7 @@ async def serve(
         address: Address to listen on.
         port: Port to listen on; 0 for a free one.
         announce: Called with the address as soon as clients can connect.
+        images: A server of pictures that listens on the same address; None for none.
 
     Returns:
         The exit code: 130 after an interrupt, 0 after a request to terminate.
@@ -267,13 +272,19 @@ async def serve(
     with exit_code_of_signal() as exit_code:
         try:
             await server.start(address, port)
+            failures = [asyncio.ensure_future(server.wait_failed())]
+            if images is not None:
+                await images.start(address)
+                failures.append(asyncio.ensure_future(images.wait_failed()))
             announce(server.address)
-            failure = asyncio.ensure_future(server.wait_failed())
-            futures: set[asyncio.Future[Any]] = {exit_code, failure}
+            futures: set[asyncio.Future[Any]] = {exit_code, *failures}
             await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
-            if failure.done():
-                failure.result()
-            failure.cancel()
+            for failure in failures:
+                if failure.done():
+                    failure.result()
+                failure.cancel()
             return exit_code.result()
         finally:
+            if images is not None:
+                await images.stop()
             await server.stop()

@@ -169,11 +169,25 @@ class Simulation:
             for number, vehicle in self._vehicles.items()
         }
 
+    def boxes(self) -> Boxes:
+        """Return the robots as boxes whose ids are the numbers of the vehicles."""
+        rows = []
+        for vehicle in self._vehicles.values():
+            body, model = vehicle.robot.body, vehicle.model
+            floor = body.z - model.origin_height
+            rows.append(
+                (
+                    *(body.x, body.y, body.yaw, floor, floor + model.height),
+                    *(model.length / 2, model.width / 2, vehicle.number),
+                )
+            )
+        return Boxes(np.array(rows, np.float64).reshape(-1, 8))
+
     def _scan(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[Scan]:
         """Take all scans in one batch."""
         if not due:
             return []
-        boxes = self._boxes()
+        boxes = self.boxes()
         planned = []
         for vehicle, mounted in due:
             scanner = mounted.scanner
@@ -189,7 +203,7 @@ class Simulation:
         radar, pose = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
         settings = {"incidence_weights": True, "ray_choice": "together"}
         together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
-        rng, boxes = generator_for(0, "warm-up"), self._boxes()
+        rng, boxes = generator_for(0, "warm-up"), self.boxes()
         planned = [
             (scanner, scanner.plan(self._tracer, pose, rng, boxes, carrier_id=0))
             for scanner in (radar, radar.with_all_echoes, together)
@@ -205,19 +219,6 @@ class Simulation:
             math.radians(settings.fov_deg),
             np.minimum(scan.ranges, settings.max_range),
         )
-
-    def _boxes(self) -> Boxes:
-        rows = []
-        for vehicle in self._vehicles.values():
-            body, model = vehicle.robot.body, vehicle.model
-            floor = body.z - model.origin_height
-            rows.append(
-                (
-                    *(body.x, body.y, body.yaw, floor, floor + model.height),
-                    *(model.length / 2, model.width / 2, vehicle.number),
-                )
-            )
-        return Boxes(np.array(rows, np.float64).reshape(-1, 8))
 
     def _obstacles(self, floor: float) -> Obstacles:
         if floor not in self._obstacles_by_floor:

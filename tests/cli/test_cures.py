@@ -63,6 +63,16 @@ def test_port_in_use_has_a_cure(radarsim: RunCommand, taken_port: str) -> None:
     assert "--port 0" in run.err
 
 
+def test_image_port_in_use_has_its_own_cure(
+    radarsim: RunCommand, taken_port: str
+) -> None:
+    run = radarsim("serve", "empty_room", "--port", "0", "--image-port", taken_port)
+    assert run.code == 1
+    assert "in use by another program" in run.err
+    assert "--image-port 0" in run.err
+    assert run.out == ""
+
+
 def test_port_in_use_has_a_cure_with_through(
     radarsim: RunCommand, tmp_path: Path, taken_port: str
 ) -> None:

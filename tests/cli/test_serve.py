@@ -34,6 +34,10 @@ def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
         pytest.param(["--speed", "0"], "expected above 0", id="speed zero"),
         pytest.param(["--speed", "inf"], "expected above 0", id="speed infinite"),
         pytest.param(["--port", "70000"], "--port", id="port"),
+        pytest.param(["--image-port", "-1"], "--image-port", id="image port"),
+        pytest.param(
+            ["--port", "5003", "--image-port", "5003"], "--image-port", id="same port"
+        ),
         pytest.param(["--seed", "-1"], "--seed", id="seed"),
         pytest.param(["--dialect", "klingon"], "klingon", id="dialect"),
     ],

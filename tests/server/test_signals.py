@@ -105,6 +105,34 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
         process.wait()
 
 
+@pytest.mark.usefixtures("empty_room")
+@pytest.mark.parametrize(("number", "code"), EXITS)
+def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
+    tmp_path: Path, number: int, code: int
+) -> None:
+    process = started(tmp_path, "empty_room", "--port", "0", "--image-port", "0")
+    try:
+        listening_port(process)
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line.startswith("radarsim: images on 127.0.0.1:")
+        address = ("127.0.0.1", int(line.rpartition(":")[2]))
+        with (
+            socket.create_connection(address, 60) as viewer,
+            socket.create_connection(address, 60) as deaf,
+        ):
+            deaf.sendall(b"OK" * 1000)
+            viewer.sendall(b"OKOKOK")
+            assert viewer.recv(1) == b"\x02"
+            process.send_signal(number)
+            _, errors = process.communicate(timeout=60)
+        assert process.returncode == code
+        assert errors == ""
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_program_reports_a_taken_port_in_one_line(
     tmp_path: Path,
 ) -> None:

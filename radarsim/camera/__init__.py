@@ -1,0 +1,1 @@
+"""What a robot's camera sees: a scene drawn by the ray engine."""

@@ -1,0 +1,138 @@
+"""Pictures of a scene, as a robot's camera sees them.
+
+A picture depends on the scene and the view only: the same view gives the same pixels.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
+
+from radarsim.camera.shading import AMBIENT, FULL_POWER, shade
+from radarsim.geometry import Floats, Pose3
+from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
+from radarsim.presets.robots import load_robot
+from radarsim.raycast.rays import LASER, RayClass, Rays
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import tracer_of
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Scene
+from radarsim.sensors.echoes import ROBOT
+from radarsim.simulation.simulation import Simulation
+
+Pixels: TypeAlias = NDArray[np.uint8]
+
+WIDTH, HEIGHT = 160, 120  # pixels
+FIELD_OF_VIEW: Final = math.radians(80.0)  # from left to right, as the original's
+MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
+VIEWING_DISTANCE: Final = 1000.0  # m
+# A volume that takes a decibel of light is that much darker, whatever a laser's power.
+LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
+
+ZENITH: Final = "#8fb8de"
+HORIZON: Final = "#e4eef5"
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Where a camera is, and where the robots are.
+
+    Attributes:
+        camera: Pose of the camera, map frame; it looks along its x axis.
+        boxes: The robots.
+        carrier_id: Id of the box of the robot that carries the camera; -1 for none.
+    """
+
+    camera: Pose3
+    boxes: Boxes
+    carrier_id: int = -1
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> "View":
+        """Return the view of the robot that has been in a simulation for longest.
+
+        Without robots it is that of a P3AT at the first start of the map.
+        """
+        boxes, vehicles = simulation.boxes(), simulation.vehicles
+        if vehicles:
+            first = vehicles[0]
+            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
+        starts = simulation.scene.starts
+        start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
+        body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
+        return cls(body.compose(MOUNT), boxes)
+
+
+class Renderer:
+    """Draws pictures of one scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Create a renderer.
+
+        Raises:
+            EngineError: If Embree cannot be used, or cannot use a part of the scene.
+        """
+        self._tracer = tracer_of(scene)
+        materials = [*(part.material for part in self._tracer.parts), ROBOT]
+        self._colours = np.array([_colour_of(material) for material in materials])
+        self._directions = _pixel_directions()
+
+    def render(self, view: View) -> Pixels:
+        """Return a picture: RGB, (120, 160, 3), from the top, rows from the left."""
+        directions = _rotate(self._directions, view.camera.rotation())
+        n = len(directions)
+        rays = Rays(
+            np.tile(view.camera.position(), (n, 1)),
+            directions,
+            np.full(n, VIEWING_DISTANCE),
+            np.full(n, FULL_POWER),
+            np.zeros(n, np.uint8),
+            np.full(n, view.carrier_id, np.int64),
+            (LIGHT,),
+        )
+        traces = self._tracer.trace(rays, view.boxes, events=True, incidence=True)
+        pixels = np.zeros((n, 3))
+        shade(
+            traces.events,
+            traces.incidence,
+            self._colours,
+            _background(directions),
+            pixels,
+        )
+        bytes_ = np.floor(255 * pixels + 0.5).clip(0, 255).astype(np.uint8)
+        return bytes_.reshape(HEIGHT, WIDTH, 3)
+
+
+def _colour_of(material: Material) -> tuple[float, float, float]:
+    return to_rgb(FAMILY_COLOURS[family_of(material)])
+
+
+def _pixel_directions() -> Floats:
+    """Return unit vectors to the pixels' middles in the camera's frame, (N, 3)."""
+    focal_length = WIDTH / 2 / math.tan(FIELD_OF_VIEW / 2)  # pixels
+    left = (WIDTH - 1) / 2 - np.arange(WIDTH)
+    up = (HEIGHT - 1) / 2 - np.arange(HEIGHT)
+    vectors = np.full((HEIGHT, WIDTH, 3), focal_length)
+    vectors[..., 1] = left
+    vectors[..., 2] = up[:, None]
+    vectors /= np.sqrt((vectors**2).sum(axis=2, keepdims=True))
+    return np.asarray(vectors.reshape(-1, 3))
+
+
+def _rotate(vectors: Floats, rotation: Floats) -> Floats:
+    """Rotate vectors, (N, 3); without BLAS, which would use further threads."""
+    columns = zip(vectors.T, rotation.T, strict=True)
+    return np.asarray(sum(part[:, None] * axis for part, axis in columns))
+
+
+def _background(directions: Floats) -> Floats:
+    """Return the colours of sky and ground, where there is nothing else, (N, 3)."""
+    up = directions[:, 2:]
+    horizon, zenith = np.array(to_rgb(HORIZON)), np.array(to_rgb(ZENITH))
+    sky = horizon + np.maximum(up, 0.0) * (zenith - horizon)
+    ground = np.array(to_rgb(FAMILY_COLOURS[Family.GROUND]))
+    lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # a level floor far below
+    return np.where(up > 0.0, sky, lit * ground)

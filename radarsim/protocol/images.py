@@ -1,0 +1,103 @@
+"""Requests for pictures and pictures on the wire, as USARSim's image server has them.
+
+A viewer asks for a picture with ``OK``, or for a part of it with ``U`` and four numbers
+of 4 bytes: x and y of the part's upper left corner, its width and its height, in
+pixels. All other bytes mean nothing. A picture is a byte that tells its type, 4 bytes
+that tell the length of its data, and the data. All numbers are big-endian.
+"""
+
+import re
+import struct
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+_REQUEST: Final = re.compile(
+    rb"OK|U(?P<region>.{16})|(?P<incomplete>(?:O|U.{0,15})\Z)", re.DOTALL
+)
+
+
+class ImageType(IntEnum):
+    """Types of pictures on the wire."""
+
+    RAW = 0
+    JPEG_SUPERB = 1
+    JPEG_GOOD = 2
+    JPEG_NORMAL = 3
+    JPEG_AVERAGE = 4
+    JPEG_BAD = 5
+
+
+# The share of JPEG's quality, in percent, that the original's library has for a type.
+JPEG_QUALITY: Final = {
+    ImageType.JPEG_SUPERB: 100,
+    ImageType.JPEG_GOOD: 75,
+    ImageType.JPEG_NORMAL: 50,
+    ImageType.JPEG_AVERAGE: 25,
+    ImageType.JPEG_BAD: 10,
+}
+
+
+class Region(NamedTuple):
+    """A rectangle of a picture, in pixels from its upper left corner."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    def clip(self, width: int, height: int) -> "Region":
+        """Return what of a region is in a picture; all of it if nothing is.
+
+        Args:
+            width: Width of the picture.
+            height: Height of the picture.
+        """
+        right, lower = (
+            min(self.x + self.width, width),
+            min(self.y + self.height, height),
+        )
+        if right <= self.x or lower <= self.y:
+            return Region(0, 0, width, height)
+        return Region(self.x, self.y, right - self.x, lower - self.y)
+
+
+WHOLE: Final = Region(0, 0, 2**32 - 1, 2**32 - 1)
+
+
+class RequestBuffer:
+    """Finds requests in what a viewer sends, in pieces of any size."""
+
+    def __init__(self) -> None:
+        self._received = b""
+
+    def feed(self, data: bytes) -> None:
+        """Append what was received."""
+        self._received += data
+
+    def take(self) -> Region | None:
+        """Remove the next request and return its region; None if there is none."""
+        found = _REQUEST.search(self._received)
+        if found is None or found["incomplete"] is not None:
+            self._received = self._received[found.start() :] if found else b""
+            return None
+        self._received = self._received[found.end() :]
+        region = found["region"]
+        return WHOLE if region is None else Region(*struct.unpack(">4I", region))
+
+
+def encode_image(image_type: ImageType, data: bytes) -> bytes:
+    """Return a picture with its header."""
+    return struct.pack(">BI", image_type, len(data)) + data
+
+
+def encode_raw(width: int, height: int, rows: list[bytes]) -> bytes:
+    """Return the data of a raw picture.
+
+    Args:
+        width: Width in pixels.
+        height: Height in pixels.
+        rows: Pixels of each row from the top, blue, green and red; padded with zeros
+            to a multiple of 4 bytes, as the original's library does.
+    """
+    padding = bytes(-3 * width % 4)
+    return struct.pack(">2H", width, height) + b"".join(row + padding for row in rows)

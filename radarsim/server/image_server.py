@@ -1,0 +1,245 @@
+"""An image server: pictures from a robot's camera for viewers.
+
+Theory of operation
+===================
+While a viewer waits for a picture, one is drawn every ``INTERVAL``, of the poses at
+that time, in a thread of its own: ray engine and JPEG encoder run without Python's
+global lock, so that ticks go on meanwhile. All viewers that wait get the same picture.
+
+Rule 1: a viewer's next request is read when its last one is answered. What it sends
+meanwhile waits in its socket; no queue grows.
+Rule 2: a viewer gets no picture while an earlier one is still to be sent. Its request
+waits, and is answered with a new picture: a slow viewer misses pictures, and holds up
+nobody.
+Rule 3: some viewers wait for a picture before they send anything. One that is silent
+for ``SILENCE`` after it has connected gets a picture unasked.
+"""
+
+import asyncio
+import logging
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+from radarsim.camera.encoding import encode
+from radarsim.camera.renderer import Renderer, View
+from radarsim.protocol.images import WHOLE, Region, RequestBuffer
+from radarsim.server.lifecycle import configure_socket, listen, peer_name
+from radarsim.simulation.simulation import Simulation
+
+log = logging.getLogger("radarsim.server")
+
+INTERVAL: Final = 0.2  # s of the wall clock between two pictures
+SILENCE: Final = 1.0  # s
+MAX_VIEWERS: Final = 64
+READ_BYTES: Final = 4096  # read from one viewer before others are served
+CLOSE_GRACE: Final = 2.0  # s for a viewer that has closed its side to read a picture
+
+
+class ImageServer:
+    """Serves pictures of a simulation.
+
+    Attributes:
+        address: Host and port that it listens on, once started.
+    """
+
+    def __init__(self, simulation: Simulation, *, port: int = 5003) -> None:
+        """Create a server that does not listen yet, and draw a first picture.
+
+        Args:
+            simulation: What is seen in the pictures.
+            port: Port to listen on; 0 for a free one.
+        """
+        self.address = ("", 0)
+        self._simulation = simulation
+        self._port = port
+        self._image_type = simulation.config.dialect.image_type
+        self._renderer = Renderer(simulation.scene)
+        self._draw(View.of(simulation), {WHOLE})  # no viewer waits for the compiler
+        self._viewers: set[Viewer] = set()
+        self._requested = asyncio.Event()
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="images")
+        self._listener: asyncio.Server | None = None
+        self._drawing: asyncio.Task[None] | None = None
+
+    async def start(self, address: str = "127.0.0.1") -> None:
+        """Listen for viewers.
+
+        Args:
+            address: Address to listen on.
+
+        Raises:
+            ServerError: If the port is taken, or the address is not one of this
+                machine.
+        """
+        self._listener, self.address = await listen(
+            lambda: Viewer(self._viewers, self._requested), address, self._port
+        )
+        self._drawing = asyncio.create_task(self._draw_forever())
+
+    async def stop(self) -> None:
+        """Close the port and all connections at once; never raises."""
+        if self._listener is not None:
+            self._listener.close()
+        for viewer in list(self._viewers):
+            viewer.close()
+        if self._drawing is not None:
+            self._drawing.cancel()
+            await asyncio.wait({self._drawing})
+        self._worker.shutdown()  # waits for a picture that is being drawn
+        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+
+    async def wait_failed(self) -> None:
+        """Wait until a picture cannot be drawn, which only a bug can cause.
+
+        Raises:
+            Exception: The error that stopped the pictures.
+        """
+        if self._drawing is not None:
+            await asyncio.shield(self._drawing)
+
+    async def _draw_forever(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            await self._requested.wait()
+            self._requested.clear()
+            due = loop.time() + INTERVAL
+            waiting = [viewer for viewer in self._viewers if viewer.waits]
+            if waiting:
+                await self._serve(waiting)
+                await asyncio.sleep(due - loop.time())
+
+    async def _serve(self, viewers: "list[Viewer]") -> None:
+        """Draw one picture, and send it to viewers."""
+        view = View.of(self._simulation)
+        regions = {viewer.region for viewer in viewers if viewer.region is not None}
+        pictures = await asyncio.get_running_loop().run_in_executor(
+            self._worker, self._draw, view, regions
+        )
+        for viewer in viewers:
+            if viewer.region is not None:  # it has not left meanwhile
+                viewer.send(pictures[viewer.region])
+
+    def _draw(self, view: View, regions: Iterable[Region]) -> dict[Region, bytes]:
+        """Return the bytes to be sent for each region."""
+        pixels = self._renderer.render(view)
+        return {each: encode(pixels, each, self._image_type) for each in regions}
+
+
+class Viewer(asyncio.BufferedProtocol):
+    """One connection of a viewer.
+
+    Attributes:
+        peer: Address and port of the viewer, for the log.
+        region: The part of a picture that it waits for; None for no request.
+    """
+
+    def __init__(self, viewers: "set[Viewer]", requested: asyncio.Event) -> None:
+        """Create the protocol of a connection.
+
+        Args:
+            viewers: All viewers, to which this one adds itself.
+            requested: Set when the viewer waits for a picture.
+        """
+        self.peer = "?"
+        self.region: Region | None = None
+        self._viewers = viewers
+        self._requested = requested
+        self._requests = RequestBuffer()
+        self._buffer = bytearray(READ_BYTES)
+        self._can_write = True
+        self._transport: asyncio.Transport | None = None
+        self._silence: asyncio.TimerHandle | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for a picture, and has read all earlier ones."""
+        return self.region is not None and self._can_write
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Wait for requests, or refuse the viewer if there are too many."""
+        assert isinstance(transport, asyncio.Transport)
+        self.peer = peer_name(transport)
+        if len(self._viewers) >= MAX_VIEWERS:
+            log.warning("%s: refused: there are %d viewers", self.peer, MAX_VIEWERS)
+            transport.abort()
+            return
+        configure_socket(transport)
+        transport.set_write_buffer_limits(high=0)
+        self._transport = transport
+        self._viewers.add(self)
+        loop = asyncio.get_running_loop()
+        self._silence = loop.call_later(SILENCE, self._request, WHOLE)
+        log.info("%s: viewer connected", self.peer)
+
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's name
+        """Return the buffer that received bytes are written to."""
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Look for a request in received bytes."""
+        self._break_silence()
+        self._requests.feed(bytes(self._buffer[:nbytes]))
+        self._take_request()
+
+    def pause_writing(self) -> None:
+        """Note that a picture is still to be sent."""
+        self._can_write = False
+
+    def resume_writing(self) -> None:
+        """Note that all pictures are sent."""
+        self._can_write = True
+        self._requested.set()
+
+    def eof_received(self) -> None:
+        """Close the connection when its last picture is sent.
+
+        Reading is paused while a request waits, so there is none.
+        """
+        if self._transport is not None:
+            asyncio.get_running_loop().call_later(CLOSE_GRACE, self._transport.abort)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Forget the viewer."""
+        if self._transport is not None:
+            self._forget()
+            log.info("%s: viewer disconnected: %s", self.peer, error or "closed")
+
+    def send(self, picture: bytes) -> None:
+        """Answer the request that waits, and read the next one."""
+        if self._transport is not None:
+            self._transport.write(picture)
+            self._take_request()
+
+    def close(self) -> None:
+        """Close the connection at once."""
+        transport = self._transport
+        if transport is not None:
+            self._forget()
+            transport.abort()
+
+    def _take_request(self) -> None:
+        """Wait for the next requested picture, or for a request."""
+        region = self._requests.take()
+        if region is not None:
+            self._request(region)
+        elif self._transport is not None:
+            self.region = None
+            self._transport.resume_reading()
+
+    def _request(self, region: Region) -> None:
+        """Wait for a picture, and read nothing meanwhile."""
+        if self._transport is not None:
+            self.region = region
+            self._transport.pause_reading()
+            self._requested.set()
+
+    def _break_silence(self) -> None:
+        if self._silence is not None:
+            self._silence.cancel()
+
+    def _forget(self) -> None:
+        self._transport = None
+        self.region = None
+        self._viewers.discard(self)
+        self._break_silence()

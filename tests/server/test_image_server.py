@@ -1,0 +1,333 @@
+"""The image server with viewers, written from the protocol alone."""
+
+import asyncio
+import io
+import logging
+import socket
+import struct
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from radarsim.camera.renderer import Renderer, View
+from radarsim.errors import PortUnavailable
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import load_robot
+from radarsim.protocol.dialect import UDK
+from radarsim.scene.scene import Scene
+from radarsim.server.image_server import ImageServer
+from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.simulation import Simulation
+
+DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
+
+
+class Viewer:
+    """A viewer with a socket of its own."""
+
+    def __init__(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self.reader = reader
+        self.writer = writer
+
+    async def send(self, data: bytes) -> None:
+        self.writer.write(data)
+        await self.writer.drain()
+
+    async def picture(self) -> tuple[int, bytes]:
+        """Return type and data of the next picture."""
+        async with asyncio.timeout(DEADLINE):
+            header = await self.reader.readexactly(5)
+            image_type, length = struct.unpack(">BI", header)
+            return image_type, await self.reader.readexactly(length)
+
+    async def size(self) -> tuple[int, int]:
+        """Return width and height of the next picture, which is a JPEG."""
+        image_type, data = await self.picture()
+        assert image_type == 2
+        with Image.open(io.BytesIO(data)) as image:
+            assert image.format == "JPEG"
+            return image.size
+
+    async def rest(self) -> bytes:
+        """Read to the end of the connection."""
+        return await asyncio.wait_for(self.reader.read(), DEADLINE)
+
+
+class RunningServer:
+    """A running image server and its viewers."""
+
+    def __init__(self, simulation: Simulation, server: ImageServer) -> None:
+        self.simulation = simulation
+        self.server = server
+        self.viewers: list[Viewer] = []
+
+    async def viewer(self, *, small: bool = False) -> Viewer:
+        sock = socket.socket()
+        if small:  # a viewer that does not read soon fills its buffer
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        sock.setblocking(False)
+        try:
+            await asyncio.get_running_loop().sock_connect(sock, self.server.address)
+        except OSError:
+            sock.close()
+            raise
+        viewer = Viewer(*await asyncio.open_connection(sock=sock, limit=2**12))
+        self.viewers.append(viewer)
+        return viewer
+
+
+@asynccontextmanager
+async def serving(simulation: Simulation) -> AsyncIterator[RunningServer]:
+    server = ImageServer(simulation, port=0)
+    await server.start()
+    running = RunningServer(simulation, server)
+    try:
+        yield running
+    finally:
+        for viewer in running.viewers:
+            viewer.writer.close()
+        await server.stop()
+        for viewer in running.viewers:
+            with suppress(ConnectionError):
+                await viewer.writer.wait_closed()
+
+
+@pytest.fixture
+async def running(empty_room: Scene) -> AsyncIterator[RunningServer]:
+    async with serving(Simulation(empty_room)) as server:
+        yield server
+
+
+async def wait_until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(DEADLINE):
+        while not condition():  # noqa: ASYNC110 - the server has no event for it
+            await asyncio.sleep(0.01)
+
+
+async def test_each_request_is_answered_with_one_picture(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    for _ in range(3):
+        await viewer.send(b"OK")
+        assert await viewer.size() == (160, 120)
+
+
+async def test_requests_that_wait_are_answered_in_order(running: RunningServer) -> None:
+    viewer = await running.viewer()
+    part = b"U" + struct.pack(">4I", 100, 20, 30, 40)
+    await viewer.send(b"OK" + part + b"OK\r\n" + part)
+    sizes = [await viewer.size() for _ in range(4)]
+    assert sizes == [(160, 120), (30, 40), (160, 120), (30, 40)]
+
+
+async def test_part_outside_of_the_picture_is_the_whole_picture(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    for x in (0, 320):
+        await viewer.send(b"U" + struct.pack(">4I", x, 0, 320, 240))
+        assert await viewer.size() == (160, 120)
+
+
+async def test_in_the_dialect_udk_pictures_are_those_of_the_renderer_byte_by_byte(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room, config=SimulationConfig(UDK))
+    simulation.spawn("R1", load_robot("P3AT"), Pose2(1.0, 2.0, 0.5))
+    async with serving(simulation) as running:
+        viewer = await running.viewer()
+        await viewer.send(b"OK")
+        image_type, data = await viewer.picture()
+    assert image_type == 0
+    assert struct.unpack(">2H", data[:4]) == (160, 120)
+    pixels = np.frombuffer(data[4:], np.uint8).reshape(120, 160, 3)[..., ::-1]
+    assert (pixels == Renderer(empty_room).render(View.of(simulation))).all()
+
+
+async def test_picture_follows_the_robot_and_its_leaving(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    simulation = running.simulation
+
+    async def seen() -> bytes:
+        await viewer.send(b"OK")
+        return (await viewer.picture())[1]
+
+    from_start = await seen()
+    robot = simulation.spawn("R1", load_robot("P3AT"), Pose2(3.0, 3.0, 1.0))
+    assert robot is not None
+    from_robot = await seen()
+    assert from_robot != from_start
+    assert await seen() == from_robot
+    simulation.remove(robot)
+    assert await seen() == from_start
+
+
+async def test_viewer_that_says_nothing_gets_one_picture(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    assert await viewer.size() == (160, 120)
+    await viewer.send(b"OK")
+    assert await viewer.size() == (160, 120)
+
+
+async def test_viewer_that_asks_at_once_gets_no_picture_unasked(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    await viewer.send(b"OK")
+    await viewer.picture()
+    viewer.writer.write_eof()
+    silent = await running.viewer()
+    await silent.picture()  # more than a second later
+    assert await viewer.rest() == b""
+
+
+async def test_viewer_that_closes_its_side_gets_its_last_picture(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    await viewer.send(b"OKOK")
+    viewer.writer.write_eof()
+    assert await viewer.size() == (160, 120)
+    assert await viewer.size() == (160, 120)
+    assert await viewer.rest() == b""
+
+
+async def test_viewers_that_do_not_read_hold_up_nobody(
+    running: RunningServer,
+) -> None:
+    deaf = [await running.viewer(small=True) for _ in range(5)]
+    for viewer in deaf:
+        await viewer.send(b"OK" * 5000)
+    viewer = await running.viewer()
+    for _ in range(5):
+        await viewer.send(b"OK")
+        assert await viewer.size() == (160, 120)
+    assert await deaf[0].size() == (160, 120)
+
+
+async def test_slow_viewer_gets_a_new_picture_when_it_reads_again(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room, config=SimulationConfig(UDK))  # long pictures
+    async with serving(simulation) as running:
+        slow, other = await running.viewer(small=True), await running.viewer()
+        await slow.send(b"OK" * 100)
+        for _ in range(3):
+            await other.send(b"OK")
+            old = await other.picture()
+        simulation.spawn("R1", load_robot("P3AT"), Pose2(3.0, 3.0, 1.0))
+        await other.send(b"OK")
+        new = await other.picture()
+        assert new != old
+        pictures = [await slow.picture()]
+        while pictures[-1] == old:
+            pictures.append(await slow.picture())
+    assert pictures[-1] == new
+    assert len(pictures) < 30  # what was under way when it did not read
+
+
+GARBAGE = [
+    pytest.param(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", id="http"),
+    pytest.param(b"\x00\xff" * 50_000, id="binary"),
+    pytest.param(b"O" * 100_000, id="half requests"),
+    pytest.param(b"DRIVE {Left 1} {Right 1}\r\n" * 1000, id="commands"),
+    pytest.param(b"U", id="part of a request"),
+]
+
+
+@pytest.mark.parametrize("garbage", GARBAGE)
+async def test_garbage_gets_no_picture_and_disturbs_nobody(
+    running: RunningServer, garbage: bytes
+) -> None:
+    noisy, viewer = await running.viewer(), await running.viewer()
+    await noisy.send(garbage)
+    await viewer.send(b"OK")
+    assert await viewer.size() == (160, 120)
+    noisy.writer.write_eof()
+    assert await noisy.rest() == b""
+
+
+async def test_garbage_with_requests_in_it_is_answered_for_these(
+    running: RunningServer,
+) -> None:
+    viewer = await running.viewer()
+    await viewer.send(b"\xff\x00" * 5000 + b"U" * 17 + b"ok O K\r\nOK?")
+    assert await viewer.size() == (160, 120)
+    assert await viewer.size() == (160, 120)
+    viewer.writer.write_eof()
+    assert await viewer.rest() == b""
+
+
+async def test_viewers_that_leave_while_they_wait_are_forgotten(
+    running: RunningServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "radarsim.server")
+    for _ in range(5):
+        viewer = await running.viewer()
+        await viewer.send(b"OKOK")
+        sock = viewer.writer.get_extra_info("socket")
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        viewer.writer.transport.abort()
+    viewer = await running.viewer()
+    await viewer.send(b"OK")
+    assert await viewer.size() == (160, 120)
+    await wait_until(lambda: caplog.text.count("viewer disconnected") == 5)
+
+
+async def test_viewers_beyond_the_limit_are_refused(running: RunningServer) -> None:
+    viewers = [await running.viewer() for _ in range(64)]
+    await viewers[-1].send(b"OK")
+    await viewers[-1].picture()
+    refused = await running.viewer()
+    with suppress(ConnectionError):
+        assert await refused.rest() == b""
+    viewers[0].writer.close()
+    await viewers[0].writer.wait_closed()
+    again = await running.viewer()
+    await again.send(b"OK")
+    assert await again.size() == (160, 120)
+
+
+async def test_server_stops_with_viewers_connected(empty_room: Scene) -> None:
+    async with serving(Simulation(empty_room)) as running:
+        waiting, silent = await running.viewer(), await running.viewer()
+        await waiting.send(b"OK")
+        await running.server.stop()
+        for viewer in (waiting, silent):
+            with suppress(ConnectionError):
+                await viewer.rest()
+        with pytest.raises(ConnectionRefusedError):
+            await running.viewer()
+
+
+async def test_taken_port_is_an_error_that_names_it(empty_room: Scene) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        server = ImageServer(Simulation(empty_room), port=port)
+        with pytest.raises(PortUnavailable, match=f"127.0.0.1:{port}") as caught:
+            await server.start()
+        await server.stop()
+    assert caught.value.port == port
+
+
+async def test_picture_that_cannot_be_drawn_is_an_error_of_the_server(
+    running: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(Renderer, "render", fail)
+    viewer = await running.viewer()
+    await viewer.send(b"OK")
+    with pytest.raises(RuntimeError, match="broken"):
+        await asyncio.wait_for(running.server.wait_failed(), DEADLINE)
