@@ -70,7 +70,7 @@ def test_image_port_in_use_has_its_own_cure(
     assert run.code == 1
     assert "in use by another program" in run.err
     assert "--image-port 0" in run.err
-    assert run.out == ""
+    assert run.out == b""
 
 
 def test_port_in_use_has_a_cure_with_through(
