@@ -119,13 +119,15 @@ def _pixel_directions() -> Floats:
     vectors[..., 1] = left
     vectors[..., 2] = up[:, None]
     vectors /= np.sqrt((vectors**2).sum(axis=2, keepdims=True))
-    return np.asarray(vectors.reshape(-1, 3))
+    directions: Floats = vectors.reshape(-1, 3)
+    return directions
 
 
 def _rotate(vectors: Floats, rotation: Floats) -> Floats:
     """Rotate vectors, (N, 3); without BLAS, which would use further threads."""
-    columns = zip(vectors.T, rotation.T, strict=True)
-    return np.asarray(sum(part[:, None] * axis for part, axis in columns))
+    x, y, z = vectors.T[..., None]
+    rotated: Floats = x * rotation[:, 0] + y * rotation[:, 1] + z * rotation[:, 2]
+    return rotated
 
 
 def _background(directions: Floats) -> Floats:

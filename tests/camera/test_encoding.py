@@ -33,7 +33,9 @@ def test_raw_picture_has_its_size_and_blue_green_red_from_the_top(
     data = data_of(encode(PIXELS, region, ImageType.RAW), 0)
     width, height = struct.unpack(">2H", data[:4])
     assert (width, height) == (18, 12)
-    rows = np.frombuffer(data[4:], np.uint8).reshape(12, 56)  # 54 bytes and 2 of padding
+    rows = np.frombuffer(data[4:], np.uint8).reshape(
+        12, 56
+    )  # 54 bytes and 2 of padding
     assert (rows[:, :54].reshape(12, 18, 3)[..., ::-1] == PIXELS).all()
 
 

@@ -85,7 +85,9 @@ def test_picture_has_a_header_of_type_and_length() -> None:
     ("width", "rows", "data"),
     [
         pytest.param(4, [b"a" * 12], b"a" * 12, id="full rows"),
-        pytest.param(3, [b"a" * 9, b"b" * 9], b"a" * 9 + bytes(3) + b"b" * 9 + bytes(3)),
+        pytest.param(
+            3, [b"a" * 9, b"b" * 9], b"a" * 9 + bytes(3) + b"b" * 9 + bytes(3)
+        ),
         pytest.param(1, [b"abc"], b"abc\x00", id="one pixel"),
     ],
 )
