@@ -137,4 +137,5 @@ def _background(directions: Floats) -> Floats:
     sky = horizon + np.maximum(up, 0.0) * (zenith - horizon)
     ground = np.array(to_rgb(FAMILY_COLOURS[Family.GROUND]))
     lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # a level floor far below
-    return np.where(up > 0.0, sky, lit * ground)
+    colours: Floats = np.where(up > 0.0, sky, lit * ground)
+    return colours
