@@ -131,7 +131,7 @@ class NumberFormat:
         if not abs(value) < LARGEST:
             raise ValueError(f"number {value!r}, expected less than 2**31 in size")
         if self.step is not None:
-            value = int(value / self.step) * self.step
+            value = int(value / self.step + _STEP_TOLERANCE) * self.step
         if self.rounding is Rounding.NEAREST:
             return _rounded(value, self.decimals)
         if self.rounding is Rounding.FLOAT32:
@@ -180,6 +180,9 @@ def format_fractions(fractions: Floats, number_format: NumberFormat) -> list[str
     numbers = np.abs(exact).tolist()
     return (f"%.{number_format.decimals}f " * len(numbers) % tuple(numbers)).split()
 
+
+# A whole number of steps may come out just below, since steps are rounded themselves.
+_STEP_TOLERANCE = 1e-5
 
 _TABULATED = frozenset((NumberFormat(2), NumberFormat(2, Rounding.TRUNCATED)))
 _TABLE_END = 200.0  # m

@@ -95,6 +95,7 @@ def test_beam_count_follows_from_printed_fov_and_resolution(
         pytest.param(0.01745, 3.14159, 181, id="SICK"),
         pytest.param(radians(1), pi, 181, id="whole degrees"),
         pytest.param(0.0184086914, 4.189, 228, id="Hokuyo"),
+        pytest.param(radians(1.0546875), radians(239.4140625), 228, id="whole steps"),
     ],
 )
 def test_beam_count_follows_by_truncation_in_the_udk_dialect(

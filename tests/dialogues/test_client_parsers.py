@@ -1,0 +1,194 @@
+"""Every line of a minute of each robot, as the clients in the field parse it.
+
+The robot drives a circle in the empty room, in which the range of every beam is known:
+it is compared with what each client reads.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from client_parsers import (
+    Parser,
+    PlayerParser,
+    Reading,
+    RosParser,
+    UsarCommanderParser,
+)
+from positional_parsers import (
+    IridiumParser,
+    LcmProxyParser,
+    MaldoParser,
+    StudentParser,
+    ToolboxParser,
+)
+
+from radarsim.client import Session
+from radarsim.geometry import Floats, Pose3
+from radarsim.host import Host
+from radarsim.presets.robots import robot_names
+from radarsim.protocol.dialect import COMPAT, RAD_PER_S, UDK, Dialect
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import SimulationConfig
+
+HALF_LENGTH, HALF_WIDTH = 10.4, 6.4  # m; between the walls of the empty room
+PIONEERS_2 = ("P2AT", "P2DX")
+EXACT = {name: {"side_offset_uu": 0} for name in ("lms200", "Scanner1")}
+ASKED = ("Robot", "RangeScanner", "GroundTruth", "INS", "Odometry", "Encoder", "Touch")
+# m; the least and the largest difference of the truth and what is written
+ROUNDING = {"compat": (-0.0051, 0.0051), "udk": (-1e-4, 0.0101)}
+LEFT, RIGHT = 2.0, 3.0  # rad/s
+MOST_BEAMS = {"P3AT_Radar360": 360, "P3AT_Hokuyo": 228, "P3AT_Compare": 228}
+
+
+def parsers_for(class_name: str, dialect: Dialect) -> dict[str, Parser]:
+    """Return the parsers of all clients that work with a robot and a dialect."""
+    parsers: dict[str, Parser] = {
+        "UsarCommander": UsarCommanderParser(class_name),
+        "Iridium": IridiumParser(),
+    }
+    beams = MOST_BEAMS.get(class_name, 181)
+    # It takes the quotient of rounded angles for exact, which it is for whole degrees.
+    if beams <= LcmProxyParser.LARGEST_ARRAY and (beams == 181 or dialect is UDK):
+        parsers["LcmProxy"] = LcmProxyParser()
+    if beams <= RosParser.MOST_BEAMS:
+        parsers["usarsim_inf"] = RosParser()
+    if dialect is COMPAT:
+        parsers["AUT toolbox"] = ToolboxParser()
+        parsers["maldo"] = MaldoParser()
+        if class_name in PIONEERS_2:
+            parsers["Player"] = PlayerParser(class_name)
+            parsers["student"] = StudentParser()
+    return parsers
+
+
+@dataclass
+class Tick:
+    """The lines of one tick, and where the robot was."""
+
+    lines: list[str]
+    pose: Pose3
+
+
+class Robot:
+    """A robot that drives a circle, and all that its server sends."""
+
+    def __init__(self, scene: Scene, class_name: str, dialect: Dialect) -> None:
+        self.config = SimulationConfig(dialect, item_settings=EXACT)
+        self.host = Host(scene, config=self.config)
+        self.number = self.host.connect()
+        asked = [f"GET{v} {{Type {kind}}}" for kind in ASKED for v in ("GEO", "CONF")]
+        factor = 1 / RAD_PER_S[dialect.drive_unit]
+        left, right = LEFT * factor, RIGHT * factor
+        lines = (
+            f"INIT {{ClassName USARBot.{class_name}}} {{Start RobotStart1}}",
+            "GETSTARTPOSES",
+            *asked,
+            f"DRIVE {{Left {left:f}}} {{Right {right:f}}}",
+        )
+        self.host.receive(self.number, "\r\n".join([*lines, ""]).encode())
+
+    def ticks(self, seconds: float) -> Iterator[Tick]:
+        """Let time pass; yield what is sent, tick by tick."""
+        for _ in range(round(100 * seconds)):
+            self.host.step()
+            data = self.host.take(self.number).decode("ascii")
+            (vehicle,) = self.host.simulation.vehicles
+            yield Tick(data.split("\r\n")[:-1], vehicle.robot.body)
+
+    def check(self, reading: Reading, pose: Pose3) -> None:
+        """Compare a scan or a true pose with the truth."""
+        if reading.kind == "RangeScanner":
+            errors = self.true_ranges(reading, pose) - reading.values["Range"]
+        elif reading.kind == "GroundTruth" and "Location" in reading.values:
+            truth = (pose.x, -pose.y, -pose.z)
+            errors = np.abs(np.array(truth)) - np.abs(reading.values["Location"])
+        else:
+            return
+        low, high = ROUNDING[self.config.dialect.name]
+        assert low < errors.min() <= errors.max() < high, reading
+
+    def true_ranges(self, reading: Reading, pose: Pose3) -> Floats:
+        """Return the distances to the walls along the beams of a scan, (N,) m."""
+        (vehicle,) = self.host.simulation.vehicles
+        items = vehicle.model.items_of("RangeScanner")
+        item = next(item for item in items if reading.name in ("", item.name))
+        settings = self.config.scanner_settings(item)
+        sensor = pose.compose(item.mount)
+        count = len(reading.values["Range"])
+        angles = np.radians(settings.resolution_deg) * np.arange(count)
+        angles += sensor.yaw - math.radians(settings.fov_deg) / 2
+        return np.minimum(room_ranges(sensor, angles), settings.max_range)
+
+
+def room_ranges(sensor: Pose3, angles: Floats) -> Floats:
+    """Return the distances to the walls of the empty room, (N,) m."""
+    ranges = np.full(len(angles), math.inf)
+    for place, half, steps in (
+        (sensor.x, HALF_LENGTH, np.cos(angles)),
+        (sensor.y, HALF_WIDTH, np.sin(angles)),
+    ):
+        with np.errstate(divide="ignore"):
+            reach = (np.copysign(half, steps) - place) / steps
+        ranges = np.minimum(ranges, reach)
+    return ranges
+
+
+def is_registered(parser: Parser, kind: str, name: str) -> bool:
+    """Return whether a client reads a sensor of that name."""
+    scanner = getattr(parser, "scanner", name)
+    return kind != "RangeScanner" or name == scanner
+
+
+def check_lines(
+    scene: Scene, class_name: str, dialect: Dialect, seconds: float
+) -> None:
+    """Let every client parse every line, and compare what they read with the truth."""
+    robot = Robot(scene, class_name, dialect)
+    parsers = parsers_for(class_name, dialect)
+    own = Session()
+    sent: Counter[tuple[str, str]] = Counter()
+    read: dict[str, Counter[str]] = {client: Counter() for client in parsers}
+    for tick in robot.ticks(seconds):
+        for line in tick.lines:
+            own.receive(f"{line}\r\n".encode("ascii"))
+            sent.update(re.findall(r"^SEN .*?{Type (\w+)} {Name (\w+)", line))
+            for client, parser in parsers.items():
+                if (reading := parser.parse(line)) is not None:
+                    robot.check(reading, tick.pose)
+                    read[client][reading.kind] += 1
+    assert own.unread == 0
+    for client, parser in parsers.items():
+        wanted = Counter(
+            kind
+            for kind, name in sent.elements()
+            if kind in parser.sensors and is_registered(parser, kind, name)
+        )
+        assert {k: n for k, n in read[client].items() if k in wanted} == wanted, client
+        assert wanted["RangeScanner"] >= seconds / 0.31, client
+
+
+CASES = [
+    pytest.param(class_name, dialect, id=f"{class_name}-{dialect.name}")
+    for class_name in robot_names()
+    for dialect in (COMPAT, UDK)
+]
+
+
+@pytest.mark.parametrize(("class_name", "dialect"), CASES)
+def test_clients_parse_every_line_and_read_true_ranges(
+    empty_room: Scene, class_name: str, dialect: Dialect
+) -> None:
+    check_lines(empty_room, class_name, dialect, seconds=3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("class_name", "dialect"), CASES)
+def test_clients_parse_every_line_of_a_minute(
+    empty_room: Scene, class_name: str, dialect: Dialect
+) -> None:
+    check_lines(empty_room, class_name, dialect, seconds=60)

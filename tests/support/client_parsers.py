@@ -1,0 +1,328 @@
+"""Parsers of clients in the field, rule by rule: what each makes of a line.
+
+They are written from descriptions of these clients, share no code with the server, and
+know nothing of dialects. ``parse`` returns None for a line that its client skips
+without harm. An exception is where the client itself throws, crashes or loses the line.
+A parser has no rule for a type of sensor of which the client's rule is not known.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+READ_BUFFER = 4096  # bytes; of a line with its end
+VEHICLES = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")
+SONARS = tuple(f"{end}{i}" for end in "FR" for i in range(1, 9))
+PIONEERS = ("P2AT", "P2DX")  # robots of which the scanner is called otherwise
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a client read on a line.
+
+    Attributes:
+        kind: Type of the sensor; otherwise the head of the line, and for GEO and CONF
+            the type after it.
+        name: Name of the sensor; empty if the client does not look at it.
+        values: Numbers and texts by key. ``Range`` of a scan and of sonars, ``Pose``,
+            ``Location`` and so on are lists of numbers.
+    """
+
+    kind: str
+    name: str
+    values: Mapping[str, Any]
+
+
+class Parser(Protocol):
+    """The parser of one client.
+
+    Attributes:
+        sensors: Types of the sensors that it reads.
+    """
+
+    sensors: frozenset[str]
+
+    def parse(self, line: str) -> Reading | None:
+        """Parse a line without its end."""
+
+
+def scanner_of(class_name: str) -> str:
+    """Return the name under which clients look for the scanner of a robot."""
+    return "Scanner1" if class_name in PIONEERS else "lms200"
+
+
+def numbers(text: str, count: int | None = None) -> list[float]:
+    """Parse numbers that single commas separate."""
+    values = [float(word) for word in text.split(",")]
+    assert count is None or len(values) == count
+    return values
+
+
+def flag(text: str) -> bool:
+    """Parse the text of a truth value as .NET and Java write it."""
+    assert text in ("True", "False"), f"{text!r} is no truth value"
+    return text == "True"
+
+
+def groups_of(line: str) -> list[str]:
+    """Return the texts in braces, which do not nest."""
+    return re.findall(r"\{([^{}]*)\}", line)
+
+
+class UsarCommanderParser:
+    """UsarCommander: keys in any order and case, the first of two equal ones counts.
+
+    Args:
+        class_name: Class of the robot, which decides on the names of its sensors.
+    """
+
+    HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES")
+
+    def __init__(self, class_name: str) -> None:
+        self.scanner = scanner_of(class_name)
+        self.parsers: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
+            "RangeScanner": self.scan,
+            "INS": self.pose,
+            "GroundTruth": self.pose,
+            "GPS": self.position,
+            "Tachometer": self.wheels,
+            "Encoder": self.ticks,
+        }
+        self.sensors = frozenset(self.parsers)
+
+    def parse(self, line: str) -> Reading | None:
+        """Parse a line: a head, a blank, and parts in braces."""
+        head = line[: line.index(" ")]  # without a blank its thread ends
+        assert head in self.HEADS
+        fields: dict[str, str] = {}
+        for part in groups_of(line):
+            key, _, value = part.strip().partition(" ")
+            fields.setdefault(key.lower(), value)
+        if head == "STA":
+            return Reading(head, "", self.status(fields))
+        if head in ("GEO", "CONF"):
+            kind = "Robot" if fields["type"] in VEHICLES else fields["type"]
+            values = fields if head == "CONF" else self.geometry(kind, fields, line)
+            return Reading(f"{head} {kind}", fields.get("name", ""), values)
+        if head == "NFO":
+            return Reading(head, "", fields)
+        parse = self.parsers.get(fields["type"])
+        if parse is None:
+            return None  # not mounted
+        name = fields["name"]
+        if fields["type"] == "RangeScanner" and name != self.scanner:
+            return None
+        return Reading(fields["type"], name, parse(fields))
+
+    def status(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse a status; it pauses at an empty battery."""
+        assert int(fields["battery"]) >= 1
+        values: dict[str, Any] = {
+            key: int(fields[key])
+            for key in ("battery", "view", "lightintensity")
+            if key in fields
+        }
+        return values | {"lighttoggle": flag(fields["lighttoggle"])}
+
+    def geometry(
+        self, kind: str, fields: dict[str, str], line: str
+    ) -> Mapping[str, Any]:
+        """Parse the sizes of a robot, or the mount of its scanner in one part."""
+        if kind == "Robot":
+            single = ("wheelradius", "wheelseparation", "wheelbase")
+            vectors = ("dimensions", "cog")
+            sizes = {key: numbers(fields[key], 1) for key in single}
+            return sizes | {key: numbers(fields[key], 3) for key in vectors}
+        for part in groups_of(line):
+            words = part.split(" ")
+            if words[:2] == ["Name", self.scanner] and words[-1] == "HARD":
+                assert len(words) == 8
+                return {"Location": numbers(words[3], 3)}
+        return {"Location": [0.0, 0.0, 0.0]}  # no harm, but it is taken as not offset
+
+    def scan(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse a scan, which it turns round: its own list begins at the left."""
+        fov, step = float(fields["fov"]), float(fields["resolution"])
+        ranges = numbers(fields["range"])
+        assert round(fov / step) + 1 >= len(ranges)  # the size of its array
+        return {"FOV": fov, "Resolution": step, "Range": ranges}
+
+    def pose(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse place and angles."""
+        return {
+            "Location": numbers(fields["location"], 3),
+            "Orientation": numbers(fields["orientation"], 3),
+        }
+
+    def position(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse latitude and longitude, which are there if there is a fix."""
+        values: dict[str, Any] = {"Fix": int(fields["fix"])}
+        values["Satellites"] = int(fields["satellites"])
+        if values["Fix"] == 1:
+            for key in ("Latitude", "Longitude"):
+                degrees, minutes, side = fields[key.lower()].split(",")
+                assert len(side) == 1
+                values[key] = (int(degrees), float(minutes), side)
+        return values
+
+    def wheels(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse speeds and angles of four wheels."""
+        return {"Vel": numbers(fields["vel"], 4), "Pos": numbers(fields["pos"], 4)}
+
+    def ticks(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse an encoder: a key of its own for each wheel ends its thread."""
+        wheels = [key for key in fields if key.startswith(("ec", "enc"))]
+        assert wheels in ([], ["enctestw1", "enctestw2"])
+        return {}
+
+
+class RosParser:
+    """usarsim_inf: skips braces, reads words in pairs, keys in their case.
+
+    It warns of every line without a time stamp, of touch and of odometry.
+    """
+
+    sensors = frozenset(("RangeScanner", "GroundTruth", "INS", "Encoder", "Tachometer"))
+    LARGEST_WORD = 1024
+    MOST_BEAMS = 192
+
+    def parse(self, line: str) -> Reading | None:
+        """Parse a line as words."""
+        words = re.findall(r"[^{}\s]+", line)
+        values = dict(pairwise(words[1:]))
+        head, kind = words[0], values.get("Type", "")
+        if kind != "RangeScanner":
+            assert all(len(word) < self.LARGEST_WORD for word in words)
+        if head == "STA":
+            assert kind == "GroundVehicle"
+            return Reading(head, "", {"Time": float(values["Time"])})
+        if head in ("GEO", "CONF"):
+            return self.description(head, kind, words, values)
+        if head != "SEN":
+            return None
+        if kind not in self.sensors:
+            return Reading(kind, values["Name"], {})
+        return Reading(kind, values["Name"], self.sensor(kind, words, values))
+
+    def description(
+        self, head: str, kind: str, words: list[str], values: dict[str, str]
+    ) -> Reading | None:
+        """Parse geometry or configuration."""
+        if kind in VEHICLES:
+            assert head == "GEO" or values["SteeringType"] == "SkidSteered"
+            sizes = ["WheelRadius", "WheelSeparation"]
+            wanted = sizes if head == "GEO" else ["MaxSpeed"]
+            found = {key: float(values[key]) for key in wanted}
+            assert min(found.values()) > 0
+            return Reading(f"{head} Robot", "", found)
+        if head == "GEO":
+            at = words.index("Name")
+            assert words[at + 2 : at + 8 : 2] == ["Location", "Orientation", "Mount"]
+            place = {"Location": numbers(words[at + 3], 3)}
+            return Reading(f"GEO {kind}", words[at + 1], place)
+        if kind != "RangeScanner":
+            return Reading(f"CONF {kind}", values["Name"], {})
+        limits = {k: float(values[k]) for k in ("MinRange", "MaxRange", "Fov")}
+        return Reading("CONF RangeScanner", values["Name"], limits)
+
+    def sensor(
+        self, kind: str, words: list[str], values: dict[str, str]
+    ) -> dict[str, Any]:
+        """Parse the reading of a sensor."""
+        if kind == "RangeScanner":
+            after = words[words.index("Range") + 1 :]  # whatever follows is a range
+            ranges = [float(n) for word in after for n in word.split(",")]
+            assert len(ranges) <= self.MOST_BEAMS
+            step, fov = float(values["Resolution"]), float(values["FOV"])
+            return {"FOV": fov, "Resolution": step, "Range": ranges}
+        if kind in ("GroundTruth", "INS"):
+            keys = ("Location", "Orientation")
+            return {key: numbers(values[key], 3) for key in keys}
+        if kind == "Encoder":
+            return {"Tick": int(values["Tick"])}
+        assert kind == "Tachometer"
+        return {"Vel": numbers(values["Vel"]), "Pos": numbers(values["Pos"])}
+
+
+class PlayerParser:
+    """Player's us_* drivers: only lines with a name, keys in their case.
+
+    Args:
+        class_name: Class of the robot, to which the scanner is registered.
+    """
+
+    sensors = frozenset(
+        ("RangeScanner", "Odometry", "GroundTruth", "INS", "Encoder", "Sonar")
+    )
+
+    def __init__(self, class_name: str) -> None:
+        self.scanner = scanner_of(class_name)
+
+    def parse(self, line: str) -> Reading | None:
+        """Parse a line."""
+        assert len(line) + 2 < READ_BUFFER
+        if "{Name " not in line:
+            return None
+        head = line.split(" ", maxsplit=1)[0]
+        kind = re.findall(r"\{Type (\w+)\}", line)[0]
+        fields = dict(re.findall(r"\{(\w+) ([^}]*)\}", line))
+        if kind in VEHICLES:
+            return Reading(f"{head} Robot", "", self.robot(head, fields))
+        if head == "GEO":
+            match = re.search(
+                r"\{Name (\w+) Location (\S+) Orientation (\S+) Mount \w+\}", line
+            )
+            assert match, "a segmentation fault"
+            assert kind != "RangeScanner" or match[1] == self.scanner
+            return Reading(f"GEO {kind}", match[1], {"Location": numbers(match[2], 3)})
+        if kind == "RangeScanner":
+            assert fields["Name"] == self.scanner, "a segmentation fault"
+        if head == "CONF":
+            return Reading(f"CONF {kind}", fields["Name"], fields)
+        return self.sensor(kind, fields, line)
+
+    def robot(self, head: str, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse the geometry or the configuration of the robot."""
+        if head == "CONF":
+            assert fields["SteeringType"]
+            keys = ("Mass", "MaxSpeed", "MaxTorque", "MaxFrontSteer")
+            return {key: float(fields[key]) for key in keys}
+        sizes = {key: numbers(fields[key], 3) for key in ("Dimensions", "COG")}
+        single = ("WheelRadius", "WheelSeparation")
+        return sizes | {key: numbers(fields[key], 1) for key in single}
+
+    def sensor(self, kind: str, fields: dict[str, str], line: str) -> Reading | None:
+        """Parse the reading of a sensor."""
+        match kind:
+            case "RangeScanner":
+                values: dict[str, Any] = {"Range": numbers(fields["Range"])}
+            case "Odometry":
+                values = {"Pose": numbers(fields["Pose"], 3)}
+            case "GroundTruth" | "INS":
+                keys = ("Location", "Orientation")
+                values = {key: numbers(fields[key], 3) for key in keys}
+            case "Encoder":
+                return Reading(kind, "", {"Tick": named_ticks(line)})
+            case "Sonar":
+                return Reading(kind, "", {"Range": named_ranges(line)})
+            case _:
+                return None
+        return Reading(kind, fields["Name"], values)
+
+
+def named_ranges(line: str) -> dict[str, float]:
+    """Parse the groups ``{Name F1 Range 3.2}`` of the sonars of a line."""
+    found = re.findall(r"\{Name (\w+) Range ([\d.]+)\}", line)
+    ranges = {name: float(text) for name, text in found}
+    assert tuple(ranges) == SONARS
+    return ranges
+
+
+def named_ticks(line: str) -> dict[str, int]:
+    """Parse the groups ``{Name ECLeft Tick 12}`` of the encoders of a line."""
+    found = re.findall(r"\{Name (\w+) Tick (-?\d+)\}", line)
+    ticks = {name: int(text) for name, text in found}
+    assert set(ticks) in ({"ECLeft"}, {"ECRight"}, {"ECLeft", "ECRight"})
+    return ticks
