@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,13 +23,14 @@ from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ScanSpec
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import MARKER, RADAR
-from radarsim.plotting.ray_segments import group_by_ray
 from radarsim.plotting.style import scan_points
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.sensors.scan import Scan
 
 OFFSETS: Final = (0, 50, 100)  # Unreal units
 STILL_AREA, MOVED_AREA = 10.0, 36.0  # square points, of readings
+Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
+_JOIN: Final[Any] = {"colors": "0.45", "linewidths": 0.9, "linestyles": (0, (4, 2))}
 
 
 def draw_single_scans(seed: int) -> DrawnFigure:
@@ -41,7 +42,7 @@ def draw_single_scans(seed: int) -> DrawnFigure:
     drawing, panels = _sheet(shots)
     draw_title(drawing, "One scan: the wider the side rays, the more readings are off")
     still = scan_points(scans[0])
-    shown: dict[str, Line2D] = {}
+    shown: Samples = {}
     for axes, offset, scan, count in zip(panels, OFFSETS, scans, moved, strict=True):
         _name_panel(axes, offset, f"{count} of {beams} beams are off")
         shown |= _draw_shifts(axes, still, scan)
@@ -69,7 +70,7 @@ def draw_repeated_scans(seed: int) -> DrawnFigure:
     draw_title(
         drawing, f"{COUNT} scans: the wider the side rays, the more readings scatter"
     )
-    shown: dict[str, Line2D] = {}
+    shown: Samples = {}
     details = []
     for axes, offset, shot in zip(panels, OFFSETS, shots, strict=True):
         scans = shot.take()
@@ -115,48 +116,46 @@ def _name_panel(axes: Axes, offset: int, text: str) -> None:
     axes.set_title(f"N = {offset}{aside}: {text}", fontsize="large", pad=2)
 
 
-def _draw_shifts(axes: Axes, still: Floats, scan: Scan) -> dict[str, Line2D]:
-    """Draw readings, and lines to those that differ from where they are without noise.
+def _draw_shifts(axes: Axes, still: Floats, scan: Scan) -> Samples:
+    """Draw readings, and how far they are off where they are without noise.
 
     Returns:
         Samples for the legend, by their text.
     """
     ends = scan_points(scan)
-    far = np.hypot(*(ends - still).T) > STEP
-    lines = np.stack([still, ends], axis=1)
-    samples = {"as without noise": _dots(axes, ends[~far], MARKER, STILL_AREA)}
-    for chosen, colour, name in group_by_ray(scan):
-        moved = chosen & far
-        if moved.any():
-            _join(axes, lines[moved], colour)
-            sample = _dots(axes, ends[moved], colour, MOVED_AREA)
-            samples[f"off, from the {name}"] = sample
+    off = np.hypot(*(ends - still).T) > STEP
+    samples = {"reading as without noise": _dots(axes, ends[~off], MARKER, STILL_AREA)}
+    if off.any():
+        lines = np.stack([still, ends], axis=1)[off]
+        samples["reading that is off"] = _dots(axes, ends[off], RADAR, MOVED_AREA)
+        samples["how far it is off"] = _join(axes, lines)
     return samples
 
 
-def _draw_spans(axes: Axes, scans: Sequence[Scan]) -> dict[str, Line2D]:
-    """Draw all readings, and lines between the nearest and the farthest of a beam."""
+def _draw_spans(axes: Axes, scans: Sequence[Scan]) -> Samples:
+    """Draw all readings, and from where to where those of a beam change."""
     points = np.array([scan_points(scan) for scan in scans])
     ranges = np.array([scan.ranges for scan in scans])
     beams = np.arange(ranges.shape[1])
     near, far = (points[index, beams] for index in (ranges.argmin(0), ranges.argmax(0)))
     changed = np.ptp(ranges, axis=0) > STEP
     still = np.unique(points[:, ~changed].reshape(-1, 2), axis=0)
-    samples = {"the same in all scans": _dots(axes, still, MARKER, STILL_AREA)}
+    sample = _dots(axes, still, MARKER, STILL_AREA)
+    samples = {"reading that is the same in all scans": sample}
     if changed.any():
-        _join(axes, np.stack([near, far], axis=1)[changed], RADAR)
         moved = np.unique(points[:, changed].reshape(-1, 2), axis=0)
         sample = _dots(axes, moved, RADAR, MOVED_AREA / 2)
-        samples["of a beam that changes"] = sample
+        samples["reading of a beam that changes"] = sample
+        lines = np.stack([near, far], axis=1)[changed]
+        samples["from its nearest to its farthest reading"] = _join(axes, lines)
     return samples
 
 
-def _join(axes: Axes, lines: Floats, colour: str) -> None:
-    """Draw lines, (L, 2, 2) m."""
-    joined = LineCollection(
-        list(lines), colors=colour, linewidths=1.1, alpha=0.55, zorder=3
-    )
+def _join(axes: Axes, lines: Floats) -> Line2D:
+    """Draw what is no beam: dashed lines, (L, 2, 2) m; return a sample of them."""
+    joined = LineCollection(list(lines), zorder=3, **_JOIN)
     axes.add_collection(joined)
+    return Line2D([], [], **{key.removesuffix("s"): v for key, v in _JOIN.items()})
 
 
 def _dots(axes: Axes, points: Floats, colour: str, area: float) -> Line2D:
@@ -167,10 +166,10 @@ def _dots(axes: Axes, points: Floats, colour: str, area: float) -> Line2D:
     return Line2D([], [], color=colour, linestyle="none", marker="o", markersize=size)
 
 
-def _draw_legend(drawing: Figure, samples: dict[str, Line2D]) -> None:
+def _draw_legend(drawing: Figure, samples: Samples) -> None:
     drawing.legend(
         list(samples.values()),
-        [f"reading {text}" for text in samples],
+        list(samples),
         loc="lower center",
         ncols=len(samples),
         frameon=False,

@@ -14,7 +14,8 @@ from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.geometry import Floats
 from radarsim.plotting.annotations import draw_scale_bar
-from radarsim.plotting.ray_segments import RAY_COLOURS, line_opacity, split_rays
+from radarsim.plotting.palette import LEFT_RAY, RIGHT_RAY
+from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.plotting.robots import draw_robot
 from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.raycast.tracer import tracer_of
@@ -24,6 +25,7 @@ from radarsim.sensors.scan import Scan
 
 MAP: Final = "foliage_room"
 WEIGHTS: Final = {LEFT: (0, 0, 1), RIGHT: (1, 0, 0)}
+RAY_COLOURS: Final = {LEFT: LEFT_RAY, RIGHT: RIGHT_RAY}
 STEP: Final = 0.2  # m; ranges that differ by more count as different
 _AROUND: Final = 1.3  # m of the robot that are seen closer
 SPARSE: Final = 3  # of so many beams the main panel draws one
@@ -127,7 +129,7 @@ def _draw_rays(
 def _legend(drawing: Figure) -> None:
     names = {LEFT: "left of the original beam", RIGHT: "right of it"}
     samples = [
-        Line2D([], [], color=RAY_COLOURS[side][0], label=name)
+        Line2D([], [], color=RAY_COLOURS[side], label=name)
         for side, name in names.items()
     ]
     drawing.legend(
@@ -137,6 +139,6 @@ def _legend(drawing: Figure) -> None:
 
 def _shades(side: int, shares: Floats) -> Floats:
     """Return the colours of ray segments of one side, (P, 4)."""
-    shades = np.tile(to_rgba(RAY_COLOURS[side][0]), (len(shares), 1))
+    shades = np.tile(to_rgba(RAY_COLOURS[side]), (len(shares), 1))
     shades[:, 3] = line_opacity(shares)
     return shades

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Pose2
+from radarsim.plotting.annotations import QUIET
 from radarsim.plotting.plan import ROBOT
-from radarsim.plotting.scan_words import describe_scans
+from radarsim.plotting.scan_words import title_scans
 from radarsim.plotting.scans import draw_scan
 from radarsim.plotting.sight import find_sight
 from radarsim.plotting.style import Legend, scan_points
@@ -77,12 +78,12 @@ def _draw_panels(scene: Scene, place: StartPose, scans: Sequence[Scan]) -> Figur
     wide, tall = _PANEL
     size = (wide * len(scans) + _LEGEND, tall)
     figure = Figure(figsize=size, dpi=110, layout="constrained")
-    legend, robot = Legend(), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
+    legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
     include = np.concatenate([scan_points(s)[np.isfinite(s.ranges)] for s in scans])
     panels = figure.subplots(1, len(scans), squeeze=False)[0]
     for axes, scan in zip(panels, scans, strict=True):
         draw_scan(axes, scene, [scan], legend, robot=robot, include=include)
-        words = describe_scans(scan.sensor, [scan], find_sight(scene, scan))
+        words = title_scans([scan], [find_sight(scene, scan)])
         axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
         axes.set_xlabel("")
     figure.suptitle(

@@ -49,7 +49,7 @@ def draw_echoes(axes: Axes, scan: Scan) -> None:
     """
     echoes = scan.echoes
     points, areas = echo_points(scan, echoes), _areas(echoes)
-    materials = {part: _material(echoes, part) for part in echoes.targets}
+    materials = {part: material_of(echoes, part) for part in echoes.targets}
     names = np.array([materials[part].name for part in echoes.parts.tolist()], np.str_)
     found = {material.name: material for material in materials.values()}
     for kind, shape in ECHO_MARKERS.items():
@@ -63,7 +63,8 @@ def draw_echoes(axes: Axes, scan: Scan) -> None:
                 )
 
 
-def _material(echoes: Echoes, part: int) -> Material:
+def material_of(echoes: Echoes, part: int) -> Material:
+    """Return the material of a part of echoes, or that of robots."""
     parts = echoes.scene_parts
     return parts[part].material if part < len(parts) else ROBOT
 

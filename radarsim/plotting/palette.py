@@ -1,9 +1,9 @@
 """Colours of all pictures of the program; each colour has one meaning.
 
 Materials have the colour of their family: foliage is green, wood brown, concrete and
-brick grey, smoke and dust a pale lilac that is drawn translucent. Sensors have one
-colour each. The rays of a beam are coloured as in the thesis: left red, right
-blue, centre grey.
+brick grey, smoke and dust a pale sand that is drawn translucent. Sensors have one
+colour each, in every picture. Only where left and right rays of a radar are told apart
+they are coloured as in the thesis: left red, right blue.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
 protanopia; ``SHOWN_TOGETHER`` lists these groups.
@@ -34,33 +34,32 @@ INK: Final = "#191818"  # text, outlines, markers, robots
 # As they look on paper; what is translucent is painted darker, see ``area_style``.
 FAMILY_COLOURS: Final = {
     Family.FOLIAGE: "#a5c262",
-    Family.WOOD: "#701a00",
+    Family.WOOD: "#6b2610",
     Family.STONE: "#aaabad",
     Family.METAL: "#33486a",
-    Family.GLASS: "#39befa",
-    Family.SMOKE: "#d8d5f7",
-    Family.GROUND: "#c2ac89",
+    Family.GLASS: "#bdd4fc",
+    Family.SMOKE: "#ebd3b0",
+    Family.GROUND: "#a38162",
 }
 
-# As in the thesis, the left ray is red, the right ray blue, the centre ray grey.
+# As in the thesis, the left ray is red and the right ray blue.
 LEFT_RAY: Final = "#d12c19"
-CENTRE_RAY: Final = "#5e5d5b"
 RIGHT_RAY: Final = "#1563be"
 
 RADAR: Final = "#6a4aeb"
 HOKUYO: Final = "#ff5704"
-SICK: Final = "#743ba8"
-LASER: Final = "#c06ab5"
+SICK: Final = "#160d80"
+LASER: Final = "#b8451f"
 PHYSICAL: Final = "#3a4b42"
 
 # Power that comes back of a radar beam.
-RETURNED: Final = HOKUYO
+RETURNED: Final = "#047e7d"
 
 # Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
-GOING: Final = "#00c8ff"  # path towards the goal
-FOLLOWING: Final = "#ffc800"  # path along a boundary
-RETURNING: Final = "#0a7d5a"  # path back to the leave point
-TARGET: Final = "#b3001e"  # goals
+GOING: Final = "#06a8fe"  # path towards the goal
+FOLLOWING: Final = "#ffda26"  # path along a boundary
+RETURNING: Final = "#3d584f"  # path back to the leave point
+TARGET: Final = "#e11dbb"  # goals
 TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
 MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
@@ -71,13 +70,11 @@ MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 
 _ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
-_RUN = (
-    *(PAPER, GOING, FOLLOWING, RETURNING, TRUE_PATH, TARGET),
-    *(FAMILY_COLOURS[family] for family in (Family.STONE, Family.FOLIAGE)),
-)
+_RUN = (*_ON_MATERIALS, GOING, FOLLOWING, RETURNING, TARGET)
 _CELLS = ("#0000ff", "#ffffff", "#a0a0a0", "#000000")  # UsarCommander's
 SHOWN_TOGETHER: Final = {
-    "rays over a plan": (*_ON_MATERIALS, LEFT_RAY, CENTRE_RAY, RIGHT_RAY),
+    "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
+    "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
     "sensors over a plan": (*_ON_MATERIALS, RADAR, HOKUYO, SICK, LASER, PHYSICAL),
     **{
         f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, HOKUYO, SICK, LASER)

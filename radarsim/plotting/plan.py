@@ -1,6 +1,7 @@
 """Plans of maps: the section of a scene at a height, filled by material."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.annotations import HALO, as_words, draw_scale_bar, write_title
-from radarsim.plotting.palette import family_of
+from radarsim.plotting.palette import Family, family_of
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.style import Legend, area_style
 from radarsim.robots.obstacles import slice_mesh
@@ -31,10 +32,13 @@ _NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 _WALL: Final = "wall"  # objects of this name need no label
 _SMALL: Final = 1.2  # m; names of smaller objects are written beside them
+_NAME_SHARE: Final = 0.12  # of the width, at most, that a name takes
+_DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
 # In points.
 _OFFSETS: Final = {
     "center": (0, 0),
     "right": (4, 0),
+    "left": (-4, 0),
     "above": (0, 12),
     "below": (0, -13),
 }
@@ -169,31 +173,72 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
 
 
 def name_objects(axes: Axes, parts: Iterable[Part], height: float) -> None:
-    """Write the name of each object that the section cuts, walls excepted."""
+    """Write the name of each object that the section cuts, walls excepted.
+
+    Objects in a row, such as ``bush_1`` and ``bush_2``, have one name together. Names
+    stand in large pale objects, and beside all others. The axes have their limits.
+    """
     places: dict[str, list[Floats]] = {}
+    fills: dict[str, Family] = {}
     for part in parts:
         lines = slice_mesh(part.vertices, part.faces, height)
         if len(lines) and _WALL not in part.object_name:
             places.setdefault(part.object_name, []).append(lines.reshape(-1, 2))
-    for name, points in places.items():
-        corners = np.concatenate(points)
-        (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
-        is_small = max(east - west, north - south) < _SMALL
-        x, y = east if is_small else (west + east) / 2, (south + north) / 2
-        side = "right" if is_small else "center"
-        _write(axes, as_words(name), (float(x), float(y)), side)
+            fills.setdefault(part.object_name, family_of(part.material))
+    first, end = axes.get_xlim()
+    last = end - _NAME_SHARE * (end - first)
+    boxes = {name: _box_of(np.concatenate(each)) for name, each in places.items()}
+    for text, name in _names(boxes).items():
+        west, south, east, north = boxes[name].bounds
+        small = max(east - west, north - south) < _SMALL
+        y = (south + north) / 2
+        if not small and fills[name] not in _DARK:
+            _write(axes, text, ((west + east) / 2, y))
+        elif east < last:
+            _write(axes, text, (east, y), "right")
+        else:
+            _write(axes, text, (west, y), "left")
+
+
+def _box_of(corners: Floats) -> shapely.Polygon:
+    return shapely.box(*corners.min(axis=0), *corners.max(axis=0))
+
+
+def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
+    """Return the names to write, and the object that each stands at."""
+    rows: dict[str, list[str]] = {}
+    for name in boxes:
+        rows.setdefault(re.sub(r"_\d+$", "", name), []).append(name)
+    names = {}
+    for stem, members in rows.items():
+        together = shapely.union_all([boxes[name] for name in members])
+        if len(members) > 1 and together.geom_type == "Polygon":
+            northmost = max(members, key=lambda name: boxes[name].bounds[3])
+            names[_plural(as_words(stem))] = northmost
+        else:
+            names |= {as_words(name): name for name in members}
+    return names
+
+
+def _plural(word: str) -> str:
+    """Return the plural of a regular English noun.
+
+    >>> _plural("bush"), _plural("young tree")
+    ('bushes', 'young trees')
+    """
+    return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")
 
 
 def _write(
     axes: Axes, text: str, place: tuple[float, float], side: str = "center"
 ) -> None:
-    """Write a text at a place, to the ``right`` of it, ``above`` or ``below`` it."""
+    """Write a text at a place, or on one side of it, such as ``above``."""
     axes.annotate(
         text,
         place,
         xytext=_OFFSETS[side],
         textcoords="offset points",
-        ha="left" if side == "right" else "center",
+        ha={"right": "left", "left": "right"}.get(side, "center"),
         va={"above": "bottom", "below": "top"}.get(side, "center"),
         fontsize=7,
         fontweight="bold" if side in ("above", "below") else "normal",

@@ -17,13 +17,11 @@ from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import CENTRE_RAY, LEFT_RAY, RIGHT_RAY, sensor_colour
+from radarsim.plotting.palette import sensor_colour
 from radarsim.plotting.sight import Sight
-from radarsim.plotting.style import Legend
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.scan import Scan
 
 MAX_POWER_DROP: Final = 1 / 12  # share of the full power that one segment may lose
@@ -91,11 +89,6 @@ def _power_after(events: NDArray[np.void]) -> NDArray[np.float64]:
     return np.asarray(events["power"] - events["absorbed"])
 
 
-RAY_COLOURS: Final = {
-    LEFT: (LEFT_RAY, "left ray"),
-    CENTRE: (CENTRE_RAY, "centre ray"),
-    RIGHT: (RIGHT_RAY, "right ray"),
-}
 SPENT_OPACITY, FULL_OPACITY = 0.12, 0.45
 SPENT_WIDTH, FULL_WIDTH = 0.4, 0.7  # points
 NO_RETURN_OPACITY: Final = 0.3  # share of the opacity that a ray without return has
@@ -103,16 +96,9 @@ THROUGH_WIDTH: Final = 1.6  # points, of rays that see through something
 BLINDED: Final[Any] = {"linewidths": 0.4, "linestyles": (0, (2, 4)), "alpha": 0.5}
 
 
-def group_by_ray(scan: Scan) -> list[tuple[NDArray[np.bool_], str, str]]:
-    """Group beams by the ray that gave the range: mask (N,), colour and name."""
-    if scan.rays is None:
-        settings = scan.echoes.settings
-        colour = sensor_colour(scan.sensor, settings.medium)
-        return [(np.ones(len(scan.ranges), np.bool_), colour, "ray")]
-    return [
-        (scan.rays == side, colour, name)
-        for side, (colour, name) in RAY_COLOURS.items()
-    ]
+def scan_colour(scan: Scan) -> str:
+    """Return the colour of the sensor that took a scan."""
+    return sensor_colour(scan.sensor, scan.echoes.settings.medium)
 
 
 def line_opacity(shares: Floats) -> Floats:
@@ -147,14 +133,11 @@ def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
     where it is spent.
     """
     segments = split_rays(tracer_of(scene), scan.cast)
-    colours = np.zeros((len(scan.ranges), 4))
-    for chosen, colour, _ in group_by_ray(scan):
-        colours[chosen] = to_rgba(colour)
-    blinded = scan.ranges == 0
-    _draw_blinded(axes, segments, blinded, colours)
+    colour = to_rgba(scan_colour(scan))
+    _draw_blinded(axes, segments, scan.ranges == 0, colour)
     segments = cut_at_readings(segments, scan.ranges)
     through = sight.through[segments.rays]
-    shades = colours[segments.rays]
+    shades = np.tile(colour, (len(segments.rays), 1))
     came_back = np.isfinite(scan.ranges)[segments.rays]
     shades[:, 3] = line_opacity(segments.shares)
     shades[:, 3] *= np.where(came_back, 1.0, NO_RETURN_OPACITY)
@@ -176,53 +159,18 @@ def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
 
 
 def _draw_blinded(
-    axes: Axes, segments: RaySegments, blinded: NDArray[np.bool_], colours: Floats
+    axes: Axes,
+    segments: RaySegments,
+    blinded: NDArray[np.bool_],
+    colour: tuple[float, float, float, float],
 ) -> None:
     chosen = blinded[segments.rays]
     if chosen.any():
-        rays = segments.rays[chosen]
         lines = LineCollection(
             list(segments.lines[chosen]),
-            colors=colours[rays],
+            colors=[colour],
             label="blinded rays",
             zorder=2,
             **BLINDED,
         )
         axes.add_collection(lines)
-
-
-def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
-    """Add what rays there are to a legend: their colours, and how they end."""
-    legend.add_heading("Rays")
-    read = np.isfinite(scan.ranges)
-    if scan.rays is not None:
-        for chosen, colour, name in group_by_ray(scan):
-            if chosen.any():
-                legend.add_line(name, color=colour, linewidth=1.4)
-    ink = group_by_ray(scan)[0][1] if scan.rays is None else CENTRE_RAY
-    faint = FULL_OPACITY * NO_RETURN_OPACITY
-    rows: list[tuple[bool, str, dict[str, Any]]] = [
-        (
-            bool(sight.through.any()),
-            f"sees through {sight.words}",
-            {"linewidth": THROUGH_WIDTH},
-        ),
-        (
-            bool((read & ~sight.through & (scan.ranges > 0)).any()),
-            "does not see through",
-            {"linewidth": FULL_WIDTH, "alpha": FULL_OPACITY},
-        ),
-        (
-            not read.all(),
-            "no return",
-            {"linewidth": FULL_WIDTH, "alpha": faint},
-        ),
-        (
-            bool((scan.ranges == 0).any()),
-            "blinded: reads 0",
-            {"linewidth": 0.6, "linestyle": (0, (2, 4))},
-        ),
-    ]
-    for is_there, text, style in rows:
-        if is_there:
-            legend.add_line(text, color=ink, **style)

@@ -7,48 +7,54 @@ from collections.abc import Sequence
 import numpy as np
 
 from radarsim.plotting.annotations import as_words
-from radarsim.plotting.sight import Sight
+from radarsim.plotting.sight import Sight, name_materials
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.sensors.scan import Scan
 
 
-def describe_scans(who: str, scans: Sequence[Scan], sight: Sight) -> str:
+def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
     """Return the title of a picture: what one sees in it.
 
     Args:
-        who: The sensor, and where it is.
         scans: One or more scans of one sensor.
-        sight: How the beams of the first one see.
+        sights: How their beams see.
     """
-    scan = scans[0]
-    if len(scans) > 1:
-        return f"{who}: {_count_all(scans)}"
-    beams = len(scan.ranges)
-    if blinded := int(np.count_nonzero(scan.ranges == 0)):
-        return f"{who}: {blinded} of {beams} beams are blinded"
-    if through := int(sight.through.sum()):
-        return f"{who}: {through} of {beams} beams see through {sight.words}"
-    stopped = Counter(_penetrable_readings(scan))
-    if stopped:
-        ((material, count),) = stopped.most_common(1)
+    beams = len(scans[0].ranges)
+    many = f", in {len(scans)} scans" if len(scans) > 1 else ""
+    blinded = [int(np.count_nonzero(scan.ranges == 0)) for scan in scans]
+    if any(blinded):
+        return f"{_span(blinded)} of {beams} beams are blinded{many}"
+    through = [int(sight.through.sum()) for sight in sights]
+    if any(through):
+        materials = (material for sight in sights for material in sight.materials)
+        words = name_materials(materials)
+        return f"{_span(through)} of {beams} beams see through {words}{many}"
+    stopped = [Counter(_penetrable_readings(scan)) for scan in scans]
+    if total := sum(stopped, Counter()):
+        ((material, _),) = total.most_common(1)
+        count = _span([each[material] for each in stopped])
         name = as_words(material)
-        return f"{who}: {name} stops {count} of {beams} beams, none sees through"
-    read = int(np.count_nonzero(np.isfinite(scan.ranges)))
-    return f"{who}: {read} of {beams} beams read something"
+        return f"{name} stops {count} of {beams} beams, none sees through{many}"
+    read = [int(np.count_nonzero(np.isfinite(scan.ranges))) for scan in scans]
+    return f"{_span(read)} of {beams} beams read something{many}"
 
 
-def _count_all(scans: Sequence[Scan]) -> str:
-    if scans[0].echoes.settings.return_mode == "all":
-        return f"{sum(len(s.echoes) for s in scans)} echoes of {len(scans)} scans"
-    read = sum(int(np.isfinite(scan.ranges).sum()) for scan in scans)
-    return f"{read} readings of {len(scans)} scans"
+def _span(counts: Sequence[int]) -> str:
+    """Return the least and the greatest of some counts, or the one that all are.
+
+    >>> _span([5, 3, 4]), _span([2, 2])
+    ('3 to 5', '2')
+    """
+    least, most = min(counts), max(counts)
+    return f"{least}" if least == most else f"{least} to {most}"
 
 
 def _penetrable_readings(scan: Scan) -> list[str]:
-    """Return the material of each echo from something that some beams can enter."""
+    """Return the material of each reading of something that some beams can enter."""
     echoes, parts = scan.echoes, scan.echoes.scene_parts
     names = []
-    for part in echoes.parts.tolist():
+    read = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
+    for part in echoes.parts[read].tolist():
         if part < len(parts):
             material = parts[part].material
             if material.penetrable or material.sheet_loss is not None:
@@ -56,8 +62,19 @@ def _penetrable_readings(scan: Scan) -> list[str]:
     return names
 
 
-def describe_beams(scans: Sequence[Scan]) -> str:
-    """Return the parameters of scans in small print: pose, beams, echoes, returns."""
+def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
+    """Return the name of the sensor and what one sees, as a title."""
+    words = f"{as_words(scans[0].sensor)}: {describe_scans(scans, sights)}"
+    return words[0].upper() + words[1:]
+
+
+def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
+    """Return the parameters of scans in small print: pose, beams, echoes, returns.
+
+    Args:
+        scene: Name of the map.
+        scans: One or more scans of one sensor in it.
+    """
     scan = scans[0]
     beyond = sum(int(np.count_nonzero(~np.isfinite(s.ranges))) for s in scans)
     blind = sum(int(np.count_nonzero(s.ranges == 0)) for s in scans)
@@ -65,7 +82,7 @@ def describe_beams(scans: Sequence[Scan]) -> str:
     counted += f"{len(scan.ranges)} beams, {beyond} without return"
     counted += f", {blind} blinded" if blind else ""
     return (
-        f"sensor at x {scan.pose.x:.2f} m, y {scan.pose.y:.2f} m,"
+        f"{scan.sensor} in {scene}, at x {scan.pose.x:.2f} m, y {scan.pose.y:.2f} m,"
         f" yaw {math.degrees(scan.pose.yaw):.0f}°; section at z {scan.pose.z:.2f} m;"
         f" {counted}; {_beams(scan.echoes.settings)}"
     )

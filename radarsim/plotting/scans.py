@@ -2,12 +2,12 @@
 
 A single scan is drawn with its rays, which end at their readings. Those that see
 through something are the boldest lines, and their hits the largest marks. Several scans
-are drawn as readings, or as echoes if the sensor keeps all of them.
+are drawn without rays, as pale dots: readings, or echoes if the sensor keeps all.
 """
 
-import math
+import textwrap
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,19 +17,33 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.annotations import write_title
 from radarsim.plotting.echo_marks import add_echo_rows, draw_echoes
 from radarsim.plotting.palette import MARKER
-from radarsim.plotting.plan import ROBOT, draw_plan, plot_scene, show_extent
-from radarsim.plotting.ray_segments import add_ray_rows, draw_rays, group_by_ray
+from radarsim.plotting.plan import (
+    ROBOT,
+    draw_plan,
+    name_objects,
+    plot_scene,
+    show_extent,
+)
+from radarsim.plotting.ray_segments import draw_rays
+from radarsim.plotting.reading_marks import (
+    add_ray_rows,
+    draw_hits,
+    draw_many,
+    draw_ray_ends,
+)
 from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
-from radarsim.plotting.scan_words import describe_beams, describe_scans
-from radarsim.plotting.sight import Sight, find_sight
+from radarsim.plotting.scan_words import describe_beams, title_scans
+from radarsim.plotting.sight import find_sight
 from radarsim.plotting.style import Legend, scan_points
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
 
-THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
 NOWHERE: Final[Floats] = np.zeros((0, 2))
-_SIZE: Final = (12.0, 7.6)  # inches
+_LARGEST: Final = (9.4, 6.6)  # inches of a plan
+_LEGEND: Final = 2.6  # inches beside it
+_TITLE: Final = 0.9  # inches above and below it
+_LETTER: Final = 0.13  # inches of a title, on average
 
 
 def draw_scans(
@@ -65,11 +79,23 @@ def plot_scans(
         scans: One or more scans of one sensor.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
-    figure = Figure(figsize=_SIZE, dpi=120, layout="compressed")
+    figure = Figure(dpi=120, layout="compressed")
     axes, legend = figure.add_subplot(), Legend()
     draw_scan(axes, scene, scans, legend, robot=robot)
+    _fit(figure, axes)
     legend.draw(figure)
     return figure
+
+
+def _fit(figure: Figure, axes: Axes) -> None:
+    """Give a figure the size of its plan and a legend; wrap a title that is longer."""
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    aspect = (east - west) / (north - south)
+    wide = min(_LARGEST[0], _LARGEST[1] * aspect)
+    figure.set_size_inches(wide + _LEGEND, wide / aspect + _TITLE)
+    letters = int((wide + _LEGEND) / _LETTER)
+    title = textwrap.fill(axes.get_title(loc="left"), letters)
+    axes.set_title(title, loc="left", fontsize=14, fontweight="bold", parse_math=False)
 
 
 def draw_scan(
@@ -93,24 +119,26 @@ def draw_scan(
     """
     legend = legend or Legend()
     plan = draw_plan(axes, scene, scans[0].pose.z)
-    echoing = scans[0].echoes.settings.return_mode == "all"
-    sight = find_sight(scene, scans[0])
+    sights = [find_sight(scene, scan) for scan in scans]
     if len(scans) == 1:
-        draw_rays(axes, scene, scans[0], sight)
-        add_ray_rows(legend, scans[0], sight)
-        _draw_hits(axes, scans[0], sight, legend)
-    if echoing or len(scans) == 1:
-        for scan in scans:
+        (scan,), (sight,) = scans, sights
+        draw_rays(axes, scene, scan, sight)
+        add_ray_rows(legend, scan, sight)
+        if scan.echoes.settings.return_mode == "all":
             draw_echoes(axes, scan)
-        add_echo_rows(legend, scans)
-    if not echoing or len(scans) == 1:
-        _draw_readings(axes, scans, legend)
+            add_echo_rows(legend, scans)
+            draw_hits(axes, scan, sight)
+        else:
+            draw_ray_ends(axes, scan, sight)
+    else:
+        draw_many(axes, scans, sights, legend)
     legend.add_heading("Materials")
     legend.add_materials(plan.materials)
     _draw_sensor(axes, scans[0], robot)
     show_extent(axes, np.concatenate([plan.corners, include, *_points(scans)]))
-    words = describe_scans(f"{scans[0].sensor} in {scene.name}", scans, sight)
-    write_title(axes, words, describe_beams(scans))
+    name_objects(axes, scene.parts, scans[0].pose.z)
+    words = describe_beams(scene.name, scans)
+    write_title(axes, title_scans(scans, sights), words)
 
 
 def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
@@ -137,49 +165,6 @@ def _figure_of(axes: Axes) -> Figure:
     if figure is None:
         raise ValueError("axes without a figure, expected axes of a figure")
     return figure
-
-
-def _draw_hits(axes: Axes, scan: Scan, sight: Sight, legend: Legend) -> None:
-    """Mark what is read by rays that see through something: the largest marks."""
-    if not sight.through.any():
-        return
-    rays, seeing = scan.cast, np.flatnonzero(sight.through)
-    ranges, directions = scan.ranges[seeing, None], rays.directions[seeing]
-    points = rays.origins[seeing] + ranges * directions
-    style: dict[str, Any] = {"facecolors": "white", "linewidths": 1.6, "zorder": 5}
-    colours = np.full(len(scan.ranges), MARKER, dtype="U32")
-    for chosen, colour, _ in group_by_ray(scan):
-        colours[chosen] = colour
-    edges = colours[sight.through].tolist()
-    axes.scatter(
-        *(points[:, 0], points[:, 1], THROUGH_AREA),
-        edgecolors=edges,
-        label="seen through",
-        **style,
-    )
-    legend.add_heading("Rays")
-    marks: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.6}
-    size = math.sqrt(THROUGH_AREA)
-    legend.add_marker(
-        "what it sees there", "o", markeredgecolor=MARKER, markersize=size, **marks
-    )
-
-
-def _draw_readings(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
-    """Draw a dot for each range, along its beam, in the colour of its ray."""
-    single = len(scans) == 1
-    size = 3 if single else 2.5
-    legend.add_heading("Readings")
-    for scan in scans:
-        ends, came_back = scan_points(scan), np.isfinite(scan.ranges)
-        for chosen, colour, name in group_by_ray(scan):
-            dots = ends[chosen & came_back]
-            if len(dots):
-                axes.plot(*dots.T, ".", color=colour, markersize=size, zorder=4)
-                if not single:
-                    legend.add_marker(f"of the {name}", ".", color=colour)
-    if single and np.isfinite(scans[0].ranges).any():
-        legend.add_marker("range, along its beam", ".", color=MARKER, markersize=4)
 
 
 def _draw_sensor(axes: Axes, scan: Scan, robot: Pose2 | None) -> None:

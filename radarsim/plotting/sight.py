@@ -1,16 +1,25 @@
-"""Which beams of a scan see through something."""
+"""Which beams of a scan see through something: the one definition for all pictures.
 
+A beam sees through a material if its ray enters and leaves parts of that material, and
+then reads something of another family behind them. Behind them means outside of these
+parts as seen from above: a wall that a bush touches is not behind the bush.
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely import Geometry
 
+from radarsim.geometry import Floats
 from radarsim.plotting.annotations import as_words
 from radarsim.plotting.palette import Family, family_of
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan
 
 _PASSED = (int(EventKind.LEAVE), int(EventKind.SHEET))
@@ -20,9 +29,6 @@ _NEAR = 1e-6  # m; what is nearer than this to the reading is the reading
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
     """How the beams of a scan see.
-
-    A beam sees through a material that it has left behind, if it reads something of
-    another family farther on: not through one bush at another one.
 
     Attributes:
         through: (N,) whether the beam sees through something.
@@ -35,14 +41,21 @@ class Sight:
     @property
     def words(self) -> str:
         """What beams see through: a material, or the family of several."""
-        names: dict[Family, list[str]] = {}
-        for material in self.materials:
-            names.setdefault(family_of(material), []).append(material.name)
-        words = (
-            as_words(of_family[0]) if len(of_family) == 1 else family.value
-            for family, of_family in names.items()
-        )
-        return " and ".join(words)
+        return name_materials(self.materials)
+
+
+def name_materials(materials: Iterable[Material]) -> str:
+    """Return the name of a material as words, or the families of several."""
+    names: dict[Family, list[str]] = {}
+    for material in materials:
+        of_family = names.setdefault(family_of(material), [])
+        if material.name not in of_family:
+            of_family.append(material.name)
+    words = (
+        as_words(of_family[0]) if len(of_family) == 1 else family.value
+        for family, of_family in names.items()
+    )
+    return " and ".join(words)
 
 
 def find_sight(scene: Scene, scan: Scan) -> Sight:
@@ -54,29 +67,48 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     """
     tracer = tracer_of(scene)
     events = tracer.trace(scan.cast, events=True).events
-    materials = [part.material for part in tracer.parts]
     through = np.zeros(len(scan.ranges), np.bool_)
     seen_through: dict[str, Material] = {}
+    shadows: dict[int, Geometry] = {}
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
-        if 0 < reading < np.inf:
-            mine = events[edges[beam] : edges[beam + 1]]
-            passed = _materials_passed(mine, reading, materials)
-            through[beam] = bool(passed)
-            seen_through.update({material.name: material for material in passed})
+        if not 0 < reading < np.inf:
+            continue
+        mine = events[edges[beam] : edges[beam + 1]]
+        passed = _parts_passed(mine, reading, tracer.parts)
+        for part in passed:
+            if part not in shadows:
+                shadows[part] = _from_above(tracer.parts[part])
+        place = scan.cast.origins[beam] + reading * scan.cast.directions[beam]
+        if passed and not any(_covers(shadows[part], place) for part in passed):
+            through[beam] = True
+            materials = (tracer.parts[part].material for part in passed)
+            seen_through.update({material.name: material for material in materials})
     return Sight(through, tuple(seen_through.values()))
 
 
-def _materials_passed(
-    events: NDArray[np.void], reading: float, materials: list[Material]
-) -> list[Material]:
-    """Return the materials that a ray has left before it reads another one."""
-    known = events[(events["part"] >= 0) & (events["part"] < len(materials))]
+def _parts_passed(
+    events: NDArray[np.void], reading: float, parts: Sequence[Part]
+) -> list[int]:
+    """Return the parts that a ray has left before it reads one of another family."""
+    known = events[(events["part"] >= 0) & (events["part"] < len(parts))]
     if not len(known):
         return []
     last = known[np.argmin(np.abs(known["t"] - reading))]
     before = known[known["t"] < min(reading, float(last["t"])) - _NEAR]
     left = before[np.isin(before["kind"], _PASSED)]
-    passed = [materials[part] for part in dict.fromkeys(left["part"].tolist())]
-    read = family_of(materials[int(last["part"])])
-    return [] if read in map(family_of, passed) else passed
+    passed = list(dict.fromkeys(left["part"].tolist()))
+    read = family_of(parts[int(last["part"])].material)
+    families = (family_of(parts[part].material) for part in passed)
+    return [] if read in families else passed
+
+
+def _from_above(part: Part) -> Geometry:
+    """Return what a part covers as seen from above, without its hollows, m."""
+    hull = shapely.convex_hull(shapely.multipoints(part.vertices[:, :2]))
+    shapely.prepare(hull)
+    return hull
+
+
+def _covers(area: Geometry, place: Floats) -> bool:
+    return bool(shapely.intersects_xy(area, place[0], place[1]))

@@ -32,9 +32,18 @@ class Legend:
 
     It lists what is added to it, each text once under its heading; a heading without
     rows is left out. Several panels may share it.
+
+    Attributes:
+        ray_colour: Colour of samples of rays; None for that of their sensor.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, ray_colour: str | None = None) -> None:
+        """Create a legend without rows.
+
+        Args:
+            ray_colour: Colour of samples of rays; None for that of their sensor.
+        """
+        self.ray_colour = ray_colour
         self._groups: dict[str, dict[str, Artist]] = {"": {}}
         self._heading = ""
 

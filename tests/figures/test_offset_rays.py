@@ -3,8 +3,12 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 
-from radarsim.figures.offset_rays import draw_offset_rays, scan_spec_for, start_distance
-from radarsim.plotting.ray_segments import RAY_COLOURS
+from radarsim.figures.offset_rays import (
+    RAY_COLOURS,
+    draw_offset_rays,
+    scan_spec_for,
+    start_distance,
+)
 from radarsim.sensors.beams import LEFT, RIGHT
 
 
@@ -34,7 +38,7 @@ def test_left_rays_are_red_and_right_rays_blue_and_the_room_shows_every_third() 
         colours = np.asarray(rays.get_edgecolor(), np.float64)[:, :3]
         starts = np.array(rays.get_segments())[:, 0]
         for side in (LEFT, RIGHT):
-            colour = to_rgb(RAY_COLOURS[side][0])
+            colour = to_rgb(RAY_COLOURS[side])
             mine = np.isclose(colours, colour).all(axis=1)
             fresh = np.isclose(starts[mine], [-7.7915, side * 0.2]).all(axis=1)
             assert fresh.sum() == beams

@@ -130,6 +130,6 @@ def test_areas_look_on_paper_like_the_colour_of_their_family(family: Family) -> 
     assert (opacity < 1) == (family is Family.SMOKE)
 
 
-@pytest.mark.parametrize("picture", ["rays over a plan", "sensors over a plan"])
+@pytest.mark.parametrize("picture", ["left and right rays", "sensors over a plan"])
 def test_groups_contain_the_paper_and_the_ink(picture: str) -> None:
     assert {PAPER, INK} <= set(SHOWN_TOGETHER[picture])

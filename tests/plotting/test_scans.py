@@ -16,22 +16,24 @@ import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.plotting import draw_scans, plot_scans
-from radarsim.plotting.palette import family_of
+from radarsim.plotting.palette import RADAR, Family, family_of
 from radarsim.plotting.ray_segments import (
     FULL_OPACITY,
     FULL_WIDTH,
     NO_RETURN_OPACITY,
-    RAY_COLOURS,
     line_opacity,
     line_width,
 )
 from radarsim.plotting.rendering import FORMS
+from radarsim.plotting.sight import find_sight
 from radarsim.plotting.style import area_style, scan_points
+from radarsim.raycast.attenuation import EventKind
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
 
 START = (-7.7915, 0.0, 0.0)
 THROUGH = "rays that see through"
+STONE = Family.STONE.value
 
 
 def scan_of(scene: Scene, preset: str = "radar", **settings: Any) -> Scan:
@@ -81,7 +83,7 @@ def labels(figure: Figure) -> list[str]:
 
 
 @pytest.mark.parametrize("side", [-1, 0, 1])
-def test_side_rays_have_their_colours_and_start_beside_the_sensor(
+def test_side_rays_start_beside_the_sensor_in_the_colour_of_the_radar(
     foliage_room: Scene, side: int
 ) -> None:
     weights = tuple(float(side == other) for other in (-1, 0, 1))
@@ -94,7 +96,7 @@ def test_side_rays_have_their_colours_and_start_beside_the_sensor(
         lines = strokes(figure, label)
         ends = hit_points(lines)[:, 0]
         starts += np.isclose(ends, [START[0], side * 0.4]).all(axis=1).sum()
-        colour = np.broadcast_to(to_rgb(RAY_COLOURS[side][0]), (len(ends), 3))
+        colour = np.broadcast_to(to_rgb(RADAR), (len(ends), 3))
         assert colours_of(lines)[:, :3] == pytest.approx(colour)
     assert starts == 181
 
@@ -110,12 +112,12 @@ def test_rays_that_see_through_are_boldest_and_their_hits_the_largest(
     hits = markers(figure)["seen through"]
     behind = int((scan.ranges * np.cos(scan.angles) + START[0] > 1.8).sum())
     assert len(np.asarray(hits.get_offsets())) >= behind > 5
-    sizes = [np.max(m.get_sizes()) for m in markers(figure).values() if m is not hits]
-    assert np.min(hits.get_sizes()) > 2 * max(sizes)
+    sizes = [line.get_markersize() for line in figure.axes[0].lines]
+    assert np.min(hits.get_sizes()) > 2 * max(sizes) ** 2 / 2
     x = hit_points(others)[:, :, 0]
     assert np.max(x) < 1.8  # no other ray is drawn behind the bushes
-    count = len(np.asarray(hits.get_offsets()))
-    assert f"{count} of 181 beams see through foliage" in title(figure)
+    assert len(np.asarray(hits.get_offsets())) == behind
+    assert f"{behind} of 181 beams see through foliage" in title(figure)
 
 
 def test_rays_fade_with_their_power(foliage_room: Scene) -> None:
@@ -164,8 +166,19 @@ def test_legend_lists_only_what_is_there(name: str) -> None:
     rng = generator_for(0, name)
     scan = scanner.scan(scene, (start.x, start.y, start.yaw), rng)
     told = labels(plot_scans(scene, [scan]))
-    assert "right ray" in told
-    assert not {"left ray", "centre ray", "no return", "blinded: reads 0"} & set(told)
+    assert "does not see through" in told
+    assert not {"no return", "blinded: reads 0"} & set(told)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_beam_that_grazes_a_bush_and_reads_the_wall_it_touches_does_not_see_through(
+    foliage_room: Scene, seed: int
+) -> None:
+    radar = radarsim.load_sensor("radar")
+    scan = radar.scan(foliage_room, START, generator_for(seed, "radar"))
+    ends = scan.cast.origins + scan.ranges[:, None] * scan.cast.directions
+    behind = ends[:, 0] > 1.7  # m; where the bushes end
+    assert np.array_equal(find_sight(foliage_room, scan).through, behind)
 
 
 def test_rays_without_return_beside_rays_that_see_through_are_no_warning() -> None:
@@ -214,34 +227,39 @@ def test_ray_without_return_is_faint_and_ends_at_the_maximum_range(
     assert "181 without return" in small_print(figure)
 
 
-MODES = {
-    "last": {
-        "hits a surface: concrete",
-        "hits a surface: wood",
-        "is spent inside: foliage",
-    },
-    "first": {"hits a surface: concrete", "enters a volume: foliage"},
-    "all": {
-        "hits a surface: concrete",
-        "hits a surface: wood",
-        "is spent inside: foliage",
-        "enters a volume: foliage",
-        "leaves a volume: foliage",
-    },
+ALL_ECHOES = {
+    "hits a surface: concrete",
+    "hits a surface: wood",
+    "is spent inside: foliage",
+    "enters a volume: foliage",
+    "leaves a volume: foliage",
 }
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_kept_echoes_are_drawn(foliage_room: Scene, mode: str) -> None:
-    scan = scan_of(foliage_room, return_mode=mode)
+def test_all_echoes_are_drawn_if_the_sensor_keeps_them(foliage_room: Scene) -> None:
+    scan = scan_of(foliage_room, return_mode="all")
     figure = plot_scans(foliage_room, [scan])
     drawn = markers(figure)
     drawn.pop("seen through", None)
-    assert set(drawn) == MODES[mode]
+    assert set(drawn) == ALL_ECHOES
     counts = [len(np.asarray(marks.get_offsets())) for marks in drawn.values()]
     assert sum(counts) == len(scan.echoes)
     kinds = {label.split(": ")[0] for label in drawn}
     assert kinds <= set(labels(figure))
+
+
+def test_each_ray_ends_in_one_mark_that_tells_how(foliage_room: Scene) -> None:
+    scan = scan_of(foliage_room, side_offset_uu=100)
+    figure = plot_scans(foliage_room, [scan])
+    through = np.asarray(markers(figure)["seen through"].get_offsets())
+    marks = {str(line.get_label()): line for line in figure.axes[0].lines}
+    ends = {name: np.asarray(marks[name].get_xydata()) for name in ("stopped", "spent")}
+    assert len(through) + sum(map(len, ends.values())) == 181
+    spent = scan.echoes.kinds == EventKind.SPENT
+    assert len(ends["spent"]) == spent.sum() > 0
+    true_ends = scan.cast.origins + scan.ranges[:, None] * scan.cast.directions
+    assert ends["spent"] == pytest.approx(true_ends[spent, :2])
+    assert "is spent in foliage" in labels(figure)
 
 
 def test_each_return_mode_looks_different(foliage_room: Scene) -> None:
@@ -269,7 +287,9 @@ def test_beams_of_any_number_of_rays_can_be_drawn(
     foliage_room: Scene, mode: str, settings: dict[str, Any]
 ) -> None:
     scan = scan_of(foliage_room, return_mode=mode, **settings)
-    assert markers(plot_scans(foliage_room, [scan]))
+    axes = plot_scans(foliage_room, [scan]).axes[0]
+    drawn = {str(line.get_label()) for line in axes.lines} - {"scale"}
+    assert drawn or axes.findobj(PathCollection)
 
 
 def test_echoes_are_coloured_by_material_and_filled_where_rays_end(
@@ -296,49 +316,51 @@ def test_stronger_echoes_are_larger(foliage_room: Scene) -> None:
     assert sizes[-1] > 1.5 * sizes[0]
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_ranges_are_dots_along_their_beams(foliage_room: Scene, count: int) -> None:
-    scanner = radarsim.load_sensor("radar", side_offset_uu=100)
-    rng = generator_for(0, "dots")
-    scans = [scanner.scan(foliage_room, START, rng) for _ in range(count)]
-    figure = plot_scans(foliage_room, scans)
-    dots = dots_of(figure)
-    expected = np.concatenate([scan_points(scan) for scan in scans])
-    assert len(dots) == 181 * count
-    ordered, wanted = (points[np.lexsort(points.T)] for points in (dots, expected))
-    assert ordered == pytest.approx(wanted)
-
-
-def test_several_scans_are_drawn_as_ranges_only(foliage_room: Scene) -> None:
-    scanner = radarsim.load_sensor("radar")
+def several(scene: Scene, **settings: Any) -> list[Scan]:
+    scanner = radarsim.load_sensor("radar", **settings)
     rng = generator_for(0, "several")
-    scans = [scanner.scan(foliage_room, START, rng) for _ in range(2)]
+    return [scanner.scan(scene, START, rng) for _ in range(3)]
+
+
+def test_several_scans_are_pale_dots_along_their_beams(foliage_room: Scene) -> None:
+    scans = several(foliage_room, side_offset_uu=100)
     figure = plot_scans(foliage_room, scans)
-    assert markers(figure) == {}
     assert not figure.axes[0].findobj(LineCollection)
-    told = {"of the left ray", "of the centre ray", "of the right ray", "foliage"}
-    assert told <= set(labels(figure))
-    assert "362 readings of 2 scans" in title(figure)
-    assert "2 scans of 181 beams" in small_print(figure)
+    dots = markers(figure)["reading"]
+    assert dots.get_alpha() == pytest.approx(0.3)
+    (seen,) = (
+        np.asarray(line.get_xydata())
+        for line in figure.axes[0].lines
+        if line.get_label() == "seen through"
+    )
+    drawn = np.concatenate([np.asarray(dots.get_offsets()), seen])
+    expected = np.concatenate([scan_points(scan) for scan in scans])
+    ordered, wanted = (points[np.lexsort(points.T)] for points in (drawn, expected))
+    assert ordered == pytest.approx(wanted)
+    counts = [int(find_sight(foliage_room, scan).through.sum()) for scan in scans]
+    assert len(seen) == sum(counts)
+    told = f"{min(counts)} to {max(counts)} of 181 beams see through foliage"
+    assert told in title(figure)
+    assert "in 3 scans" in title(figure)
+    assert "3 scans of 181 beams" in small_print(figure)
 
 
 def test_several_scans_of_all_echoes_show_all_of_them(foliage_room: Scene) -> None:
-    scanner = radarsim.load_sensor("radar", return_mode="all")
-    rng = generator_for(0, "several")
-    scans = [scanner.scan(foliage_room, START, rng) for _ in range(2)]
+    scans = several(foliage_room, return_mode="all")
     figure = plot_scans(foliage_room, scans)
-    count = sum(len(scan.echoes) for scan in scans)
-    found = figure.axes[0].findobj(PathCollection)
-    assert sum(len(np.asarray(m.get_offsets())) for m in found) == count
-    assert f"{count} echoes of 2 scans" in title(figure)
-    assert len(dots_of(figure)) == 0
+    drawn = {name for name in markers(figure) if name.startswith("echo of ")}
+    assert drawn == {f"echo of {word}" for word in ("foliage", "wood", STONE)}
+    count = sum(len(np.asarray(markers(figure)[name].get_offsets())) for name in drawn)
+    assert count == sum(len(scan.echoes) for scan in scans)
+    assert drawn <= set(labels(figure))
+    assert "see through foliage" in title(figure)
 
 
 def test_title_counts_blinded_beams(smoke_room: Scene) -> None:
     figure = plot_scans(smoke_room, [scan_of(smoke_room, "hokuyo")])
     assert "228 of 228 beams are blinded" in title(figure)
-    assert set(markers(figure)) == {"is spent inside: smoke"}
-    assert "left ray" not in labels(figure)
+    assert markers(figure) == {}
+    assert "blinded: reads 0" in labels(figure)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,197 @@
+"""Marks of readings: what is seen through something is the largest.
+
+A single scan has a mark at the end of each ray. Of several scans each reading is a
+small, pale dot, so that the picture shows how densely they lie.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.plotting.echo_marks import material_of
+from radarsim.plotting.palette import PAPER, Family, family_of
+from radarsim.plotting.ray_segments import (
+    FULL_OPACITY,
+    FULL_WIDTH,
+    NO_RETURN_OPACITY,
+    THROUGH_WIDTH,
+    scan_colour,
+)
+from radarsim.plotting.sight import Sight, name_materials
+from radarsim.plotting.style import Legend, area_style, echo_points, scan_points
+from radarsim.raycast.attenuation import EventKind
+from radarsim.sensors.scan import Scan
+
+THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
+DOT: Final = 3.5  # points, of other readings
+CROSS: Final = 4.5  # points, of rays that are spent
+MANY_AREA: Final = 5.0  # square points, of a reading of several scans
+MANY_OPACITY: Final = 0.3
+MANY_THROUGH_AREA: Final = 36.0  # square points, if it is seen through something
+
+Mask = NDArray[np.bool_]
+
+
+def draw_ray_ends(axes: Axes, scan: Scan, sight: Sight) -> None:
+    """Mark the end of each ray of a scan that came back."""
+    rays, colour = scan.cast, scan_colour(scan)
+    read = _read(scan)
+    ranges = np.where(read, scan.ranges, 0.0)[:, None]
+    ends = (rays.origins + ranges * rays.directions)[:, :2]
+    spent = _spent(scan) & read & ~sight.through
+    stopped = read & ~sight.through & ~spent
+    style: dict[str, Any] = {"linestyle": "none", "color": colour, "zorder": 4}
+    if stopped.any():
+        axes.plot(*ends[stopped].T, ".", markersize=DOT, label="stopped", **style)
+    if spent.any():
+        style |= {"markersize": CROSS, "markeredgewidth": 0.9}
+        axes.plot(*ends[spent].T, "x", label="spent", **style)
+    draw_hits(axes, scan, sight)
+
+
+def draw_hits(axes: Axes, scan: Scan, sight: Sight) -> None:
+    """Circle what is read by rays that see through something: the largest marks."""
+    seeing = np.flatnonzero(sight.through)
+    if not len(seeing):
+        return
+    ranges, directions = scan.ranges[seeing, None], scan.cast.directions[seeing]
+    points = scan.cast.origins[seeing] + ranges * directions
+    axes.scatter(
+        *(points[:, 0], points[:, 1], THROUGH_AREA),
+        facecolors=PAPER,
+        edgecolors=scan_colour(scan),
+        linewidths=1.6,
+        label="seen through",
+        zorder=5,
+    )
+
+
+def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
+    """Add how the rays of a scan end to a legend.
+
+    Args:
+        legend: Gets the rows.
+        scan: A scan.
+        sight: How its beams see.
+    """
+    read = _read(scan)
+    echoing = scan.echoes.settings.return_mode == "all"
+    spent = _spent(scan) & read & ~sight.through & (not echoing)
+    circle = {
+        "marker": "o",
+        "markersize": math.sqrt(THROUGH_AREA),
+        "markerfacecolor": PAPER,
+        "markeredgewidth": 1.6,
+    }
+    thin = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
+    dot = {} if echoing else {"marker": ".", "markersize": DOT}
+    cross = {"marker": "x", "markersize": CROSS}
+    faint = {"linewidth": FULL_WIDTH, "alpha": 2 * FULL_OPACITY * NO_RETURN_OPACITY}
+    dashed = {"linewidth": 0.6, "linestyle": (0, (2, 4))}
+    rows: list[tuple[Mask, str, dict[str, Any]]] = [
+        (
+            sight.through,
+            f"sees through {sight.words}",
+            {"linewidth": THROUGH_WIDTH, **circle},
+        ),
+        (read & ~sight.through & ~spent, "does not see through", {**thin, **dot}),
+        (spent, f"is spent in {_name_spent(scan)}", {**thin, **cross}),
+        (np.isinf(scan.ranges), "no return", faint),
+        (scan.ranges == 0, "blinded: reads 0", dashed),
+    ]
+    colour = legend.ray_colour or scan_colour(scan)
+    legend.add_heading("Rays")
+    for mask, text, style in rows:
+        if mask.any():
+            legend.add_line(text, color=colour, **style)
+
+
+def draw_many(
+    axes: Axes, scans: Sequence[Scan], sights: Sequence[Sight], legend: Legend
+) -> None:
+    """Draw the readings of several scans as pale dots, or their echoes.
+
+    Args:
+        axes: Axes in m.
+        scans: Scans of one sensor.
+        sights: How their beams see.
+        legend: Gets rows for the marks.
+    """
+    colour = scan_colour(scans[0])
+    if scans[0].echoes.settings.return_mode == "all":
+        _draw_echo_dots(axes, scans, legend)
+    else:
+        pairs = zip(scans, sights, strict=True)
+        points = [scan_points(scan)[_read(scan) & ~s.through] for scan, s in pairs]
+        legend.add_heading("Readings")
+        if len(dots := np.concatenate(points)):
+            _draw_dots(axes, dots, colour, "reading")
+            legend.add_marker("reading", ".", color=colour, alpha=0.6)
+    seen = [scan_points(scan)[s.through] for scan, s in zip(scans, sights, strict=True)]
+    if len(hits := np.concatenate(seen)):
+        style: dict[str, Any] = {"markeredgecolor": PAPER, "markeredgewidth": 0.5}
+        size = math.sqrt(MANY_THROUGH_AREA)
+        axes.plot(
+            *hits.T,
+            "o",
+            color=colour,
+            markersize=size,
+            label="seen through",
+            zorder=5,
+            **style,
+        )
+        materials = (material for sight in sights for material in sight.materials)
+        text = f"seen through {name_materials(materials)}"
+        legend.add_marker(text, "o", color=colour, markersize=size, **style)
+
+
+def _draw_echo_dots(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
+    """Draw a dot for each echo, in the shade of the outlines of its material."""
+    legend.add_heading("Echoes")
+    found: dict[Family, list[Floats]] = {}
+    for scan in scans:
+        points = echo_points(scan, scan.echoes)
+        for part in scan.echoes.targets:
+            family = family_of(material_of(scan.echoes, part))
+            found.setdefault(family, []).append(points[scan.echoes.parts == part])
+    for family in sorted(found, key=list(Family).index):
+        colour = area_style(family)["edgecolor"]
+        text = f"echo of {family.value}"
+        _draw_dots(axes, np.concatenate(found[family]), colour, text)
+        legend.add_marker(text, ".", color=colour)
+
+
+def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
+    axes.scatter(
+        *(points[:, 0], points[:, 1], MANY_AREA),
+        color=colour,
+        alpha=MANY_OPACITY,
+        linewidths=0,
+        label=label,
+        zorder=3,
+    )
+
+
+def _read(scan: Scan) -> Mask:
+    return np.isfinite(scan.ranges) & (scan.ranges > 0)
+
+
+def _spent(scan: Scan) -> Mask:
+    """Return which beams read the place where their power is spent, (N,)."""
+    echoes = scan.echoes
+    spent = np.zeros(len(scan.ranges), np.bool_)
+    at_end = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
+    spent[echoes.beams[at_end & (echoes.kinds == EventKind.SPENT)]] = True
+    return spent
+
+
+def _name_spent(scan: Scan) -> str:
+    """Return what power is spent in, in words."""
+    echoes = scan.echoes
+    parts = np.unique(echoes.parts[echoes.kinds == EventKind.SPENT]).tolist()
+    return name_materials(material_of(echoes, part) for part in parts)
