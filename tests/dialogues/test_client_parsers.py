@@ -17,7 +17,6 @@ from client_parsers import (
     PlayerParser,
     Reading,
     RosParser,
-    UsarCommanderParser,
 )
 from positional_parsers import (
     IridiumParser,
@@ -26,6 +25,7 @@ from positional_parsers import (
     StudentParser,
     ToolboxParser,
 )
+from usarcommander_parser import UsarCommanderParser
 
 from radarsim.client import Session
 from radarsim.geometry import Floats, Pose3
@@ -170,6 +170,79 @@ def check_lines(
         )
         assert {k: n for k, n in read[client].items() if k in wanted} == wanted, client
         assert wanted["RangeScanner"] >= seconds / 0.31, client
+
+
+SCAN = "SEN {Type RangeScanner} {Name Scanner1} {Resolution 1} {FOV 1} {Range 1,2}"
+
+
+@pytest.mark.parametrize(
+    ("parser", "line"),
+    [
+        pytest.param(
+            MaldoParser(), "SEN {Type Touch} {Name B} {Touch False}", id="two groups"
+        ),
+        pytest.param(
+            MaldoParser(),
+            "SEN {Type Sonar} {Name F1 Range 1} {Name F2 Range 2}",
+            id="two sonars",
+        ),
+        pytest.param(
+            MaldoParser(), "STA {Type GroundVehicle} {Battery 1}", id="half a status"
+        ),
+        pytest.param(
+            StudentParser(),
+            "SEN {Time 1} {Type Odometry} {Name O} {Pose 1,2,3}",
+            id="odometry with time",
+        ),
+        pytest.param(
+            UsarCommanderParser("P3AT"),
+            "SEN {Type Encoder} {ECLeft 2} {ECRight 3}",
+            id="a key for each wheel",
+        ),
+        pytest.param(
+            UsarCommanderParser("P3AT"), "STA {Battery 0}", id="empty battery"
+        ),
+        pytest.param(UsarCommanderParser("P3AT"), "Hello", id="no blank"),
+        pytest.param(
+            UsarCommanderParser("P2AT"),
+            SCAN.replace("1,2", "1,"),
+            id="comma at the end",
+        ),
+        pytest.param(
+            UsarCommanderParser("P2AT"),
+            "SEN {Type GPS} {Name G} {Latitude 1,2.5,North} {Fix 1} {Satellites 5}",
+            id="long side",
+        ),
+        pytest.param(
+            RosParser(),
+            "SEN {Time 1} {Type RangeScanner} {Range 1,2} {Name S} {FOV 1}",
+            id="ranges before the name",
+        ),
+        pytest.param(
+            PlayerParser("P2AT"),
+            "GEO {Type RangeScanner} {Name Scanner1} {Location 1,2,3}",
+            id="mount in parts",
+        ),
+        pytest.param(
+            PlayerParser("P2AT"),
+            SCAN.replace("Scanner1", "lms200"),
+            id="scanner that is not registered",
+        ),
+        pytest.param(
+            PlayerParser("P2AT"),
+            "SEN {Type Encoder} {Name ECLeft} {Tick 3}",
+            id="encoder in two groups",
+        ),
+        pytest.param(LcmProxyParser(), SCAN.replace("1,2", "1,2,3"), id="third range"),
+        pytest.param(
+            ToolboxParser(), "SEN {Type GPS} {Name G} {Fix 1}", id="no latitude"
+        ),
+        pytest.param(IridiumParser(), "STA {Battery full}", id="no number"),
+    ],
+)
+def test_parsers_fail_where_their_clients_do(parser: Parser, line: str) -> None:
+    with pytest.raises((AssertionError, IndexError, KeyError, ValueError)):
+        parser.parse(line)
 
 
 CASES = [

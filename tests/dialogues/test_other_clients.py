@@ -1,16 +1,17 @@
-"""Simulated versions of other clients with the quirks of their parsers.
+"""Simulated versions of other clients, with the quirks of their framing and dialogues.
 
-They run in lockstep with a host. An assertion in one of them is where the real client
-would drop data, stall or crash.
+They run in lockstep with a host and read lines with the clients' own parsers. An
+exception is where the real client would drop data, stall or crash.
 """
 
-import math
-import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
+from typing import Any
 
 import pytest
+from client_parsers import PlayerParser, RosParser
+from positional_parsers import MaldoParser, StudentParser, ToolboxParser
 
 from radarsim.host import Host
 from radarsim.scene.scene import Scene
@@ -57,6 +58,7 @@ class RosNode:
     """Has one open request of each type; drives when robot and sensors are known."""
 
     wire: Wire
+    parser: RosParser = field(default_factory=RosParser)
     infos: dict[str, set[str]] = field(
         default_factory=lambda: {"CONF": set(), "GEO": set()}
     )
@@ -100,45 +102,21 @@ class RosNode:
         return all(infos >= wanted for infos in self.infos.values())
 
     def handle(self, line: str) -> None:
-        tokens = re.findall(r"[^{}\s]+", line)  # the node ignores braces
-        assert all(len(token) < 1024 for token in tokens if token.count(",") < 3)
-        values = dict(pairwise(tokens))
-        verb = tokens[0]
-        if verb == "STA":
-            assert values["Type"] == "GroundVehicle"
-            assert float(values["Time"]) > 0
-        elif verb == "SEN":
-            assert float(values["Time"]) > 0
-            self.seen.add((values["Type"], values["Name"]))
-            self.poses += values["Name"] == "GndTruth"
-            if values["Type"] == "RangeScanner":
-                self.on_scan(tokens, values)
-        elif verb in self.infos:
-            self.on_info(verb, tokens, values)
-
-    def on_scan(self, tokens: list[str], values: dict[str, str]) -> None:
-        after = tokens[tokens.index("Range") + 1 :]
-        ranges = [float(number) for token in after for number in token.split(",")]
-        assert len(ranges) <= 192
-        assert (
-            len(ranges) == round(float(values["FOV"]) / float(values["Resolution"])) + 1
-        )
-        self.scans += 1
-
-    def on_info(self, verb: str, tokens: list[str], values: dict[str, str]) -> None:
+        reading = self.parser.parse(line)
+        if reading is None or reading.kind == "STA":
+            return
+        verb, _, kind = reading.kind.rpartition(" ")
+        if not verb:
+            self.seen.add((kind, reading.name))
+            self.poses += reading.name == "GndTruth"
+            self.scans += kind == "RangeScanner"
+            return
         self.infos[verb].add(self.asked[verb] or "")
         self.asked[verb] = None
-        if values["Type"] == "GroundVehicle":
-            assert verb == "GEO" or values["SteeringType"] == "SkidSteered"
-            keys = ("WheelRadius", "WheelSeparation", "MaxSpeed")
-            self.steering |= {k: float(values[k]) for k in keys if k in values}
-        elif verb == "GEO":
-            at = tokens.index("Name")
-            assert [tokens[at + 2], tokens[at + 4]] == ["Location", "Orientation"]
-            assert tokens[at + 6] == "Mount"
-        elif values["Type"] == "RangeScanner":
-            assert float(values["Fov"]) > 3
-            self.limits = (float(values["MinRange"]), float(values["MaxRange"]))
+        if kind == "Robot":
+            self.steering |= reading.values
+        elif (verb, kind) == ("CONF", "RangeScanner"):
+            self.limits = (reading.values["MinRange"], reading.values["MaxRange"])
 
 
 def test_the_ros_node_learns_its_robot_and_drives(wire: Wire) -> None:
@@ -164,11 +142,8 @@ class PlayerDriver:
 
     wire: Wire
     buffer: bytes = b""
-    geo: dict[str, str] = field(default_factory=dict)
-    conf: dict[str, str] = field(default_factory=dict)
-    place: list[float] = field(default_factory=list)
-    scans: list[list[float]] = field(default_factory=list)
-    odometry: list[list[float]] = field(default_factory=list)
+    parser: PlayerParser = field(default_factory=lambda: PlayerParser("P2AT"))
+    readings: dict[str, list[Mapping[str, Any]]] = field(default_factory=dict)
 
     def run(self, seconds: float) -> None:
         for data in self.wire.writes(seconds):
@@ -180,27 +155,9 @@ class PlayerDriver:
                     self.buffer = b""
 
     def handle(self, line: str) -> None:
-        if "{Name " not in line:
-            return
-        if line.startswith("GEO {Type RangeScanner}"):
-            match = re.fullmatch(
-                r".*\{Name Scanner1 Location (\S+) Orientation (\S+) Mount \w+\}", line
-            )
-            assert match, "a segmentation fault"
-            self.place = [float(number) for number in match[1].split(",")]
-            return
-        fields = dict(re.findall(r"\{(\w+) ([^}]*)\}", line))
-        if line.startswith("CONF {Type RangeScanner}"):
-            assert fields["Name"] == "Scanner1", "a segmentation fault"
-        elif line.startswith("GEO "):
-            self.geo = fields
-        elif line.startswith("CONF "):
-            self.conf = fields
-        elif "{Type RangeScanner}" in line:
-            assert fields["Name"] == "Scanner1"
-            self.scans.append([float(r) for r in fields["Range"].split(",")])
-        elif "{Type Odometry}" in line:
-            self.odometry.append([float(p) for p in fields["Pose"].split(",")])
+        reading = self.parser.parse(line)
+        if reading is not None:
+            self.readings.setdefault(reading.kind, []).append(reading.values)
 
 
 def test_the_player_driver_gets_its_geometry_and_scans(wire: Wire) -> None:
@@ -215,15 +172,15 @@ def test_the_player_driver_gets_its_geometry_and_scans(wire: Wire) -> None:
     driver.run(1)
     wire.send("SET {Type Odometry} {Name Odometry} {Opcode RESET} \r\n\n\r")
     driver.run(1)
-    assert {"Dimensions", "COG", "WheelRadius", "WheelSeparation"} <= set(driver.geo)
-    wanted = {"SteeringType", "Mass", "MaxSpeed", "MaxTorque", "MaxFrontSteer"}
-    assert wanted <= set(driver.conf)
-    assert driver.place == [0.15, 0, -0.2]
-    assert len(driver.scans) >= 18
+    assert driver.readings["GEO Robot"][0]["WheelRadius"] == [0.11]
+    assert driver.readings["CONF Robot"][0]["MaxSpeed"] == 8.17
+    assert driver.readings["GEO RangeScanner"] == [{"Location": [0.15, 0, -0.2]}]
+    scans = [values["Range"] for values in driver.readings["RangeScanner"]]
+    assert len(scans) >= 18
     # the first range is the right one, from y = 1 to the wall at y = 6.4
-    assert driver.scans[0][0] == pytest.approx(5.4, abs=0.02)
-    assert driver.scans[0][-1] == pytest.approx(7.4, abs=0.02)
-    distances = [pose[0] for pose in driver.odometry]
+    assert scans[0][0] == pytest.approx(5.4, abs=0.02)
+    assert scans[0][-1] == pytest.approx(7.4, abs=0.02)
+    distances = [values["Pose"][0] for values in driver.readings["Odometry"]]
     assert max(distances[:10]) == pytest.approx(0.2, abs=0.03)
     assert max(distances[11:]) == pytest.approx(0.2, abs=0.03)
 
@@ -239,7 +196,8 @@ class JavaController:
         self.wire = wire
         self.owed = 1  # the greeting
         self.lost: list[str] = []
-        self.readings: dict[str, list[list[str]]] = {}
+        self.parser = MaldoParser()
+        self.readings: dict[str, list[Mapping[str, Any]]] = {}
 
     def run(self, seconds: float) -> None:
         self.wire.host.take(self.wire.number)  # the greeting
@@ -252,11 +210,9 @@ class JavaController:
             self.lost.append(lines[0])
 
     def handle(self, line: str) -> None:
-        if line.startswith("SEN "):
-            keys = re.findall(r"\{(\w+) [^}]*\}", line)
-            kind = re.findall(r"\{Type (\w+)\}", line)[0]
-            after = keys[keys.index("Type") + 1 :]
-            self.readings.setdefault(kind, []).append(after)
+        reading = self.parser.parse(line)
+        if reading is not None:
+            self.readings.setdefault(reading.kind, []).append(reading.values)
 
 
 def test_the_java_controller_loses_only_the_status(wire: Wire) -> None:
@@ -268,13 +224,11 @@ def test_the_java_controller_loses_only_the_status(wire: Wire) -> None:
     java.run(2)
     assert len(java.lost) == 20
     assert all(line.startswith("STA {Type GroundVehicle}") for line in java.lost)
-    for kind, keys in (
-        ("RangeScanner", ["Name", "Resolution", "FOV", "Range"]),
-        ("GroundTruth", ["Name", "Location", "Orientation"]),
-        ("INS", ["Name", "Location", "Orientation"]),
-        ("Odometry", ["Name", "Pose"]),
-    ):
-        assert java.readings[kind] == [keys] * 20
+    for kind in ("RangeScanner", "GroundTruth", "INS", "Odometry", "Touch"):
+        assert len(java.readings[kind]) == 20
+    assert java.readings["Touch"][0] == {"Touch": False}
+    x, _, _ = java.readings["GroundTruth"][-1]["Location"]
+    assert x == pytest.approx(wire.x, abs=1e-4)
     assert wire.x == pytest.approx(-8.169998)
 
 
@@ -290,15 +244,20 @@ class MatlabToolbox:
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
+        self.parser = ToolboxParser()
 
-    def find(self, kind: str) -> str:
+    def find(self, kind: str) -> Mapping[str, Any]:
+        reading = self.parser.parse(self.find_line(kind))
+        assert reading is not None
+        return reading.values
+
+    def find_line(self, kind: str) -> str:
         silence, count = 0.0, 0
         while count < 1000:
             lines = list(self.wire.lines(0.05))
             silence = 0 if lines else silence + 0.05
             assert silence < 0.5
             for line in lines:
-                assert len(line) + 2 <= 4096  # InputBufferSize
                 count += 1
                 if f"Type {kind}" in line:
                     return line
@@ -311,7 +270,7 @@ def test_the_matlab_toolbox_finds_every_reading(wire: Wire) -> None:
         "INIT {ClassName USARBot.P3AT} {Name R1} {Location -8,1.9,1.8} "
         "{Rotation 0,0,1.5708}\r\n"
     )
-    for kind in ("Odometry", "GroundTruth", "INS", "RangeScanner", "Encoder"):
+    for kind in ("Odometry", "GroundTruth", "INS", "RangeScanner"):
         assert toolbox.find(kind)
     for command in (
         "DRIVE {Left 1} {Right 1} {Normalized False}",
@@ -324,12 +283,10 @@ def test_the_matlab_toolbox_finds_every_reading(wire: Wire) -> None:
         wire.send(f"{command}\r\n")
     list(wire.writes(1))
     truth = toolbox.find("GroundTruth")
-    assert "{Orientation 0.0000,0.0000,1.5708}" in truth
-    y = float(truth.split("{Location ")[1].split(",")[1])
-    assert y == pytest.approx(
-        1.9 + 0.1, abs=0.02
-    )  # right of x, at yaw 90 degrees right
-    assert "{LightToggle True}" in toolbox.find("GroundVehicle")
+    assert truth["Orientation"] == [0, 0, 1.5708]
+    # right of x, at yaw 90 degrees right
+    assert truth["Location"][1] == pytest.approx(1.9 + 0.1, abs=0.02)
+    assert "{LightToggle True}" in toolbox.find_line("GroundVehicle")
 
 
 def test_the_place_and_name_are_free_after_the_matlab_toolbox_disconnects(
@@ -346,28 +303,17 @@ def test_the_place_and_name_are_free_after_the_matlab_toolbox_disconnects(
 
 def test_a_student_client_reads_fields_by_position(wire: Wire) -> None:
     wire.send("INIT {ClassName USARBot.P2DX} {Location -8,1.9,1.8} {Name R1}\r\n")
-    scans = statuses = odometry = 0
+    parser, counts = StudentParser(), Counter[str]()
     for data in wire.writes(3):
         assert len(data) <= 4096  # one recv(4096) ...
         assert data.endswith(b"\n")  # ... that ends with a line
         for line in data.decode("ascii").splitlines():
-            words = re.findall(r"\{[^\}]*\}|\S+", line)
-            if words[1] == "{Type GroundVehicle}":
-                statuses += 1
-            elif words[0] == "SEN" and words[2] == "{Type RangeScanner}":
-                ranges = words[6].removeprefix("{Range ").removesuffix("}").split(",")
-                assert len([float(r) for r in ranges]) == 181
-                scans += 1
-            elif words[:2] == ["SEN", "{Type Odometry}"]:
-                x, y, theta = (
-                    words[3].removeprefix("{Pose ").removesuffix("}").split(",")
-                )
-                assert math.hypot(float(x), float(y), float(theta)) < 10
-                odometry += 1
+            reading = parser.parse(line)
+            if reading is not None:
+                counts[reading.kind] += 1
             wire.send("DRIVE {LEFT 20} {RIGHT 10} {Normalized true}\r\n")
-    assert scans >= 29
-    assert odometry >= 29
-    assert statuses >= 29
+    for kind in ("RangeScanner", "Odometry", "STA"):
+        assert counts[kind] >= 29
     (vehicle,) = wire.host.simulation.vehicles
     assert vehicle.robot.pose.yaw < -0.5  # the left wheels are faster: it turns right
 

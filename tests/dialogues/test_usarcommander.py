@@ -6,15 +6,16 @@ with the server. An assertion inside it is where the real program would throw.
 
 import asyncio
 import math
-import re
 import socket
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
+from client_parsers import groups_of
+from usarcommander_parser import UsarCommanderParser
 
 from radarsim.geometry import Floats
 from radarsim.host import Diagnostic, Host
@@ -23,8 +24,6 @@ from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
 ONE_READ = 4096
-GROUND = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")
-HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES")
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
 NO_DRIFT = SimulationConfig(item_settings={"InsTest": STILL})
 NO_NOISE = SimulationConfig(
@@ -129,16 +128,6 @@ class SocketTransport:
         self.socket.close()
 
 
-def parts_of(line: str) -> list[str]:
-    return re.findall(r"\{([^{}]*)\}", line)
-
-
-def numbers(text: str, count: int) -> list[float]:
-    values = [float(word) for word in text.split(",")]
-    assert len(values) == count
-    return values
-
-
 @dataclass
 class Patch:
     """A scan in the map: the estimated pose of the robot, and ranges left to right."""
@@ -157,13 +146,16 @@ class Commander:
     name: str = "Rob"
     battery: int = 0
     sent: list[str] = field(default_factory=list)
-    answers: dict[str, dict[str, str]] = field(default_factory=dict)
+    answers: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     offset: tuple[float, float] = (0.0, 0.0)
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scans: int = 0
     first: tuple[float, float, float] | None = None
     patches: list[Patch] = field(default_factory=list)
     rest: str = ""
+    parser: UsarCommanderParser = field(
+        default_factory=lambda: UsarCommanderParser("P3AT")
+    )
 
     def send(self, line: str) -> None:
         self.sent.append(line)
@@ -199,69 +191,45 @@ class Commander:
             self.handle(line.removesuffix("\r"))
 
     def handle(self, line: str) -> None:
-        head = line[: line.index(" ")]  # without a blank the driver thread would crash
-        assert head in HEADS
-        fields: dict[str, str] = {}
-        for part in parts_of(line):
-            key, _, value = part.strip().partition(" ")
-            fields.setdefault(key.lower(), value)
-        if head == "NFO":
+        reading = self.parser.parse(line)
+        if reading is None:
+            return
+        kind, values = reading.kind, reading.values
+        if kind == "NFO":
             self.send(f"GETGEO {{Type Robot}} {{Name {self.name}}}")
             self.send(f"GETCONF {{Type Robot}} {{Name {self.name}}}")
-        elif head == "STA":
-            self.on_status(fields)
-        elif head in ("GEO", "CONF"):
-            self.on_answer(head, fields, line)
-        elif head == "SEN":
-            self.on_reading(fields)
+        elif kind == "STA":
+            self.battery = values["battery"]
+        elif " " in kind:
+            self.on_answer(kind, values)
+        elif kind == "INS":
+            x, y, _ = values["Location"]
+            self.pose = (x, y, values["Orientation"][2])
+        elif kind == "RangeScanner":
+            self.on_scan(values)
 
-    def on_status(self, fields: dict[str, str]) -> None:
-        self.battery = int(fields["battery"])
-        int(fields["view"]), int(fields["lightintensity"])
-        assert fields["lighttoggle"] in ("True", "False")
-
-    def on_answer(self, head: str, fields: dict[str, str], line: str) -> None:
-        kind = fields["type"]
-        if kind in GROUND:
-            self.answers[f"{head} Robot"] = fields
+    def on_answer(self, answer: str, values: Mapping[str, Any]) -> None:
+        self.answers[answer] = values
+        head, kind = answer.split(" ")
+        if kind == "Robot":
             self.send(f"GET{head} {{Type RangeScanner}} {{Name lms200}}")
         elif kind == "RangeScanner":
-            self.answers[f"{head} RangeScanner"] = fields
             self.send(f"GET{head} {{Type Camera}} {{Name Camera}}")
-            for part in parts_of(line):
-                words = part.split(" ")
-                if words[:2] == ["Name", "lms200"] and words[-1] == "HARD":
-                    assert len(words) == 8
-                    x, y, _ = numbers(words[3], 3)
-                    self.offset = (x, y)
+            if head == "GEO":
+                x, y, _ = values["Location"]
+                self.offset = (x, y)
 
-    def on_reading(self, fields: dict[str, str]) -> None:
-        kind = fields["type"]
-        if kind == "RangeScanner":
-            self.on_scan(fields)
-        elif kind == "INS":
-            x, y, _ = numbers(fields["location"], 3)
-            self.pose = (x, y, numbers(fields["orientation"], 3)[2])
-        elif kind == "GroundTruth":
-            numbers(fields["location"], 3), numbers(fields["orientation"], 3)
-        elif kind == "Encoder":
-            assert not [key for key in fields if key.startswith(("ec", "enc"))]
-        elif kind == "Tachometer":
-            numbers(fields["vel"], 4), numbers(fields["pos"], 4)
-
-    def on_scan(self, fields: dict[str, str]) -> None:
-        fov, step = float(fields["fov"]), float(fields["resolution"])
-        ranges = [float(text) for text in fields["range"].split(",")][::-1]
-        if fields["name"] != "lms200":
-            return
+    def on_scan(self, values: Mapping[str, Any]) -> None:
         self.scans += 1
-        assert round(fov / step) + 1 >= len(ranges)  # else the scan is dropped
         if self.link.milliseconds() % 200 > 100:
             return
         if self.first is None:
             self.first = self.pose
         elif self.is_patch():
-            self.patches.append(Patch(self.pose, fov, step, ranges))
+            ranges = values["Range"][::-1]
+            self.patches.append(
+                Patch(self.pose, values["FOV"], values["Resolution"], ranges)
+            )
 
     def is_patch(self) -> bool:
         """Return whether a scan extends the map or starts it at the first pose."""
@@ -304,7 +272,7 @@ def probe_level(connect: Callable[[], Transport]) -> str:
     link.sleep(1)
     text = link.read().decode("ascii")
     link.close()
-    return next(p[6:] for p in parts_of(text) if p.startswith("Level "))
+    return next(p[6:] for p in groups_of(text) if p.startswith("Level "))
 
 
 def probe_starts(connect: Callable[[], Transport]) -> dict[str, tuple[str, str]]:
@@ -316,7 +284,7 @@ def probe_starts(connect: Callable[[], Transport]) -> dict[str, tuple[str, str]]
     link.sleep(1)
     text = link.read().decode("ascii")
     link.close()
-    words = parts_of(text)[-1].split(" ")
+    words = groups_of(text)[-1].split(" ")
     starts = dict(
         zip(words[::3], zip(words[1::3], words[2::3], strict=True), strict=True)
     )
@@ -373,9 +341,9 @@ def test_level_start_poses_and_robot_are_found(empty_room: Scene) -> None:
         "GETCONF {Type Camera} {Name Camera}",
     ]
     geo = commander.answers["GEO Robot"]
-    assert float(geo["wheelradius"]) == 0.098
-    assert float(geo["wheelseparation"]) == 0.36
-    assert float(geo["wheelbase"]) == 0.248
+    assert geo["wheelradius"] == [0.098]
+    assert geo["wheelseparation"] == [0.36]
+    assert geo["wheelbase"] == [0.248]
     assert commander.offset == (0.2085, 0.0)
     assert commander.pose == (-8.0, 0.0, 0.0)
     assert {notice.text for notice in world.diagnostics} == {
