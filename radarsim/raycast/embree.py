@@ -1,4 +1,4 @@
-"""Embree: its shared library, and scenes built in it.
+"""Scenes of triangles in Embree.
 
 Theory of operation
 ===================
@@ -16,6 +16,13 @@ traversal from one origin yields *all* surfaces up to the first opaque one, and 
 is restarted behind a hit. Restarts with an offset would lose thin parts, restarts at
 the next float would lose coincident surfaces; a list loses neither.
 
+A level ray only crosses triangles that reach its height. Sensors are mounted level and
+robots drive on floors, so that most rays have one of few heights: for each of them the
+scene is built once more, without the triangles that do not reach the height. Such a
+slice of a forest has a fraction of the forest's leaves. The crossings that a ray finds
+in a slice are those that it finds in the whole scene, bit for bit: which triangles
+Embree proposes differs, but each is intersected by the same operations.
+
 Rule 1: a scene does not change after it is built. Embree would ignore later additions.
 Rule 2: input is checked: shapes, finite vertices, indices in range. Embree reads beyond
 the ends of arrays and drops whole meshes without an error.
@@ -24,11 +31,8 @@ so that Embree handles no numbers larger than the scene's.
 """
 
 import ctypes
-import functools
-import importlib.metadata
 import weakref
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -41,91 +45,13 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.jit import c_callback
 from radarsim.raycast.crossings import TINY
+from radarsim.raycast.embree_library import open_library
 from radarsim.raycast.intersect import (
     CORNERS_BYTES,
     on_nearby_primitive,
     on_primitive,
     pointer,
 )
-
-PROPERTY_VERSION: Final = 0
-PROPERTY_USER_GEOMETRY: Final = 100
-
-_POINTER, _INT, _UINT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
-_BOOL = ctypes.c_bool
-SIGNATURES: Final[dict[str, tuple[Any, list[Any]]]] = {
-    "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
-    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _INT]),
-    "rtcGetDeviceError": (_INT, [_POINTER]),
-    "rtcReleaseDevice": (None, [_POINTER]),
-    "rtcNewScene": (_POINTER, [_POINTER]),
-    "rtcCommitScene": (None, [_POINTER]),
-    "rtcReleaseScene": (None, [_POINTER]),
-    "rtcNewGeometry": (_POINTER, [_POINTER, _INT]),
-    "rtcSetGeometryUserPrimitiveCount": (None, [_POINTER, _UINT]),
-    "rtcSetGeometryUserData": (None, [_POINTER, _POINTER]),
-    "rtcSetGeometryBoundsFunction": (None, [_POINTER, _POINTER, _POINTER]),
-    "rtcSetGeometryIntersectFunction": (None, [_POINTER, _POINTER]),
-    "rtcCommitGeometry": (None, [_POINTER]),
-    "rtcAttachGeometry": (_UINT, [_POINTER, _POINTER]),
-    "rtcReleaseGeometry": (None, [_POINTER]),
-    "rtcPointQuery": (_BOOL, [_POINTER] * 5),
-    "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
-}
-
-
-@functools.cache
-def open_library() -> ctypes.CDLL:
-    """Open the Embree 4 in the wheel of embreex.
-
-    Raises:
-        EngineError: If there is none, or one of another version or build.
-    """
-    try:
-        files = importlib.metadata.files("embreex") or []
-    except importlib.metadata.PackageNotFoundError:
-        files = []
-    return load_library([Path(str(f.locate())) for f in files if "embree4" in f.name])
-
-
-def load_library(paths: list[Path]) -> ctypes.CDLL:
-    """Open the only file of a list, and check that it is Embree 4.
-
-    Raises:
-        EngineError: If there is not one file, or it is not Embree 4.
-    """
-    if len(paths) != 1:
-        names = [path.name for path in paths]
-        raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
-    try:
-        library = ctypes.CDLL(str(paths[0]))
-        # Without declared types ctypes would cut pointers to 32 bits.
-        for name, (result, arguments) in SIGNATURES.items():
-            function = getattr(library, name)
-            function.restype, function.argtypes = result, arguments
-    except (OSError, AttributeError) as error:
-        raise EngineError(f"cannot use {paths[0]}: {error}") from error
-    expect_version(library)
-    return library
-
-
-def expect_version(library: ctypes.CDLL) -> None:
-    """Check for version 4, built with user geometries.
-
-    Raises:
-        EngineError: If the library is another one.
-    """
-    device = library.rtcNewDevice(None)
-    if not device:
-        raise EngineError("Embree made no device, expected one with its defaults")
-    version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
-    boxes = library.rtcGetDeviceProperty(device, PROPERTY_USER_GEOMETRY)
-    library.rtcReleaseDevice(device)
-    if version // 10000 != 4 or not boxes:
-        raise EngineError(
-            f"Embree {version}, user geometries {bool(boxes)}, expected 4xxxx and True"
-        )
-
 
 # How much wider than its triangle a box is, for each metre of the scene's radius.
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
@@ -174,9 +100,12 @@ class SceneHandle(NamedTuple):
         intersect: Address of ``rtcIntersect1``.
         point_query: Address of ``rtcPointQuery``.
         on_nearby: Address of ``on_nearby_primitive``.
-        scene: Embree's scene.
-        triangles: Address of the corners of all triangles.
-        owners: Address of the indices of the parts that the triangles belong to.
+        scenes: (S + 1, 4) the addresses of Embree's scene, of the corners of its
+            triangles, and of the indices of the parts that these belong to; and where
+            the triangles begin in ``sliced``. The first row is that of the whole scene,
+            the others are those of its slices.
+        heights: (S + 1,) m, z of each slice; nan for the whole scene.
+        sliced: The indices in the whole scene of all slices' triangles.
         radius: m, of a sphere around the origin that contains everything.
         margin: m by which the boxes are wider than their triangles.
     """
@@ -184,18 +113,46 @@ class SceneHandle(NamedTuple):
     intersect: np.uint64
     point_query: np.uint64
     on_nearby: np.uint64
-    scene: np.uint64
-    triangles: np.uint64
-    owners: np.uint64
+    scenes: NDArray[np.uint64]
+    heights: Floats
+    sliced: NDArray[np.int64]
     radius: float
     margin: float
 
 
-class EmbreeScene:
-    """Triangle meshes in Embree.
+class _Hierarchy:
+    """Triangles, and Embree's hierarchy of boxes around them.
 
     Attributes:
-        handle: The ``SceneHandle`` for queries.
+        triangles: (T, 9) m, the corners.
+        owners: (T,) uint32, the index of each triangle's mesh.
+        addresses: The first three of a row of ``SceneHandle.scenes``.
+    """
+
+    def __init__(
+        self, triangles: Floats, owners: NDArray[np.uint32], margin: float
+    ) -> None:
+        library = open_library()
+        self.triangles, self.owners = triangles, owners
+        device, scene = _build(library, triangles, margin)
+        close = weakref.finalize(self, _release, library, scene, device)
+        # When Python ends, a daemon thread may still trace rays in the scene.
+        close.atexit = False
+        self.addresses = (scene, triangles.ctypes.data, owners.ctypes.data)
+
+
+MAX_SLICES: Final = 32
+# A slice is built after so many level rays would have used it, and one more for so many
+# triangles of the scene: by then they have cost about as much as the slice will.
+RAYS_PER_SLICE: Final = 1000
+TRIANGLES_PER_RAY: Final = 20
+
+
+class EmbreeScene:
+    """Triangle meshes in Embree, and slices of them for level rays.
+
+    Attributes:
+        handle: The ``SceneHandle`` for queries; replaced when a slice is added.
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
 
@@ -209,24 +166,59 @@ class EmbreeScene:
         corners = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
         self.triangles = np.concatenate([np.zeros((0, 9)), *corners])
         counts = [len(rows) for rows in corners]
-        self._owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
+        owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
         points = self.triangles.reshape(-1, 3)
         radius = float(np.sqrt((points**2).sum(axis=1).max(initial=0.0)))
         margin = RELATIVE_MARGIN * radius
-        device, scene = _build(library, self.triangles, margin)
-        self._close = weakref.finalize(self, _release, library, scene, device)
-        # When Python ends, a daemon thread may still trace rays in the scene.
-        self._close.atexit = False
+        whole = _Hierarchy(self.triangles, owners, margin)
+        self._hierarchies = [whole]
+        self._unsliced_rays = 0
         self.handle = SceneHandle(
             _address_of(library.rtcIntersect1),
             _address_of(library.rtcPointQuery),
             np.uint64(on_nearby_primitive.address),
-            np.uint64(scene),
-            np.uint64(self.triangles.ctypes.data),
-            np.uint64(self._owners.ctypes.data),
+            np.array([[*whole.addresses, 0]], np.uint64),
+            np.array([np.nan]),
+            np.zeros(0, np.int64),
             radius + margin,
             margin,
         )
+
+    def add_slice(self, height: float) -> None:
+        """Speed up level rays at a height; what they find stays the same.
+
+        Args:
+            height: z, m.
+        """
+        whole, handle = self._hierarchies[0], self.handle
+        z = self.triangles[:, 2::3]
+        # Twice the margin: Embree rounds its boxes to float32.
+        low, high = height - 2.0 * handle.margin, height + 2.0 * handle.margin
+        kept = np.flatnonzero((z.min(axis=1) <= high) & (z.max(axis=1) >= low))
+        row = handle.scenes[0]
+        if 2 * len(kept) <= len(z):  # else it would be no faster, and take memory
+            corners, owners = self.triangles[kept], whole.owners[kept]
+            self._hierarchies.append(_Hierarchy(corners, owners, handle.margin))
+            addresses = self._hierarchies[-1].addresses
+            row = np.array([*addresses, len(handle.sliced)], np.uint64)
+            handle = handle._replace(sliced=np.append(handle.sliced, kept))
+        self.handle = handle._replace(
+            scenes=np.vstack([handle.scenes, row]),
+            heights=np.append(handle.heights, height),
+        )
+
+    def count_unsliced(self, height: float, rays: int) -> None:
+        """Count level rays that found no slice; add one if it will pay off.
+
+        Args:
+            height: z of the last of them, m.
+            rays: Their number.
+        """
+        self._unsliced_rays += rays
+        enough = RAYS_PER_SLICE + len(self.triangles) // TRIANGLES_PER_RAY
+        if self._unsliced_rays >= enough and len(self.handle.heights) <= MAX_SLICES:
+            self._unsliced_rays = 0
+            self.add_slice(height)
 
 
 def _address_of(function: Any) -> np.uint64:

@@ -48,14 +48,16 @@ CONTEXT_WORD: Final = 64
 FIELDS_WORD: Final = 80
 INVALID: Final = 0xFFFFFFFF  # Embree's number for "none", and its mask of all bits
 # The fields in words of 8 bytes: integers, most of them addresses ...
-TRIANGLES: Final = 0
-OWNERS: Final = 1
-ROLES: Final = 2
-LIST: Final = 3
-CAPACITY: Final = 4
-COUNT: Final = 5
-STOP_PART: Final = 6
-AXES: Final = 7
+SCENE: Final = 0
+TRIANGLES: Final = 1
+OWNERS: Final = 2
+ROLES: Final = 3
+LIST: Final = 4
+CAPACITY: Final = 5
+COUNT: Final = 6
+STOP_PART: Final = 7
+ROW: Final = 8
+AXES: Final = 9
 # ... then reals, and at the end one more integer.
 LINE: Final = AXES + AXES_SIZE
 NEAR: Final = LINE + LINE_SIZE
@@ -216,12 +218,12 @@ def new_ray_buffer(handle: Any, crossings: Any) -> Any:
     buffer[ARGUMENTS_WORD // 2 + 1] = address + np.uint64(CONTEXT_WORD * 4)
     words[CONTEXT_WORD : CONTEXT_WORD + 4] = INVALID  # no instance
     reals = fields.view(np.float64)
-    fields[TRIANGLES] = handle.triangles
-    fields[OWNERS] = handle.owners
     fields[LIST] = crossings.ctypes.data
     fields[CAPACITY] = crossings.size
     reals[MARGIN] = handle.margin
-    return RayBuffer(words, buffer.view(np.float32), fields, reals, address)
+    ray_buffer = RayBuffer(words, buffer.view(np.float32), fields, reals, address)
+    _set_scene(handle, ray_buffer, 0)
+    return ray_buffer
 
 
 @njit_cached
@@ -230,6 +232,52 @@ def _aligned(size: Any) -> Any:
     raw = np.zeros(size + ALIGNMENT // 8, np.uint64)
     skipped = (ALIGNMENT - raw.ctypes.data % ALIGNMENT) % ALIGNMENT // 8
     return raw[skipped : skipped + size]
+
+
+@njit_inline
+def _set_scene(handle: Any, buffer: Any, row: Any) -> None:
+    """Let the next queries search one of the scenes of a handle."""
+    buffer.fields[SCENE] = handle.scenes[row, 0]
+    buffer.fields[TRIANGLES] = handle.scenes[row, 1]
+    buffer.fields[OWNERS] = handle.scenes[row, 2]
+    buffer.fields[ROW] = row
+
+
+@njit_inline
+def select_scene(
+    handle: Any, buffer: Any, origin: Any, direction: Any, unsliced: Any
+) -> None:
+    """Choose the scene of the next queries: a slice if the ray is level and one fits.
+
+    Args:
+        handle: The ``SceneHandle``.
+        buffer: From ``new_ray_buffer``.
+        origin: (3,) m.
+        direction: (3,) unit vector.
+        unsliced: (2,) the height, m, of the last level ray that found no slice, and
+            how many there were; updated.
+    """
+    row = 0
+    if direction[2] == 0.0:
+        row = handle.heights.size - 1
+        while row > 0 and handle.heights[row] != origin[2]:
+            row -= 1
+        if row == 0:
+            unsliced[0] = origin[2]
+            unsliced[1] += 1.0
+        elif handle.scenes[row, 0] == handle.scenes[0, 0]:
+            row = 0
+    _set_scene(handle, buffer, row)
+
+
+@njit_inline
+def opaque_triangle(handle: Any, buffer: Any) -> Any:
+    """Return the index, in the whole scene, of the last opaque triangle found."""
+    fields = buffer.fields
+    k = fields[STOP_TRIANGLE]
+    if fields[ROW] == 0:
+        return np.int64(k)
+    return handle.sliced[np.int64(handle.scenes[fields[ROW], 3] + k)]
 
 
 @njit_inline
@@ -265,7 +313,8 @@ def _run_query(
     words[GEOMETRY_WORD] = INVALID
     buffer.reals[SKIPPED] = skipped
     arguments = buffer.address + np.uint64(ARGUMENTS_WORD * 4)
-    _call_intersect(handle.intersect, handle.scene, buffer.address, arguments)
+    scene = buffer.fields[SCENE]
+    _call_intersect(handle.intersect, scene, buffer.address, arguments)
 
 
 @njit_inline
@@ -386,7 +435,9 @@ def is_opaque_nearby(handle: Any, roles: Any, point: Any, radius: Any) -> Any:
     for axis in range(3):
         query[axis] = point[axis]
     query[RADIUS_WORD] = radius
-    fields[0], fields[1] = handle.owners, np.uint64(roles.ctypes.data)
+    fields[0], fields[1] = handle.scenes[0, 2], np.uint64(roles.ctypes.data)
     address = np.uint64(buffer.ctypes.data)
-    _call_point_query(handle.point_query, handle.scene, address, handle.on_nearby)
+    _call_point_query(
+        handle.point_query, handle.scenes[0, 0], address, handle.on_nearby
+    )
     return fields[2] == np.uint64(1)

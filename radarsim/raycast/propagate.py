@@ -36,6 +36,7 @@ from radarsim.raycast.intersect import (
     intersect_backward,
     intersect_forward,
     new_ray_buffer,
+    select_scene,
 )
 from radarsim.raycast.rays import is_valid_ray
 from radarsim.raycast.reflection import end_before_mirror, incidence_of, reflect
@@ -91,11 +92,12 @@ class TracedScene(NamedTuple):
     """A scene as ``trace_rays`` takes it.
 
     Attributes:
-        handle: The ``SceneHandle`` of the Embree scene.
+        handle: The ``SceneHandle`` of the Embree scene and its slices.
         centre: (3,) m, map frame, the origin of all other coordinates.
         materials: The table of its materials for the classes of the rays.
         triangles: (T, 9) m, the corners of all triangles.
         boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
+        unsliced: (2,) updated by ``select_scene``.
     """
 
     handle: Any
@@ -103,6 +105,7 @@ class TracedScene(NamedTuple):
     materials: MaterialTable
     triangles: Floats
     boxes: Floats
+    unsliced: Floats
 
 
 class Workspace(NamedTuple):
@@ -284,6 +287,7 @@ def _trace_segment(
         As ``_march``.
     """
     handle, materials, state = scene.handle, scene.materials, work.state
+    select_scene(handle, work.buffer, work.origin, work.direction, scene.unsliced)
     roles = materials.backward_roles[ray.ray_class]
     if _is_near_volume(materials, roles, work.origin, handle.margin):
         needed = _find_enclosing(handle, roles, work)
@@ -342,7 +346,7 @@ def _trace_ray(i: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
             break
         record_event(state, i, progress.t, MIRRORED, part, left, absorption)
         reset_winding(state)
-        reflect(scene.triangles, progress.t, work)
+        reflect(scene, progress.t, work)
         _start_segment(scene, t + progress.t, work)
         progress = Progress(0.0, left - absorption, min_power, np.int64(-1))
         reflections -= 1

@@ -9,15 +9,16 @@ import numpy as np
 
 from radarsim.jit import njit_inline
 from radarsim.raycast.attenuation import END_HIT, T_START, SegmentEnd
-from radarsim.raycast.intersect import STOP_TRIANGLE
+from radarsim.raycast.intersect import opaque_triangle
 from radarsim.raycast.robot_boxes import box_incidence
 
 MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
 
 
 @njit_inline
-def triangle_normal(triangles: Any, k: Any) -> Any:
-    """Return the unit normal of a triangle."""
+def _opaque_normal(scene: Any, work: Any) -> Any:
+    """Return the unit normal of the triangle at which the last segment ended."""
+    triangles, k = scene.triangles, opaque_triangle(scene.handle, work.buffer)
     ax, ay = triangles[k, 3] - triangles[k, 0], triangles[k, 4] - triangles[k, 1]
     bx, by = triangles[k, 6] - triangles[k, 0], triangles[k, 7] - triangles[k, 1]
     az, bz = triangles[k, 5] - triangles[k, 2], triangles[k, 8] - triangles[k, 2]
@@ -36,7 +37,7 @@ def end_before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
     part, count = end.part, end.crossed
     if ray.reflections <= 0 or part < 0 or part >= mirror.size or not mirror[part]:
         return end
-    nx, ny, nz = triangle_normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
+    nx, ny, nz = _opaque_normal(scene, work)
     direction, crossings = work.direction, work.state.crossings
     along = abs(nx * direction[0] + ny * direction[1] + nz * direction[2])
     # Along a slanted ray the offset from the mirror's plane is longer.
@@ -47,10 +48,10 @@ def end_before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
 
 
 @njit_inline
-def reflect(triangles: Any, t: Any, work: Any) -> None:
+def reflect(scene: Any, t: Any, work: Any) -> None:
     """Set origin and direction of the segment that follows the last one at a mirror."""
     origin, direction = work.origin, work.direction
-    nx, ny, nz = triangle_normal(triangles, work.buffer.fields[STOP_TRIANGLE])
+    nx, ny, nz = _opaque_normal(scene, work)
     along = nx * direction[0] + ny * direction[1] + nz * direction[2]
     if along > 0.0:  # the back of the triangle is hit
         nx, ny, nz, along = -nx, -ny, -nz, -along
@@ -77,6 +78,6 @@ def incidence_of(end: Any, scene: Any, work: Any) -> Any:
     if end.part >= parts:
         t = end.t - work.state.segment[T_START]
         return box_incidence(scene.boxes, end.part - parts, work.origin, direction, t)
-    nx, ny, nz = triangle_normal(scene.triangles, work.buffer.fields[STOP_TRIANGLE])
+    nx, ny, nz = _opaque_normal(scene, work)
     along = nx * direction[0] + ny * direction[1] + nz * direction[2]
     return min(abs(along), 1.0)

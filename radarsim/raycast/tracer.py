@@ -198,6 +198,7 @@ class Tracer:
             self._table_for(rays.ray_classes),
             self._scene.triangles,
             NO_BOXES if boxes is None else boxes.table(self._centre),
+            np.zeros(2),
         )
         while True:
             traces = TraceColumns(
@@ -214,6 +215,9 @@ class Tracer:
             if needed < 0:
                 reject_ray(rays, -1 - int(needed))
             if needed == 0 and count <= max_events:
+                height, unsliced = scene.unsliced.tolist()
+                if unsliced:
+                    self._scene.count_unsliced(height, int(unsliced))
                 return Traces(*traces, events[:count])
             self._max_crossings = max(self._max_crossings, 2 * int(needed))
             max_events = max(max_events, count)

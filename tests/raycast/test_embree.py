@@ -15,14 +15,8 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.crossings import CROSSING
-from radarsim.raycast.embree import (
-    EmbreeScene,
-    FirstHits,
-    Mesh,
-    expect_version,
-    load_library,
-    open_library,
-)
+from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh
+from radarsim.raycast.embree_library import expect_version, load_library, open_library
 from radarsim.raycast.intersect import (
     BEHIND,
     COLLECT,

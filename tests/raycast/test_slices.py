@@ -1,0 +1,119 @@
+"""Level rays find in a slice of a scene what they find in the whole scene."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.raycast.embree import MAX_SLICES, RAYS_PER_SLICE, EmbreeScene, Mesh
+from radarsim.raycast.rays import RADAR, RayClass, Rays, Traces
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene import shapes
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
+
+MATERIALS = (
+    Material("foliage", density=0.05),
+    Material("concrete"),
+    Material("metal", radar_mirror=True),
+)
+REFLECTED = (RayClass(RADAR, max_reflections=2),)
+COLUMNS = ("ranges", "outcomes", "parts", "power", "incidence", "events")
+
+
+def forest(rng: np.random.Generator) -> list[Part]:
+    """Create balls and boxes of all materials; half of them stand on one plane."""
+    parts = []
+    for i in range(60):
+        material = MATERIALS[i % 3]
+        vertices, faces = shapes.sphere(1.0) if i % 2 else shapes.box(1.0, 2.0, 1.5)
+        z = 0.75 if i % 4 < 2 else rng.uniform(-2.0, 3.0)
+        at = np.array([*rng.uniform(-20.0, 20.0, 2), z])
+        parts.append(Part(f"{material.name} {i}", material, vertices + at, faces))
+    leaf = np.array([[5.0, -1.0, -1.0], [5.0, 1.0, -1.0], [5.0, 0.0, 4.0]])
+    sheet = Material("leaf", density=0.0, sheet_loss=0.2)
+    parts.append(Part("leaf", sheet, leaf, np.array([[0, 1, 2]], np.int32)))
+    return parts
+
+
+def level_rays(rng: np.random.Generator, parts: list[Part], z: float, n: int) -> Rays:
+    """Cast level rays from anywhere, half of them through the edges of triangles."""
+    corners = np.vstack([part.vertices for part in parts])
+    origins = np.column_stack([rng.uniform(-22.0, 22.0, (n, 2)), np.full(n, z)])
+    ends = rng.uniform(-22.0, 22.0, (n, 2))
+    ends[::2] = corners[rng.integers(len(corners), size=len(ends[::2])), :2]
+    directions = np.zeros((n, 3))
+    directions[:, :2] = ends - origins[:, :2]
+    directions[::10] = [[-1.0, 0.0, 0.0]]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return Rays(
+        origins,
+        directions,
+        np.full(n, 60.0),
+        rng.choice([0.5, 1.0, np.inf], n),
+        np.zeros(n, np.uint8),
+        np.full(n, -1),
+        REFLECTED,
+    )
+
+
+def results(traces: Traces) -> dict[str, bytes]:
+    return {name: getattr(traces, name).tobytes() for name in COLUMNS}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_traces_are_the_same_bytes_with_and_without_a_slice(seed: int) -> None:
+    rng = np.random.Generator(np.random.PCG64(seed))
+    parts = forest(rng)
+    corners = np.vstack([part.vertices for part in parts])
+    sliced = Tracer(parts)
+    # Between vertices; at the vertices of one part; at level faces; above everything.
+    for z in (0.3, float(rng.choice(corners[:, 2])), 0.0, 1.5, 50.0):
+        for _ in range(2):
+            sliced.trace(level_rays(rng, parts, z, 2 * RAYS_PER_SLICE))
+        rays = level_rays(rng, parts, z, RAYS_PER_SLICE // 2)
+        whole = Tracer(parts).trace(rays, events=True, incidence=True)
+        assert np.isfinite(whole.ranges).any() == (z < 50.0)
+        found = sliced.trace(rays, events=True, incidence=True)
+        assert results(found) == results(whole)
+
+
+def test_tilted_rays_search_the_whole_scene() -> None:
+    floor, faces = shapes.box(20.0, 20.0, 1.0)
+    low = Part("floor", Material("concrete"), floor - np.array([0.0, 0.0, 5.0]), faces)
+    post = Part("post", Material("wood"), *shapes.box(1.0, 1.0, 1.0))
+    tracer = Tracer([low, post])
+    from_left = np.full((1, 3), [-8.0, 0.0, 0.2])
+    ahead = np.repeat(from_left, 2 * RAYS_PER_SLICE, axis=0), np.eye(3)[[0]]
+    level = Rays.uniform(ahead[0], np.repeat(ahead[1], len(ahead[0]), 0), max_range=20)
+    for _ in range(2):
+        assert tracer.trace(level).ranges.tolist() == [7.5] * len(ahead[0])
+    down = Rays.uniform(from_left, np.array([[0.0, 0.0, -1.0]]), max_range=20)
+    assert tracer.trace(down).ranges.tolist() == pytest.approx([4.7])
+
+
+def ball() -> tuple[Floats, NDArray[np.int32]]:
+    return shapes.sphere(5.0)
+
+
+def test_slice_is_added_once_rays_have_paid_for_it() -> None:
+    scene = EmbreeScene([Mesh(*ball())])
+    scene.count_unsliced(0.1, RAYS_PER_SLICE // 2)
+    assert scene.handle.heights.tolist()[1:] == []
+    scene.count_unsliced(0.2, RAYS_PER_SLICE)
+    assert scene.handle.heights.tolist()[1:] == [0.2]
+    assert 0 < len(scene.handle.sliced) < len(scene.triangles) / 2
+
+
+def test_number_of_slices_is_limited() -> None:
+    scene = EmbreeScene([Mesh(*ball())])
+    for height in np.linspace(-1.0, 1.0, 3 * MAX_SLICES):
+        scene.count_unsliced(height, 10 * RAYS_PER_SLICE)
+    assert len(scene.handle.heights) == MAX_SLICES + 1
+
+
+def test_slice_that_has_most_triangles_is_the_whole_scene() -> None:
+    scene = EmbreeScene([Mesh(*shapes.box(1.0, 1.0, 1.0))])
+    scene.add_slice(0.0)
+    assert scene.handle.scenes[1].tolist() == scene.handle.scenes[0].tolist()
+    assert len(scene.handle.sliced) == 0
