@@ -29,10 +29,11 @@ NamesArgument = Annotated[
 
 
 def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
-    """List the sensor presets: their numbers, sources and confidence."""
+    """List the sensors: their numbers, sources and confidence."""
+    from radarsim.presets.items import item_presets
     from radarsim.presets.sensors import sensor_presets
 
-    chosen = _choose("sensor", names, sensor_presets())
+    chosen = _choose("sensor", names, {**sensor_presets(), **item_presets()})
     if as_json:
         plain = {name: preset.model_dump() for name, preset in chosen.items()}
         for preset in plain.values():
@@ -75,7 +76,7 @@ def _choose(
 
 def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
     """Return a row for each sensor, with the first sentence about it."""
-    from radarsim.presets.sensors import load_settings
+    from radarsim.presets.sensors import load_settings, sensor_presets
 
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("name", no_wrap=True)
@@ -84,9 +85,12 @@ def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
         table.add_column(column, justify="right")
     table.add_column("about")
     for name, preset in presets.items():
+        sentence = preset.about.partition(". ")[0].rstrip(".")
+        if name not in sensor_presets():  # no scanner
+            table.add_row(name, *[""] * 5, sentence)
+            continue
         it = load_settings(name)
         numbers = (it.beams, it.fov_deg, it.resolution_deg, it.max_range)
-        sentence = preset.about.partition(". ")[0].rstrip(".")
         table.add_row(name, it.medium, *(f"{n:.4g}" for n in numbers), sentence)
     return table
 

@@ -225,6 +225,8 @@ class Host:
             self._queue(client, echo_lines(time, scan.scanner, scan.echoes, names))
 
     def _queue(self, client: Client, reports: Iterable[Report]) -> None:
+        """Queue reports for a client with a robot."""
+        dialect = client.vehicle.dialect if client.vehicle else self._dialect
         for report in reports:
-            line = to_bytes([report.encode(self._dialect)])
+            line = to_bytes([report.encode(dialect)])
             client.send_queue.put(line, keep=False)

@@ -83,7 +83,10 @@ def _settings_of(
         case "RangeScanner":
             scanners = tuple(_scanner_settings(item, config) for item in items)
             return reports.ScannerConf(item_type, scanners)
-        case "GroundTruth" | "INS" | "Odometry" | "Tachometer":
+        case "Sonar":
+            sonars = tuple(_sonar_settings(item, config) for item in items)
+            return reports.SonarConf(item_type, sonars)
+        case "GroundTruth" | "INS" | "Odometry" | "Tachometer" | "GPS":
             intervals = tuple((item.name, config.interval(item)) for item in items)
             return reports.IntervalConf(item_type, intervals)
         case "Encoder":
@@ -104,3 +107,13 @@ def _scanner_settings(
     resolution = math.radians(settings.resolution_deg)
     fov = math.radians(settings.fov_deg)
     return item.name, settings.max_range, settings.min_range, resolution, fov
+
+
+def _sonar_settings(
+    item: Item, config: SimulationConfig
+) -> tuple[str, float, float, float, float]:
+    """Return name, maximum and minimum range in m, beam angle in rad, interval in s."""
+    settings = config.sonar_settings(item)
+    beam_angle = math.radians(settings.beam_angle_deg)
+    limits = settings.max_range, settings.min_range
+    return item.name, *limits, beam_angle, config.interval(item)

@@ -1,7 +1,7 @@
 """The YAML files of the shipped presets.
 
-The folders ``sensors``, ``materials`` and ``robots`` hold one file for each preset,
-named after it. Every number of a sensor or a material states its source.
+The folders ``sensors``, ``items``, ``materials`` and ``robots`` hold one file for each
+preset, named after it. Every number outside ``robots`` states its source.
 """
 
 from functools import cache
@@ -14,7 +14,7 @@ from radarsim.errors import PresetError
 from radarsim.suggestions import expected_one_of
 from radarsim.yaml_reader import parse_plain
 
-Folder: TypeAlias = Literal["sensors", "materials", "robots"]
+Folder: TypeAlias = Literal["sensors", "items", "materials", "robots"]
 
 _PACKAGE: Final = Path(__file__).parent
 

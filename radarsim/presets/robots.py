@@ -29,9 +29,12 @@ ItemType: TypeAlias = Literal[
     "Tachometer",
     "Encoder",
     "Touch",
+    "Sonar",
+    "GPS",
     "Battery",
 ]
 DialectName: TypeAlias = Literal["compat", "udk"]
+Generation: TypeAlias = Literal["ut2004", "udk"]
 Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
@@ -50,8 +53,6 @@ class Item(BaseModel):
             defaults of the item's type.
         interval: Time between two readings, s; None for the interval of the dialect.
         dialect: The only dialect in which the item is mounted; None for both.
-        unstamped_in: Dialect in which its readings have no time stamp, which only
-            odometry can leave out; None for none.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -64,7 +65,6 @@ class Item(BaseModel):
     settings: dict[str, Any] = {}
     interval: Length | None = None
     dialect: DialectName | None = None
-    unstamped_in: DialectName | None = None
 
     @model_validator(mode="after")
     def _scanners_name_a_sensor(self) -> Self:
@@ -72,12 +72,6 @@ class Item(BaseModel):
             raise ValueError(
                 "expected a sensor for a range scanner, and for no other item"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _only_odometry_is_unstamped(self) -> Self:
-        if self.unstamped_in is not None and self.type != "Odometry":
-            raise ValueError("expected unstamped_in for no other item than odometry")
         return self
 
     @property
@@ -94,6 +88,8 @@ class RobotModel(BaseModel):
 
     Attributes:
         name: Name of the class, as clients use it.
+        generation: Generation of servers whose clients ask for the class: in the
+            dialect ``compat`` it reports as those servers did.
         length: Length of the hull with its bumpers, centred on the origin, m.
         width: Width of the hull, centred on the origin, m.
         height: Height from the floor to the top of what the hull carries, m.
@@ -113,6 +109,7 @@ class RobotModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    generation: Generation = "udk"
     length: Length
     width: Length
     height: Length

@@ -5,13 +5,14 @@ server of the Unreal Development Kit, byte for byte. They agree in everything el
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.numbers import NumberFormat, Rounding
 
 DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
+Generation: TypeAlias = Literal["ut2004", "udk"]
 
 RAD_PER_S: Final[dict[DriveUnit, float]] = {
     "rad_per_s": 1.0,
@@ -40,18 +41,25 @@ class Dialect:
         plain: Format of odometry, tachometer, intervals and echoes.
         start_pose: Format of start poses.
         mount: Format of an item's pose on the robot.
-        robot: Format of the robot's dimensions and of a scanner's range limits.
+        robot: Format of the robot's dimensions, of range limits, and of the ranges of
+            sonars.
         mass: Format of the robot's mass.
         steer: Text of every steering angle; a skid-steer robot has none.
         light_intensity: Text while the headlight is off, and while it is on.
         status_keys: Keys of STA, in order.
         robot_conf_keys: Keys of the robot's CONF, in order.
         scanner_conf_keys: Keys of a scanner's CONF, in order.
+        sonar_conf_keys: Keys of a sonar's CONF, in order.
         mount_form: Template of one item of a GEO.
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
             separation instead of the hull's.
         joins_touch: Whether the reading of a touch sensor is in the segment of its
             name.
+        joins_sonars: Whether all sonars are in one line, each in the segment of its
+            name.
+        joins_encoders: Whether all encoders are in one line, likewise.
+        encoder_has_time: Whether encoder lines have a time stamp.
+        odometry_has_time: Whether odometry lines have a time stamp.
         ins_has_time: Whether INS lines have a time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
@@ -63,6 +71,8 @@ class Dialect:
         hokuyo_scan_interval: Interval of a Hokuyo, s.
         ins_interval: Interval of the INS, s.
         tachometer_interval: Interval of the tachometer, s.
+        sonar_interval: Interval of the sonars, s.
+        gps_interval: Interval of the GPS, s.
         laser_max_range: Range limit of a robot's radar and SICK, m; None for the
             preset's own.
     """
@@ -85,9 +95,14 @@ class Dialect:
     status_keys: tuple[str, ...]
     robot_conf_keys: tuple[str, ...]
     scanner_conf_keys: tuple[str, ...]
+    sonar_conf_keys: tuple[str, ...]
     mount_form: str
     dimensions_are_wheels: bool
     joins_touch: bool
+    joins_sonars: bool
+    joins_encoders: bool
+    encoder_has_time: bool
+    odometry_has_time: bool
     ins_has_time: bool
     ins_angles_positive: bool
     accepts_any_case_true: bool
@@ -99,7 +114,13 @@ class Dialect:
     hokuyo_scan_interval: float
     ins_interval: float
     tachometer_interval: float
+    sonar_interval: float
+    gps_interval: float
     laser_max_range: float | None
+
+    def of_generation(self, generation: Generation) -> "Dialect":
+        """Return the dialect in which robots of a generation of servers report."""
+        return COMPAT_UT2004 if self is COMPAT and generation == "ut2004" else self
 
     def scan_interval_of(self, sensor: str) -> float:
         """Return the interval of a scanner preset, s."""
@@ -131,11 +152,16 @@ COMPAT = Dialect(
         *("MaxSpeed", "MaxTorque", "MaxFrontSteer", "MaxRearSteer"),
     ),
     scanner_conf_keys=("Name", "MaxRange", "MinRange", "Resolution", "Fov"),
+    sonar_conf_keys=("Name", "MaxRange", "MinRange", "BeamAngle"),
     mount_form=(
         "{{Name {name} Location {location} Orientation {orientation} Mount HARD}}"
     ),
     dimensions_are_wheels=False,
     joins_touch=True,  # one client stops reading at a segment of its own
+    joins_sonars=True,
+    joins_encoders=False,
+    encoder_has_time=True,
+    odometry_has_time=True,
     ins_has_time=True,
     ins_angles_positive=False,
     accepts_any_case_true=True,
@@ -147,7 +173,15 @@ COMPAT = Dialect(
     hokuyo_scan_interval=0.1,
     ins_interval=0.1,
     tachometer_interval=0.1,
+    sonar_interval=0.2,
+    gps_interval=0.2,
     laser_max_range=None,
+)
+
+# What clients that were written for the servers of UT2004 expect of their robots: they
+# read the fields of these lines by position.
+COMPAT_UT2004 = replace(
+    COMPAT, joins_encoders=True, encoder_has_time=False, odometry_has_time=False
 )
 
 UDK = Dialect(
@@ -177,12 +211,20 @@ UDK = Dialect(
     scanner_conf_keys=(
         *("Name", "MaxRange", "MinRange", "Resolution", "Fov", "Panning", "Tilting"),
     ),
+    sonar_conf_keys=(
+        *("Name", "MaxRange", "MinRange", "ScanInterval", "beamAngle"),
+        *("maxAngleOfIncidence", "tracesPerCone", "numberOfCones"),
+    ),
     mount_form=(
         "{{Name {name}}} {{Location {location}}} {{Orientation {orientation}}}"
         "{{Mount {robot}}}"
     ),
     dimensions_are_wheels=True,
     joins_touch=False,
+    joins_sonars=False,
+    joins_encoders=False,
+    encoder_has_time=True,
+    odometry_has_time=True,
     ins_has_time=False,
     ins_angles_positive=True,
     accepts_any_case_true=False,
@@ -194,6 +236,8 @@ UDK = Dialect(
     hokuyo_scan_interval=0.3,
     ins_interval=0.2,
     tachometer_interval=0.2,
+    sonar_interval=0.2,
+    gps_interval=0.1,
     laser_max_range=20.0,
 )
 

@@ -33,6 +33,7 @@ from radarsim.protocol.robot_reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    SonarConf,
     TouchConf,
     decode_conf,
     decode_geo,
@@ -40,11 +41,13 @@ from radarsim.protocol.robot_reports import (
 )
 from radarsim.protocol.sensor_reports import (
     Encoder,
+    Gps,
     GroundTruth,
     Ins,
     Odometry,
     RangeScan,
     SensorReport,
+    Sonar,
     Tachometer,
     Touch,
 )
@@ -53,6 +56,7 @@ __all__ = [
     "EchoLine",
     "Encoder",
     "EncoderConf",
+    "Gps",
     "Greeting",
     "GroundTruth",
     "Ins",
@@ -66,6 +70,8 @@ __all__ = [
     "RobotGeo",
     "ScannerConf",
     "SensorReport",
+    "Sonar",
+    "SonarConf",
     "StartPoses",
     "Status",
     "Tachometer",
@@ -200,10 +206,13 @@ Report: TypeAlias = (
     | Tachometer
     | Encoder
     | Touch
+    | Sonar
+    | Gps
     | RobotGeo
     | RobotConf
     | ItemGeo
     | ScannerConf
+    | SonarConf
     | IntervalConf
     | EncoderConf
     | TouchConf
@@ -214,7 +223,7 @@ _SENSOR_REPORTS: Final = {
     report.sensor_type.lower(): report
     for report in (
         *(RangeScan, EchoLine, GroundTruth, Ins),
-        *(Odometry, Tachometer, Encoder, Touch),
+        *(Odometry, Tachometer, Encoder, Touch, Sonar, Gps),
     )
 }
 

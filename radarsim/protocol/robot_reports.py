@@ -241,6 +241,65 @@ class ScannerConf:
 
 
 @dataclass(frozen=True, slots=True)
+class SonarConf:
+    """The settings of sonars.
+
+    Attributes:
+        type: Type of the items in the spelling of the request.
+        items: Name, maximum and minimum range, m, angle of the cone, rad, and interval,
+            s, which is NaN if it is not reported.
+    """
+
+    type: str
+    items: tuple[tuple[str, float, float, float, float], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If a field is missing or not readable.
+        """
+        rows = [
+            (
+                item.name,
+                item.parse("MaxRange", parse_number),
+                item.parse_optional("MinRange", parse_number) or 0.0,
+                item.parse("BeamAngle", parse_number),
+                item.number_or_nan("ScanInterval"),
+            )
+            for item in message.items()
+        ]
+        return cls(message.require("Type"), tuple(rows))
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end.
+
+        Raises:
+            ValueError: If a number is not finite.
+        """
+        fields = [("Type", self.type)]
+        keys = dialect.sonar_conf_keys
+        for name, max_range, min_range, beam_angle, interval in self.items:
+            angle = dialect.angle.format(beam_angle)
+            values = {
+                "Name": name,
+                "MaxRange": dialect.robot.format(max_range),
+                "MinRange": dialect.robot.format(min_range),
+                "BeamAngle": angle,
+                "beamAngle": angle,
+                # The original's numbers, which have no effect there.
+                "maxAngleOfIncidence": "0.1745",
+                "tracesPerCone": "16",
+                "numberOfCones": "10",
+            }
+            if "ScanInterval" in keys:
+                values["ScanInterval"] = dialect.robot.format(interval)
+            fields += select_fields(keys, values)
+        return _line("CONF", *fields)
+
+
+@dataclass(frozen=True, slots=True)
 class _SettingConf:
     """One setting of each item of a type.
 
@@ -344,7 +403,15 @@ def decode_geo(message: Message) -> RobotGeo | ItemGeo:
 
 def decode_conf(
     message: Message,
-) -> RobotConf | ScannerConf | IntervalConf | TouchConf | EncoderConf | NameConf:
+) -> (
+    RobotConf
+    | ScannerConf
+    | SonarConf
+    | IntervalConf
+    | TouchConf
+    | EncoderConf
+    | NameConf
+):
     """Read a CONF message; its keys determine the kind of report.
 
     Raises:
@@ -352,6 +419,8 @@ def decode_conf(
     """
     if _is_of_robot(message):
         return RobotConf.decode(message)
+    if message.get("BeamAngle") is not None:
+        return SonarConf.decode(message)
     if message.get("MaxRange") is not None:
         return ScannerConf.decode(message)
     for report in (IntervalConf, TouchConf, EncoderConf):

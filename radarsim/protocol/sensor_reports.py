@@ -6,11 +6,13 @@ types in any case. A time stamp that a server leaves out is NaN, in both directi
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self, TypeAlias
+from typing import ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
+from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
@@ -22,13 +24,17 @@ from radarsim.protocol.message import (
     wrapped_pose,
 )
 from radarsim.protocol.numbers import (
+    NumberFormat,
     format_ranges,
     parse_flag,
     parse_list,
     parse_number,
+    parse_numbers,
 )
 
 Fields: TypeAlias = tuple[tuple[str, str], ...]
+
+_SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,6 +196,9 @@ class Odometry(SensorReport):
         pose = (self.pose.x, 0.0 - self.pose.y, 0.0 - self.pose.yaw)
         return (("Name", self.name), ("Pose", dialect.plain.join(pose)))
 
+    def _has_time(self, dialect: Dialect) -> bool:
+        return dialect.odometry_has_time and not math.isnan(self.time)
+
 
 @dataclass(frozen=True, slots=True)
 class Tachometer(SensorReport):
@@ -233,14 +242,17 @@ class Encoder(SensorReport):
         """Read the report from its message."""
         ticks = [
             (item.name, int(item.parse("Tick", parse_number)))
-            for item in message.items()
+            for item in message.split_fields("Tick").items()
         ]
         return cls(message.number_or_nan("Time"), tuple(ticks))
 
-    def fields(self, _: Dialect) -> Fields:
+    def fields(self, dialect: Dialect) -> Fields:
         """Return the keys and values after time and type."""
-        pairs = [(("Name", name), ("Tick", str(tick))) for name, tick in self.ticks]
-        return tuple(field for pair in pairs for field in pair)
+        ticks = [(name, str(tick)) for name, tick in self.ticks]
+        return _item_fields("Tick", ticks, joined=dialect.joins_encoders)
+
+    def _has_time(self, dialect: Dialect) -> bool:
+        return dialect.encoder_has_time and not math.isnan(self.time)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,6 +276,119 @@ class Touch(SensorReport):
         if dialect.joins_touch:
             return (("Name", f"{self.name} Touch {self.touched}"),)
         return (("Name", self.name), ("Touch", str(self.touched)))
+
+
+@dataclass(frozen=True, slots=True)
+class Sonar(SensorReport):
+    """The ranges of sonars.
+
+    Attributes:
+        ranges: Name and range of each sonar, m; the maximum range where nothing
+            returned.
+    """
+
+    sensor_type: ClassVar[str] = "Sonar"
+
+    ranges: tuple[tuple[str, float], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        ranges = [
+            (item.name, item.parse("Range", parse_number))
+            for item in message.split_fields("Range").items()
+        ]
+        return cls(message.number_or_nan("Time"), tuple(ranges))
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        ranges = [(name, dialect.robot.format(value)) for name, value in self.ranges]
+        return _item_fields("Range", ranges, joined=dialect.joins_sonars)
+
+
+@dataclass(frozen=True, slots=True)
+class Gps(SensorReport):
+    """A position on the globe.
+
+    Attributes:
+        name: Name of the receiver.
+        position: Latitude and longitude, degrees, north and east positive; None without
+            a fix.
+        satellites: Number of satellites in sight.
+    """
+
+    sensor_type: ClassVar[str] = "GPS"
+
+    name: str
+    position: tuple[float, float] | None
+    satellites: int
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message."""
+        position = None
+        if message.parse("Fix", parse_number) == 1:
+            position = (
+                message.parse("Latitude", _parse_degrees),
+                message.parse("Longitude", _parse_degrees),
+            )
+        satellites = int(message.parse("Satellites", parse_number))
+        time = message.number_or_nan("Time")
+        return cls(time, message.name, position, satellites)
+
+    def fields(self, dialect: Dialect) -> Fields:
+        """Return the keys and values after time and type."""
+        position: Fields = ()
+        if self.position is not None:
+            latitude, longitude = self.position
+            position = (
+                ("Latitude", _degrees(latitude, "NS", dialect.robot)),
+                ("Longitude", _degrees(longitude, "EW", dialect.robot)),
+            )
+        fix = ("Fix", str(int(self.position is not None)))
+        satellites = ("Satellites", str(self.satellites))
+        return (("Name", self.name), *position, fix, satellites)
+
+
+def _item_fields(
+    key: str, values: Sequence[tuple[str, str]], *, joined: bool
+) -> Fields:
+    """Return the fields of items, each with a name and one value.
+
+    Args:
+        key: Key of the values.
+        values: Name and value of each item.
+        joined: Whether a value is in the segment of its item's name.
+    """
+    if joined:
+        return tuple(("Name", f"{name} {key} {value}") for name, value in values)
+    pairs = [(("Name", name), (key, value)) for name, value in values]
+    return tuple(field for pair in pairs for field in pair)
+
+
+def _degrees(angle: float, letters: str, minutes_format: NumberFormat) -> str:
+    """Write an angle as whole degrees, minutes, and a letter for its sign."""
+    degrees, minutes = divmod(abs(angle) * 60, 60)
+    text = minutes_format.format(minutes)
+    if text.startswith("60"):  # rounded up
+        degrees, text = degrees + 1, minutes_format.format(0.0)
+    return f"{int(degrees)},{text},{letters[angle < 0]}"
+
+
+def _parse_degrees(text: str) -> float:
+    """Read an angle as ``_degrees`` writes it.
+
+    Raises:
+        MalformedMessage: If it is not two numbers and a letter.
+    """
+    numbers, _, letter = text.rpartition(",")
+    sign = _SIGNS.get(letter.strip().upper())
+    if sign is None:
+        raise MalformedMessage(
+            f"{text[:80]!r}, expected degrees, minutes, and N, S, E or W"
+        )
+    degrees, minutes = parse_numbers(numbers, 2)
+    return sign * (degrees + minutes / 60)
 
 
 def _decode_pose(message: Message) -> Pose3:

@@ -11,7 +11,7 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.propagate import MaterialTable
-from radarsim.raycast.rays import RADAR, RayClass
+from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 
@@ -22,6 +22,8 @@ SHEETS_PER_METRE: Final = 8.0
 
 def attenuation_of(material: Material, ray_class: RayClass) -> float:
     """Return the power that a ray loses per metre in a material."""
+    if ray_class.medium == SONAR:
+        return math.inf if _reflects_sound(material) else 0.0
     per_db = ray_class.power_per_db
     if ray_class.medium == RADAR:
         return material.density + per_db * material.radar_db[ray_class.band]
@@ -34,11 +36,17 @@ def absorption_of(material: Material, ray_class: RayClass) -> float:
     Absorption is specified in dB of the whole echo, out and back. Penetration power
     counts one way only, so a loss that occurs once, at the hit, counts half.
     """
+    if ray_class.medium == SONAR:
+        return 0.0
     radar = ray_class.medium == RADAR
     decibels = material.absorption_db if radar else material.laser_absorption_db
     if decibels == 0 or math.isinf(decibels):
         return decibels  # also if the power per dB is 0
     return ray_class.power_per_db * decibels / 2
+
+
+def _reflects_sound(material: Material) -> bool:
+    return material.solid or math.isinf(material.laser_density)
 
 
 def centre_of(parts: Sequence[Part]) -> Floats:
@@ -113,7 +121,7 @@ def material_table(
 
 
 def _sheet_loss_of(material: Material, ray_class: RayClass) -> float:
-    """Return the loss per crossed sheet; light that passes a sheet loses nothing."""
+    """Return the loss per crossed sheet; only radar waves lose power there."""
     if material.sheet_loss is None:
         return math.nan
     return material.sheet_loss if ray_class.medium == RADAR else 0.0

@@ -15,14 +15,16 @@ from radarsim.raycast.attenuation import EventKind
 
 RADAR: Final = 0
 LASER: Final = 1
+SONAR: Final = 2
 
 
 class RayClass(NamedTuple):
     """The properties of rays on which the effect of a material depends.
 
     Attributes:
-        medium: ``RADAR`` or ``LASER``: which of a material's values apply.
-        band: Index into ``BANDS_GHZ``; ignored for a laser.
+        medium: ``RADAR``, ``LASER`` or ``SONAR``: which of a material's values apply.
+            Everything that stops robots or light stops a sonar, and nothing else does.
+        band: Index into ``BANDS_GHZ``; only a radar has one.
         power_per_db: Penetration power per decibel of attenuation.
         max_reflections: How many mirrors reflect a ray; the next one ends it like any
             other surface.

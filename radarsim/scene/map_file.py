@@ -45,7 +45,7 @@ from radarsim.scene.map_schema import (
     unknown_material,
 )
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part, Scene, StartPose, Trial
+from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
 from radarsim.suggestions import did_you_mean, expected_one_of
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import KeyPath, YamlFile, read_yaml
@@ -190,7 +190,8 @@ class _MapLoader:
         trial = self._trial(data)
         level = header.level if header else stem
         name = stem if self._variant is None else f"{stem}@{self._variant}"
-        scene = Scene(name, level, parts, starts, materials, air, trial)
+        origin = header.gps_origin_deg if header else GPS_ORIGIN
+        scene = Scene(name, level, parts, starts, materials, air, trial, origin)
         self._report(("objects",), extent_problems(scene.bounds))
         return scene
 

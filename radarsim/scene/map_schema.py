@@ -24,6 +24,7 @@ from radarsim.presets.materials import library_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import OPAQUE
 from radarsim.scene.mesh_files import MeshError, find_inside
+from radarsim.scene.scene import GPS_ORIGIN
 from radarsim.suggestions import did_you_mean, expected_one_of
 from radarsim.validation import short_repr
 
@@ -146,6 +147,10 @@ Coordinate: TypeAlias = Annotated[Real, Ge(-MAX_EXTENT), Le(MAX_EXTENT)]
 Size: TypeAlias = Annotated[Real, Gt(0), Le(MAX_EXTENT)]
 Vector: TypeAlias = Annotated[list[Coordinate], Len(3, 3)]
 Corner: TypeAlias = Annotated[list[Coordinate], Len(2, 2)]
+# Not the poles, where a degree of longitude has no length.
+GpsOrigin: TypeAlias = tuple[
+    Annotated[Real, Ge(-89), Le(89)], Annotated[Real, Ge(-180), Le(180)]
+]
 Text: TypeAlias = Annotated[str, Strict()]
 Whole: TypeAlias = Annotated[int, Strict()]
 MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
@@ -166,7 +171,11 @@ class Entry(BaseModel):
 
 
 class Header(Entry):
-    """The top level of a map file; its entries are validated one by one."""
+    """The top level of a map file; its entries are validated one by one.
+
+    Attributes:
+        gps_origin_deg: Latitude and longitude of the map frame's origin, degrees.
+    """
 
     version: Literal[1]
     level: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_level)]
@@ -175,6 +184,7 @@ class Header(Entry):
     starts: list[Any] | None = None
     trial: Any = None
     air: Text | None = None
+    gps_origin_deg: GpsOrigin = GPS_ORIGIN
     variants: dict[VariantName, Any] | None = None
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from radarsim.scene.topology import is_closed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+# Degrees; that of the original server: 39° 8.0273' N, 77° 12.998' W.
+GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,6 +109,7 @@ class Scene:
         air: The material that fills the whole scene outside of its parts, such as fog
             or rain; None for clear air, which attenuates nothing.
         trial: The navigation task of the map, if it has one.
+        gps_origin: Latitude and longitude of the map frame's origin, degrees.
     """
 
     name: str
@@ -115,6 +119,7 @@ class Scene:
     materials: Mapping[str, Material] = field(default_factory=dict)
     air: Material | None = None
     trial: Trial | None = None
+    gps_origin: tuple[float, float] = GPS_ORIGIN
 
     def __repr__(self) -> str:
         objects = len({part.object_name for part in self.parts})

@@ -200,8 +200,42 @@ class Tachometer:
         self._zero = tuple(angles)
 
 
+@dataclass(frozen=True, slots=True)
+class EncodedWheel:
+    """A wheel whose ticks an encoder counts.
+
+    Attributes:
+        name: Name that its ticks have in a reading.
+        index: Index of the wheel.
+        sign: 1 if forward counts up, -1 if it counts down.
+    """
+
+    name: str
+    index: int
+    sign: int = 1
+
+
+def encoded_wheels(name: str, sides: Sequence[str]) -> tuple[EncodedWheel, ...]:
+    """Return the wheels whose ticks an encoder counts, by its name.
+
+    ``W1`` counts wheel 1. ``ECLeft`` counts the first of the left wheels, forward
+    negative, as clients of UT2004's encoders expect.
+
+    Source: the original server's encoder, and lines of UT2004's that clients quote.
+
+    Args:
+        name: Name of the item.
+        sides: ``left`` or ``right`` for each wheel.
+    """
+    for side in ("left", "right"):
+        if name.casefold() == f"ec{side}" and side in sides:
+            return (EncodedWheel(name, sides.index(side), -1),)
+    numbers = [wheel for wheel in range(len(sides)) if f"W{wheel}" in name]
+    return tuple(EncodedWheel(f"W{wheel}", wheel) for wheel in numbers)
+
+
 class Encoder:
-    """Counts ticks of the wheels in the encoder's name: ``W1`` is wheel 1.
+    """Counts ticks of wheels.
 
     The error is a fraction of the total angle, and the count restarts with every turn.
 
@@ -210,7 +244,7 @@ class Encoder:
 
     def __init__(
         self,
-        name: str,
+        wheels: Sequence[EncodedWheel],
         angles: Sequence[float],
         rng: np.random.Generator,
         *,
@@ -219,27 +253,30 @@ class Encoder:
         """Start at the angles of the spawn.
 
         Args:
-            name: Name of the item.
-            angles: Angle that each wheel turned since the spawn, rad.
+            wheels: Wheels whose ticks it counts.
+            angles: Angle that each wheel of the robot turned since the spawn, rad.
             rng: Source of the error.
             noise: Largest error, as a fraction of the total angle.
         """
-        self._wheels = [wheel for wheel in range(len(angles)) if f"W{wheel}" in name]
+        self._wheels = wheels
         self._zero = tuple(angles)
         self._rng = rng
         self._noise = noise
 
     def ticks(self, angles: Sequence[float]) -> tuple[tuple[str, int], ...]:
-        """Return name and ticks of each of its wheels; backward is negative."""
+        """Return name and ticks of each of its wheels."""
         errors = self._rng.uniform(-self._noise, self._noise, len(self._wheels))
         return tuple(
-            (f"W{wheel}", _ticks((angles[wheel] - self._zero[wheel]) * (1 + error)))
+            (wheel.name, wheel.sign * _ticks(self._turned(wheel, angles) * (1 + error)))
             for wheel, error in zip(self._wheels, errors.tolist(), strict=True)
         )
 
     def reset(self, angles: Sequence[float]) -> None:
         """Set the zero of the count."""
         self._zero = tuple(angles)
+
+    def _turned(self, wheel: EncodedWheel, angles: Sequence[float]) -> float:
+        return angles[wheel.index] - self._zero[wheel.index]
 
 
 def _ticks(angle: float) -> int:

@@ -8,6 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from radarsim.errors import PresetError
+from radarsim.presets.items import (
+    GpsSettings,
+    SonarSettings,
+    gps_settings,
+    sonar_settings,
+)
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
@@ -67,6 +73,10 @@ class SimulationConfig:
             self.scanner(item)
         elif item.type == "INS":
             InsNoise.from_settings(self.settings(item))
+        elif item.type == "Sonar":
+            self.sonar_settings(item)
+        elif item.type == "GPS":
+            self.gps_settings(item)
         elif self.settings(item):
             raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
 
@@ -123,6 +133,22 @@ class SimulationConfig:
         """
         return load_settings(self._sensor_name(item), **self.settings(item))
 
+    def sonar_settings(self, item: Item) -> SonarSettings:
+        """Return the settings of a sonar.
+
+        Raises:
+            PresetError: If a setting is unknown or out of range.
+        """
+        return sonar_settings(**self.settings(item))
+
+    def gps_settings(self, item: Item) -> GpsSettings:
+        """Return the settings of a GPS receiver.
+
+        Raises:
+            PresetError: If a setting is unknown or out of range.
+        """
+        return gps_settings(**self.settings(item))
+
     def interval(self, item: Item) -> float:
         """Return the time between two readings of an item, s."""
         if item.interval is not None:
@@ -130,8 +156,10 @@ class SimulationConfig:
         if item.sensor is not None:
             rate = self.scanner_settings(item).scan_rate_hz
             return 1 / rate if rate else self.dialect.scan_interval_of(item.sensor)
-        if item.type == "INS":
-            return self.dialect.ins_interval
-        if item.type == "Tachometer":
-            return self.dialect.tachometer_interval
-        return DEFAULT_INTERVAL
+        intervals = {
+            "INS": self.dialect.ins_interval,
+            "Tachometer": self.dialect.tachometer_interval,
+            "Sonar": self.dialect.sonar_interval,
+            "GPS": self.dialect.gps_interval,
+        }
+        return intervals.get(item.type, DEFAULT_INTERVAL)

@@ -1,10 +1,10 @@
-"""The items of a robot that give readings, apart from scanners.
+"""The items of a robot that give readings without casting rays.
 
-Scanners are not among them, because the rays of all scans of a tick are cast together.
+Scanners, sonars and GPS are not among them, because the rays of all robots in a tick
+are cast together.
 """
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,6 +21,7 @@ from radarsim.sensors.proprioceptive import (
     InsNoise,
     Odometry,
     Tachometer,
+    encoded_wheels,
 )
 from radarsim.simulation.config import SimulationConfig, ticks_of
 
@@ -126,8 +127,6 @@ class OdometryItem(_StatelessItem):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         model = mounting.robot.model
-        dialect = mounting.config.dialect.name
-        self._has_time = mounting.item.unstamped_in != dialect
         self._odometry = Odometry(
             wheel_radius=model.wheel_radius, wheel_separation=model.wheel_separation
         )
@@ -138,8 +137,7 @@ class OdometryItem(_StatelessItem):
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""
-        stamp = time if self._has_time else math.nan
-        return reports.Odometry(stamp, self.name, self._odometry.pose)
+        return reports.Odometry(time, self.name, self._odometry.pose)
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""
@@ -170,7 +168,8 @@ class EncoderItem(_StatelessItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._encoder = Encoder(self.name, self.robot.wheel_angles, mounting.rng)
+        wheels = encoded_wheels(self.name, self.robot.model.wheels)
+        self._encoder = Encoder(wheels, self.robot.wheel_angles, mounting.rng)
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""
@@ -179,6 +178,19 @@ class EncoderItem(_StatelessItem):
     def reset(self) -> None:
         """Count ticks from zero again."""
         self._encoder.reset(self.robot.wheel_angles)
+
+
+def join_encoders(readings: Sequence[reports.Report]) -> list[reports.Report]:
+    """Return readings of one time with one report of all encoders, at the first's."""
+    encoders = [each for each in readings if isinstance(each, reports.Encoder)]
+    others: list[reports.Report] = [
+        each for each in readings if not isinstance(each, reports.Encoder)
+    ]
+    if encoders:
+        ticks = tuple(tick for each in encoders for tick in each.ticks)
+        at = readings.index(encoders[0])
+        others.insert(at, reports.Encoder(encoders[0].time, ticks))
+    return others
 
 
 # By item type, in the order of readings within a tick: clients expect a pose before the

@@ -6,6 +6,7 @@ due are taken. The rays of all scans of a tick are cast together.
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,12 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.range_scanner import load_sensor, scan_batch
 from radarsim.sensors.scan import Scan
+from radarsim.simulation.casting import CastingItem, read_together
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
+NOTHING: Final = Boxes(np.zeros((0, 8)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,12 @@ class Simulation:
         )
         self._spawn_count += 1
         vehicle = Vehicle(
-            self._spawn_count, robot, self.config, seed=self.seed, tick=self.ticks
+            self._spawn_count,
+            robot,
+            self.config,
+            seed=self.seed,
+            tick=self.ticks,
+            gps_origin=self.scene.gps_origin,
         )
         self._vehicles[vehicle.number] = vehicle
         self._robots = (*self._robots, robot)
@@ -152,17 +160,24 @@ class Simulation:
             for vehicle in self._vehicles.values()
             for mounted in vehicle.due_scanners()
         ]
+        casting = [
+            (vehicle, item)
+            for vehicle in self._vehicles.values()
+            for item in vehicle.due_casting_items()
+        ]
+        boxes = self.boxes() if due or casting else NOTHING
         scans: dict[int, list[RangeScan]] = {n: [] for n in self._vehicles}
         echoes: dict[int, list[ScanEchoes]] = {n: [] for n in self._vehicles}
-        for (vehicle, mounted), scan in zip(due, self._scan(due), strict=True):
+        for (vehicle, mounted), scan in zip(due, self._scan(due, boxes), strict=True):
             scans[vehicle.number].append(self._scan_report(mounted, scan))
             if vehicle.has_echoes_enabled(mounted.item):
                 found = ScanEchoes(mounted.item.name, scan.echoes)
                 echoes[vehicle.number].append(found)
+        cast = self._cast(casting, boxes)
         return {
             number: TickOutput(
                 vehicle.status(),
-                tuple(vehicle.readings()),
+                (*vehicle.readings(), *cast[number]),
                 tuple(echoes[number]),
                 tuple(scans[number]),
             )
@@ -183,11 +198,10 @@ class Simulation:
             )
         return Boxes(np.array(rows, np.float64).reshape(-1, 8))
 
-    def _scan(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[Scan]:
+    def _scan(
+        self, due: list[tuple[Vehicle, MountedScanner]], boxes: Boxes
+    ) -> list[Scan]:
         """Take all scans in one batch."""
-        if not due:
-            return []
-        boxes = self.boxes()
         planned = []
         for vehicle, mounted in due:
             scanner = mounted.scanner
@@ -197,6 +211,18 @@ class Simulation:
             plan = scanner.plan(self._tracer, pose, mounted.rng, boxes, vehicle.number)
             planned.append((scanner, plan))
         return scan_batch(self._tracer, planned, boxes)
+
+    def _cast(
+        self, due: list[tuple[Vehicle, CastingItem]], boxes: Boxes
+    ) -> dict[int, list[Report]]:
+        """Take the readings of all sonars and GPS, by number of the robot."""
+        readings: dict[int, list[Report]] = {n: [] for n in self._vehicles}
+        items = [item for _, item in due]
+        for (vehicle, _), reports in zip(
+            due, read_together(items, self.time, self._tracer, boxes), strict=True
+        ):
+            readings[vehicle.number] += reports
+        return readings
 
     def _warm_up(self) -> None:
         """Run all kernels of a scan, so that none is compiled while clients wait."""

@@ -1,6 +1,5 @@
 """A robot with its battery and its items."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +10,20 @@ from radarsim.protocol.reports import Report, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.simulation.casting import CastingItem, GpsItem, SonarItems
 from radarsim.simulation.config import (
     DEFAULT_INTERVAL,
     SimulationConfig,
     seconds,
     ticks_of,
 )
-from radarsim.simulation.items import SENSOR_ITEMS, InsItem, Mounting, SensorItem
+from radarsim.simulation.items import (
+    SENSOR_ITEMS,
+    InsItem,
+    Mounting,
+    SensorItem,
+    join_encoders,
+)
 
 STATUS_TICKS = ticks_of(DEFAULT_INTERVAL)
 
@@ -39,6 +45,7 @@ class Vehicle:
         robot: The body that drives.
         battery: Remaining time of operation.
         scanners: Range scanners, in mounting order.
+        dialect: The dialect of its lines.
     """
 
     def __init__(
@@ -49,6 +56,7 @@ class Vehicle:
         *,
         seed: int,
         tick: int,
+        gps_origin: tuple[float, float],
     ) -> None:
         """Create a vehicle.
 
@@ -58,10 +66,12 @@ class Vehicle:
             config: Configuration of the simulation.
             seed: Seed of the simulation.
             tick: Tick of the spawn.
+            gps_origin: Latitude and longitude of the map's origin, degrees.
         """
         self.number = number
         self.robot = robot
-        dialect = config.dialect
+        dialect = config.dialect.of_generation(robot.model.generation)
+        self.dialect = dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
         self._spawn_tick = tick
         self._tick = tick
@@ -70,15 +80,22 @@ class Vehicle:
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
         scanners = []
+        casting: list[CastingItem] = []
+        sonars = robot.model.items_of("Sonar")
+        if sonars:
+            casting.append(SonarItems(sonars, robot, config, carrier_id=number))
         for item in robot.model.items:
             rng = generator_for(seed, robot.name, item.name)
             self._interval_ticks[item.name] = ticks_of(config.interval(item))
+            mounting = Mounting(item, robot, rng, config, seconds(tick))
             if item.type == "RangeScanner":
                 scanners.append(MountedScanner(item, config.scanner(item), rng))
+            elif item.type == "GPS":
+                casting.append(GpsItem(mounting, gps_origin, carrier_id=number))
             elif item.type in SENSOR_ITEMS:
-                mounting = Mounting(item, robot, rng, config, seconds(tick))
                 self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
         self.scanners = tuple(scanners)
+        self._casting_items = tuple(casting)
         order = list(SENSOR_ITEMS)
         self._reading_order = sorted(
             (item for item in robot.model.items if item.name in self._sensor_items),
@@ -115,13 +132,22 @@ class Vehicle:
         left = self.battery.seconds_left(seconds(self._age))
         return Status(seconds(self._tick), left, self.robot.light)
 
-    def readings(self) -> Iterator[Report]:
-        """Yield the readings that are due, poses first; none with an empty battery."""
+    def readings(self) -> list[Report]:
+        """Return the readings that are due, poses first; none with an empty battery.
+
+        Those of items that cast rays are not among them.
+        """
         if not self.alive:
-            return
-        for item in self._reading_order:
-            if self._is_due(item):
-                yield self._sensor_items[item.name].read(seconds(self._tick))
+            return []
+        time = seconds(self._tick)
+        due = [item for item in self._reading_order if self._is_due(item)]
+        reports = [self._sensor_items[item.name].read(time) for item in due]
+        return join_encoders(reports) if self.dialect.joins_encoders else reports
+
+    def due_casting_items(self) -> list[CastingItem]:
+        """Return the items that cast rays and are due."""
+        due = [each for each in self._casting_items if self._is_due(each.item)]
+        return due if due and self.alive else []
 
     def due_scanners(self) -> list[MountedScanner]:
         """Return the scanners that are due, then those of requested scans.

@@ -219,11 +219,6 @@ def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None
             "items: [{type: INS, name: A, sensor: sick}]\n", ":13:9: ", id="a sensor"
         ),
         pytest.param(
-            "items: [{type: INS, name: A, unstamped_in: compat}]\n",
-            ":13:9: items.0",
-            id="INS without time stamps",
-        ),
-        pytest.param(
             "items: [{type: INS, name: A}, {type: INS, name: a}]\n",
             ":1:1: ",
             id="twice",

@@ -17,6 +17,7 @@ from radarsim.sensors.proprioceptive import (
     InsNoise,
     Odometry,
     Tachometer,
+    encoded_wheels,
 )
 
 CALM = InsNoise(sigma=0, position_bias=0, angle_bias=0)
@@ -258,7 +259,8 @@ def test_tachometer_reset_zeroes_positions_but_not_velocities() -> None:
 
 
 def encoder(name: str, *, noise: float = 0.0, seed: int = 0) -> Encoder:
-    return Encoder(name, (0,) * 4, generator_for(seed, name), noise=noise)
+    wheels = encoded_wheels(name, ("right", "left", "right", "left"))
+    return Encoder(wheels, (0,) * 4, generator_for(seed, name), noise=noise)
 
 
 @pytest.mark.parametrize(

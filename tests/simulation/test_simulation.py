@@ -252,8 +252,8 @@ def test_odometry_of_the_older_robots_has_no_time_stamp(
     assert vehicle is not None
     _, output = run(simulation, 20)[vehicle.number][-1]
     (reading,) = (r for r in output.readings if isinstance(r, Odometry))
-    assert (reading.time == 0.2) is is_stamped
-    assert reading.encode(dialect).startswith("SEN {Time ") is is_stamped
+    assert reading.time == 0.2
+    assert reading.encode(vehicle.dialect).startswith("SEN {Time ") is is_stamped
 
 
 def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:

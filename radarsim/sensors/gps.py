@@ -1,0 +1,156 @@
+"""GPS: latitude and longitude, as good as the satellites in sight.
+
+Theory of operation
+===================
+The satellites of one moment stand still for ever. Those that are more than 5 degrees
+above the horizon of the map's origin are candidates; one ray to each of them tells
+whether something hides it. With at least four in sight there is a fix: the true
+position with a normal error north and east, the smaller the more satellites there are.
+
+North is x, east is -y. The globe is flat here, with fixed lengths of a degree of
+latitude and of longitude, also in the directions to the satellites, so that all of
+them are seen higher than they are.
+
+Source: the original server's GPS receiver, its scales, its errors and, rounded, its
+satellites.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from radarsim.geometry import Floats
+from radarsim.presets.items import GpsSettings
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import Rays, Traces
+from radarsim.sensors.sonar import SONAR_CLASS
+
+METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # of latitude, of longitude
+LEAST_SATELLITES: Final = 4  # for a fix
+LEAST_ELEVATION: Final = math.radians(5)
+EARTH_RADIUS: Final = 6378.137  # km
+REACH: Final = 2000.0  # m; no scene is that large
+
+# Latitude and longitude, degrees, and altitude, km.
+SATELLITES: Final = np.array(
+    [
+        *((12.7, -18.2, 20287), (33.6, -95.9, 20050), (38.8, -155.2, 20198)),
+        *((35.9, -162.8, 20632), (13.5, -176.9, 20414), (-9.0, 103.9, 20175)),
+        *((-39.2, -162.0, 20058), (-48.6, -19.3, 20096), (-47.0, 160.3, 20123)),
+        *((-21.1, 66.6, 20199), (-18.0, -107.6, 20238), (-13.6, 55.8, 20320)),
+        *((3.6, 46.1, 20213), (8.9, 164.9, 20364), (30.8, 144.8, 19956)),
+        *((53.7, -128.3, 20102), (55.2, -44.7, 20246), (51.5, 113.2, 20031)),
+        *((50.4, 52.8, 20270), (27.5, 14.9, 20553), (22.4, -53.7, 20272)),
+        *((13.2, -65.0, 19938), (-2.1, 112.2, 19893), (-11.5, -73.3, 20066)),
+        *((-16.5, 40.7, 20318), (-42.0, 12.8, 20107), (-55.7, 78.2, 20720)),
+        *((-51.0, -115.0, 20324), (50.7, -137.0, 20435), (47.9, 61.3, 20290)),
+        (-36.6, -93.7, 20010),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GpsFix:
+    """A reading.
+
+    Attributes:
+        position: Latitude and longitude, degrees, north and east positive; None without
+            a fix.
+        satellites: Number of satellites in sight.
+    """
+
+    position: tuple[float, float] | None
+    satellites: int
+
+
+class Gps:
+    """A GPS receiver."""
+
+    def __init__(
+        self,
+        origin: tuple[float, float],
+        settings: GpsSettings,
+        rng: np.random.Generator,
+        carrier_id: int = -1,
+    ) -> None:
+        """Find the satellites above the horizon.
+
+        Args:
+            origin: Latitude and longitude of the map's origin, degrees.
+            settings: Size of the error.
+            rng: Source of the error.
+            carrier_id: Id of the box of its robot, which hides no satellite; -1 for
+                none.
+        """
+        self._origin = origin
+        self._settings = settings
+        self._rng = rng
+        directions = _directions(origin)
+        rays = Rays.uniform(
+            np.zeros_like(directions),
+            directions,
+            max_range=REACH,
+            carrier_id=carrier_id,
+        )
+        self._aimed = replace(rays, ray_classes=(SONAR_CLASS,))
+
+    def rays(self, place: Floats) -> Rays:
+        """Return a ray to each satellite above the horizon.
+
+        Args:
+            place: (3,) m, the receiver's position, map frame.
+        """
+        return replace(
+            self._aimed, origins=np.tile(place, (len(self._aimed.origins), 1))
+        )
+
+    def fix(self, place: Floats, traces: Traces) -> GpsFix:
+        """Return a reading.
+
+        Every reading draws as many random numbers, whether there is a fix or not.
+
+        Args:
+            place: (3,) m, the receiver's position, map frame.
+            traces: The traced rays.
+        """
+        seen = int((traces.outcomes == Outcome.NOTHING).sum())
+        north, east = self._rng.standard_normal(2) * self._sigma(seen)
+        if seen < LEAST_SATELLITES:
+            return GpsFix(None, seen)
+        latitude = self._origin[0] + (place[0] + north) / METRES_PER_DEGREE[0]
+        longitude = self._origin[1] + (east - place[1]) / METRES_PER_DEGREE[1]
+        return GpsFix((float(latitude), math.remainder(longitude, 360.0)), seen)
+
+    def _sigma(self, satellites: int) -> float:
+        """Return the standard deviation of the error, m; linear in their number."""
+        most, least = self._settings.max_noise, self._settings.min_noise
+        size = most + (least - most) * (satellites - 4) / 8
+        return max(0.0, size) / 3
+
+
+def _directions(origin: tuple[float, float]) -> Floats:
+    """Return unit vectors to the satellites above the horizon, (N, 3), map frame."""
+    latitude, longitude, altitude = SATELLITES.T
+    north = latitude - origin[0]
+    east = np.remainder(longitude - origin[1] + 180.0, 360.0) - 180.0
+    ahead = METRES_PER_DEGREE[0] * north
+    left = -METRES_PER_DEGREE[1] * east
+    vectors = np.column_stack([ahead, left, altitude * 1000.0])
+    visible = vectors[_elevations(origin[0], east) > LEAST_ELEVATION]
+    return np.asarray(visible / np.linalg.norm(visible, axis=1, keepdims=True))
+
+
+def _elevations(latitude: float, east: Floats) -> Floats:
+    """Return the angles of all satellites above the horizon on a round earth, rad.
+
+    Args:
+        latitude: Latitude of the receiver, degrees.
+        east: (N,) longitudes of the satellites from its own, degrees.
+    """
+    here, there = math.radians(latitude), np.radians(SATELLITES[:, 0])
+    turn = np.cos(np.radians(east))
+    apart = math.sin(here) * np.sin(there) + math.cos(here) * np.cos(there) * turn
+    height = EARTH_RADIUS / (EARTH_RADIUS + SATELLITES[:, 2])
+    return np.asarray(np.arctan2(apart - height, np.sqrt(1 - apart**2)))
