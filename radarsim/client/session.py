@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 from radarsim.client.robot_info import is_plausible, same_name
 from radarsim.errors import MalformedMessage
@@ -36,6 +36,7 @@ from radarsim.protocol.reports import (
     RobotGeo,
     ScannerConf,
     SensorReport,
+    SonarConf,
     StartPoses,
     Status,
     TouchConf,
@@ -44,6 +45,8 @@ from radarsim.protocol.reports import (
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
+
+ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
 
 
 Stamped = TypeVar("Stamped", bound=SensorReport | Status)
@@ -184,7 +187,7 @@ def configuration(kind: str, name: str | None = None) -> Question:
             return isinstance(report, RobotConf)
         if isinstance(report, NameConf):
             return same_name(report.type, kind) and _includes(name, report.names)
-        if isinstance(report, ScannerConf | IntervalConf | EncoderConf | TouchConf):
+        if isinstance(report, ItemConf):
             names = [item[0] for item in report.items]
             return same_name(report.type, kind) and _includes(name, names)
         return False

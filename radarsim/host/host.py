@@ -29,6 +29,7 @@ from collections.abc import Iterable
 from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.echo_reports import echo_lines
+from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.reports import Greeting, Report, to_bytes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -144,7 +145,8 @@ class Host:
         outputs = self.simulation.collect_reports()
         for client in self._clients.values():
             if client.vehicle is not None:
-                self._queue_tick(client, outputs[client.vehicle.number])
+                output = outputs[client.vehicle.number]
+                self._queue_tick(client, client.vehicle.dialect, output)
         return diagnostics
 
     def take(self, number: int) -> bytes:
@@ -209,24 +211,26 @@ class Host:
             client.send_queue.put(line, keep=True)
         client.replies.clear()
 
-    def _queue_tick(self, client: Client, output: TickOutput) -> None:
+    def _queue_tick(self, client: Client, dialect: Dialect, output: TickOutput) -> None:
         if output.status is not None:
-            self._queue(client, [output.status])
+            _queue(client, dialect, [output.status])
         self._queue_replies(client)
-        self._queue(client, output.readings)
+        _queue(client, dialect, output.readings)
         if output.echoes:
-            self._queue_echoes(client, output.echoes)
-        self._queue(client, output.scans)
+            self._queue_echoes(client, dialect, output.echoes)
+        _queue(client, dialect, output.scans)
 
-    def _queue_echoes(self, client: Client, scans: Iterable[ScanEchoes]) -> None:
+    def _queue_echoes(
+        self, client: Client, dialect: Dialect, scans: Iterable[ScanEchoes]
+    ) -> None:
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
         for scan in scans:
-            self._queue(client, echo_lines(time, scan.scanner, scan.echoes, names))
+            lines = echo_lines(time, scan.scanner, scan.echoes, names)
+            _queue(client, dialect, lines)
 
-    def _queue(self, client: Client, reports: Iterable[Report]) -> None:
-        """Queue reports for a client with a robot."""
-        dialect = client.vehicle.dialect if client.vehicle else self._dialect
-        for report in reports:
-            line = to_bytes([report.encode(dialect)])
-            client.send_queue.put(line, keep=False)
+
+def _queue(client: Client, dialect: Dialect, reports: Iterable[Report]) -> None:
+    for report in reports:
+        line = to_bytes([report.encode(dialect)])
+        client.send_queue.put(line, keep=False)

@@ -273,9 +273,8 @@ class Touch(SensorReport):
 
     def fields(self, dialect: Dialect) -> Fields:
         """Return the keys and values after time and type."""
-        if dialect.joins_touch:
-            return (("Name", f"{self.name} Touch {self.touched}"),)
-        return (("Name", self.name), ("Touch", str(self.touched)))
+        touched = [(self.name, str(self.touched))]
+        return _item_fields("Touch", touched, joined=dialect.joins_touch)
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,12 +366,17 @@ def _item_fields(
 
 
 def _degrees(angle: float, letters: str, minutes_format: NumberFormat) -> str:
-    """Write an angle as whole degrees, minutes, and a letter for its sign."""
+    """Write an angle as whole degrees, minutes, and a letter for its sign.
+
+    Raises:
+        ValueError: If it is not finite.
+    """
     degrees, minutes = divmod(abs(angle) * 60, 60)
     text = minutes_format.format(minutes)
     if text.startswith("60"):  # rounded up
         degrees, text = degrees + 1, minutes_format.format(0.0)
-    return f"{int(degrees)},{text},{letters[angle < 0]}"
+    is_negative = angle < 0 and (degrees > 0 or float(text) > 0)
+    return f"{int(degrees)},{text},{letters[is_negative]}"
 
 
 def _parse_degrees(text: str) -> float:

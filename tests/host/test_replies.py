@@ -19,13 +19,15 @@ def ask(
     config: SimulationConfig | None = None,
     yaw: float = 0.0,
 ) -> list[str]:
-    """Return the replies in the first tick of a robot, which has no other output."""
+    """Return the replies in the first ticks of a robot, without other output."""
     host = Host(scene, config=config)
     number = host.connect()
     init = f"INIT {{ClassName {class_name}}} {{Location -8,0,0}} {{Rotation 0,0,{yaw}}}"
     host.take(number)
     host.receive(number, f"{init}\r\n{asked}\r\n".encode())
     host.step()
+    while host.is_busy(number):
+        host.step()
     return host.take(number).decode("ascii").split("\r\n")[:-1]
 
 
@@ -140,6 +142,90 @@ def test_replies_in_the_compat_dialect(
 )
 def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) -> None:
     assert ask(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETGEO {Type Sonar} {Name f2}",
+            "GEO {Type Sonar} {Name F2 Location 0.1850,-0.1150,0.0000 "
+            "Orientation 0.0000,0.0000,-0.8727 Mount HARD}",
+            id="place of a sonar",
+        ),
+        pytest.param(
+            "GETCONF {Type sonar} {Name R8}",
+            "CONF {Type sonar} {Name R8} {MaxRange 5.0000} {MinRange 0.1000} "
+            "{BeamAngle 0.349066}",
+            id="a sonar",
+        ),
+        pytest.param(
+            "GETGEO {Type GPS} {Name }",
+            "GEO {Type GPS} {Name GPS Location -0.1000,0.0000,-0.2000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+            id="place of the GPS",
+        ),
+        pytest.param(
+            "GETCONF {Type GPS}",
+            "CONF {Type GPS} {Name GPS} {ScanInterval 0.2000}",
+            id="GPS",
+        ),
+        pytest.param(
+            "GETCONF {Type Encoder}",
+            "CONF {Type Encoder} {Name ECLeft} {Resolution 0.017450} "
+            "{Name ECRight} {Resolution 0.017450}",
+            id="encoders",
+        ),
+    ],
+)
+def test_replies_about_items_of_a_p2at(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    assert ask(empty_room, asked, class_name="P2AT") == [answer]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETGEO {Type Sonar} {Name R8}",
+            "GEO {Type Sonar} {Name R8} {Location -0.14,-0.13,0.00} "
+            "{Orientation 0.00,0.00,-1.57}{Mount P2AT}",
+            id="place of a sonar",
+        ),
+        pytest.param(
+            "GETCONF {Type Sonar} {Name F1}",
+            "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
+            "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
+            "{tracesPerCone 16} {numberOfCones 10}",
+            id="a sonar",
+        ),
+        pytest.param(
+            "GETCONF {Type GPS}",
+            "CONF {Type GPS} {Name GPS} {ScanInterval 0.1000}",
+            id="GPS",
+        ),
+    ],
+)
+def test_replies_about_items_of_a_p2at_in_the_udk_dialect(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    config = SimulationConfig(UDK)
+    assert ask(empty_room, asked, class_name="P2AT", config=config) == [answer]
+
+
+@pytest.mark.parametrize("class_name", ["P2AT", "P2DX"])
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+@pytest.mark.parametrize("verb", ["GEO", "CONF"])
+def test_all_sonars_are_in_one_line_that_fits_into_one_read(
+    empty_room: Scene, class_name: str, dialect: Dialect, verb: str
+) -> None:
+    config = SimulationConfig(dialect)
+    asked = f"GET{verb} {{Type Sonar}} {{Name }}"
+    (reply,) = ask(empty_room, asked, class_name=class_name, config=config)
+    names = re.findall(r"{Name ([FR]\d)", reply)
+    assert names == [f"{side}{i}" for side in "FR" for i in range(1, 9)]
+    assert len(reply) + 2 <= 4095
 
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])

@@ -209,7 +209,7 @@ def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None
         pytest.param("wheel: 3\n", ":13:1: wheel: ", id="unknown key"),
         pytest.param("cog: [1, 2]\n", ":13:6: cog", id="too few numbers"),
         pytest.param(
-            "items: [{type: GPS, name: A}]\n", ":13:16: items.0.type", id="type"
+            "items: [{type: GSP, name: A}]\n", ":13:16: items.0.type", id="type"
         ),
         pytest.param("items: [{type: INS, name: 'A B'}]\n", ":13:27: ", id="blank"),
         pytest.param(

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
     EncoderConf,
+    Gps,
     Greeting,
     GroundTruth,
     Ins,
@@ -22,6 +23,8 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Sonar,
+    SonarConf,
     StartPoses,
     Status,
     Tachometer,
@@ -152,6 +155,34 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "SEN {Time 10.20} {Type Encoder} {Name W1} {Tick 0} {Name W2} {Tick 3}",
     ),
     (
+        "sonars",
+        Sonar(10.2, (("F1", 4.46904), ("R8", 5.0))),
+        "SEN {Time 10.20} {Type Sonar} {Name F1 Range 4.4690} {Name R8 Range 5.0000}",
+    ),
+    (
+        "GPS in the north and the west",
+        Gps(10.2, "GPS", (39 + 8.0273 / 60, -77 - 12.998 / 60), 11),
+        "SEN {Time 10.20} {Type GPS} {Name GPS} {Latitude 39,8.0273,N} "
+        "{Longitude 77,12.9980,W} {Fix 1} {Satellites 11}",
+    ),
+    (
+        "GPS a hair south of a whole degree, and east",
+        Gps(10.2, "GPS", (-0.9999999999, 151.2), 4),
+        "SEN {Time 10.20} {Type GPS} {Name GPS} {Latitude 1,0.0000,S} "
+        "{Longitude 151,12.0000,E} {Fix 1} {Satellites 4}",
+    ),
+    (
+        "GPS at the equator, which is north",
+        Gps(10.2, "GPS", (-1e-9, 0.0), 4),
+        "SEN {Time 10.20} {Type GPS} {Name GPS} {Latitude 0,0.0000,N} "
+        "{Longitude 0,0.0000,E} {Fix 1} {Satellites 4}",
+    ),
+    (
+        "GPS without a fix",
+        Gps(10.2, "GPS", None, 3),
+        "SEN {Time 10.20} {Type GPS} {Name GPS} {Fix 0} {Satellites 3}",
+    ),
+    (
         "touch",
         Touch(10.2, "Touch", touched=True),
         "SEN {Time 10.20} {Type Touch} {Name Touch Touch True}",
@@ -208,6 +239,13 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "{MaxRange 4.0000} {MinRange 0.0200} {Resolution 0.018409} {Fov 4.189000}",
     ),
     (
+        "settings of sonars",
+        SonarConf("Sonar", (("F1", 5, 0.1, radians(20), 0.2), ("R8", 4, 0, 0.3, nan))),
+        "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
+        "{BeamAngle 0.349066} {Name R8} {MaxRange 4.0000} {MinRange 0.0000} "
+        "{BeamAngle 0.300000}",
+    ),
+    (
         "settings of ground truth",
         IntervalConf("GroundTruth", (("GndTruth", 0.1),)),
         "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
@@ -238,6 +276,32 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
 )
 def test_reports_are_encoded_in_the_compat_dialect(report: Report, line: str) -> None:
     assert report.encode(COMPAT) == line
+
+
+@pytest.mark.parametrize(
+    ("report", "line"),
+    [
+        pytest.param(
+            Encoder(10.2, (("ECLeft", -24), ("ECRight", 3))),
+            "SEN {Type Encoder} {Name ECLeft Tick -24} {Name ECRight Tick 3}",
+            id="encoders",
+        ),
+        pytest.param(
+            Odometry(10.2, "Odometry", Pose2(1.0, 2.0, 0.5)),
+            "SEN {Type Odometry} {Name Odometry} {Pose 1.0000,-2.0000,-0.5000}",
+            id="odometry",
+        ),
+        pytest.param(
+            Touch(10.2, "Bumper", touched=False),
+            "SEN {Time 10.20} {Type Touch} {Name Bumper Touch False}",
+            id="touch, as of all robots",
+        ),
+    ],
+)
+def test_robots_of_ut2004_report_as_its_servers_did(report: Report, line: str) -> None:
+    assert report.encode(COMPAT.of_generation("ut2004")) == line
+    assert COMPAT.of_generation("udk") is COMPAT
+    assert UDK.of_generation("ut2004") is UDK
 
 
 def test_every_kind_of_report_has_a_line_above() -> None:

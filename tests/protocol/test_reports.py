@@ -16,6 +16,7 @@ from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
     EncoderConf,
+    Gps,
     Greeting,
     GroundTruth,
     Ins,
@@ -28,6 +29,8 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Sonar,
+    SonarConf,
     StartPoses,
     Status,
     Tachometer,
@@ -113,6 +116,9 @@ def test_range_that_is_not_finite_is_not_encoded(dialect: Dialect) -> None:
         RangeScan(1.0, "lms200", 0.1, 0.1, np.array([1.0, np.inf])).encode(dialect)
 
 
+UT2004 = COMPAT.of_generation("ut2004")
+DIALECTS = [COMPAT, UT2004, UDK]
+UNSTAMPED = [(UDK, Ins), (UT2004, Odometry), (UT2004, Encoder)]
 NUMBERS = st.floats(-1e6, 1e6) | st.floats(-1e-4, 1e-4)
 NAMES = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,9}", fullmatch=True)
 POSES = st.builds(Pose3, *[NUMBERS] * 6)
@@ -155,6 +161,14 @@ REPORTS = st.one_of(
         st.lists(st.tuples(NAMES, st.integers(-360, 360)), min_size=1).map(tuple),
     ),
     st.builds(Touch, TIMES, NAMES, st.booleans()),
+    st.builds(Sonar, TIMES, NAMED),
+    st.builds(
+        Gps,
+        TIMES,
+        NAMES,
+        st.none() | st.tuples(st.floats(-90, 90), st.floats(-180, 180)),
+        st.integers(0, 31),
+    ),
     st.builds(RobotGeo, NAMES, TRIPLES, TRIPLES, NUMBERS, NUMBERS, NUMBERS),
     st.builds(RobotConf, NAMES, NUMBERS, NUMBERS, NUMBERS),
     st.builds(
@@ -165,12 +179,18 @@ REPORTS = st.one_of(
         NAMES,
         st.lists(st.tuples(NAMES, *[NUMBERS] * 4), max_size=3).map(tuple),
     ),
+    st.builds(
+        SonarConf,
+        NAMES,
+        st.lists(st.tuples(NAMES, *[NUMBERS] * 4), max_size=3).map(tuple),
+    ),
     st.builds(IntervalConf, NAMES, NAMED),
     st.builds(EncoderConf, NAMES, NAMED),
     st.builds(TouchConf, NAMES, NAMED),
     st.builds(NameConf, NAMES, st.lists(NAMES, max_size=3).map(tuple)),
 )
 VALUE = r"[A-Za-z0-9_]+|-?[0-9]+(\.[0-9]+)?(,-?[0-9]+\.[0-9]+)*"
+VALUE += r"|[0-9]+,[0-9]+\.[0-9]+,[NSEW]"
 VALUE += r"|[0-9]+,[0-9]+\.[0-9]+,[A-Z][a-z]+(,[01]\.[0-9]+){2}"
 LINE = re.compile(rf"(NFO|STA|SEN|GEO|CONF)( \{{[A-Za-z0-9_]+( ({VALUE}))+\}})+")
 
@@ -182,7 +202,7 @@ def test_every_line_has_the_form_that_all_clients_accept(report: Report) -> None
     assert not re.search(r"-0\.0+(?![0-9])", line)
 
 
-@given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]))
+@given(report=REPORTS, dialect=st.sampled_from(DIALECTS))
 def test_every_line_follows_the_message_grammar(
     report: Report, dialect: Dialect
 ) -> None:
@@ -190,9 +210,9 @@ def test_every_line_follows_the_message_grammar(
     assert decode_message(line).encode() == line.replace("}{", "} {")
 
 
-@given(pose=st.builds(Pose3, *[NUMBERS] * 6), dialect=st.sampled_from([COMPAT, UDK]))
+@given(pose=st.builds(Pose3, *[NUMBERS] * 6), dialect=st.sampled_from(DIALECTS))
 def test_angles_on_the_wire_are_within_one_turn(pose: Pose3, dialect: Dialect) -> None:
-    low, high = (-pi, pi) if dialect is COMPAT else (0, 2 * pi)
+    low, high = (0, 2 * pi) if dialect is UDK else (-pi, pi)
     line = Ins(1.0, "InsTest", pose).encode(dialect)
     angles = (decode_message(line).get("Orientation") or "").split(",")
     for angle in angles:
@@ -208,7 +228,7 @@ def test_decoded_report_encodes_to_the_same_line(report: Report) -> None:
     assert read.encode(COMPAT) == line
 
 
-@given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]))
+@given(report=REPORTS, dialect=st.sampled_from(DIALECTS))
 def test_decoded_report_equals_the_sent_one_up_to_rounding(
     report: Report, dialect: Dialect
 ) -> None:
@@ -218,11 +238,13 @@ def test_decoded_report_equals_the_sent_one_up_to_rounding(
     assert _is_close(_numbers_and_texts(read), _numbers_and_texts(sent))
 
 
-@given(report=REPORTS, dialect=st.sampled_from([COMPAT, UDK]), data=st.data())
+@given(report=REPORTS, dialect=st.sampled_from(DIALECTS), data=st.data())
 def test_field_order_does_not_matter_in_reports_of_one_item(
     report: Report, dialect: Dialect, data: st.DataObject
 ) -> None:
-    assume(isinstance(report, Status | RangeScan | EchoLine | Ins | Odometry | Touch))
+    assume(
+        isinstance(report, Status | RangeScan | EchoLine | Ins | Odometry | Touch | Gps)
+    )
     line = report.encode(dialect)
     message = decode_message(line)
     mixed = Message(
@@ -234,7 +256,7 @@ def test_field_order_does_not_matter_in_reports_of_one_item(
 
 @given(
     report=REPORTS,
-    dialect=st.sampled_from([COMPAT, UDK]),
+    dialect=st.sampled_from(DIALECTS),
     place=st.floats(0, 1),
     inserted=st.sampled_from(
         ["", "{", "}", " ", ",", "nan", "1e9999", "\xe9", "_", "-"]
@@ -257,18 +279,20 @@ def test_damaged_line_is_decoded_or_malformed(
 def _transmitted(report: Report, dialect: Dialect) -> Report:
     """Return a report with only the values that a dialect transmits."""
     changes: dict[str, Any] = {}
+    if (dialect, type(report)) in UNSTAMPED:
+        changes["time"] = nan
     match report:
         case Status():
-            changes["battery"] = max(report.battery, dialect is COMPAT)
-        case Ins() if dialect is UDK:
-            changes["time"] = nan
+            changes["battery"] = max(report.battery, dialect is not UDK)
         case RobotGeo() if dialect is UDK:
             changes["dimensions"] = (report.wheel_base, report.wheel_separation, 0.0)
-        case ItemGeo(mounts=mounts) if dialect is COMPAT or not mounts:
+        case ItemGeo(mounts=mounts) if dialect is not UDK or not mounts:
             changes["robot"] = ""
         case EchoLine(echoes=TargetEchoes() as echoes) if 1e9 < echoes.density < inf:
             changes["echoes"] = replace(echoes, density=1e9)
-        case ScannerConf() | IntervalConf() | EncoderConf() | TouchConf():
+        case SonarConf(items=items) if items and dialect is not UDK:
+            changes["items"] = tuple((*item[:4], nan) for item in items)
+        case ScannerConf() | SonarConf() | IntervalConf() | EncoderConf() | TouchConf():
             return report if report.items else NameConf(report.type, ())
         case _:
             pass
@@ -363,6 +387,38 @@ def _is_same(one: Any, other: Any) -> bool:
             "SEN {Time 2} {Type Encoder}", Encoder(2, ()), id="no encoder at all"
         ),
         pytest.param(
+            "SEN {Type Encoder} {Name ECLeft Tick -24} {Name ECRight Tick 3} {Time 2}",
+            Encoder(2, (("ECLeft", -24), ("ECRight", 3))),
+            id="encoders of UT2004",
+        ),
+        pytest.param(
+            "SEN {Time 2} {Type Sonar} {Name F1 Range 2.5} {Name F2 range 3}",
+            Sonar(2, (("F1", 2.5), ("F2", 3))),
+            id="sonars of UT2004",
+        ),
+        pytest.param(
+            "SEN {Time 2} {Type Sonar} {Name F1} {Range 2.5}",
+            Sonar(2, (("F1", 2.5),)),
+            id="a sonar of the UDK",
+        ),
+        pytest.param(
+            "SEN {Time 2} {Type GPS} {Name G} {Latitude 39, 30, s} {Satellites 8}"
+            " {Longitude 122,15.0,W} {Fix 1}",
+            Gps(2, "G", (-39.5, -122.25), 8),
+            id="GPS",
+        ),
+        pytest.param(
+            "SEN {Time 2} {Type GPS} {Name G} {Fix 0} {Satellites 2}",
+            Gps(2, "G", None, 2),
+            id="GPS without a fix",
+        ),
+        pytest.param(
+            "CONF {Type Sonar} {Name F1} {MaxRange 10.668} {BeamAngle 0.35}"
+            " {ScanInterval 0.5}",
+            SonarConf("Sonar", (("F1", 10.668, 0.0, 0.35, 0.5),)),
+            id="settings of a sonar without a minimum range",
+        ),
+        pytest.param(
             "SEN {Time 2} {Type Touch} {Name T} {Touch true}",
             Touch(2, "T", True),
             id="touch",
@@ -407,7 +463,7 @@ def test_ranges_are_decoded_with_any_separator(ranges: str) -> None:
     [
         pytest.param("RES {Type Camera}", id="other verb"),
         pytest.param("NFO {Gametype Nothing}", id="nothing in the info"),
-        pytest.param("SEN {Time 1} {Type Sonar} {Name F1 Range 2}", id="other sensor"),
+        pytest.param("SEN {Time 1} {Type IR} {Name F1 Range 2}", id="other sensor"),
         pytest.param("SEN {Time 1}", id="no sensor"),
         pytest.param("hello", id="a word"),
     ],
@@ -426,6 +482,26 @@ ECHOES += " {Transparency 1} {LaserPasses False} {RobotPasses False}"
     [
         pytest.param("{Type}", "expected a verb", id="no verb"),
         pytest.param("SEN {Type INS", "expected '}'", id="open brace"),
+        pytest.param(
+            "SEN {Type Sonar} {Name F1}",
+            "expected a field '{Range ...}'",
+            id="no range",
+        ),
+        pytest.param(
+            "SEN {Type GPS} {Name G} {Fix 1} {Latitude 39,8.0}",
+            "SEN Latitude: '39,8.0', expected degrees, minutes, and N, S, E or W",
+            id="latitude without a letter",
+        ),
+        pytest.param(
+            "SEN {Type GPS} {Name G} {Fix 1} {Latitude 39,N}",
+            "SEN Latitude: '39', expected 2 numbers",
+            id="latitude without minutes",
+        ),
+        pytest.param(
+            "SEN {Type GPS} {Name G} {Satellites 3}",
+            "expected a field '{Fix ...}'",
+            id="GPS of no known state",
+        ),
         pytest.param(
             f"{SCAN} {{Range 1}}", "expected a field '{FOV ...}'", id="no FOV"
         ),

@@ -9,6 +9,7 @@ from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
     EncoderConf,
+    Gps,
     Greeting,
     GroundTruth,
     Ins,
@@ -20,6 +21,8 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Sonar,
+    SonarConf,
     StartPoses,
     Status,
     Tachometer,
@@ -149,6 +152,24 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         "encoder",
         Encoder(31.1, (("W1", 0),)),
         "SEN {Time 31.1000} {Type Encoder} {Name W1} {Tick 0}",
+    ),
+    (
+        "sonar",
+        Sonar(31.1, (("F1", 2.3),)),
+        "SEN {Time 31.1000} {Type Sonar} {Name F1} {Range 2.2999}",
+    ),
+    (
+        "GPS",
+        Gps(31.1, "GPS", (39.5, -77.25), 11),
+        "SEN {Time 31.1000} {Type GPS} {Name GPS} {Latitude 39,30.0000,N} "
+        "{Longitude 77,15.0000,W} {Fix 1} {Satellites 11}",
+    ),
+    (
+        "settings of a sonar",
+        SonarConf("Sonar", (("F1", 5, 0.1, radians(20), 0.2),)),
+        "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
+        "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
+        "{tracesPerCone 16} {numberOfCones 10}",
     ),
     (
         "touch",

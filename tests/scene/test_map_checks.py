@@ -63,8 +63,8 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
         pytest.param(
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
-            " expected one of ['air', 'level', 'materials', 'objects', 'starts',"
-            " 'trial', 'variants', 'version']",
+            " expected one of ['air', 'gps_origin_deg', 'level', 'materials',"
+            " 'objects', 'starts', 'trial', 'variants', 'version']",
             id="unknown section",
         ),
         pytest.param(

@@ -117,10 +117,23 @@ def test_valid_settings_pass_the_check(
     [
         pytest.param(
             {"lms": {"max_range": 3}},
-            "item 'lms', expected one of ['Bumper', 'GndTruth', 'GroundTruth', "
-            "'Hokuyo', 'INS', 'InsTest', 'Odometer', 'Odometry', 'Scanner1', "
-            "'TachTest', 'W1', 'W2', 'battery', 'lms200']; did you mean 'lms200'?",
+            "item 'lms', expected one of ['Bumper', 'ECLeft', 'ECRight', 'F1', 'F2', "
+            "'F3', 'F4', 'F5', 'F6', 'F7', 'F8', 'GPS', 'GndTruth', 'GroundTruth', "
+            "'Hokuyo', 'INS', 'InsTest', 'Odometer', 'Odometry', 'R1', 'R2', 'R3', "
+            "'R4', 'R5', 'R6', 'R7', 'R8', 'Scanner1', 'TachTest', 'W1', 'W2', "
+            "'battery', 'lms200']; did you mean 'lms200'?",
             id="unknown item",
+        ),
+        pytest.param(
+            {"F1": {"fov_deg": 3}},
+            "sonar: no setting 'fov_deg', expected one of ['beam_angle_deg', "
+            "'max_incidence_deg', 'max_range', 'min_range']",
+            id="setting of a scanner for a sonar",
+        ),
+        pytest.param(
+            {"GPS": {"max_noise": -1}},
+            "gps: max_noise: -1, expected at least 0",
+            id="negative noise of a GPS",
         ),
         pytest.param(
             {"Odometer": {"sigma": 0}},

@@ -1,0 +1,36 @@
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.presets.items import gps_settings, item_presets, sonar_settings
+
+
+def test_numbers_of_the_sonar_are_those_of_the_original_server() -> None:
+    settings = sonar_settings()
+    assert (settings.beam_angle_deg, settings.min_range, settings.max_range) == (
+        20,
+        0.1,
+        5,
+    )
+
+
+def test_every_number_has_a_source() -> None:
+    assert list(item_presets()) == ["gps", "sonar"]
+    for preset in item_presets().values():
+        assert preset.about
+        assert all(number.source for number in preset.settings.values())
+
+
+def test_settings_can_be_changed() -> None:
+    assert sonar_settings(max_range=3).max_range == 3
+    assert gps_settings(max_noise=0, min_noise=0).max_noise == 0
+
+
+def test_all_wrong_settings_are_named_with_what_was_expected() -> None:
+    with pytest.raises(PresetError) as error:
+        sonar_settings(max_range=-1, beam_angel_deg=20)
+    first, second = sorted(str(error.value).splitlines())
+    assert first.startswith("sonar: max_range: -1, expected at least")
+    assert second.startswith("sonar: no setting 'beam_angel_deg'")
+    assert "did you mean" in second or "beam_angle_deg" in second
+    with pytest.raises(PresetError, match="gps: max_noise: 'much', expected a number"):
+        gps_settings(max_noise="much")
