@@ -190,12 +190,12 @@ def test_endless_unknown_lines_do_not_prevent_the_timeout(
 ) -> None:
     def rave(peer: socket.socket) -> None:
         while True:
-            peer.sendall(b"SEN {Type Sonar}\r\n" * 10)
+            peer.sendall(b"SEN {Type Victim}\r\n" * 10)
             time.sleep(0.001)
 
     client = connect(serve(rave), timeout=1)
     began = time.monotonic()
-    with pytest.raises(ClientTimeout, match=r"'SEN {Type Sonar}'; .* of no known kind"):
+    with pytest.raises(ClientTimeout, match=r"'SEN {Type Victim}'; .* of no known kind"):
         client.read()
     assert time.monotonic() - began < DEADLINE
 
