@@ -195,7 +195,9 @@ def test_endless_unknown_lines_do_not_prevent_the_timeout(
 
     client = connect(serve(rave), timeout=1)
     began = time.monotonic()
-    with pytest.raises(ClientTimeout, match=r"'SEN {Type Victim}'; .* of no known kind"):
+    with pytest.raises(
+        ClientTimeout, match=r"'SEN {Type Victim}'; .* of no known kind"
+    ):
         client.read()
     assert time.monotonic() - began < DEADLINE
 
