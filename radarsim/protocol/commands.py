@@ -250,7 +250,8 @@ class ParsedCommand:
     Attributes:
         command: The command.
         unknown_keys: Keys of fields that the command does not have; clients of other
-            servers send some. Empty for a command without effect.
+            servers send some. Empty for a command without effect. Fields that drive
+            commands of common clients have without need are not among them.
     """
 
     command: Command
@@ -261,6 +262,10 @@ COMMANDS: Final = {
     command.verb: command
     for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem)
 }
+
+# Fields that common clients send along: the speed of robots with a steering axle, which
+# one of them sends to stop any robot, and the name of the robot.
+_NEEDLESS_KEYS: Final = {Drive.verb: ("Speed", "Name")}
 
 # Verbs of the servers of all generations that do nothing to a wheeled robot here.
 _UNSUPPORTED: Final = frozenset(
@@ -287,7 +292,7 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
             f"verb {message.verb[:80]!r}, expected one of {sorted(COMMANDS)}"
         )
     command = COMMANDS[verb].decode(message, dialect)
-    known = {key.lower() for key in command.keys}
+    known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
     unknown = [key for key, _ in message.segments if key.lower() not in known]
     return ParsedCommand(command, tuple(unknown))
 

@@ -248,7 +248,7 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"DRIVE {Speed 1} {FrontSteer 0.2}",
             "DRIVE fields",
-            "DRIVE 'Speed', expected of "
+            "DRIVE 'FrontSteer', expected of "
             "['Left', 'Right', 'Normalized', 'Light', 'Flip']",
             id="fields of other vehicles",
         ),
@@ -299,6 +299,22 @@ def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
         *("STA", "GroundTruth", "INS", "Odometry", "Tachometer"),
         *("Encoder", "Touch", "RangeScanner"),
     }
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param(b"DRIVE {Speed 0}", id="stop button of Iridium"),
+        pytest.param(b"DRIVE {name r1} {Left 1} {Right 1}", id="name of the robot"),
+        pytest.param(b"DRIVE {Left 1} {SPEED 2} {Right 1}", id="both"),
+    ],
+)
+def test_needless_fields_of_drive_are_no_news(host: Host, line: bytes) -> None:
+    number = spawned(host)
+    assert host.receive(number, line + b"\r\n") == []
+    run_ticks(host, 20)
+    is_driven = b"Left" in line
+    assert (host.simulation.vehicles[0].robot.pose.x > -8) is is_driven
 
 
 def test_unknown_key_does_not_affect_the_others(host: Host) -> None:

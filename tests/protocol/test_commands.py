@@ -70,9 +70,9 @@ def test_other_commands_are_parsed(
 
 
 def test_unknown_fields_are_reported() -> None:
-    line = "drive {Left 1} {colour red} {RIGHT 1} {Speed 2} {Speed 3}"
+    line = "drive {Left 1} {colour red} {RIGHT 1} {Steer 2} {Steer 3}"
     parsed = parse_command(line, COMPAT)
-    assert parsed == ParsedCommand(Drive(1, 1), ("colour", "Speed", "Speed"))
+    assert parsed == ParsedCommand(Drive(1, 1), ("colour", "Steer", "Steer"))
 
 
 def test_true_in_capitals_is_true_in_compat_only() -> None:
