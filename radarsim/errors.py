@@ -17,9 +17,14 @@
 Programming errors stay ValueError, TypeError and AssertionError.
 """
 
+from radarsim.printable_text import escape_lines, escape_unprintable
+
 
 class RadarsimError(Exception):
-    """The root of the tree."""
+    """The root of the tree; messages are printable, whatever names are in them."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(escape_lines(message))
 
 
 class ProtocolError(RadarsimError):
@@ -42,8 +47,8 @@ class MapError(RadarsimError):
     """
 
     def __init__(self, problems: list[str]) -> None:
-        super().__init__("\n".join(problems))
-        self.problems = problems
+        self.problems = [escape_unprintable(problem) for problem in problems]
+        super().__init__("\n".join(self.problems))
 
     def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
         """Pickle the problems, not the message that joins them."""

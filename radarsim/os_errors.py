@@ -32,13 +32,15 @@ _WORDS: Final = {
 }
 
 
-def describe_os_error(error: OSError) -> str:
+def describe_os_error(error: OSError | UnicodeError) -> str:
     """Return the reason of an error in words that fit after a colon.
+
+    Names of hosts that no resolver takes raise UnicodeError.
 
     >>> describe_os_error(PermissionError(13, "Permission denied", "map.yaml"))
     'no permission'
     """
-    if isinstance(error, socket.gaierror):
+    if isinstance(error, (socket.gaierror, UnicodeError)):
         return "no host of that name"
     number = error_number(error)
     if number in _WORDS:

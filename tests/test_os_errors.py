@@ -32,6 +32,7 @@ def test_the_attempts_that_asyncio_joins_are_told_by_the_first() -> None:
 
 def test_other_errors_are_described() -> None:
     assert "name" in describe_os_error(socket.gaierror(-2, "Name or service not known"))
+    assert "name" in describe_os_error(UnicodeError("label empty or too long"))
     assert "time" in describe_os_error(TimeoutError())
     assert describe_os_error(OSError("Odd")) == "odd"
     with pytest.raises(FileNotFoundError) as missing:

@@ -23,6 +23,7 @@ from radarsim.cli.figures import figures
 from radarsim.cli.map import map_
 from radarsim.cli.navigate import navigate
 from radarsim.cli.new import new
+from radarsim.cli.output import print_message
 from radarsim.cli.presets import materials, sensors
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
@@ -98,14 +99,14 @@ def main() -> None:
     try:
         app()
     except RadarsimError as error:
-        sys.stderr.write(f"radarsim: {error}\n")
+        print_message(str(error))
         sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     except OSError as error:
         name = "" if error.filename is None else f" {error.filename}"
         reason = describe_os_error(error)
-        sys.stderr.write(f"radarsim: cannot write{name}: {reason}\n")
+        print_message(f"cannot write{name}: {reason}")
         # Python flushes stdout once more at exit, and would report the error again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -12,6 +12,7 @@ from radarsim.cli.options import (
     check_writable,
     write_file,
 )
+from radarsim.cli.output import print_lines
 from radarsim.errors import MapError
 
 
@@ -48,13 +49,13 @@ def check(
             "doubts of the trial": trial_warnings(scene),
         }
     except MapError as error:
-        typer.echo("\n".join(error.problems))
+        print_lines(error.problems)
         raise typer.Exit(1) from None
-    typer.echo("\n".join(summary))
+    print_lines(summary)
     names = [variant.name for variant in variants]
     for title, lines in {"variants": names, **doubts}.items():
         if lines:
-            typer.echo("\n  ".join((title, *lines)))
+            print_lines((title, *(f"  {line}" for line in lines)))
     if plot is not None:
         from radarsim.plotting import draw_scene
 

@@ -6,6 +6,7 @@ from typing import Annotated, Final
 import typer
 
 from radarsim.cli.options import check_ending, check_writable, write_file
+from radarsim.cli.output import print_lines
 
 MAP: Final = "foliage_room"
 START: Final = "RobotStart1"
@@ -31,7 +32,7 @@ def demo(
     figure = compare(MAP, "laser", "radar", start=START)
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
     write_file(out, render(figure, "png"), "OUT")
-    typer.echo(out)
+    print_lines([out])
     typer.echo(_NEXT, err=True, nl=False)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive, check_robot
+from radarsim.cli.output import print_message
 from radarsim.signal_handlers import set_exit_code_of_sigterm
 
 
@@ -41,7 +42,7 @@ def drive(
     from radarsim.teleop.teleop import drive as drive_robot
 
     if problem := _terminal_problem():
-        typer.echo(f"radarsim: {problem}, expected a terminal to drive at", err=True)
+        print_message(f"{problem}, expected a terminal to drive at")
         raise typer.Exit(2)
     check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit.value)

@@ -14,6 +14,7 @@ from radarsim.cli.options import (
     SensorSettingsOption,
     SensorStartOption,
 )
+from radarsim.cli.output import print_lines
 from radarsim.cli.scan import load_scanner, load_scene_and_pose
 
 
@@ -70,4 +71,4 @@ def explain(
     if format_ is ExplanationFormat.JSON:
         typer.echo(json.dumps(explanation, allow_nan=False))
     else:
-        typer.echo("\n".join(as_text(explanation)))
+        print_lines(as_text(explanation))

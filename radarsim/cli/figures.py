@@ -13,6 +13,7 @@ from rich.console import Console
 
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import SeedOption, write_file
+from radarsim.cli.output import print_lines
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import raise_on_signals
 
@@ -62,7 +63,7 @@ def figures(
             status = f"figure {entry.number} done"
             bar.update(task, advance=entry.weight, description=status)
     write_file(out / FILE, _page(out, made).encode(), "OUT")
-    typer.echo(out / FILE)
+    print_lines([out / FILE])
 
 
 def _read_numbers(only: str | None) -> tuple[FigureSpec, ...]:

@@ -1,12 +1,13 @@
 """``radarsim map --through``: map what another client drives."""
 
-import sys
+import logging
 from typing import Final
 
 import typer
 
 from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
 from radarsim.cli.options import read_pose
+from radarsim.cli.output import print_message, start_log
 from radarsim.errors import PortUnavailable, ServerError
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import warm_up
@@ -64,8 +65,9 @@ def map_through_proxy(
         scanner=scanner,
         defaults=ScannerDefaults(_read_mount(mount), max_range),
     )
-    traffic.on_guess = lambda name: _warn(_GUESS.format(name))
+    traffic.on_guess = lambda name: print_message(_GUESS.format(name))
     files.check()
+    start_log(logging.WARNING, "%(message)s")
     warm_up()
     with raise_on_signals():
         return _map_traffic(traffic, files, port, server, as_json=as_json)
@@ -92,7 +94,7 @@ def _map_traffic(
     save_map(result, files)
     if traffic.error and not result.error:
         result.error = traffic.error
-        _warn(traffic.error)
+        print_message(traffic.error)
     print_result(result, as_json=as_json)
     return 1 if result.error else code
 
@@ -105,9 +107,4 @@ def _read_mount(text: str | None) -> Pose3 | None:
 
 
 def _announce(address: tuple[str, int]) -> None:
-    _warn(f"listening on {address[0]}:{address[1]}")
-
-
-def _warn(text: str) -> None:
-    sys.stderr.write(f"radarsim: {text}\n")
-    sys.stderr.flush()
+    print_message(f"listening on {address[0]}:{address[1]}")

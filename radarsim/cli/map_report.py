@@ -1,7 +1,6 @@
 """The files that ``radarsim map`` writes, and what it prints."""
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import typer
 from radarsim.atomic_write import write_atomically
 from radarsim.cli.map_view import view_of
 from radarsim.cli.options import check_writable
+from radarsim.cli.output import print_lines, print_message
 from radarsim.cli.progress import live_status
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import Exploration
@@ -147,7 +147,7 @@ def save_map(result: MappingResult, files: MapFiles) -> None:
     except OSError as error:
         name = "the map" if error.filename is None else error.filename
         text = f"cannot write {name}: {describe_os_error(error)}"
-        sys.stderr.write(f"radarsim: {text}\n")
+        print_message(text)
         result.error = f"{result.error}; {text}" if result.error else text
 
 
@@ -187,9 +187,9 @@ def _describe_status(source: Exploration | TrafficMapper, activity: str) -> str:
 def print_result(result: MappingResult, *, as_json: bool) -> None:
     """Print a result; one that failed before its first scan only as JSON."""
     if as_json:
-        typer.echo(result.to_json())
+        print_lines([result.to_json()])
     elif result.trip.start is not None or not result.error:
-        typer.echo("\n".join(as_text(result)))
+        print_lines(as_text(result))
 
 
 def as_text(result: MappingResult) -> list[str]:

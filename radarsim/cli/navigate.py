@@ -39,6 +39,7 @@ from radarsim.cli.options import (
     server_address,
     write_file,
 )
+from radarsim.cli.output import print_lines, print_message
 from radarsim.cli.serve import load_served_host
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.signal_handlers import raise_on_signals
@@ -202,7 +203,7 @@ def navigate(
     ):
         _execute(run, address, film, film_speed)
     if run.error:
-        typer.echo(f"radarsim: {run.error}", err=True)
+        print_message(run.error)
     raise typer.Exit(EXIT_CODES.get(run.outcome, 1))
 
 
@@ -259,11 +260,11 @@ def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
         failed = isinstance(error, Exception)
         run.error = run.error or (str(error) if failed else INTERRUPTED)
         if as_json:
-            typer.echo(result_as_json(run))
+            print_lines([result_as_json(run)])
         elif not failed and run.run_log.rows:
-            typer.echo("\n".join(as_text(run)))
+            print_lines(as_text(run))
         raise
-    typer.echo(result_as_json(run) if as_json else "\n".join(as_text(run)))
+    print_lines([result_as_json(run)] if as_json else as_text(run))
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import Annotated, Final
 import typer
 
 from radarsim.cli.options import check_ending, check_writable, write_file
+from radarsim.cli.output import print_lines
 
 STARTER_MAP: Final = Path(__file__).parents[1] / "scene" / "starter_map.yaml"
 
@@ -29,6 +30,6 @@ def new(
     name = shlex.quote(str(file))
     picture = shlex.quote(str(file.with_suffix(".png")))
     scan = f"scan {name} --sensor radar --start RobotStart1 -o {picture}"
-    typer.echo(f"{file}: change it in an editor, then try")
-    for command in (f"check {name}", scan, f"serve {name}"):
-        typer.echo(f"  radarsim {command}")
+    commands = (f"check {name}", scan, f"serve {name}")
+    first = f"{file}: change it in an editor, then try"
+    print_lines((first, *(f"  radarsim {command}" for command in commands)))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from radarsim.atomic_write import write_atomically
+from radarsim.cli.output import print_message
 from radarsim.errors import PresetError
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import raise_on_signals
@@ -355,7 +356,7 @@ def check_robot(robot: str, served: object | None) -> None:
         text = expected_one_of(name, robot_names())
         raise typer.BadParameter(text, param_hint="--robot")
     if meant := did_you_mean(name, robot_names()):
-        typer.echo(f"radarsim: robot class {robot[:80]!r}{meant}", err=True)
+        print_message(f"robot class {robot[:80]!r}{meant}")
 
 
 def _obstacle_to_writing(path: Path) -> str:

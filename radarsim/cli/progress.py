@@ -8,6 +8,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from radarsim.printable_text import escape_unprintable
+
 REFRESH_RATE: Final = 8  # Hz
 
 
@@ -24,7 +26,7 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
     console = Console(stderr=True)
     if not console.is_terminal or console.is_dumb_terminal:
         yield lambda line: console.print(
-            line, highlight=False, markup=False, soft_wrap=True
+            escape_unprintable(line), highlight=False, markup=False, soft_wrap=True
         )
         return
     line = _StatusLine(describe)
@@ -37,4 +39,5 @@ class _StatusLine:
         self._describe = describe
 
     def __rich__(self) -> Text:
-        return Text(self._describe(), no_wrap=True, overflow="ellipsis")
+        text = escape_unprintable(self._describe())
+        return Text(text, no_wrap=True, overflow="ellipsis")

@@ -18,6 +18,7 @@ from radarsim.cli.options import (
     check_positive,
     read_item_settings,
 )
+from radarsim.cli.output import start_log
 from radarsim.errors import PortUnavailable, PresetError, ServerError
 from radarsim.signal_handlers import set_exit_code_of_sigterm
 
@@ -86,11 +87,8 @@ def serve(
     from radarsim.server.tcp_server import serve as serve_until_signal
     from radarsim.simulation.config import SimulationConfig
 
-    logging.basicConfig(
-        stream=sys.stderr,
-        level=logging.INFO if verbose else logging.WARNING,
-        format="%(asctime)s %(levelname)s %(message)s",
-    )
+    level = logging.INFO if verbose else logging.WARNING
+    start_log(level, "%(asctime)s %(levelname)s %(message)s")
     config = SimulationConfig(
         get_dialect(dialect.value),
         None if drive_unit is None else drive_unit.value,

@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
+from radarsim.cli.output import print_lines
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
+from radarsim.printable_text import escape_unprintable
 from radarsim.signal_handlers import raise_on_signals
 from radarsim.suggestions import expected_one_of
 
@@ -79,9 +82,10 @@ def trials(
     )
     for score in scores:
         if not score.is_correct:
-            typer.echo(_failure_text(score))
+            print_lines([_failure_text(score)])
     by = "1 process" if processes == 1 else f"{processes} processes"
-    typer.echo(f"{len(scores)} trials in {duration:.1f} s by {by}")
+    trials_in = "1 trial" if len(scores) == 1 else f"{len(scores)} trials"
+    typer.echo(f"{trials_in} in {duration:.1f} s by {by}")
 
 
 def _split(text: str, hint: str) -> list[str]:
@@ -121,7 +125,7 @@ def _check_map(name: str) -> None:
         if name in MAPS or Path(name).exists():
             raise
         text = f"{error}; those made for trials are {list(MAPS)}"
-        raise typer.BadParameter(text, param_hint="--maps") from None
+        raise MapError([text]) from None
 
 
 def _count_cores() -> int:
@@ -157,7 +161,8 @@ def _table(scores: Sequence[TrialResult]) -> Table:
         key = (score.map, score.algorithm, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
-        table.add_row(*key, *_group_columns(group))
+        names = (Text(escape_unprintable(name)) for name in key)
+        table.add_row(*names, *_group_columns(group))
     return table
 
 

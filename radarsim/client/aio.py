@@ -61,7 +61,7 @@ class AsyncClient:
         try:
             async with asyncio.timeout(timeout):
                 reader, writer = await asyncio.open_connection(host, port)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             raise no_server(host, port, error) from None
         return cls(reader, writer, timeout=timeout)
 

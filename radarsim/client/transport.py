@@ -22,11 +22,14 @@ DEFAULT_PORT = 3000  # of USARSim
 STUCK = "the server takes nothing any more"
 
 
-def no_server(host: str, port: int, error: OSError) -> ClientError:
+def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
     """Create the error for a server that cannot be reached, with the cure if known."""
     at = f"no server at {host}:{port}"
     is_local = host in LOCAL_HOSTS or host.startswith("127.")
-    if is_local and error_number(error) == errno.ECONNREFUSED:
+    is_refused = (
+        isinstance(error, OSError) and error_number(error) == errno.ECONNREFUSED
+    )
+    if is_local and is_refused:
         option = "" if port == DEFAULT_PORT else f" --port {port}"
         return ClientError(f"{at}; start one with: radarsim serve foliage_room{option}")
     return ClientError(f"{at}: {describe_os_error(error)}")
@@ -91,7 +94,7 @@ class SocketTransport:
         self._stuck = False
         try:
             self._socket = socket.create_connection((host, port), timeout)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             raise no_server(host, port, error) from None
         with suppress(OSError):  # commands are short, and urgent
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

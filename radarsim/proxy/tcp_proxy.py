@@ -261,7 +261,7 @@ class TcpProxy:
                 _, server = await loop.create_connection(
                     lambda: Endpoint(on_data, self._connected), host, port
                 )
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             reason = describe_os_error(error)
             log.warning("%s: no server at %s:%d: %s", client.peer, host, port, reason)
             client.abort()

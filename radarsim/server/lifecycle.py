@@ -78,9 +78,10 @@ async def listen(
         listener = await loop.create_server(
             protocol_factory, address, port, reuse_address=True
         )
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
-        of_port = error_number(error) in (errno.EADDRINUSE, errno.EACCES)
+        number = error_number(error) if isinstance(error, OSError) else 0
+        of_port = number in (errno.EADDRINUSE, errno.EACCES)
         raise (PortUnavailable(text, port) if of_port else ServerError(text)) from error
     if not listener.sockets:
         raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import Pose2, wrap_angle
+from radarsim.printable_text import escape_unprintable
 from radarsim.protocol.reports import GroundTruth, Ins, Odometry
 from radarsim.teleop.robot_state import RobotState
 from radarsim.teleop.view import Fragments, style_of
@@ -45,8 +46,8 @@ def panel_lines(
     """
     head = f"{state.robot_info.name}, {state.scanner.name}"
     plain = [
-        state.level[:WIDTH],
-        head[:WIDTH],
+        escape_unprintable(state.level)[:WIDTH],
+        escape_unprintable(head)[:WIDTH],
         "",
         f"time     {_number(state.time, 10, 2)} s",
         f"scans    {_number(state.scan_rate(), 10, 1)} /s",

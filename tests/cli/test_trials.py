@@ -44,10 +44,23 @@ def test_json_is_a_list_of_scores(radarsim: Command) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "texts"),
+    [
+        pytest.param("bug_bx", ["bug_bx", "bug_spiral"], id="unknown"),
+        pytest.param("empty_room", ["no 'trial'"], id="no trial"),
+    ],
+)
+def test_map_without_a_trial_is_an_error_that_lists_those_with_one(
+    radarsim: Command, name: str, texts: list[str]
+) -> None:
+    run = radarsim("trials", "--maps", name)
+    assert (run.code, run.out) == (1, b"")
+    assert all(text in run.err for text in texts)
+
+
+@pytest.mark.parametrize(
     ("options", "texts"),
     [
-        pytest.param(["--maps", "bug_bx"], ["bug_bx", "bug_spiral"], id="map"),
-        pytest.param(["--maps", "empty_room"], ["no 'trial'"], id="no trial"),
         pytest.param(["--maps", "bug_box,"], ["names with commas"], id="empty"),
         pytest.param(["--algorithms", "bug3"], ["'bug3'", "'bug2'"], id="algorithm"),
         pytest.param(["--sensors", "sonar"], ["'sonar'", "'laser'"], id="sensor"),

@@ -63,6 +63,11 @@ def test_panel_shows_every_value(state: RobotState) -> None:
         assert expected in text
 
 
+def test_names_from_the_server_are_printable(state: RobotState) -> None:
+    state.level = "a\x1b[2J"
+    assert panel(state)[0] == r"a\x1b[2J"
+
+
 def test_unknown_values_are_dashes(state: RobotState) -> None:
     text = "\n".join(panel(state))
     for name in ("time", "scans", "battery", "measured", "INS", "truth", "touch"):

@@ -1,0 +1,41 @@
+"""What commands print: lines of text on stdout, messages and logs on stderr.
+
+Names from maps, clients and command lines are in them, so all is made printable.
+"""
+
+import logging
+import sys
+from collections.abc import Iterable
+
+import typer
+
+from radarsim.printable_text import escape_lines, escape_unprintable
+
+
+def print_lines(lines: Iterable[object]) -> None:
+    """Print lines on stdout."""
+    typer.echo("\n".join(escape_unprintable(str(line)) for line in lines))
+
+
+def print_message(text: str) -> None:
+    """Print a message with the name of the program on stderr, at once."""
+    sys.stderr.write(f"radarsim: {escape_lines(text)}\n")
+    sys.stderr.flush()
+
+
+def start_log(level: int, form: str) -> None:
+    """Write the log to stderr.
+
+    Args:
+        level: Lowest level that is written.
+        form: Format of a line, as ``logging.Formatter`` takes it.
+    """
+    handler = logging.StreamHandler()
+    handler.setFormatter(_PrintableFormatter(form))
+    logging.basicConfig(handlers=[handler], level=level)
+
+
+class _PrintableFormatter(logging.Formatter):
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
+        """Return the line of a record, without its traceback."""
+        return escape_unprintable(super().formatMessage(record))
