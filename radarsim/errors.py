@@ -23,8 +23,8 @@ from radarsim.printable_text import escape_lines, escape_unprintable
 class RadarsimError(Exception):
     """The root of the tree; messages are printable, whatever names are in them."""
 
-    def __init__(self, message: str = "") -> None:
-        super().__init__(escape_lines(message))
+    def __init__(self, message: str = "", *details: object) -> None:
+        super().__init__(escape_lines(message), *details)
 
 
 class ProtocolError(RadarsimError):
