@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+
 from radarsim.cli.film import drawn_robot
 from radarsim.evaluation.hidden_floor import HiddenFloor
 from radarsim.evaluation.mapping_run import MappingResult, MappingRun
@@ -33,14 +35,26 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         mapper.grid,
         mapper.trajectory.rows(),
         drawn_robot(result.robot_class).name,
-        headline(result),
+        headline(result, mapper),
         true_outlines(result, mapper),
         _summary(result),
     )
 
 
-def headline(result: MappingResult) -> str:
-    """Return who maps what, in words."""
+def headline(result: MappingResult, mapper: Mapper) -> str:
+    """Return how much is on a map, in words."""
+    score = result.score
+    if score is not None and score.hidden_coverage is not None:
+        return hidden_text(score.hidden_coverage)
+    if score is not None and score.coverage is not None:
+        return f"{100 * score.coverage:.0f} % of the floor mapped"
+    grid = mapper.grid
+    area = np.count_nonzero(grid.sensed_cells()) * grid.frame.resolution**2
+    return f"{area:.0f} m² mapped"
+
+
+def who_maps_what(result: MappingResult) -> str:
+    """Return the robot and the scene, in words."""
     who = result.robot_class or "a robot that another client drives"
     where = "what it senses" if result.scene is None else result.scene.name
     return f"{who[0].upper()}{who[1:]} maps {where}"
@@ -54,17 +68,16 @@ def true_outlines(result: MappingResult, mapper: Mapper) -> tuple[Outline, ...]:
 
 
 def hidden_text(share: float | None) -> str:
-    """Return how much of the hidden floor is sensed; empty if there is none."""
+    """Return how much of the hidden floor is mapped; empty if there is none."""
     if share is None:
         return ""
-    return f"{100 * share:.0f} % of the floor beyond its reach is sensed"
+    return f"{100 * share:.0f} % of the floor that the robot cannot reach is mapped"
 
 
 def _summary(result: MappingResult) -> str:
-    hidden = None if result.score is None else result.score.hidden_coverage
     ending = ENDINGS.get(result.outcome, "")
     path = f"{result.trip.length:.1f} m in {result.trip.time:.0f} s {ending}".rstrip()
-    return ", ".join(text for text in (hidden_text(hidden), path) if text)
+    return f"{who_maps_what(result)}: {path}"
 
 
 def _sensor_height(result: MappingResult, mapper: Mapper) -> float:
@@ -90,7 +103,7 @@ class MapCamera:
             self._frames = self._prepare(mapper)
         share = None if self._hidden is None else self._hidden.coverage(mapper.grid)
         path = f"{trip.time:.1f} s, {trip.length:.1f} m"
-        status = ", ".join(text for text in (path, hidden_text(share)) if text)
+        status = ", ".join(text for text in (hidden_text(share), path) if text)
         return self._frames.draw(mapper.grid, mapper.trajectory.rows(), status)
 
     def _prepare(self, mapper: Mapper) -> MapFrames:
@@ -106,4 +119,5 @@ class MapCamera:
                 height=_sensor_height(result, mapper),
             )
         extent = first_extent(outlines, mapper.grid)
-        return MapFrames(extent, resolution, headline(result), robot.name, outlines)
+        title = who_maps_what(result)
+        return MapFrames(extent, resolution, title, robot.name, outlines)

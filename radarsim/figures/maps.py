@@ -1,8 +1,9 @@
 """Figure 15: the radar's and the Hokuyo's map of the test map, side by side."""
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from radarsim.exploration.traversability import Point
@@ -23,9 +24,10 @@ from radarsim.plotting.maps import MapView, map_figure
 from radarsim.plotting.outlines import outlines_of
 from radarsim.presets.sensors import load_settings
 
-NAMES: Final = ("radar", "Hokuyo")
-MIN_CORE: Final = 0.01  # share of blue cells from which a bush has a blue core
+NAMES: Final = ("radar", "laser")
+MIN_CORE: Final = 0.01  # share of cells not sensed from which a bush has a core
 _TEXT: Final = 13.0  # points; the page shows it at half its size
+_BELOW_WALL: Final = 0.8  # m from the end of the bushes to the name of the yard
 
 
 def draw_maps(seed: int, *, waypoints: tuple[Point, ...] = WAYPOINTS) -> DrawnFigure:
@@ -52,7 +54,7 @@ def _view(run: MappingResult, name: str) -> MapView:
         run.grid,
         run.trajectory.rows(),
         run.drive.robot,
-        f"The {name} senses {100 * share:.0f} % of the floor behind the bushes",
+        f"{100 * share:.0f} % of the yard mapped with the {name}",
         outlines_of(load_scene(MAP), run.drive.height),
     )
 
@@ -62,10 +64,10 @@ def _caption(left: MappingResult, right: MappingResult) -> str:
     shares = [run.score.hidden_coverage or 0.0 for run in (left, right)]
     return (
         "Two robots drive along a wall of bushes, on this side of it only, and map what"
-        " they sense: white and grey where a beam has been, blue where none has. The"
-        f" radar's map has {_percent(shares[0])} of the floor behind the bushes and"
-        f" {things[0]} of the {len(hidden_parts(load_scene(MAP)))} things on it, the"
-        f" Hokuyo's {_percent(shares[1])} and {things[1] or 'none'}."
+        " they sense: green is foliage, black is solid, and grey is not sensed."
+        f" The radar's map has {_percent(shares[0])} of the yard behind the bushes and"
+        f" {things[0]} of the {len(hidden_parts(load_scene(MAP)))} things in it, the"
+        f" laser's {_percent(shares[1])} and {things[1] or 'none'}."
     )
 
 
@@ -75,11 +77,11 @@ def _details(left: MappingResult, right: MappingResult) -> str:
     return (
         f"From {START} they drive {left.length:.2f} and {right.length:.2f} m: a"
         f" {left.drive.robot} by its radar, N = {settings.side_offset_uu:g}, and a"
-        f" {right.drive.robot} by the Hokuyo, whose own range of"
+        f" {right.drive.robot} by its laser, a Hokuyo, whose own range of"
         f" {load_settings('hokuyo').max_range:g} m is made {longest.max_range:g} m, so"
-        " that it is the foliage that stops it. The floor behind the bushes is that on"
-        f" which a robot would have room; of the {len(hidden)} things there the radar's"
-        f" map shows {_join_names(_shown(left))}, the Hokuyo's"
+        " that it is the foliage that stops it. The yard is the floor behind the bushes"
+        f" on which a robot would have room; of the {len(hidden)} things there the"
+        f" radar's map shows {_join_names(_shown(left))}, the laser's"
         f" {_join_names(_shown(right))}."
         f" {_describe_bushes(bush_coverage(left), bush_coverage(right))}"
     )
@@ -88,25 +90,27 @@ def _details(left: MappingResult, right: MappingResult) -> str:
 def _describe_bushes(
     left: Sequence[BushCoverage], right: Sequence[BushCoverage]
 ) -> str:
-    """Describe the blue and the grey cells of the bushes."""
+    """Describe what of the bushes is not sensed, and what counts as near."""
     foliage = bush_parts(load_scene(MAP))[0].material
     depth = load_settings("radar").penetration_power / foliage.density
     cores = [bush for bush in left if bush.blue > MIN_CORE * bush.cells]
     away = [bush.beyond for bush in cores]
-    blue_cores = (
-        f"; blue cores stay in {_join_names([bush.name for bush in cores])},"
-        f" {min(away):.1f} to {max(away):.1f} m beyond their middles, with blue shadows"
+    dark_cores = (
+        f"; cores stay dark in {_join_names([as_words(bush.name) for bush in cores])},"
+        f" {min(away):.1f} to {max(away):.1f} m beyond their middles, with shadows"
+        " behind them"
         if cores
         else ""
     )
-    blue, grey = (lambda one: one.blue), (lambda one: one.grey)
+    dark, near = (lambda one: one.blue), (lambda one: one.grey)
     reached = sum(bush.middle for bush in left)
     return (
-        f"Of all that is bush {_share(left, blue)} are blue to the radar and"
-        f" {_share(right, blue)} to the Hokuyo. The radar's beams get {depth:.2f} m"
+        f"Of all that is bush {_share(left, dark)} are not sensed by the radar and"
+        f" {_share(right, dark)} not by the laser. The radar's beams get {depth:.2f} m"
         f" into leaves, from this side past the middles of {reached} of the"
-        f" {len(left)} bushes{blue_cores}. {_share(left, grey)} are grey to it: beams"
-        " go there, the robot cannot, as the black tells, where beams end."
+        f" {len(left)} bushes{dark_cores}. In the image of the same map for"
+        f" UsarCommander, OUT.png, which knows no foliage, {_share(left, near)} of the"
+        " bushes are grey, as if a robot could go there."
     )
 
 
@@ -130,19 +134,32 @@ def _share(bushes: Sequence[BushCoverage], part: Callable[[BushCoverage], int]) 
 
 
 def _draw_names(axes: Axes, run: MappingResult) -> None:
-    """Label the hidden objects that the map shows."""
-    counts = count_object_cells(run)
-    for part in hidden_parts(load_scene(MAP)):
+    """Label the bushes, the yard behind them, and the things in it that a map shows."""
+    counts, scene = count_object_cells(run), load_scene(MAP)
+    corners = np.concatenate([part.vertices for part in bush_parts(scene)])[:, :2]
+    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+    _write(axes, "bushes", (west + east) / 2, (south + north) / 2, rotation=90)
+    middle = (east + scene.bounds[1, 0]) / 2
+    _write(axes, "the yard behind the bushes", middle, north - _BELOW_WALL)
+    for part in hidden_parts(scene):
         if counts[part.object_name]:
             low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
-            axes.annotate(
-                as_words(part.object_name),
-                (float(low[0] + high[0]) / 2, float(low[1])),
-                xytext=(0, -4),
-                textcoords="offset points",
-                ha="center",
-                va="top",
-                fontsize=_TEXT,
-                path_effects=[HALO],
-                zorder=5,
-            )
+            place = (low[0] + high[0]) / 2, low[1]
+            _write(axes, as_words(part.object_name), *place, up=-4, va="top")
+
+
+def _write(
+    axes: Axes, text: str, x: float, y: float, *, up: float = 0.0, **style: Any
+) -> None:
+    """Write a text at a place, m, or some points above it."""
+    style = {"ha": "center", "va": "center", **style}
+    axes.annotate(
+        text,
+        (float(x), float(y)),
+        xytext=(0, up),
+        textcoords="offset points",
+        fontsize=_TEXT,
+        path_effects=[HALO],
+        zorder=5,
+        **style,
+    )

@@ -5,15 +5,13 @@ from typing import Final
 
 from radarsim.geometry import Floats
 from radarsim.mapping.export import sensed_window
-from radarsim.mapping.occupancy_grid import OccupancyGrid
+from radarsim.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.plotting.film import FrameCanvas
 from radarsim.plotting.film_encoders import Pixels
 from radarsim.plotting.maps import (
     MapPanel,
-    cell_rows,
     extent_of,
-    outline_rows,
-    path_rows,
+    map_rows,
     pixels_per_metre,
 )
 from radarsim.plotting.outlines import Outline, outlines_extent
@@ -37,7 +35,11 @@ def first_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Extent:
 
 
 class MapFrames:
-    """Draws frames of one size; what they show grows with the map if it has to."""
+    """Draws frames of one size; what they show grows with the map if it has to.
+
+    Attributes:
+        figure: The figure, as it was drawn last.
+    """
 
     def __init__(
         self,
@@ -60,10 +62,9 @@ class MapFrames:
         self._panels = Panels(extent, scale, [title], [""])
         self._panel = MapPanel(self._panels.axes[0], robot_class, outlines)
         (self._status,) = self._panels.subtitles
-        kinds = [outline.kind for outline in outlines]
-        rows = [*cell_rows(), *path_rows(), *outline_rows(kinds)]
-        self._panels.add_legend(rows)
-        self._canvas = FrameCanvas(self._panels.figure)
+        self._panels.add_legend(map_rows(_classes(outlines), truth=bool(outlines)))
+        self.figure = self._panels.figure
+        self._canvas = FrameCanvas(self.figure)
 
     def draw(self, grid: OccupancyGrid, path: Floats, status: str) -> Pixels:
         """Draw a frame, (H, W, 3).
@@ -79,3 +80,11 @@ class MapFrames:
         return self._canvas.render(
             [*self._panel.artists, *self._panels.scale_bar, self._status]
         )
+
+
+def _classes(outlines: Sequence[Outline]) -> list[CellClass]:
+    """Return what cells may come to be: anything, if the scene is unknown."""
+    by_kind = {"foliage": CellClass.FOLIAGE, "cloud": CellClass.SMOKE}
+    kinds = {outline.kind for outline in outlines} or by_kind.keys()
+    absent = {each for kind, each in by_kind.items() if kind not in kinds}
+    return [each for each in CellClass if each not in absent]

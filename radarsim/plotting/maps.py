@@ -1,63 +1,61 @@
-"""Pictures of maps: cells in UsarCommander's colours, the path and the robot on them.
+"""Pictures of maps: what each cell is, the path and the robot on them.
 
 ``MapPanel`` draws a map that may grow: once for a picture, frame by frame for a film.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.export import (
-    BLACK,
-    BLUE,
-    GREY,
-    MARK,
-    WHITE,
-    commander_pixels,
-    sensed_window,
-)
-from radarsim.mapping.occupancy_grid import SHORT_RANGE, OccupancyGrid
+from radarsim.mapping.export import MARK, sensed_window
+from radarsim.mapping.occupancy_grid import CellClass, OccupancyGrid
+from radarsim.plotting.annotations import HALO
 from radarsim.plotting.cell_image import CellImage
-from radarsim.plotting.outlines import KINDS, Outline, outlines_extent
+from radarsim.plotting.outlines import Outline, outlines_extent
 from radarsim.plotting.palette import (
+    FAMILY_COLOURS,
+    INK,
     MAPPED_PATH,
-    TRUE_FOLIAGE,
-    TRUE_SMOKE,
-    TRUE_SOLID,
+    NOT_SENSED,
+    PAPER,
+    TRUE_OUTLINE,
+    Family,
 )
 from radarsim.plotting.panels import Extent, Panels, titles_of
 from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
+from radarsim.plotting.run_markers import START
 
-Shade: TypeAlias = tuple[int, int, int]  # RGB, 0 to 255
-
-CELL_TEXTS: Final[dict[Shade, str]] = {
-    BLUE: "no beam has been here",
-    WHITE: "sensed from afar",
-    GREY: f"sensed within {SHORT_RANGE:g} m",
-    BLACK: "beams end here",
+CELL_COLOURS: Final = {
+    CellClass.UNKNOWN: NOT_SENSED,
+    CellClass.FREE: PAPER,
+    CellClass.OBSTACLE: INK,
+    CellClass.FOLIAGE: FAMILY_COLOURS[Family.FOLIAGE],
+    CellClass.SMOKE: FAMILY_COLOURS[Family.SMOKE],
 }
-PATH_WIDTH: Final = 1.6  # points
-OUTLINE_WIDTH: Final = 1.2  # points
-OUTLINE_COLOURS: Final = {
-    "foliage": TRUE_FOLIAGE,
-    "solid": TRUE_SOLID,
-    "cloud": TRUE_SMOKE,
+CELL_TEXTS: Final = {
+    CellClass.UNKNOWN: "not sensed",
+    CellClass.FREE: "free",
+    CellClass.OBSTACLE: "solid",
+    CellClass.FOLIAGE: "foliage",
+    CellClass.SMOKE: "smoke or dust",
 }
-OUTLINE_TEXTS: Final = {
-    "foliage": "foliage, in truth",
-    "solid": "solid things, in truth",
-    "cloud": "smoke or dust, in truth",
-}
+PATH_WIDTH: Final = 2.0  # points
+_SHADES: Final = np.array(
+    [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
+    np.uint8,
+)
+_TRUTH: Final[dict[str, Any]] = {"color": TRUE_OUTLINE, "linewidth": 0.9}
 _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
 _MUCH: Final = 4.0  # times the sensed area that a scene may have to be shown whole
@@ -100,7 +98,12 @@ class MapPanel:
     """A map in a panel, which can be updated while it grows."""
 
     def __init__(
-        self, axes: Axes, robot_class: str, outlines: Sequence[Outline] = ()
+        self,
+        axes: Axes,
+        robot_class: str,
+        outlines: Sequence[Outline] = (),
+        *,
+        text: float = 10.0,
     ) -> None:
         """Draw what does not change.
 
@@ -108,35 +111,42 @@ class MapPanel:
             axes: The panel, m, map frame.
             robot_class: Class of the robot.
             outlines: What is truly there.
+            text: Size of labels, points.
         """
-        axes.set_facecolor(_rgb(BLUE))  # beyond the map
+        axes.set_facecolor(NOT_SENSED)  # beyond the map
         self._axes = axes
         self._robot_class = robot_class
         self._image = CellImage(axes, zorder=1)
         axes.add_artist(self._image)
         self._outlines = [
-            axes.add_collection(
-                LineCollection(
-                    outline.lines,
-                    colors=OUTLINE_COLOURS[outline.kind],
-                    linewidths=OUTLINE_WIDTH,
-                    zorder=2,
-                )
-            )
+            axes.add_collection(LineCollection(outline.lines, **_TRUTH, zorder=2))
             for outline in outlines
         ]
         (self._path,) = axes.plot(
             [], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, zorder=3
         )
-        (self._start,) = axes.plot([], [], zorder=3, **_START_STYLE)
+        (self._start,) = axes.plot([], [], zorder=3, **START.options)
+        self._label = axes.annotate(
+            START.label,
+            (0.0, 0.0),
+            xytext=START.offset,
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=text,
+            fontweight="bold",
+            path_effects=[HALO],
+            zorder=3,
+        )
         self._robot: list[Artist] = []
 
     def update(self, grid: OccupancyGrid, path: Floats) -> None:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
         window = sensed_window(grid)
-        self._image.show(commander_pixels(grid)[window], extent_of(grid, window))
+        self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
         self._start.set_data(path[:1, 0], path[:1, 1])
+        self._label.xy = (float(path[0, 0]), float(path[0, 1]))
         for artist in self._robot:
             artist.remove()
         pose = Pose2(*path[-1].tolist())
@@ -145,16 +155,8 @@ class MapPanel:
     @property
     def artists(self) -> list[Artist]:
         """Everything in the panel, by which a film draws a frame."""
-        return [self._image, *self._outlines, self._path, self._start, *self._robot]
-
-
-_START_STYLE: Final[dict[str, Any]] = {
-    "color": MAPPED_PATH,
-    "marker": "o",
-    "markersize": 7,
-    "markeredgecolor": "white",
-    "linestyle": "none",
-}
+        marks = (self._path, self._start, self._label)
+        return [self._image, *self._outlines, *marks, *self._robot]
 
 
 def draw_map_view(view: MapView) -> bytes:
@@ -182,7 +184,8 @@ def map_figure(
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        MapPanel(axes, view.robot_class, view.outlines).update(view.grid, view.path)
+        panel = MapPanel(axes, view.robot_class, view.outlines, text=text)
+        panel.update(view.grid, view.path)
     panels.add_legend(legend_rows(views))
     return panels.figure
 
@@ -201,42 +204,27 @@ def pixels_per_metre(extent: Extent, resolution: float) -> float:
 
 def legend_rows(views: Sequence[MapView]) -> list[Artist]:
     """Return the rows of a legend of all that some maps show."""
-    shown: set[tuple[int, ...]] = set()
+    shown: set[int] = set()
     for view in views:
-        cells = commander_pixels(view.grid)[sensed_window(view.grid)]
-        shown |= {
-            tuple(each) for each in np.unique(cells.reshape(-1, 3), axis=0).tolist()
-        }
-    kinds = {outline.kind for view in views for outline in view.outlines}
-    return [
-        *cell_rows([shade for shade in CELL_TEXTS if shade in shown]),
-        *path_rows(),
-        *outline_rows([kind for kind in KINDS if kind in kinds]),
+        shown |= {*np.unique(view.grid.classes()[sensed_window(view.grid)]).tolist()}
+    truth = any(view.outlines for view in views)
+    return map_rows([each for each in CellClass if each in shown], truth=truth)
+
+
+def map_rows(classes: Collection[CellClass], *, truth: bool) -> list[Artist]:
+    """Return the rows of a legend for some classes of cells and the path.
+
+    Args:
+        classes: The classes.
+        truth: Whether outlines of what is truly there are shown.
+    """
+    cells = [
+        Patch(facecolor=CELL_COLOURS[each], edgecolor="0.5", label=CELL_TEXTS[each])
+        for each in classes
     ]
-
-
-def cell_rows(shades: Iterable[Shade] = tuple(CELL_TEXTS)) -> list[Artist]:
-    """Return the rows of a legend for colours of cells."""
-    return [
-        Patch(facecolor=_rgb(shade), edgecolor="0.5", label=CELL_TEXTS[shade])
-        for shade in shades
-    ]
-
-
-def path_rows() -> list[Artist]:
-    """Return the rows of a legend for the path and the start of the robot."""
-    return [
-        Line2D([], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, label="path"),
-        Line2D([], [], label="start", **_START_STYLE),
-    ]
-
-
-def outline_rows(kinds: Iterable[str]) -> list[Artist]:
-    """Return the rows of a legend for outlines of some kinds."""
-    return [
-        Line2D([], [], color=OUTLINE_COLOURS[kind], label=OUTLINE_TEXTS[kind])
-        for kind in kinds
-    ]
+    path = Line2D([], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, label="path")
+    outline = Line2D([], [], **_TRUTH, label="what is truly there")
+    return [*cells, path, outline] if truth else [*cells, path]
 
 
 def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Extent:
@@ -250,8 +238,3 @@ def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Extent:
         x + columns.stop * size,
         y + rows.stop * size,
     )
-
-
-def _rgb(shade: Shade) -> tuple[float, float, float]:
-    red, green, blue = shade
-    return red / 255, green / 255, blue / 255

@@ -63,15 +63,17 @@ TARGET: Final = "#e11dbb"  # goals
 TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
 MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
-TRUE_SOLID: Final = "#ff9f00"  # outlines over a map: what is truly there
-TRUE_FOLIAGE: Final = FAMILY_COLOURS[Family.FOLIAGE]
-TRUE_SMOKE: Final = "#d58cff"
+NOT_SENSED: Final = "#9aa3ad"  # cells of a map that no beam has crossed
+TRUE_OUTLINE: Final = RIGHT_RAY  # over a map: what is truly there
 MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 
 _ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
 _RUN = (*_ON_MATERIALS, GOING, FOLLOWING, RETURNING, TARGET)
-_CELLS = ("#0000ff", "#ffffff", "#a0a0a0", "#000000")  # UsarCommander's
+_CELLS = (
+    *(NOT_SENSED, PAPER, INK),
+    *(FAMILY_COLOURS[family] for family in (Family.FOLIAGE, Family.SMOKE)),
+)
 SHOWN_TOGETHER: Final = {
     "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
     "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
@@ -79,7 +81,7 @@ SHOWN_TOGETHER: Final = {
     **{
         f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, HOKUYO, SICK, LASER)
     },
-    "map": (*_CELLS, MAPPED_PATH, TRUE_SOLID, TRUE_FOLIAGE, TRUE_SMOKE),
+    "map": (*_CELLS, MAPPED_PATH, TRUE_OUTLINE),
 }
 
 # The last word of a name that is found decides: a "wood_floor" is ground.

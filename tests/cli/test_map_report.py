@@ -71,24 +71,27 @@ def test_open_map_has_no_coverage(empty_room: Scene) -> None:
 
 def score_with(hidden: float | None) -> MapScore:
     counts: dict[str, Any] = dict.fromkeys((each.name for each in fields(MapScore)), 0)
-    return MapScore(**counts | {"hidden_coverage": hidden})
+    return MapScore(**counts | {"hidden_coverage": hidden, "coverage": 0.4})
 
 
 def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
     run = MappingResult("auto", "ins", robot_class="P3AT_Radar360", scene=empty_room)
     run.outcome, run.score = "explored", score_with(0.973)
     view = view_of(run, mapper)
-    assert view.title == "P3AT_Radar360 maps empty_room"
-    assert view.subtitle.startswith("97 % of the floor beyond its reach is sensed, ")
+    assert view.title == "97 % of the floor that the robot cannot reach is mapped"
+    assert view.subtitle.startswith("P3AT_Radar360 maps empty_room: ")
     assert [outline.kind for outline in view.outlines] == ["solid"]
     run.outcome, run.score = "broken_off", score_with(None)
-    assert view_of(run, mapper).subtitle == "0.0 m in 0 s until interrupted"
+    view = view_of(run, mapper)
+    assert view.title == "40 % of the floor mapped"
+    assert view.subtitle.endswith(": 0.0 m in 0 s until interrupted")
 
 
 def test_view_of_an_unknown_robot_and_scene_can_be_drawn(mapper: Mapper) -> None:
     view = view_of(MappingResult(None, "none", outcome="overheard"), mapper)
-    assert view.title == "A robot that another client drives maps what it senses"
+    assert view.title == "14 m² mapped"  # half a disc of 3 m
+    assert view.subtitle.startswith("A robot that another client drives maps what it")
     assert (view.robot_class, view.outlines) == ("P3AT", ())
     other = MappingResult("auto", "ins", robot_class="Zerg", outcome="explored")
     assert view_of(other, mapper).robot_class == "P3AT"
-    assert view_of(other, mapper).title.startswith("Zerg maps")
+    assert view_of(other, mapper).subtitle.startswith("Zerg maps")

@@ -81,20 +81,21 @@ def test_both_maps_have_the_same_scale_and_their_own_titles(pair: Pair) -> None:
         assert any(isinstance(child, AxesImage) for child in axes.get_children())
     hidden = pair[0].score.hidden_coverage or 0
     assert [axes.get_title("left") for axes in drawing.axes] == [
-        f"The radar senses {100 * hidden:.0f} % of the floor behind the bushes",
-        "The Hokuyo senses 0 % of the floor behind the bushes",
+        f"{100 * hidden:.0f} % of the yard mapped with the radar",
+        "0 % of the yard mapped with the laser",
     ]
-    assert not right.texts
+    always = {"bushes", "the yard behind the bushes", "start"}
+    assert {text.get_text() for text in right.texts} == always
     named = {text.get_text() for text in left.texts} - {"2 m"}  # the scale
-    assert named == {
+    assert named - always == {
         name.replace("_", " ")
         for name, cells in count_object_cells(pair[0]).items()
         if cells
     }
     assert drawn.commands == tuple(run.drive.command for run in pair)
-    assert f"{100 * hidden:.1f} % of the floor behind the bushes" in drawn.caption
-    assert "the Hokuyo's 0.0 % and none" in drawn.caption
-    assert "the Hokuyo's none" in drawn.details
+    assert f"{100 * hidden:.1f} % of the yard behind the bushes" in drawn.caption
+    assert "the laser's 0.0 % and none" in drawn.caption
+    assert "the laser's none" in drawn.details
     assert not re.search(r"nan|inf|None|\?", drawn.caption + drawn.details)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from PIL import Image
@@ -14,26 +15,26 @@ from PIL import Image
 from radarsim.geometry import Pose2
 from radarsim.mapping.export import (
     BLACK,
-    BLUE,
     GREY,
     WHITE,
     commander_pixels,
     is_radarsim_map,
 )
-from radarsim.mapping.occupancy_grid import OccupancyGrid
+from radarsim.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.mapping.scan import read_scan
 from radarsim.plotting.cell_image import CellImage
 from radarsim.plotting.map_film import MapFrames, first_extent
 from radarsim.plotting.maps import (
-    CELL_TEXTS,
+    CELL_COLOURS,
     MapView,
     draw_map_view,
     map_figure,
     pixels_per_metre,
 )
 from radarsim.plotting.outlines import Outline
+from radarsim.plotting.palette import MAPPED_PATH
 from radarsim.plotting.panels import Extent
-from radarsim.protocol.reports import RangeScan
+from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 PATH = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.2, 0.4]])
 ROOM = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4], [-4, -4.0]])
@@ -56,6 +57,34 @@ def grid_of(reach: float, *, ends: bool = True) -> OccupancyGrid:
     return grid
 
 
+def grid_of_foliage() -> OccupancyGrid:
+    """Map one beam through a slab of foliage, 2 to 3 m ahead, to a wall at 5 m."""
+    one, two = np.ones(1), np.ones(2)
+    slab = TargetEchoes(
+        *("slab", "leaf", 0.7, 0.3, False, False, np.zeros(2, np.int64)),
+        *(np.array([2.0, 3.0]), ("enter", "leave"), two, two),
+    )
+    wall = TargetEchoes(
+        *("wall", "stone", math.inf, 0.0, False, False, np.zeros(1, np.int64)),
+        *(np.array([5.0]), ("hit",), one, one),
+    )
+    report = RangeScan(0.0, "x", math.radians(2), math.radians(2), np.array([5.0]))
+    grid = OccupancyGrid()
+    grid.add(Pose2(0, 0), read_scan(report, [slab, wall], max_range=20.0))
+    return grid
+
+
+def image_of(figure: Figure) -> AxesImage:
+    """Return the cells in the first panel."""
+    children = figure.axes[0].get_children()
+    (image,) = (each for each in children if isinstance(each, AxesImage))
+    return image
+
+
+def shade_of(kind: CellClass) -> list[int]:
+    return [round(255 * part) for part in to_rgb(CELL_COLOURS[kind])]
+
+
 def view_of(grid: OccupancyGrid, **options: Any) -> MapView:
     options = {"robot_class": "P3AT", "title": "A map", **options}
     return MapView(grid, PATH, **options)
@@ -66,27 +95,34 @@ def legend(figure: Figure) -> set[str]:
 
 
 def test_legend_lists_what_is_there() -> None:
-    texts = {CELL_TEXTS[shade] for shade in (BLUE, WHITE, GREY, BLACK)}
-    far = legend(map_figure([view_of(grid_of(5.0), outlines=PLAN)]))
-    assert far == {*texts, "path", "start", "solid things, in truth"}
-    near = legend(map_figure([view_of(grid_of(2.0, ends=False))]))
-    assert near == {CELL_TEXTS[BLUE], CELL_TEXTS[GREY], "path", "start"}
+    known = legend(map_figure([view_of(grid_of(5.0), outlines=PLAN)]))
+    assert known == {"not sensed", "free", "solid", "path", "what is truly there"}
+    empty = legend(map_figure([view_of(grid_of(2.0, ends=False))]))
+    assert empty == {"not sensed", "free", "path"}
+
+
+def test_foliage_of_the_map_is_green() -> None:
+    grid = grid_of_foliage()
+    figure = map_figure([view_of(grid)])
+    assert "foliage" in legend(figure)
+    cells = np.asarray(image_of(figure).get_array())[:, :, :3]
+    green = (cells == shade_of(CellClass.FOLIAGE)).all(axis=2)
+    assert green.sum() == (grid.classes() == CellClass.FOLIAGE).sum() > 0
 
 
 def test_cells_are_drawn_where_they_are() -> None:
     grid = grid_of(5.0)
-    (axes,) = map_figure([view_of(grid)]).axes
-    (image,) = (each for each in axes.get_children() if isinstance(each, AxesImage))
+    image = image_of(map_figure([view_of(grid)]))
     west, east, south, north = image.get_extent()
     cells = np.asarray(image.get_array())
     rows, columns = cells.shape[:2]
     size = grid.frame.resolution
     assert (east - west, north - south) == pytest.approx((columns * size, rows * size))
-    blue = (cells[:, :, :3] == BLUE).all(axis=2)
+    unknown = (cells[:, :, :3] == shade_of(CellClass.UNKNOWN)).all(axis=2)
     for row in range(0, rows, 7):
         for column in range(0, columns, 7):
             x, y = west + (column + 0.5) * size, south + (row + 0.5) * size
-            assert blue[row, column] != grid.sensed(x, y)
+            assert unknown[row, column] != grid.sensed(x, y)
 
 
 def test_picture_is_the_same_again_and_known_as_the_programs() -> None:
@@ -123,12 +159,22 @@ def test_cells_have_a_whole_number_of_pixels() -> None:
 def test_film_shows_more_when_the_map_outgrows_it() -> None:
     grid = grid_of(5.0)
     frames = MapFrames(first_extent((), grid), 0.05, "A map grows", "P3AT")
-    small = frames.draw(grid, PATH[:1], "1 s")
-    large = frames.draw(grid_of(15.0), PATH, "2 s")
+    path = np.array([[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+    small, large = (frames.draw(each, path, "2 s") for each in (grid, grid_of(15.0)))
     assert small.shape == large.shape
     assert all(side % 2 == 0 for side in small.shape[:2])
-    grey = [int((frame == GREY).all(axis=2).sum()) for frame in (small, large)]
-    assert grey[1] < 0.8 * grey[0]  # the disc of 3 m around the robot is smaller
+    red = [round(255 * part) for part in to_rgb(MAPPED_PATH)]
+    long = [np.ptp(np.nonzero((f == red).all(axis=2))[1]) for f in (small, large)]
+    assert 0 < long[1] < 0.8 * long[0]
+
+
+def test_legend_of_a_film_lists_what_the_scene_has() -> None:
+    grid, bush = grid_of(2.0), Outline("foliage", (ROOM / 4,))
+    known = MapFrames(first_extent(PLAN, grid), 0.05, "A map", "P3AT", (*PLAN, bush))
+    unknown = MapFrames(first_extent((), grid), 0.05, "A map", "P3AT")
+    always = {"not sensed", "free", "solid", "path"}
+    assert legend(known.figure) == {*always, "foliage", "what is truly there"}
+    assert legend(unknown.figure) == {*always, "foliage", "smoke or dust"}
 
 
 def test_film_begins_with_a_scene_that_is_not_too_large() -> None:
