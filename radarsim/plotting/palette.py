@@ -57,8 +57,8 @@ RETURNED: Final = "#047e7d"
 
 # Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
 GOING: Final = "#06a8fe"  # path towards the goal
-FOLLOWING: Final = "#ffda26"  # path along a boundary
-RETURNING: Final = "#3d584f"  # path back to the leave point
+FOLLOWING: Final = "#ffc800"  # path along a boundary
+RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
 TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
@@ -69,7 +69,11 @@ MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 
 _ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
-_RUN = (*_ON_MATERIALS, GOING, FOLLOWING, RETURNING, TARGET)
+_OUTLINES = (Family.STONE, Family.FOLIAGE, Family.SMOKE)  # of runs
+_RUN = (
+    *(PAPER, TRUE_PATH, GOING, FOLLOWING, RETURNING, TARGET),
+    *(FAMILY_COLOURS[family] for family in _OUTLINES),
+)
 _CELLS = (
     *(NOT_SENSED, PAPER, INK),
     *(FAMILY_COLOURS[family] for family in (Family.FOLIAGE, Family.SMOKE)),
