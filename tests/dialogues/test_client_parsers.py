@@ -7,8 +7,9 @@ it is compared with what each client reads.
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,9 +39,15 @@ from radarsim.simulation.config import SimulationConfig
 HALF_LENGTH, HALF_WIDTH = 10.4, 6.4  # m; between the walls of the empty room
 PIONEERS_2 = ("P2AT", "P2DX")
 EXACT = {name: {"side_offset_uu": 0} for name in ("lms200", "Scanner1")}
-ASKED = ("Robot", "RangeScanner", "GroundTruth", "INS", "Odometry", "Encoder", "Touch")
+ASKED = (
+    *("Robot", "RangeScanner", "GroundTruth", "INS", "Odometry", "Tachometer"),
+    *("Encoder", "Touch", "Sonar", "GPS"),
+)
 # m; the least and the largest difference of the truth and what is written
 ROUNDING = {"compat": (-0.0051, 0.0051), "udk": (-1e-4, 0.0101)}
+SONAR_CONE = np.radians(np.linspace(-10, 10, 201))
+SONAR_LIMITS = (0.1, 5.0)  # m
+MAX_INCIDENCE = 75.0  # degrees
 LEFT, RIGHT = 2.0, 3.0  # rad/s
 MOST_BEAMS = {"P3AT_Radar360": 360, "P3AT_Hokuyo": 228, "P3AT_Compare": 228}
 
@@ -81,6 +88,7 @@ class Robot:
         self.config = SimulationConfig(dialect, item_settings=EXACT)
         self.host = Host(scene, config=self.config)
         self.number = self.host.connect()
+        self.checked: set[str] = set()  # kinds that were compared with the truth
         asked = [f"GET{v} {{Type {kind}}}" for kind in ASKED for v in ("GEO", "CONF")]
         factor = 1 / RAD_PER_S[dialect.drive_unit]
         left, right = LEFT * factor, RIGHT * factor
@@ -101,9 +109,13 @@ class Robot:
             yield Tick(data.split("\r\n")[:-1], vehicle.robot.body)
 
     def check(self, reading: Reading, pose: Pose3) -> None:
-        """Compare a scan or a true pose with the truth."""
-        if reading.kind == "RangeScanner":
-            errors = self.true_ranges(reading, pose) - reading.values["Range"]
+        """Compare a scan, sonars or a true pose with the truth."""
+        read: Any = reading.values.get("Range")
+        if reading.kind == "Sonar" and read is not None:
+            sonars = read if isinstance(read, dict) else {reading.name: read[0]}
+            errors = self.true_sonars(sonars, pose) - list(sonars.values())
+        elif reading.kind == "RangeScanner":
+            errors = self.true_ranges(reading, pose) - read
         elif reading.kind == "GroundTruth" and "Location" in reading.values:
             truth = (pose.x, -pose.y, -pose.z)
             errors = np.abs(np.array(truth)) - np.abs(reading.values["Location"])
@@ -111,6 +123,21 @@ class Robot:
             return
         low, high = ROUNDING[self.config.dialect.name]
         assert low < errors.min() <= errors.max() < high, reading
+        self.checked.add(reading.kind)
+
+    def true_sonars(self, names: Iterable[str], pose: Pose3) -> Floats:
+        """Return the distances to the nearest walls that face sonars, (S,) m."""
+        (vehicle,) = self.host.simulation.vehicles
+        mounts = {item.name: item.mount for item in vehicle.model.items_of("Sonar")}
+        truth = []
+        for name in names:
+            sensor = pose.compose(mounts[name])
+            angles = sensor.yaw + SONAR_CONE
+            is_facing = np.cos(np.radians(MAX_INCIDENCE)) <= facing(sensor, angles)
+            is_facing[len(angles) // 2] = True  # the axis counts at any incidence
+            truth.append(room_ranges(sensor, angles)[is_facing].min())
+        clipped: Floats = np.clip(truth, *SONAR_LIMITS)
+        return clipped
 
     def true_ranges(self, reading: Reading, pose: Pose3) -> Floats:
         """Return the distances to the walls along the beams of a scan, (N,) m."""
@@ -138,6 +165,14 @@ def room_ranges(sensor: Pose3, angles: Floats) -> Floats:
     return ranges
 
 
+def facing(sensor: Pose3, angles: Floats) -> Floats:
+    """Return the cosines of incidence on the walls of the empty room, (N,)."""
+    along, across = np.abs(np.cos(angles)), np.abs(np.sin(angles))
+    ranges = room_ranges(sensor, angles)
+    x = sensor.x + ranges * np.cos(angles)
+    return np.where(np.isclose(np.abs(x), HALF_LENGTH), along, across)
+
+
 def is_registered(parser: Parser, kind: str, name: str) -> bool:
     """Return whether a client reads a sensor of that name."""
     scanner = getattr(parser, "scanner", name)
@@ -162,6 +197,8 @@ def check_lines(
                     robot.check(reading, tick.pose)
                     read[client][reading.kind] += 1
     assert own.unread == 0
+    assert robot.checked >= {"RangeScanner", "GroundTruth"}
+    assert ("Sonar" in robot.checked) is (class_name in PIONEERS_2)
     for client, parser in parsers.items():
         wanted = Counter(
             kind

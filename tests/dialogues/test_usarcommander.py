@@ -24,6 +24,15 @@ from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 
 ONE_READ = 4096
+# What it asks for after each answer: a type, and a name, which may be empty.
+QUESTIONS = {
+    "P3AT": {"Robot": ("RangeScanner", "lms200"), "RangeScanner": ("Camera", "Camera")},
+    "P2AT": {
+        "Robot": ("Sonar", ""),
+        "Sonar": ("GPS", ""),
+        "GPS": ("RangeScanner", "Scanner1"),
+    },
+}
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
 NO_DRIFT = SimulationConfig(item_settings={"InsTest": STILL})
 NO_NOISE = SimulationConfig(
@@ -153,9 +162,10 @@ class Commander:
     first: tuple[float, float, float] | None = None
     patches: list[Patch] = field(default_factory=list)
     rest: str = ""
-    parser: UsarCommanderParser = field(
-        default_factory=lambda: UsarCommanderParser("P3AT")
-    )
+    class_name: str = "P3AT"
+
+    def __post_init__(self) -> None:
+        self.parser = UsarCommanderParser(self.class_name)
 
     def send(self, line: str) -> None:
         self.sent.append(line)
@@ -163,7 +173,7 @@ class Commander:
 
     def start(self, location: str, rotation: str) -> None:
         self.send(
-            f"INIT {{ClassName USARBot.P3AT}} {{Name {self.name}}} "
+            f"INIT {{ClassName USARBot.{self.class_name}}} {{Name {self.name}}} "
             f"{{Location {location}}} {{Rotation {rotation}}} "
         )
 
@@ -211,13 +221,12 @@ class Commander:
     def on_answer(self, answer: str, values: Mapping[str, Any]) -> None:
         self.answers[answer] = values
         head, kind = answer.split(" ")
-        if kind == "Robot":
-            self.send(f"GET{head} {{Type RangeScanner}} {{Name lms200}}")
-        elif kind == "RangeScanner":
-            self.send(f"GET{head} {{Type Camera}} {{Name Camera}}")
-            if head == "GEO":
-                x, y, _ = values["Location"]
-                self.offset = (x, y)
+        if kind in QUESTIONS[self.class_name]:
+            following, name = QUESTIONS[self.class_name][kind]
+            self.send(f"GET{head} {{Type {following}}} {{Name {name}}}")
+        if answer == "GEO RangeScanner":
+            x, y, _ = values["Location"]
+            self.offset = (x, y)
 
     def on_scan(self, values: Mapping[str, Any]) -> None:
         self.scans += 1
@@ -349,6 +358,22 @@ def test_level_start_poses_and_robot_are_found(empty_room: Scene) -> None:
     assert {notice.text for notice in world.diagnostics} == {
         "no item of type 'Camera' on this robot"
     }
+
+
+def test_answers_about_a_p2at_lead_to_the_mount_of_its_scanner(
+    empty_room: Scene,
+) -> None:
+    world = World(Host(empty_room))
+    commander = Commander(world.connect(), class_name="P2AT")
+    commander.start("-8,0,0", "0,0,0")
+    commander.run(2)
+    kinds = ("Robot", "Sonar", "GPS", "RangeScanner")
+    assert list(commander.answers) == [
+        f"{head} {kind}" for kind in kinds for head in ("GEO", "CONF")
+    ]
+    assert commander.offset == (0.15, 0.0)
+    assert commander.scans >= 15
+    assert world.diagnostics == []
 
 
 def test_probes_leave_no_robot_behind(empty_room: Scene) -> None:

@@ -170,12 +170,14 @@ class ToolboxParser:
     def parse(self, line: str) -> Reading | None:
         """Parse a line."""
         assert len(line) + 2 <= READ_BUFFER
+        if not line.startswith("SEN"):
+            return None
         if "Type Sonar" in line:
             return Reading("Sonar", "", {"Range": named_ranges(line)})
         if "Type GPS" in line:
             return Reading("GPS", "", self.position(line))
         for kind, keys in self.KEYS.items():
-            if f"Type {kind}" in line and line.startswith("SEN"):
+            if f"Type {kind}" in line:
                 values = {key: numbers(self.text(line, key)) for key in keys}
                 return Reading(kind, self.text(line, "Name"), values)
         return None
