@@ -4,7 +4,6 @@ A picture depends on the scene and the view only: the same view gives the same p
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -12,58 +11,25 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from radarsim.camera.shading import AMBIENT, FULL_POWER, shade
-from radarsim.geometry import Floats, Pose3
+from radarsim.camera.view import View
+from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
-from radarsim.presets.robots import load_robot
 from radarsim.raycast.rays import LASER, RayClass, Rays
-from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import ROBOT
-from radarsim.simulation.simulation import Simulation
 
 Pixels: TypeAlias = NDArray[np.uint8]
 
 WIDTH, HEIGHT = 160, 120  # pixels
 FIELD_OF_VIEW: Final = math.radians(80.0)  # from left to right, as the original's
-MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
 VIEWING_DISTANCE: Final = 1000.0  # m
 # A volume that takes a decibel of light is that much darker, whatever a laser's power.
 LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
 
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """Where a camera is, and where the robots are.
-
-    Attributes:
-        camera: Pose of the camera, map frame; it looks along its x axis.
-        boxes: The robots.
-        carrier_id: Id of the box of the robot that carries the camera; -1 for none.
-    """
-
-    camera: Pose3
-    boxes: Boxes
-    carrier_id: int = -1
-
-    @classmethod
-    def of(cls, simulation: Simulation) -> "View":
-        """Return the view of the robot that has been in a simulation for longest.
-
-        Without robots it is that of a P3AT at the first start of the map.
-        """
-        boxes, vehicles = simulation.boxes(), simulation.vehicles
-        if vehicles:
-            first = vehicles[0]
-            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
-        starts = simulation.scene.starts
-        start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
-        body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
-        return cls(body.compose(MOUNT), boxes)
 
 
 class Renderer:

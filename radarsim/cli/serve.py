@@ -150,8 +150,12 @@ def make_image_server(host: Host, port: int) -> ImageServer:
         port: Port to listen on; 0 for a free one.
     """
     from radarsim.server.image_server import ImageServer
+    from radarsim.server.picture_process import PictureProcess
 
-    return ImageServer(host.simulation, port=port)
+    simulation = host.simulation
+    image_type = simulation.config.dialect.image_type
+    pictures = PictureProcess(simulation.scene, image_type)
+    return ImageServer(simulation, pictures, port=port)
 
 
 def load_served_host(

@@ -3,8 +3,7 @@
 Theory of operation
 ===================
 While a viewer waits for a picture, one is drawn every ``INTERVAL``, of the poses at
-that time, in a thread of its own: ray engine and JPEG encoder run without Python's
-global lock, so that ticks go on meanwhile. All viewers that wait get the same picture.
+that time, in a process of its own. All viewers that wait get the same picture.
 
 Rule 1: a viewer's next request is read when its last one is answered. What it sends
 meanwhile waits in its socket; no queue grows.
@@ -17,12 +16,11 @@ for ``SILENCE`` after it has connected gets a picture unasked.
 
 import asyncio
 import logging
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
-from typing import Final
+from collections.abc import Set as AbstractSet
+from typing import Final, Protocol
 
-from radarsim.camera.encoding import encode
-from radarsim.camera.renderer import Renderer, View
+from radarsim.camera.view import View
+from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
 from radarsim.server.lifecycle import configure_socket, listen, peer_name
 from radarsim.simulation.simulation import Simulation
@@ -36,6 +34,28 @@ READ_BYTES: Final = 4096  # read from one viewer before others are served
 CLOSE_GRACE: Final = 2.0  # s for a viewer that has closed its side to read a picture
 
 
+class PictureSource(Protocol):
+    """Draws pictures."""
+
+    async def start(self) -> None:
+        """Prepare to draw."""
+        ...
+
+    async def draw(
+        self, view: View, regions: AbstractSet[Region]
+    ) -> dict[Region, bytes]:
+        """Return the bytes that are sent to viewers for regions of a picture.
+
+        Raises:
+            ServerError: If no more pictures can be drawn.
+        """
+        ...
+
+    async def stop(self) -> None:
+        """Stop drawing."""
+        ...
+
+
 class ImageServer:
     """Serves pictures of a simulation.
 
@@ -43,22 +63,22 @@ class ImageServer:
         address: Host and port that it listens on, once started.
     """
 
-    def __init__(self, simulation: Simulation, *, port: int = 5003) -> None:
-        """Create a server that does not listen yet, and draw a first picture.
+    def __init__(
+        self, simulation: Simulation, pictures: PictureSource, *, port: int = 5003
+    ) -> None:
+        """Create a server that does not listen yet.
 
         Args:
             simulation: What is seen in the pictures.
+            pictures: Draws the pictures; started and stopped with the server.
             port: Port to listen on; 0 for a free one.
         """
         self.address = ("", 0)
         self._simulation = simulation
+        self._pictures = pictures
         self._port = port
-        self._image_type = simulation.config.dialect.image_type
-        self._renderer = Renderer(simulation.scene)
-        self._draw(View.of(simulation), {WHOLE})  # no viewer waits for the compiler
         self._viewers: set[Viewer] = set()
         self._requested = asyncio.Event()
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="images")
         self._listener: asyncio.Server | None = None
         self._drawing: asyncio.Task[None] | None = None
 
@@ -75,30 +95,33 @@ class ImageServer:
         self._listener, self.address = await listen(
             lambda: Viewer(self._viewers, self._requested), address, self._port
         )
+        await self._pictures.start()
         self._drawing = asyncio.create_task(self._draw_forever())
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
+        self._close()
+        if self._drawing is not None:
+            self._drawing.cancel()
+            await asyncio.wait({self._drawing})
+        await self._pictures.stop()
+        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+
+    def _close(self) -> None:
         if self._listener is not None:
             self._listener.close()
         for viewer in list(self._viewers):
             viewer.close()
-        if self._drawing is not None:
-            self._drawing.cancel()
-            await asyncio.wait({self._drawing})
-        self._worker.shutdown()  # waits for a picture that is being drawn
-        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
-
-    async def wait_failed(self) -> None:
-        """Wait until a picture cannot be drawn, which only a bug can cause.
-
-        Raises:
-            Exception: The error that stopped the pictures.
-        """
-        if self._drawing is not None:
-            await asyncio.shield(self._drawing)
 
     async def _draw_forever(self) -> None:
+        """Draw while viewers wait; close the port if that is not possible any more."""
+        try:
+            await self._serve_forever()
+        except ServerError as error:
+            log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
+            self._close()
+
+    async def _serve_forever(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             await self._requested.wait()
@@ -113,17 +136,10 @@ class ImageServer:
         """Draw one picture, and send it to viewers."""
         view = View.of(self._simulation)
         regions = {viewer.region for viewer in viewers if viewer.region is not None}
-        pictures = await asyncio.get_running_loop().run_in_executor(
-            self._worker, self._draw, view, regions
-        )
+        pictures = await self._pictures.draw(view, regions)
         for viewer in viewers:
             if viewer.region is not None:  # it has not left meanwhile
                 viewer.send(pictures[viewer.region])
-
-    def _draw(self, view: View, regions: Iterable[Region]) -> dict[Region, bytes]:
-        """Return the bytes to be sent for each region."""
-        pixels = self._renderer.render(view)
-        return {each: encode(pixels, each, self._image_type) for each in regions}
 
 
 class Viewer(asyncio.BufferedProtocol):

@@ -272,17 +272,15 @@ async def serve(
     with exit_code_of_signal() as exit_code:
         try:
             await server.start(address, port)
-            failures = [asyncio.ensure_future(server.wait_failed())]
             if images is not None:
                 await images.start(address)
-                failures.append(asyncio.ensure_future(images.wait_failed()))
             announce(server.address)
-            futures: set[asyncio.Future[Any]] = {exit_code, *failures}
+            failure = asyncio.ensure_future(server.wait_failed())
+            futures: set[asyncio.Future[Any]] = {exit_code, failure}
             await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
-            for failure in failures:
-                if failure.done():
-                    failure.result()
-                failure.cancel()
+            if failure.done():
+                failure.result()
+            failure.cancel()
             return exit_code.result()
         finally:
             if images is not None:

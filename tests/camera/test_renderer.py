@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from radarsim.camera.renderer import HEIGHT, HORIZON, WIDTH, ZENITH, Renderer, View
+from radarsim.camera.renderer import HEIGHT, HORIZON, WIDTH, ZENITH, Renderer
+from radarsim.camera.view import View
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 from radarsim.presets.robots import load_robot

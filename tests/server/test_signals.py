@@ -106,7 +106,13 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
 
 
 @pytest.mark.usefixtures("empty_room")
-@pytest.mark.parametrize(("number", "code"), EXITS)
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        pytest.param(signal.SIGINT, 130, id="interrupt"),
+        pytest.param(signal.SIGTERM, 0, id="terminate", marks=pytest.mark.slow),
+    ],
+)
 def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
     tmp_path: Path, number: int, code: int
 ) -> None:
