@@ -35,12 +35,16 @@ MAX_NAME_LENGTH = 64  # characters of a robot's name; longer ones are cut
 SPAWN_COOLDOWN = 10  # ticks between two robots of one client: a free place costs work
 FAILED_SPAWN_COOLDOWN = 100  # ticks after a spawn for which there was no free place
 SPAWNS_PER_TICK = 4  # of all clients
+# Ticks without a spawn, for all clients, after a search that takes a tick or more.
+SEARCH_COOLDOWN = 3  # the requested place was occupied
+FAILED_SEARCH_COOLDOWN = 10  # and no other was free
 OPCODES = ("SCAN", "RESET", "POSE", "ECHOES")
 
 # Units of work, about 20 us each: most commands take one; a spawn, a scan that is asked
-# for, and a reply that has to be computed take five.
+# for, and a reply that has to be computed take five. Reading a long line takes more.
 LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
+CHARACTERS_A_UNIT: Final = 300
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
 
@@ -70,18 +74,21 @@ class CommandHandler:
         self._config = config
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
+        self._next_spawn = 0  # the first tick that may have one
         self._classes = {name.casefold(): name for name in robot_names()}
         self._reply_lines: dict[tuple[str | None, ...], bytes] = {}
 
     def handle(self, client: Client, line: str) -> Handled:
         """Execute the command in a line."""
+        reading = len(line) // CHARACTERS_A_UNIT
         try:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
-            return Handled(True, Diagnostic.of_malformed(line, error))
+            diagnostic = Diagnostic.of_malformed(line, error)
+            return Handled(True, diagnostic, LIGHT_WORK + reading)
         if isinstance(parsed.command, Init) and self._is_too_early(client):
-            return Handled(False)
-        work = self._work_of(client, parsed.command)
+            return Handled(False, work=LIGHT_WORK + reading)
+        work = self._work_of(client, parsed.command) + reading
         diagnostic = self._execute(client, parsed.command)
         return Handled(True, diagnostic or Diagnostic.of_unknown_fields(parsed), work)
 
@@ -106,7 +113,7 @@ class CommandHandler:
         # together for ever, and all their scans would fall into the same ticks.
         now = self.simulation.ticks
         full = self._last_spawn == now and self._spawn_count >= SPAWNS_PER_TICK
-        return full or now < client.next_spawn
+        return full or now < max(self._next_spawn, client.next_spawn)
 
     def _execute(self, client: Client, command: Command) -> Diagnostic | None:
         match command:
@@ -178,7 +185,9 @@ class CommandHandler:
         client.vehicle = self.simulation.spawn(name, model, requested)
         place = f"({requested.x:.2f}, {requested.y:.2f})"
         if client.vehicle is None:
-            client.next_spawn = self.simulation.ticks + FAILED_SPAWN_COOLDOWN
+            now = self.simulation.ticks
+            client.next_spawn = now + FAILED_SPAWN_COOLDOWN
+            self._next_spawn = now + FAILED_SEARCH_COOLDOWN
             text = f"INIT at {place}, expected a free place within 1 m"
             failure = Diagnostic("no place", text)
         else:
@@ -188,7 +197,7 @@ class CommandHandler:
             moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
             text = f"INIT moved {moved}, the nearest free place"
             failure = Diagnostic("moved", text)
-        self._spawn_count = SPAWNS_PER_TICK  # a search takes most of a tick
+            self._next_spawn = self.simulation.ticks + SEARCH_COOLDOWN
         return failure if diagnostic is None else diagnostic.then(failure)
 
     def _count_spawn(self, client: Client) -> None:

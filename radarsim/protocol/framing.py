@@ -4,7 +4,9 @@ import re
 
 from radarsim.errors import LineTooLong
 
-_LINE_END = re.compile(rb"[\r\n]+")
+_BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
+# With the blank lines after it, of which there can be thousands in one packet.
+_LINE_END = re.compile(rb"[\r\n][%b]*" % re.escape(_BLANKS))
 
 
 class LineBuffer:
@@ -21,7 +23,7 @@ class LineBuffer:
     ['DRIVE {Left 1} {Right 1}', 'GETSTARTPOSES']
 
     Attributes:
-        limit: Maximum length of a line without its end, bytes.
+        limit: Maximum length of a line without blanks before it and its end, bytes.
         overflow: None until a line is longer than that. Then the connection is to be
             closed after the lines before it have been handled.
     """
@@ -53,6 +55,8 @@ class LineBuffer:
 
     def _append(self, piece: bytes) -> bool:
         """Append to the pending line; return whether it is within the limit."""
+        if not self._pending:
+            piece = piece.lstrip(_BLANKS)
         size = len(self._pending) + len(piece)
         if size > self.limit:
             self._pending.clear()

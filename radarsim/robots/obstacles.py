@@ -19,6 +19,7 @@ BUMPER_HEIGHTS = (0.058, 0.15, 0.25, 0.35, 0.45)
 
 _MIN_LENGTH = 1e-9  # m; a shorter segment has no direction
 _SEARCH_STEP = 0.05  # m between candidate positions
+_BATCH = 128  # candidate positions that are examined together
 _CLEARANCE = 0.01  # m around the footprint at such a position
 
 
@@ -157,16 +158,18 @@ class Obstacles:
             footprint.length + 2 * _CLEARANCE, footprint.width + 2 * _CLEARANCE
         )
         walls = self.near(pose.x, pose.y, enlarged.radius + within)
-        positions = here + _search_positions(within)
         outlines = [other.footprint.outline(other.pose) for other in others]
         lines = np.concatenate([walls, *outlines])
-        positions = positions[
-            ~_overlaps_any(enlarged.outline(pose)[:, 0] - here, positions, lines)
-        ]
-        for x, y in positions[is_open(positions)].tolist():
-            candidate = Pose2(x, y, pose.yaw)
-            if _fits(enlarged, candidate, walls, others):
-                return candidate
+        tree = shapely.STRtree(shapely.linestrings(lines))
+        corners = enlarged.outline(pose)[:, 0] - here
+        # In batches, as the nearest free place is seldom far away.
+        for offsets in _search_batches(within):
+            positions = here + offsets
+            positions = positions[~_overlaps_any(corners, positions, tree)]
+            for x, y in positions[is_open(positions)].tolist():
+                candidate = Pose2(x, y, pose.yaw)
+                if _fits(enlarged, candidate, walls, others):
+                    return candidate
         return None
 
 
@@ -190,26 +193,26 @@ def _overlap(footprint: Footprint, pose: Pose2, other: Body) -> bool:
 
 
 def _overlaps_any(
-    corners: Floats, positions: Floats, walls: Floats
+    corners: Floats, positions: Floats, walls: shapely.STRtree
 ) -> NDArray[np.bool_]:
     """Return at which of many positions a shape overlaps a wall, all at once.
 
     Args:
         corners: (C, 2) m, corners of the shape relative to its position.
         positions: (N, 2) m.
-        walls: (S, 2, 2) m.
+        walls: Tree of lines.
     """
     shapes = shapely.polygons(positions[:, None] + corners)
-    lines = shapely.STRtree(shapely.linestrings(walls))
     overlapping = np.zeros(len(positions), np.bool_)
-    overlapping[lines.query(shapes, predicate="intersects")[0]] = True
+    overlapping[walls.query(shapes, predicate="intersects")[0]] = True
     return overlapping
 
 
 @cache
-def _search_positions(within: float) -> Floats:
-    """Return positions in rings around (0, 0), the innermost first, (N, 2) m."""
-    return np.array(list(_rings(within))).reshape(-1, 2)
+def _search_batches(within: float) -> tuple[Floats, ...]:
+    """Return positions in rings around (0, 0), the innermost first, each (N, 2) m."""
+    positions = np.array(list(_rings(within))).reshape(-1, 2)
+    return tuple(np.split(positions, range(_BATCH, len(positions), _BATCH)))
 
 
 def _rings(within: float) -> Iterator[tuple[float, float]]:

@@ -12,6 +12,7 @@ from radarsim.server.lifecycle import (
     listen,
     peer_name,
 )
+from radarsim.server.read_turns import ReadAllowance, ReadTurns
 from radarsim.simulation.config import TICK
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ log = logging.getLogger("radarsim.server")
 MAX_CLIENTS = 256
 MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
-READ_BYTES = 16_384  # read from one client before others are served
+READ_BYTES = 2048  # read from one client before others are served
 CLOSE_GRACE = 2.0  # s for a client that has closed its side to read its replies
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
@@ -45,6 +46,7 @@ class Server:
         self._host = host
         self._period = TICK / speed
         self._connections: set[Connection] = set()
+        self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
         self._ticking: asyncio.Task[None] | None = None
 
@@ -60,7 +62,7 @@ class Server:
                 machine.
         """
         self._listener, self.address = await listen(
-            lambda: Connection(self._host, self._connections, MAX_CLIENTS),
+            lambda: Connection(self._host, self._connections, MAX_CLIENTS, self._turns),
             address,
             port,
         )
@@ -104,11 +106,12 @@ class Server:
 
     def tick(self) -> None:
         """Advance simulated time by 10 ms, and send what is due."""
-        diagnostics = self._host.step()
+        found: dict[int, list[Diagnostic]] = {}
+        for number, diagnostic in self._host.step():
+            found.setdefault(number, []).append(diagnostic)
+        self._turns.advance()
         for connection in list(self._connections):
-            connection.log_diagnostics(
-                [found for number, found in diagnostics if number == connection.number]
-            )
+            connection.log_diagnostics(found.get(connection.number, []))
             connection.flush()
 
 
@@ -120,13 +123,18 @@ class Connection(asyncio.BufferedProtocol):
     """
 
     def __init__(
-        self, host: Host, connections: set["Connection"], max_clients: int
+        self,
+        host: Host,
+        connections: set["Connection"],
+        max_clients: int,
+        turns: ReadTurns,
     ) -> None:
         self.peer = "?"
         self._host = host
         self._connections = connections
         self._max_clients = max_clients
         self._buffer = bytearray(READ_BYTES)
+        self._allowance = ReadAllowance(turns)
         self._transport: asyncio.Transport | None = None
         self._number = 0
         self._sends_no_more = False
@@ -162,6 +170,7 @@ class Connection(asyncio.BufferedProtocol):
         """Pass received bytes to the host."""
         if self._transport is None:
             return
+        self._allowance.spend(nbytes)
         data = bytes(self._buffer[:nbytes])
         self.log_diagnostics(self._host.receive(self._number, data))
         self.flush(only_replies=True)
@@ -229,8 +238,8 @@ class Connection(asyncio.BufferedProtocol):
         transport.close()  # when everything is sent
 
     def _apply_back_pressure(self, transport: asyncio.Transport) -> None:
-        """Stop reading while commands of the client wait."""
-        if self._host.is_busy(self._number):
+        """Stop reading while commands of the client wait, or it waits for its turn."""
+        if self._host.is_busy(self._number) or self._allowance.exhausted:
             transport.pause_reading()
         else:
             transport.resume_reading()
@@ -243,6 +252,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def _forget(self) -> None:
         self._transport = None
+        self._allowance.closed = True
         self._connections.discard(self)
         self._host.disconnect(self._number)
 

@@ -260,15 +260,12 @@ class Simulation:
         points = np.column_stack([places, np.full(len(places), height)])
         directions = np.tile([1.0, 0.0, 0.0], (len(places), 1))
         rays = Rays.uniform(points, directions, max_range=0.0)
-        inside = [
-            any(
-                event.kind is EventKind.START_INSIDE
-                and self.scene.parts[event.part].material.solid
-                for event in events
-            )
-            for events in self._tracer.explain(rays)
-        ]
-        return np.array(inside, np.bool_)
+        events = self._tracer.trace(rays, events=True).events
+        starts = events[events["kind"] == EventKind.START_INSIDE]
+        solid = np.array([part.material.solid for part in self.scene.parts], np.bool_)
+        inside = np.zeros(len(places), np.bool_)
+        inside[starts["ray"][solid[starts["part"]]]] = True
+        return inside
 
     def _unique_name(self, name: str) -> str:
         taken = {robot.name for robot in self._robots}

@@ -12,6 +12,8 @@ from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.host.commands import (
     CACHED_REPLIES,
+    CHARACTERS_A_UNIT,
+    FAILED_SEARCH_COOLDOWN,
     FAILED_SPAWN_COOLDOWN,
     HEAVY_WORK,
     LIGHT_WORK,
@@ -428,6 +430,7 @@ def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> N
         pytest.param(b"GETSTARTPOSES\r\n", LIGHT_WORK, id="start poses"),
         pytest.param(b"FOO\r\n", LIGHT_WORK, id="malformed"),
         pytest.param(b"SET {Type INS} {Opcode RESET}\r\n", HEAVY_WORK, id="set"),
+        pytest.param(b"F" * 3 * CHARACTERS_A_UNIT + b"\r\n", 4, id="long"),
     ],
 )
 def test_floods_of_all_clients_together_are_limited_in_a_tick(
@@ -514,14 +517,15 @@ def test_cache_of_replies_is_bounded(host: Host) -> None:
     assert len(host._commands._reply_lines) <= CACHED_REPLIES
 
 
-def test_only_one_search_for_a_free_place_in_a_tick(foliage_room: Scene) -> None:
+def test_spawns_pause_after_a_search_for_a_free_place(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
     numbers = [connected(host) for _ in range(3)]
     diagnostics = [host.receive(number, bush) for number in numbers]
     assert [len(found) for found in diagnostics] == [1, 0, 0]
-    later = [host.step() for _ in range(4)]
-    assert [len(found) for found in later] == [0, 1, 1, 0]
+    later = [len(host.step()) for _ in range(3 * FAILED_SEARCH_COOLDOWN)]
+    assert sum(later) == 2
+    assert sum(later[: FAILED_SEARCH_COOLDOWN + 1]) == 1
 
 
 def test_diagnostic_joins_unknown_start_and_moved_pose(
@@ -541,7 +545,7 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     diagnostics = []
     clients = [connected(host) for _ in range(10)]
     for number in clients:
-        host.step()
+        run_ticks(host, FAILED_SEARCH_COOLDOWN)
         diagnostics += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
     kinds = [diagnostic.kind for diagnostic in diagnostics]
     assert kinds[:3] == ["moved"] * 3

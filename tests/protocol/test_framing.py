@@ -72,6 +72,12 @@ def test_a_command_ends_with_any_mix_of_cr_and_lf(end: bytes) -> None:
     ]
 
 
+def test_blanks_before_a_line_do_not_count_as_its_length() -> None:
+    for stream in (b" \n" * 50 + b" " * 50 + b"GET\n", b" " * 50 + b"GET\n"):
+        for chunks in ([stream], cut(stream, [*range(len(stream))])):
+            assert collect(chunks, limit=3) == (["GET"], False)
+
+
 def test_incomplete_line_waits_for_its_end() -> None:
     buffer = LineBuffer()
     assert buffer.feed(b"DRIVE {Left") == []

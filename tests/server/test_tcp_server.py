@@ -16,6 +16,7 @@ from radarsim.errors import ServerError
 from radarsim.geometry import Pose3
 from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene, StartPose
+from radarsim.server.read_turns import ReadTurns
 from radarsim.server.tcp_server import Connection, Server
 from radarsim.simulation.config import SimulationConfig
 
@@ -326,6 +327,35 @@ async def test_diagnostics_of_commands_that_waited_are_logged(
     await running_server.wait_until(lambda: "verb 'FOO'" in caplog.text)
 
 
+class Counting(Host):
+    """Counts the bytes that are read between two ticks."""
+
+    read: tuple[int, ...] = (0,)
+
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
+        self.read = (*self.read[:-1], self.read[-1] + len(data))
+        return super().receive(number, data)
+
+    def step(self) -> list[tuple[int, Diagnostic]]:
+        self.read = (*self.read, 0)
+        return super().step()
+
+
+async def test_flood_of_blank_lines_is_read_in_small_pieces(empty_room: Scene) -> None:
+    host = Counting(empty_room)
+    async with serving(host) as running_server:
+        other = await running_server.driver()
+        floods = [await running_server.peer() for _ in range(20)]
+        sending = [asyncio.create_task(peer.send(b" \n" * 500_000)) for peer in floods]
+        await running_server.wait_until(lambda: sum(host.read) > 500_000)
+        assert_every_scan_came(await other.scans(5))
+        assert max(host.read) < 100_000
+        for task in sending:
+            task.cancel()
+        for peer in floods:
+            peer.reset()
+
+
 class Talkative(Host):
     """Reports 1000 kinds of diagnostics for every packet."""
 
@@ -445,7 +475,7 @@ async def test_wait_failed_raises_the_error_of_a_tick(empty_room: Scene) -> None
 
 
 def test_refused_connection_ignores_all_events(empty_room: Scene) -> None:
-    connection = Connection(Host(empty_room), set(), 0)
+    connection = Connection(Host(empty_room), set(), 0, ReadTurns())
     connection.get_buffer(-1)[:6] = b"INIT\r\n"
     connection.buffer_updated(6)
     connection.flush()
