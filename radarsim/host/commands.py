@@ -84,8 +84,8 @@ class CommandHandler:
         try:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
-            diagnostic = Diagnostic.of_malformed(line, error)
-            return Handled(True, diagnostic, LIGHT_WORK + reading)
+            malformed = Diagnostic.of_malformed(line, error)
+            return Handled(True, malformed, LIGHT_WORK + reading)
         if isinstance(parsed.command, Init) and self._is_too_early(client):
             return Handled(False, work=LIGHT_WORK + reading)
         work = self._work_of(client, parsed.command) + reading
