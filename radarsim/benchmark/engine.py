@@ -30,13 +30,9 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import (
-    RangeScanner,
-    load_sensor,
-    scan_batch,
-    sensor_pose,
-)
+from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
 from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.simulation import Simulation
 
 BATCH = 100
@@ -126,6 +122,19 @@ def throughput(seconds: float) -> Iterator[BenchmarkRow]:
             seconds=seconds,
         )
     yield BenchmarkRow("c", "two threads, times as fast as one", result.ratio, "x")
+
+
+def many_poses(seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure scans from many poses on all processors against as many single scans."""
+    scene, poses, rng = foliage_wall(), [SENSOR] * BATCH, generator_for(0, "bench")
+    radar = radar_with(361)
+    result = compare(
+        lambda: [radar.scan(scene, pose, rng) for pose in poses],
+        lambda: radar.scan_many(scene, poses, rng),
+        seconds=seconds,
+    )
+    title = f"scan_many of {BATCH} poses, times as fast as {BATCH} calls of scan"
+    yield BenchmarkRow("c", title, result.ratio, "x")
 
 
 def growth(seconds: float) -> Iterator[BenchmarkRow]:

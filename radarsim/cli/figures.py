@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -14,6 +13,7 @@ from rich.console import Console
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import SeedOption, write_file
 from radarsim.cli.output import print_lines
+from radarsim.cpu_count import process_cpu_count
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import raise_on_signals
 
@@ -46,7 +46,7 @@ def figures(
     _prepare(out, [FILE, *(entry.file for entry in wanted)])
     compile_now(maps=any(entry.number == "15" for entry in wanted))
     weight = sum(entry.weight for entry in wanted)
-    workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), os.cpu_count() or 1)
+    workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), process_cpu_count())
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     made: list[RenderedFigure] = []

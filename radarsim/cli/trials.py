@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -19,6 +18,7 @@ from rich.text import Text
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
 from radarsim.cli.output import print_lines
+from radarsim.cpu_count import process_cpu_count
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
 from radarsim.printable_text import escape_unprintable
@@ -67,7 +67,7 @@ def trials(
     chosen_sensors = _split(sensors, "--sensors")
     _check(names, chosen_algorithms, chosen_sensors)
     todo = all_trials(names, chosen_algorithms, chosen_sensors, seeds)
-    processes = min(workers or _count_cores(), len(todo))
+    processes = min(workers or process_cpu_count(), len(todo))
     compile_now()
     began = time.perf_counter()
     with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:
@@ -126,12 +126,6 @@ def _check_map(name: str) -> None:
             raise
         text = f"{error}; those made for trials are {list(MAPS)}"
         raise MapError([text]) from None
-
-
-def _count_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _with_bar(scores: Iterator[TrialResult], total: int) -> Iterator[TrialResult]:

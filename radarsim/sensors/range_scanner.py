@@ -2,11 +2,10 @@
 
 A scan is taken in three steps, so that many scans can be traced together: ``plan``
 draws and aims the rays, a ``Tracer`` traces them, ``read`` builds the scan.
-``RangeScanner.scan`` does all three for one sensor, ``scan_batch`` for many.
+``RangeScanner.scan`` does all three for one scan, ``scan_batch`` for many.
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -15,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import Outcome
@@ -26,6 +25,7 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, SampledRays, Sides, ray_class_of
 from radarsim.sensors.measurement import PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import ScanArrays, scan_poses
 
 EMPTY: Final = np.zeros(0)
 NO_RAIN: Final = np.zeros((2, 0))
@@ -39,6 +39,7 @@ class RangeScanner:
         name: Name of its preset.
         settings: All its settings.
         angles: (N,) directions of its beams, rad, counter-clockwise from the right.
+        rays_per_scan: Number of rays that are traced for one scan.
     """
 
     def __init__(self, name: str, settings: SensorSettings) -> None:
@@ -48,7 +49,8 @@ class RangeScanner:
         self.angles = self._pattern.angles
         self._medium = RADAR if settings.medium == "radar" else LASER
         self._builder = ScanBuilder(name, settings, self._pattern)
-        nowhere = np.zeros((len(self.angles) * self._pattern.rays, 3))
+        self.rays_per_scan = len(self.angles) * self._pattern.rays
+        nowhere = np.zeros((self.rays_per_scan, 3))
         self._template = Rays.uniform(
             nowhere,
             nowhere,
@@ -106,6 +108,27 @@ class RangeScanner:
         plan = self.plan(tracer, sensor_pose(scene, pose), rng)
         traces = tracer.trace(plan.rays, events=plan.events, incidence=plan.incidence)
         return replace(self.read(plan, traces), scene=scene)
+
+    def scan_many(
+        self,
+        scene: Scene,
+        poses: Sequence[Pose3 | Sequence[float]] | Floats,
+        rng: np.random.Generator | None = None,
+    ) -> ScanArrays:
+        """Scan a scene from many poses, on all processors.
+
+        Args:
+            scene: From ``load_map``.
+            poses: M poses as in ``scan``, for example an array (M, 3) or (M, 6).
+            rng: Source of random rays and noise; None for a sensor without either.
+
+        Returns:
+            The same values as M calls of ``scan`` in this order.
+
+        Raises:
+            ValueError: If a pose is invalid, or an rng is needed and missing.
+        """
+        return scan_poses(self, tracer_of(scene), _sensor_poses(scene, poses), rng)
 
     def plan(
         self,
@@ -237,40 +260,6 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
     return RangeScanner(name, load_settings(name, **settings))
 
 
-def scan_batch(
-    tracer: Tracer,
-    planned: Sequence[tuple[RangeScanner, PlannedScan]],
-    boxes: Boxes | None = None,
-) -> list[Scan]:
-    """Trace planned scans together and build them.
-
-    Scans that need events or incidence are traced apart from the others, for which
-    recording these would cost time.
-
-    Args:
-        tracer: Tracer of the scene for which the scans are planned.
-        planned: Each scanner with its plan.
-        boxes: Boxes of the robots.
-
-    Returns:
-        The scans in the same order.
-    """
-    groups: defaultdict[tuple[bool, bool], list[int]] = defaultdict(list)
-    for i, (_, plan) in enumerate(planned):
-        groups[plan.events, plan.incidence].append(i)
-    scans: dict[int, Scan] = {}
-    for (events, incidence), members in groups.items():
-        batches = [planned[i][1].rays for i in members]
-        traces = tracer.trace(
-            Rays.concatenate(batches), boxes, events=events, incidence=incidence
-        )
-        pieces = traces.split([len(rays.max_range) for rays in batches])
-        for i, piece in zip(members, pieces, strict=True):
-            scanner, plan = planned[i]
-            scans[i] = scanner.read(plan, piece)
-    return [scans[i] for i in range(len(planned))]
-
-
 def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
     """Convert a sensor pose: x, y, z, roll, pitch, yaw, or x, y, yaw at default height.
 
@@ -287,3 +276,15 @@ def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
     if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
         raise ValueError(f"pose {list(pose)!r}, expected three or six finite numbers")
     return Pose3(*numbers)
+
+
+def _sensor_poses(
+    scene: Scene, poses: Sequence[Pose3 | Sequence[float]] | Floats
+) -> list[Pose3]:
+    placed = []
+    for i, pose in enumerate(poses):
+        try:
+            placed.append(sensor_pose(scene, pose))
+        except ValueError as error:
+            raise ValueError(f"poses[{i}]: {error}") from None
+    return placed

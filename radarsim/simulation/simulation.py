@@ -24,8 +24,9 @@ from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.range_scanner import load_sensor, scan_batch
+from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.casting import CastingItem, read_together
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
 from radarsim.simulation.vehicle import MountedScanner, Vehicle

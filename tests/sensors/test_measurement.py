@@ -14,7 +14,8 @@ from radarsim.presets.sensors import sensor_presets
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
-from radarsim.sensors.range_scanner import RangeScanner, scan_batch
+from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan_batch import scan_batch
 from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")

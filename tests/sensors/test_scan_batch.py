@@ -1,0 +1,93 @@
+"""Scans from many poses have the values of single scans in the same order."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim.geometry import Pose3
+from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import generator_for
+from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import RangeScanner, load_sensor
+from radarsim.sensors.scan_batch import scan_poses
+
+SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
+    "radar": ("radar", {}),
+    "laser": ("laser", {}),
+    "noisy": ("radar", {"range_noise": 0.1, "return_mode": "strongest"}),
+    "chosen by incidence": ("radar", {"incidence_weights": True}),
+    "rays that start apart": (
+        "radar",
+        {"side_mode": "perpendicular", "side_offset_uu": 100},
+    ),
+}
+
+
+def drive(count: int) -> list[tuple[float, float, float]]:
+    """Return poses along a drive through the room and its hedge."""
+    yaws = np.linspace(0.0, 6.0, count)
+    return [(-8.0 + 0.1 * i, np.sin(0.3 * i), yaw) for i, yaw in enumerate(yaws)]
+
+
+def one_by_one(
+    sensor: RangeScanner, scene: Scene, poses: Sequence[Any], seed: int
+) -> tuple[bytes, bytes | None]:
+    rng = generator_for(seed)
+    scans = [sensor.scan(scene, pose, rng) for pose in poses]
+    ranges = np.array([scan.ranges for scan in scans])
+    if not sensor.has_side_rays:
+        return ranges.tobytes(), None
+    return ranges.tobytes(), np.array([scan.rays for scan in scans]).tobytes()
+
+
+@pytest.mark.parametrize(("name", "settings"), SENSORS.values(), ids=SENSORS)
+def test_scans_from_many_poses_equal_single_scans(
+    name: str, settings: dict[str, Any], foliage_room: Scene
+) -> None:
+    sensor, poses = load_sensor(name, **settings), drive(150)
+    many = sensor.scan_many(foliage_room, poses, generator_for(3))
+    assert many.ranges.shape == (150, len(sensor.angles))
+    rays = None if many.rays is None else many.rays.tobytes()
+    expected = one_by_one(sensor, foliage_room, poses, 3)
+    assert (many.ranges.tobytes(), rays) == expected
+
+
+@pytest.mark.parametrize("workers", [1, 2, 7])
+def test_number_of_threads_does_not_matter(workers: int, foliage_room: Scene) -> None:
+    sensor, poses = load_sensor("radar"), drive(400)
+    placed = [Pose3(x, y, 0.346, 0.0, 0.0, yaw) for x, y, yaw in poses]
+    tracer = tracer_of(foliage_room)
+    many = scan_poses(sensor, tracer, placed, generator_for(4), workers=workers)
+    assert many.ranges.tobytes() == one_by_one(sensor, foliage_room, placed, 4)[0]
+
+
+def test_poses_are_returned_in_space(empty_room: Scene) -> None:
+    laser = load_sensor("laser", fov_deg=2)
+    flat = laser.scan_many(empty_room, np.array([[1.0, 2.0, 0.5]]))
+    assert flat.poses.tolist() == [[1.0, 2.0, 0.346, 0.0, 0.0, 0.5]]
+    tilted = laser.scan_many(empty_room, np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]]))
+    assert tilted.poses.tolist() == [[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]]
+    assert tilted.angles.tolist() == laser.angles.tolist()
+    assert tilted.rays is None
+
+
+def test_no_pose_gives_empty_arrays(empty_room: Scene) -> None:
+    radar = load_sensor("radar")
+    none = radar.scan_many(empty_room, [], generator_for(1))
+    assert (none.poses.shape, none.ranges.shape) == ((0, 6), (0, 181))
+    assert none.rays is not None
+    assert none.rays.shape == (0, 181)
+
+
+def test_invalid_pose_is_named(empty_room: Scene) -> None:
+    poses = [(0.0, 0.0, 0.0), (0.0, float("nan"), 0.0)]
+    with pytest.raises(ValueError, match=r"poses\[1\]: pose \[0\.0, nan, 0\.0\]"):
+        load_sensor("laser").scan_many(empty_room, poses)
+
+
+def test_missing_rng_is_an_error(empty_room: Scene) -> None:
+    with pytest.raises(ValueError, match="no rng, expected a Generator"):
+        radarsim.load_sensor("radar").scan_many(empty_room, [(0.0, 0.0, 0.0)])
