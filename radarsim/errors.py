@@ -43,7 +43,8 @@ class MapError(RadarsimError):
     """A map file is wrong.
 
     Attributes:
-        problems: One text for each problem, ``file:line:column: key.path: message``.
+        problems: One text for each problem, ``file:line:column: key.path: message``;
+            of very many the first, and a last text that says how many more.
     """
 
     def __init__(self, problems: list[str]) -> None:

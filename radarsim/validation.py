@@ -1,9 +1,10 @@
 """Messages for values that pydantic has rejected."""
 
 import re
+from collections.abc import Callable
 from typing import Any, Final
 
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from radarsim.suggestions import did_you_mean
 
@@ -32,6 +33,15 @@ _EXPECTED: Final = {
 }
 
 
+def rejection(describe: Callable[[], str]) -> PydanticCustomError:
+    """Create the error of a validator whose message is made only if it is told.
+
+    Args:
+        describe: Returns the message; names that are similar take long to find.
+    """
+    return PydanticCustomError("rejected", "invalid", {"describe": describe})
+
+
 def describe_invalid(details: ErrorDetails) -> str:
     """Return what a value is and what was expected instead.
 
@@ -41,6 +51,8 @@ def describe_invalid(details: ErrorDetails) -> str:
     error_type, context = details["type"], details.get("ctx", {})
     if error_type == "missing":
         return "missing"
+    if error_type == "rejected":
+        return str(context["describe"]())
     if error_type == "value_error":
         return str(context["error"])
     return f"{short_repr(details['input'])}, {_expected(details, context)}"

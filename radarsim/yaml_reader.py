@@ -16,7 +16,7 @@ into more values than any hand-written file contains are refused.
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -41,7 +41,7 @@ from radarsim.validation import describe_invalid, short_repr
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
 
-MAX_BYTES = 2 * 1024 * 1024
+MAX_BYTES = 1024 * 1024
 MAX_VALUES = 500_000  # with aliases expanded
 MAX_DEPTH = 32  # of nested lists and dicts, including those used as keys
 
@@ -67,14 +67,14 @@ class Node:
     Attributes:
         position: Line and column of the value.
         value: A scalar, a list of nodes, or a dict of nodes.
-        key_positions: Positions of the keys of a dict.
+        key_positions: Positions of the keys of a dict; None for anything else.
         size: Number of values in it, itself included.
         depth: Number of levels below it, 0 for a scalar.
     """
 
     position: Position
     value: Any
-    key_positions: dict[str, Position] = field(default_factory=dict)
+    key_positions: dict[str, Position] | None = None
     size: int = 1
     depth: int = 0
 
@@ -142,8 +142,8 @@ class YamlFile:
             child = node.child(key)
             if child is None:
                 return _place(self.path, node.position)
-            on_key = of_key and isinstance(key, str)
-            position = node.key_positions[str(key)] if on_key else child.position
+            positions = node.key_positions if of_key else None
+            position = positions[str(key)] if positions else child.position
             node = child
         return _place(self.path, position)
 
@@ -159,16 +159,18 @@ class YamlFile:
         at: Sequence[str | int] = (),
         *,
         known: Iterable[str] = (),
+        most: int | None = None,
     ) -> list[str]:
-        """Format all errors of a pydantic model.
+        """Format the errors of a pydantic model.
 
         Args:
             error: The exception that the model raised.
             at: Key path of the data that the model validated.
             known: The model's own keys, for the message about an unknown one.
+            most: How many to format; None for all.
         """
-        keys = sorted(known)
-        return [self._validation_problem(each, at, keys) for each in error.errors()]
+        keys, errors = sorted(known), error.errors()[:most]
+        return [self._validation_problem(each, at, keys) for each in errors]
 
     def _validation_problem(
         self, details: ErrorDetails, at: Sequence[str | int], known: list[str]
@@ -291,14 +293,15 @@ class _Composer:
         return root or Node((1, 1), None)
 
     def _node(self, event: Any) -> Node:
-        if isinstance(event, AliasEvent):
+        kind = type(event)
+        if kind is AliasEvent:
             return self._alias(event)
         self._count(event, 1, len(self._keys))
         if event.tag is not None:
             self._report(event, f"tag {short_repr(event.tag)}, expected none")
-        if isinstance(event, ScalarEvent):
+        if kind is ScalarEvent:
             node = Node(_position(event), self._scalar(event))
-        elif isinstance(event, SequenceStartEvent):
+        elif kind is SequenceStartEvent:
             node = self._sequence(event)
         else:
             node = self._mapping(event)
@@ -317,16 +320,16 @@ class _Composer:
 
     def _sequence(self, event: Event) -> Node:
         items: list[Node] = []
-        while not isinstance(item := self._next(), SequenceEndEvent):
+        while type(item := self._next()) is not SequenceEndEvent:
             self._keys.append(len(items))
             items.append(self._node(item))
             self._keys.pop()
-        return Node(_position(event), items, {}, *_size_and_depth(items))
+        return Node(_position(event), items, None, *_size_and_depth(items))
 
     def _mapping(self, event: Event) -> Node:
         values: dict[str, Node] = {}
         positions: dict[str, Position] = {}
-        while not isinstance(item := self._next(), MappingEndEvent):
+        while type(item := self._next()) is not MappingEndEvent:
             key = self._key(item)
             self._keys.append(key)
             value = self._node(self._next())

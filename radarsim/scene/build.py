@@ -1,65 +1,43 @@
 """Build materials and parts from the entries of a map file."""
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.presets.materials import library_material
-from radarsim.rng import generator_for
+from radarsim.scene.copies import BuildError, place_copies
 from radarsim.scene.map_checks import Problem
 from radarsim.scene.map_schema import (
     MAX_EXTENT,
+    MAX_OBJECTS,
+    MAX_PARTS,
     MaterialEntry,
     ObjectEntry,
-    ScatterEntry,
 )
 from radarsim.scene.material import Material
-from radarsim.scene.mesh_files import MeshError, find_inside
-from radarsim.scene.meshes import (
-    Surface,
-    join_surfaces,
-    join_volume,
-    read_surfaces,
+from radarsim.scene.mesh_files import (
+    MAX_TRIANGLES,
+    MeshBudget,
+    MeshError,
+    find_inside,
 )
+from radarsim.scene.meshes import Surface, join_surfaces, join_volume, read_surfaces
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, box, cylinder, sphere
 from radarsim.suggestions import expected_one_of
 
-MAX_ATTEMPTS = 200  # random positions for each copy, before the area counts as full
+LIMITS: Final = {
+    "objects": MAX_OBJECTS,
+    "parts": MAX_PARTS,
+    "triangles": MAX_TRIANGLES,
+}
 
 _Piece: TypeAlias = tuple[Material, Mesh]
-
-
-class BuildError(Exception):
-    """An object cannot be built.
-
-    Attributes:
-        problems: The keys inside of the object, each with what is wrong there.
-    """
-
-    def __init__(self, problems: list[Problem]) -> None:
-        super().__init__(problems)
-        self.problems = problems
-
-
-@dataclass(frozen=True, eq=False)
-class Copy:
-    """One copy of an object.
-
-    Attributes:
-        name: The object's name, with a number if there are several copies.
-        position: (3,) m, of its origin.
-        scale: Factor of its size.
-    """
-
-    name: str
-    position: Floats
-    scale: float = 1.0
 
 
 def from_library(name: str) -> Material:
@@ -125,101 +103,121 @@ def _surface_properties(entry: MaterialEntry) -> dict[str, Any]:
     return {key: value for key, value in given.items() if value is not None}
 
 
-def build_parts(
-    entry: ObjectEntry,
-    materials: Mapping[str, Material],
-    folder: Path,
-    max_triangles: int,
-) -> list[Part]:
-    """Build an object's parts, one for each copy and each of its materials.
+class Room:
+    """How much a scene may still contain."""
 
-    Args:
-        entry: The object, with one shape.
-        materials: The materials that it refers to, by name.
-        folder: The map's own folder, links resolved.
-        max_triangles: Largest number of triangles of all its parts.
+    def __init__(self) -> None:
+        self._taken = dict.fromkeys(LIMITS, 0)
 
-    Raises:
-        BuildError: If the mesh cannot be used, the copies do not fit into their area,
-            or the object is too large.
-    """
-    pieces = _build_pieces(entry, materials, folder)
-    copies = place_copies(entry)
-    triangles = len(copies) * sum(len(faces) for _, (_, faces) in pieces)
-    if triangles > max_triangles:
-        text = f"{triangles} triangles, expected at most {max_triangles} more"
-        raise BuildError([((), text)])
-    rotation = rotation_matrix(*entry.angles()).T
-    parts = [
-        Part(
-            copy.name, material, copy.scale * vertices @ rotation + copy.position, faces
-        )
-        for copy in copies
-        for material, (vertices, faces) in pieces
-    ]
-    extent = max(np.abs(part.vertices).max(initial=0.0) for part in parts)
-    if extent > MAX_EXTENT:
-        text = f"{extent:.1f} m from the map's origin, expected at most {MAX_EXTENT:g}"
-        raise BuildError([((), text)])
-    return parts
+    def take(self, count: int, what: str) -> None:
+        """Count objects, parts or triangles.
+
+        Raises:
+            BuildError: If there is no room for so many.
+        """
+        limit, taken = LIMITS[what], self._taken[what]
+        if taken + count > limit:
+            expected = f"expected at most {limit} in all, {limit - taken} more"
+            raise BuildError([((), f"{count} {what}, {expected}")])
+        self._taken[what] += count
 
 
-def copy_names(name: str, count: int | None) -> Iterator[str]:
-    """Yield the names of an object's copies, ``name_1``, ``name_2``; or just its own.
+class PartBuilder:
+    """Builds the parts of objects; reads each mesh file once."""
 
-    Args:
-        name: The object's own name.
-        count: None for an object that is neither repeated nor scattered.
-    """
-    if count is None:
-        yield name
-    else:
-        yield from (f"{name}_{number}" for number in range(1, count + 1))
+    def __init__(self, folder: Path) -> None:
+        """Start with nothing read.
+
+        Args:
+            folder: The map's own folder, links resolved.
+        """
+        self._folder = folder
+        self._budget = MeshBudget()
+        self._surfaces: dict[str, list[Surface] | MeshError] = {}
+        self._joined: dict[tuple[Any, ...], list[_Piece]] = {}
+
+    def build(
+        self, entry: ObjectEntry, materials: Mapping[str, Material], room: Room
+    ) -> list[Part]:
+        """Build an object's parts, one for each copy and each of its materials.
+
+        Args:
+            entry: The object, with one shape.
+            materials: The materials that it refers to, by name.
+            room: How much the scene may still contain.
+
+        Raises:
+            BuildError: If the mesh cannot be used, the copies do not fit into their
+                area, or the object is too large.
+        """
+        pieces = self._pieces(entry, materials)
+        count = entry.copies or 1
+        room.take(count * len(pieces), "parts")
+        room.take(count * sum(len(faces) for _, (_, faces) in pieces), "triangles")
+        copies = place_copies(entry)
+        rotation = rotation_matrix(*entry.angles()).T
+        parts = [
+            Part(
+                copy.name,
+                material,
+                copy.scale * vertices @ rotation + copy.position,
+                faces,
+            )
+            for copy in copies
+            for material, (vertices, faces) in pieces
+        ]
+        extent = max(np.abs(part.vertices).max(initial=0.0) for part in parts)
+        if extent > MAX_EXTENT:
+            expected = f"expected at most {MAX_EXTENT:g}"
+            raise BuildError(
+                [((), f"{extent:.1f} m from the map's origin, {expected}")]
+            )
+        return parts
+
+    def _pieces(
+        self, entry: ObjectEntry, materials: Mapping[str, Material]
+    ) -> list[_Piece]:
+        """Return the object's meshes in its own frame, m, not rotated."""
+        if entry.mesh is None:
+            return [(materials[entry.material or ""], _build_primitive(entry))]
+        given = tuple((entry.materials or {}).items())
+        key = (entry.mesh, entry.material, given, *materials.values())
+        if key not in self._joined:
+            surfaces = self._read(entry.mesh)
+            groups = _group_by_material(entry, surfaces)
+            self._joined[key] = _join_groups(entry.mesh, groups, materials)
+        return [
+            (material, (_to_metres(entry, vertices), faces))
+            for material, (vertices, faces) in self._joined[key]
+        ]
+
+    def _read(self, mesh: str) -> list[Surface]:
+        if mesh not in self._surfaces:
+            try:
+                path = find_inside(self._folder, self._folder, mesh)
+                self._surfaces[mesh] = read_surfaces(path, self._folder, self._budget)
+            except MeshError as error:
+                self._surfaces[mesh] = error
+        found = self._surfaces[mesh]
+        if isinstance(found, MeshError):
+            raise BuildError([(("mesh",), str(found))]) from found
+        return found
 
 
-def place_copies(entry: ObjectEntry) -> list[Copy]:
-    """Place an object's copies.
-
-    Scattered positions are drawn one after the other from a stream of the entry's own
-    seed and name, so that a larger count does not move the first copies.
-
-    Raises:
-        BuildError: If the area is too small for so many copies so far apart.
-    """
-    origin = np.array(entry.position, dtype=np.float64)
-    if entry.scatter is not None:
-        return list(_scatter_copies(entry.name, origin, entry.scatter))
-    step = np.array(entry.repeat.step) if entry.repeat else np.zeros(3)
-    names = copy_names(entry.name, entry.copies)
-    return [Copy(name, origin + i * step) for i, name in enumerate(names)]
-
-
-def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> Iterator[Copy]:
-    rng = generator_for(scatter.seed, "scatter", name)
-    low, high = np.array(scatter.area)
-    smallest, largest = scatter.scale
-    positions = np.full((scatter.count, 2), np.inf)
-    for number, copy_name in enumerate(copy_names(name, scatter.count)):
-        for _ in range(MAX_ATTEMPTS):
-            position = rng.uniform(low, high)
-            distances = np.linalg.norm(positions[:number] - position, axis=1)
-            if distances.min(initial=np.inf) >= scatter.min_distance:
-                break
-        else:
-            text = f"the area is full after {number} copies, expected {scatter.count}"
-            raise BuildError([(("scatter",), text)])
-        positions[number] = position
-        scale = rng.uniform(smallest, largest)
-        yield Copy(copy_name, origin + np.append(position, 0.0), scale)
-
-
-def _build_pieces(
-    entry: ObjectEntry, materials: Mapping[str, Material], folder: Path
+def _join_groups(
+    mesh: str, groups: dict[str, list[Surface]], materials: Mapping[str, Material]
 ) -> list[_Piece]:
-    """Return the object's meshes in its own frame, m, not rotated."""
-    if entry.mesh is not None:
-        return _read_pieces(entry, entry.mesh, materials, folder)
-    return [(materials[entry.material or ""], _build_primitive(entry))]
+    """Join the surfaces of each material into one mesh, in the unit of the file."""
+    pieces: list[_Piece] = []
+    problems: list[Problem] = []
+    for name, members in groups.items():
+        try:
+            pieces.append((materials[name], _join(materials[name], members)))
+        except MeshError as error:
+            problems.append((("mesh",), f"{mesh!r}: {error}"))
+    if problems:
+        raise BuildError(problems)
+    return pieces
 
 
 def _build_primitive(entry: ObjectEntry) -> Mesh:
@@ -230,27 +228,6 @@ def _build_primitive(entry: ObjectEntry) -> Mesh:
         radius, height = entry.cylinder
         return cylinder(radius, height)
     return sphere(entry.sphere or 0.0)
-
-
-def _read_pieces(
-    entry: ObjectEntry, mesh: str, materials: Mapping[str, Material], folder: Path
-) -> list[_Piece]:
-    try:
-        surfaces = read_surfaces(find_inside(folder, folder, mesh), folder)
-    except MeshError as error:
-        raise BuildError([(("mesh",), str(error))]) from error
-    pieces: list[_Piece] = []
-    problems: list[Problem] = []
-    for name, members in _group_by_material(entry, surfaces).items():
-        try:
-            vertices, faces = _join(materials[name], members)
-        except MeshError as error:
-            problems.append((("mesh",), f"{mesh!r}: {error}"))
-        else:
-            pieces.append((materials[name], (_to_metres(entry, vertices), faces)))
-    if problems:
-        raise BuildError(problems)
-    return pieces
 
 
 def _join(material: Material, surfaces: list[Surface]) -> Mesh:

@@ -19,6 +19,7 @@ from pydantic_core import ErrorDetails
 from radarsim.scene.mesh_files import (
     MAX_SURFACES,
     MAX_TRIANGLES,
+    MeshBudget,
     MeshError,
     MeshFiles,
     expect_at_most,
@@ -28,7 +29,7 @@ from radarsim.validation import describe_invalid
 MAX_JSON_BYTES: Final = 16 * 1024 * 1024
 MAX_NODES: Final = 10_000
 MAX_LEVELS: Final = 100  # of nested nodes
-MAX_VALUES: Final = 3 * MAX_TRIANGLES  # vertices, and vertex indices
+MAX_VERTICES: Final = 3 * MAX_TRIANGLES
 
 _HEADER = struct.Struct("<4sII")  # magic, version, length
 _CHUNK = struct.Struct("<I4s")  # length, type
@@ -153,7 +154,7 @@ def reduce_gltf(content: bytes, suffix: str, files: MeshFiles) -> bytes:
     if tree.asset.version.partition(".")[0] != "2":
         raise MeshError(f"glTF {tree.asset.version[:20]}, expected glTF 2")
     _keep_triangles(tree)
-    _check_instances(tree)
+    _check_instances(tree, files.budget)
     _add_buffers(tree, binary, files)
     return tree.model_dump_json(exclude_defaults=True, by_alias=True).encode()
 
@@ -166,14 +167,14 @@ def _describe(details: ErrorDetails) -> str:
     return f"{keys}: {describe_invalid(details)}"
 
 
-def _split_glb(content: bytes) -> tuple[bytes, bytes | None]:
+def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
     """Return the JSON and the binary chunk of a GLB file."""
     if len(content) < _HEADER.size:
         raise MeshError(f"{len(content)} bytes, expected a header of {_HEADER.size}")
     magic, version, _ = _HEADER.unpack_from(content)
     if magic != b"glTF" or version != 2:
         raise MeshError(f"{magic!r} version {version}, expected b'glTF' version 2")
-    chunks: dict[bytes, bytes] = {}
+    chunks: dict[bytes, memoryview] = {}
     at = _HEADER.size
     while len(content) - at >= _CHUNK.size and len(chunks) < 2:
         size, kind = _CHUNK.unpack_from(content, at)
@@ -182,11 +183,11 @@ def _split_glb(content: bytes) -> tuple[bytes, bytes | None]:
             text = f"a chunk of {size} bytes, expected at most {len(content) - at}"
             raise MeshError(text)
         if kind in (b"JSON", b"BIN\0"):
-            chunks.setdefault(kind, content[at : at + size])
+            chunks.setdefault(kind, memoryview(content)[at : at + size])
         at += size
     if b"JSON" not in chunks:
         raise MeshError("no JSON chunk, expected one")
-    return chunks[b"JSON"], chunks.get(b"BIN\0")
+    return bytes(chunks[b"JSON"]), chunks.get(b"BIN\0")
 
 
 def _keep_triangles(tree: _Tree) -> None:
@@ -221,18 +222,20 @@ def _scene_nodes(tree: _Tree) -> list[_Node]:
     return list(found.values())
 
 
-def _check_instances(tree: _Tree) -> None:
+def _check_instances(tree: _Tree, budget: MeshBudget) -> None:
     """Count what the scene shows, with every use of a mesh."""
-    surfaces = vertices = indices = 0
+    surfaces = vertices = triangles = 0
     for node in _scene_nodes(tree):
         primitives = [] if node.mesh is None else tree.meshes[node.mesh].primitives
         expect_at_most(surfaces := surfaces + len(primitives), MAX_SURFACES, "surfaces")
         for primitive in primitives:
-            vertices += _accessor(tree, primitive.attributes.POSITION, "VEC3").count
+            corners = _accessor(tree, primitive.attributes.POSITION, "VEC3").count
+            vertices += corners
             if primitive.indices is not None:
-                indices += _accessor(tree, primitive.indices, "SCALAR").count
-    expect_at_most(vertices, MAX_VALUES, "vertices")
-    expect_at_most(indices, MAX_VALUES, "vertex indices")
+                corners = _accessor(tree, primitive.indices, "SCALAR").count
+            triangles += corners // 3 if primitive.mode == 4 else corners
+    expect_at_most(vertices, MAX_VERTICES, "vertices")
+    budget.take(triangles, "triangles")
 
 
 def _accessor(tree: _Tree, index: int, kind: str) -> _Accessor:
@@ -254,7 +257,7 @@ def _accessor(tree: _Tree, index: int, kind: str) -> _Accessor:
     return accessor
 
 
-def _add_buffers(tree: _Tree, binary: bytes | None, files: MeshFiles) -> None:
+def _add_buffers(tree: _Tree, binary: memoryview | None, files: MeshFiles) -> None:
     """Add the buffers that are used as virtual files; empty the others, and views.
 
     All values of accessors that are not used are dropped as well.
@@ -285,7 +288,9 @@ def _add_buffers(tree: _Tree, binary: bytes | None, files: MeshFiles) -> None:
         files.add(buffer.uri, memoryview(content))
 
 
-def _buffer(buffer: _Buffer, binary: bytes | None, files: MeshFiles) -> bytes:
+def _buffer(
+    buffer: _Buffer, binary: memoryview | None, files: MeshFiles
+) -> bytes | memoryview:
     """Return the bytes of a buffer: of the GLB file, in the JSON, or of a file."""
     if buffer.uri is None:
         if binary is None:

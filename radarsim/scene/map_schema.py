@@ -25,11 +25,17 @@ from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import OPAQUE
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.scene import GPS_ORIGIN
-from radarsim.suggestions import did_you_mean, expected_one_of
-from radarsim.validation import short_repr
+from radarsim.suggestions import did_you_mean, expected_one_of, list_names
+from radarsim.validation import rejection, short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
-MAX_COPIES = 10_000
+MAX_COPIES = 10_000  # of one object
+MAX_OBJECTS = 20_000  # with all copies
+MAX_PARTS = 30_000  # objects, counted once for each of their materials
+MAX_MATERIALS = 1_000
+MAX_STARTS = 200
+MAX_VARIANTS = 100
+MAX_ENTRIES = 200_000  # objects in a file, counted once for each variant
 MAX_NAME = 200  # characters in the name of an object or a level
 MAX_START_NAME = 40  # characters, so that the one line that lists starts holds many
 MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
@@ -74,7 +80,7 @@ def _known_material(value: str, info: ValidationInfo) -> str:
     context: Any = info.context
     own = context["materials"]
     if value not in own and value not in library_names():
-        raise ValueError(unknown_material(value, own))
+        raise rejection(lambda: unknown_material(value, own))
     return value
 
 
@@ -83,7 +89,8 @@ def unknown_material(value: str, own: Iterable[str]) -> str:
     names = sorted(own)
     library = f"or of the library, {list(library_names())}"
     meant = did_you_mean(value, (*library_names(), *names))
-    return f"{short_repr(value)}, expected one of {names}, {library}{meant}"
+    expected = f"expected one of {list_names(names)}, {library}"
+    return f"{short_repr(value)}, {expected}{meant}"
 
 
 def _variant(value: str) -> str:

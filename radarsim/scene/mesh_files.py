@@ -5,35 +5,64 @@ from typing import Final
 
 from radarsim.validation import short_repr
 
-MAX_TRIANGLES: Final = 2_000_000  # of a map in all, and so of a mesh file
-MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material
-MAX_FILE_BYTES: Final = 128 * 1024 * 1024
+MAX_TRIANGLES: Final = 2_000_000
+MAX_FILE_BYTES: Final = 256 * 1024 * 1024
 MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # parsers of text take 20 times its size
+MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material
+
+_LIMITS: Final = {
+    "triangles": MAX_TRIANGLES,
+    "bytes": MAX_FILE_BYTES,
+    "bytes of text": MAX_TEXT_BYTES,
+}
 
 
 class MeshError(Exception):
     """A mesh file cannot be used; the message says why."""
 
 
+class MeshBudget:
+    """What all mesh files of one map may contain together, and what is left of it."""
+
+    def __init__(self) -> None:
+        self._taken = dict.fromkeys(_LIMITS, 0)
+
+    def take(self, count: int, what: str) -> None:
+        """Count things that a file has or announces.
+
+        Raises:
+            MeshError: If they are more than is left.
+        """
+        limit = _LIMITS[what]
+        if self._taken[what] + count > limit:
+            expected = f"expected at most {limit} in all mesh files of a map"
+            raise MeshError(f"{count} {what}, {expected}")
+        self._taken[what] += count
+
+
 class MeshFiles:
     """Reads a mesh file, and on its behalf the files that it refers to.
 
     It is the resolver that trimesh asks for these; virtual ones are added by name.
+
+    Attributes:
+        budget: What these files may contain, with all others of the map.
     """
 
     file_name = None  # trimesh asks for it
 
-    def __init__(self, start: Path, folder: Path) -> None:
+    def __init__(self, start: Path, folder: Path, budget: MeshBudget) -> None:
         """Start with nothing read.
 
         Args:
             start: The folder that references are relative to.
             folder: The folder that must contain all files, links resolved.
+            budget: What these files may contain, with all others of the map.
         """
+        self.budget = budget
         self._start = start
         self._folder = folder
         self._virtual: dict[str, bytes | memoryview] = {}
-        self._bytes_left = MAX_FILE_BYTES
 
     def read(self, path: Path) -> bytes:
         """Return the bytes of a file.
@@ -43,11 +72,9 @@ class MeshFiles:
             OSError: If it cannot be read.
         """
         size = path.stat().st_size
-        expect_at_most(size, self._bytes_left, "bytes", of=MAX_FILE_BYTES)
+        self.budget.take(size, "bytes")
         with path.open("rb") as file:
-            content = file.read(self._bytes_left)
-        self._bytes_left -= len(content)
-        return content
+            return file.read(size)
 
     def add(self, name: str, content: bytes | memoryview) -> None:
         """Add a virtual file."""
@@ -97,18 +124,11 @@ def find_inside(folder: Path, start: Path, reference: str) -> Path:
     return path
 
 
-def expect_at_most(count: int, most: int, what: str, *, of: int | None = None) -> None:
+def expect_at_most(count: int, most: int, what: str) -> None:
     """Check a count against a limit.
-
-    Args:
-        count: What came.
-        most: The largest count that is left.
-        what: The things that are counted.
-        of: The limit before others were counted, for the message.
 
     Raises:
         MeshError: If it is larger.
     """
     if count > most:
-        limit = most if of is None else of
-        raise MeshError(f"{count} {what}, expected at most {limit}")
+        raise MeshError(f"{count} {what}, expected at most {most}")

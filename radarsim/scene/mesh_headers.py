@@ -8,8 +8,8 @@ from typing import Final
 
 from radarsim.scene.mesh_files import (
     MAX_SURFACES,
-    MAX_TEXT_BYTES,
     MAX_TRIANGLES,
+    MeshBudget,
     MeshError,
     expect_at_most,
 )
@@ -26,13 +26,9 @@ _PLY_BYTES: Final = {
     **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
     **dict.fromkeys(("double", "int64", "uint64", "float64"), 8),
 }
-_PLY_LIMITS: Final = {
-    "face": (MAX_TRIANGLES, "triangles"),
-    "vertex": (MAX_VERTICES, "vertices"),
-}
 
 
-def check_stl(content: bytes) -> None:
+def check_stl(content: bytes, budget: MeshBudget) -> None:
     """Check an STL file.
 
     Raises:
@@ -42,23 +38,23 @@ def check_stl(content: bytes) -> None:
     count = int.from_bytes(content[80:_STL_HEADER], "little")
     size = _STL_HEADER + _STL_TRIANGLE * count
     if len(content) == size:
-        expect_at_most(count, MAX_TRIANGLES, "triangles")
+        budget.take(count, "triangles")
     elif content[:256].lstrip()[:5].lower() == b"solid":
-        expect_at_most(len(content), MAX_TEXT_BYTES, "bytes of text")
-        expect_at_most(content.count(b"endfacet"), MAX_TRIANGLES, "triangles")
+        budget.take(len(content), "bytes of text")
+        budget.take(content.count(b"endfacet"), "triangles")
     elif len(content) > _STL_HEADER:
         expected = f"expected a file of {size} bytes, not of {len(content)}"
         raise MeshError(f"{count} triangles in the header, {expected}")
 
 
-def check_obj(content: bytes) -> None:
+def check_obj(content: bytes, budget: MeshBudget) -> None:
     """Check an OBJ file.
 
     Raises:
         MeshError: If it is too long, or has too many faces or pieces.
     """
-    expect_at_most(len(content), MAX_TEXT_BYTES, "bytes of text")
-    expect_at_most(content.count(b"\nf"), MAX_TRIANGLES, "faces")
+    budget.take(len(content), "bytes of text")
+    budget.take(content.count(b"\nf"), "triangles")
     current: dict[bytes, bytes] = {}
     pieces: set[tuple[bytes, ...]] = set()
     for match in re.finditer(rb"(?m)^[ \t]*(o|usemtl)[ \t]+([^\n]*)", content):
@@ -67,7 +63,7 @@ def check_obj(content: bytes) -> None:
     expect_at_most(len(pieces), MAX_SURFACES, "objects and materials")
 
 
-def check_ply(content: bytes) -> None:
+def check_ply(content: bytes, budget: MeshBudget) -> None:
     """Check a PLY file.
 
     Raises:
@@ -79,11 +75,12 @@ def check_ply(content: bytes) -> None:
         raise MeshError(text)
     rows, is_text = _ply_elements(content[:end])
     if is_text:
-        expect_at_most(len(content), MAX_TEXT_BYTES, "bytes of text")
+        budget.take(len(content), "bytes of text")
     left = len(content) - end
     for name, count, row_bytes in rows:
-        most, what = _PLY_LIMITS.get(name, (MAX_VERTICES, f"elements {name!r}"))
-        expect_at_most(count, most, what)
+        if name == "face":
+            budget.take(count, "triangles")
+        expect_at_most(count, MAX_VERTICES, f"elements {name!r}")
         left -= count * row_bytes
     if left < 0:
         counts = ", ".join(f"{count} {name}" for name, count, _ in rows)

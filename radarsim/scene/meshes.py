@@ -19,7 +19,7 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.scene.gltf import reduce_gltf
-from radarsim.scene.mesh_files import MeshError, MeshFiles
+from radarsim.scene.mesh_files import MeshBudget, MeshError, MeshFiles
 from radarsim.scene.mesh_headers import check_obj, check_ply, check_stl
 from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.scene.topology import (
@@ -58,21 +58,24 @@ class Surface:
         return self.vertices, self.faces
 
 
-def read_surfaces(path: Path, folder: Path) -> list[Surface]:
+def read_surfaces(
+    path: Path, folder: Path, budget: MeshBudget | None = None
+) -> list[Surface]:
     """Read the surfaces of a mesh file, the transforms of its scene graph applied.
 
     Args:
         path: A file that `mesh_files.find_inside` has returned.
         folder: The folder that must contain all files that this one refers to, links
             resolved.
+        budget: What the files may contain, with others of the map; None for all.
 
     Raises:
-        MeshError: If the file is broken, or contains no triangles.
+        MeshError: If the file is broken or too large, or contains no triangles.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise MeshError(f"{path.name!r}, expected one of {list(SUFFIXES)}")
-    files = MeshFiles(path.parent, folder)
+    files = MeshFiles(path.parent, folder, budget or MeshBudget())
     try:
         scene = _parse(_prepare(files.read(path), suffix, files), suffix, files)
         surfaces = [_surface(scene, node) for node in scene.graph.nodes_geometry]
@@ -143,12 +146,12 @@ def _prepare(content: bytes, suffix: str, files: MeshFiles) -> bytes:
         case ".glb" | ".gltf":
             return reduce_gltf(content, suffix, files)
         case ".obj":
-            check_obj(content)
+            check_obj(content, files.budget)
             return _name_materials(content, files)
         case ".ply":
-            check_ply(content)
+            check_ply(content, files.budget)
         case _:
-            check_stl(content)
+            check_stl(content, files.budget)
     return content
 
 

@@ -20,7 +20,10 @@ Mesh: TypeAlias = tuple[Floats, Faces]  # (V, 3) m and (F, 3) vertex indices
 SPHERE_SUBDIVISIONS = 3  # 1280 faces; no face is deeper than 0.46 % of the radius
 CYLINDER_SIDES = 64  # the middle of a side is 0.12 % of the radius too deep
 
-_BOX_FACES = [
+_BOX_CORNERS = np.array(
+    [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
+)
+_BOX_TRIANGLES = [
     *([0, 2, 3], [0, 3, 1]),  # bottom
     *([4, 5, 7], [4, 7, 6]),  # top
     *([0, 1, 5], [0, 5, 4]),  # right, -y
@@ -28,13 +31,12 @@ _BOX_FACES = [
     *([0, 4, 6], [0, 6, 2]),  # back, -x
     *([1, 3, 7], [1, 7, 5]),  # front, +x
 ]
+_BOX_FACES = np.array(_BOX_TRIANGLES, dtype=np.int32)
 
 
 def box(length: float, width: float, height: float) -> Mesh:
     """Create a box with edges of these lengths along x, y and z, m."""
-    corners = [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
-    vertices = np.array(corners) * [length, width, height]
-    return vertices, np.array(_BOX_FACES, dtype=np.int32)
+    return _BOX_CORNERS * [length, width, height], _BOX_FACES.copy()
 
 
 def sphere(radius: float) -> Mesh:

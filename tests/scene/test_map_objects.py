@@ -4,6 +4,7 @@ import pytest
 from map_texts import objects, problems
 
 from radarsim.presets.materials import library_names
+from radarsim.scene.build import LIMITS
 
 pytestmark = pytest.mark.usefixtures("mesh_folder")
 KEYS = (
@@ -295,8 +296,8 @@ def test_extent_of_all_objects_together_is_limited() -> None:
 
 
 def test_number_of_triangles_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("radarsim.scene.map_file.MAX_TRIANGLES", 100)
+    monkeypatch.setitem(LIMITS, "triangles", 100)
     row = "box: [1, 1, 1], material: leaf, repeat: {count: 5, step: [1, 0, 0]}"
     text = objects(f"name: a, {row}", f"name: b, {row}")
-    message = "60 triangles, expected at most 40 more"
+    message = "60 triangles, expected at most 100 in all, 40 more"
     assert problems(text) == [f"m.yaml:8:5: objects.1: {message}"]

@@ -1,0 +1,320 @@
+"""Load scenes from the data of one map file, and collect its problems.
+
+All problems are found in one run: every entry is validated by itself, and an invalid
+one only leaves out what would be built from it. A variant is a layer of further entries
+over those of the map; what it does not change is built once.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import Any, TypeAlias, TypeVar
+
+from pydantic import ValidationError
+
+from radarsim.geometry import Pose3
+from radarsim.presets.materials import library_names
+from radarsim.scene.build import (
+    PartBuilder,
+    Room,
+    from_library,
+    make_material,
+)
+from radarsim.scene.copies import BuildError, copy_names
+from radarsim.scene.map_checks import (
+    Problem,
+    air_problems,
+    extent_problems,
+    material_problems,
+    object_problems,
+    surface_problems,
+    trial_problems,
+)
+from radarsim.scene.map_schema import (
+    MAX_ENTRIES,
+    MAX_MATERIALS,
+    MAX_OBJECTS,
+    MAX_STARTS,
+    MAX_VARIANTS,
+    Entry,
+    Header,
+    MaterialEntry,
+    ObjectEntry,
+    StartEntry,
+    TrialEntry,
+    VariantEntry,
+    unknown_material,
+)
+from radarsim.scene.material import Material
+from radarsim.scene.problem_list import ProblemList
+from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
+from radarsim.suggestions import expected_one_of
+from radarsim.validation import short_repr
+from radarsim.yaml_reader import KeyPath, YamlFile
+
+_AnyEntry = TypeVar("_AnyEntry", bound=Entry)
+_Layer: TypeAlias = tuple[KeyPath, dict[str, Any]]  # key path and raw entries
+_Object: TypeAlias = tuple[ObjectEntry | None, bool]  # None, or whether it is valid
+
+
+class MapLoader:
+    """Loads the variants of one map file.
+
+    Attributes:
+        problems: What has been found so far; a scene with problems lacks something.
+    """
+
+    def __init__(self, file: YamlFile) -> None:
+        self.problems = ProblemList(file)
+        self._file = file
+        self._folder = file.path.parent.resolve()
+        self._builder = PartBuilder(self._folder)
+        self._objects_by_materials: dict[tuple[str, ...], dict[KeyPath, _Object]] = {}
+        self._built: dict[
+            tuple[KeyPath, tuple[Material, ...]], list[Part] | BuildError
+        ] = {}
+
+    def variants(self) -> Iterator[str]:
+        """Yield the names of all variants, until there are many problems."""
+        variants = _pairs(self._file.data, "variants")
+        layers = [item for _, item in variants] + [self._file.data]
+        entries = len(layers) * sum(_count(layer, "objects") for layer in layers)
+        if len(variants) > MAX_VARIANTS or entries > MAX_ENTRIES:
+            text = f"{len(variants)} variants of {entries} objects in all"
+            expected = f"expected at most {MAX_VARIANTS} of {MAX_ENTRIES}"
+            self._report(("variants",), [((), f"{text}, {expected}")])
+            return
+        for name, _ in variants:
+            if not self.problems.full:
+                yield name
+
+    def load(self, variant: str | None = None) -> Scene:
+        """Load the map, or one of its variants."""
+        data = self._file.data
+        if isinstance(data, dict):
+            return self._scene(data, variant)
+        if not self._file.problems:
+            message = f"{short_repr(data)}, expected keys like 'version' and 'objects'"
+            self._report((), [((), message)])
+        return Scene(self._file.path.stem, "")
+
+    def _scene(self, data: dict[str, Any], variant: str | None) -> Scene:
+        stem = self._file.path.stem
+        header = self._validate(Header, {"level": stem, **data}, ())
+        layers = list(self._layers(data, variant))
+        materials, invalid = self._materials(layers)
+        air = self._air(layers, materials, invalid)
+        parts = tuple(self._objects(layers, materials))
+        starts = tuple(self._starts(data))
+        trial = self._trial(data)
+        level = header.level if header else stem
+        name = stem if variant is None else f"{stem}@{variant}"
+        origin = header.gps_origin_deg if header else GPS_ORIGIN
+        scene = Scene(name, level, parts, starts, materials, air, trial, origin)
+        self._report(("objects",), extent_problems(scene.bounds))
+        return scene
+
+    def _layers(self, data: dict[str, Any], variant: str | None) -> Iterator[_Layer]:
+        """Yield the map's own entries, and then those of the variant."""
+        yield (), data
+        if variant is None:
+            return
+        variants = dict(_pairs(data, "variants"))
+        if variant not in variants:
+            text = expected_one_of(variant, list(variants))
+            self._report(("variants",), [((), text)])
+            return
+        at = ("variants", variant)
+        layer = {} if variants[variant] is None else variants[variant]
+        self._validate(VariantEntry, layer, at)
+        yield at, layer if isinstance(layer, dict) else {}
+
+    def _materials(self, layers: list[_Layer]) -> tuple[dict[str, Material], set[str]]:
+        """Return the materials and the names of invalid ones, which become opaque."""
+        materials: dict[str, Material] = {}
+        invalid: set[str] = set()
+        for at, item in self._entries(layers, "materials", MAX_MATERIALS):
+            name = str(at[-1])
+            entry = self._validate(MaterialEntry, item, at)
+            valid = self._report(at, material_problems(item))
+            materials[name] = Material(name)
+            if entry and valid:
+                materials[name] = make_material(name, entry)
+                valid = self._report(at, surface_problems(entry, materials[name]))
+            (invalid.discard if entry and valid else invalid.add)(name)
+        return materials, invalid
+
+    def _air(
+        self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
+    ) -> Material | None:
+        """Return the material of the air; the last layer that has the key counts."""
+        given = [(at, layer["air"]) for at, layer in layers if "air" in layer]
+        parent, name = given[-1] if given else ((), None)
+        if not isinstance(name, str):  # None, or reported already
+            return None
+        at = (*parent, "air")
+        if name not in materials and name not in library_names():
+            self._report(at, [((), unknown_material(name, materials))])
+            return None
+        material = self._material(name, materials)
+        if name not in invalid:
+            self._report(at, air_problems(material))
+        return material
+
+    def _material(self, name: str, materials: dict[str, Material]) -> Material:
+        """Return a material by its name; one of the library is added to the map's."""
+        if name not in materials:
+            materials[name] = from_library(name)
+        return materials[name]
+
+    def _objects(
+        self, layers: list[_Layer], materials: dict[str, Material]
+    ) -> Iterator[Part]:
+        names = tuple(materials)
+        validated = self._objects_by_materials.setdefault(names, {})
+        taken: dict[str, KeyPath] = {}
+        room = Room()
+        for at, item in self._entries(layers, "objects", MAX_OBJECTS):
+            if at not in validated:
+                validated[at] = self._object(at, item, names)
+            entry, valid = validated[at]
+            try:
+                room.take((entry and entry.copies) or 1, "objects")
+                self._claim(at, _object_names(entry, item), taken)
+                if entry is not None and valid:
+                    yield from self._parts(at, entry, materials, room)
+            except BuildError as error:
+                self._report(at, error.problems)
+
+    def _object(self, at: KeyPath, item: Any, materials: tuple[str, ...]) -> _Object:
+        context = {"materials": materials, "folder": self._folder}
+        entry = self._validate(ObjectEntry, item, at, context)
+        return entry, self._report(at, object_problems(item))
+
+    def _parts(
+        self,
+        at: KeyPath,
+        entry: ObjectEntry,
+        materials: dict[str, Material],
+        room: Room,
+    ) -> list[Part]:
+        """Build an object, unless another variant has the same."""
+        used = {name: self._material(name, materials) for name in entry.material_names}
+        key = (at, tuple(used.values()))
+        built = self._built.get(key)
+        if built is None:
+            try:
+                built = self._builder.build(entry, used, room)
+            except BuildError as error:
+                built = error
+            self._built[key] = built
+        elif not isinstance(built, BuildError):
+            room.take(len(built), "parts")
+            room.take(sum(len(part.faces) for part in built), "triangles")
+        if isinstance(built, BuildError):
+            raise built
+        return built
+
+    def _starts(self, data: dict[str, Any]) -> Iterator[StartPose]:
+        taken: dict[str, KeyPath] = {}
+        for at, item in self._entries([((), data)], "starts", MAX_STARTS):
+            entry = self._validate(StartEntry, item, at)
+            if entry is not None:
+                self._claim(at, [entry.name], taken, ignore_case=True)
+                x, y, z = entry.position
+                pose = Pose3(x, y, z, yaw=math.radians(entry.yaw_deg))
+                yield StartPose(entry.name, pose)
+
+    def _trial(self, data: dict[str, Any]) -> Trial | None:
+        item = data.get("trial")
+        if item is None:
+            return None
+        entry = self._validate(TrialEntry, item, ("trial",))
+        starts = [start for _, start in _entries([((), data)], "starts")]
+        valid = self._report(("trial",), trial_problems(item, starts))
+        if entry is None or not valid:
+            return None
+        x, y = entry.goal
+        return Trial(entry.start, (x, y), entry.safety_distance)
+
+    def _validate(
+        self,
+        model: type[_AnyEntry],
+        item: Any,
+        at: KeyPath,
+        context: dict[str, Any] | None = None,
+    ) -> _AnyEntry | None:
+        """Validate an entry by itself; report its problems and return None if any."""
+        try:
+            return model.model_validate(item, context=context)
+        except ValidationError as error:
+            self.problems.report_invalid(error, at, model.model_fields)
+            return None
+
+    def _claim(
+        self,
+        at: KeyPath,
+        names: Iterable[str],
+        taken: dict[str, KeyPath],
+        *,
+        ignore_case: bool = False,
+    ) -> None:
+        """Record the names of an entry and its copies; report the first that is taken.
+
+        Args:
+            at: Key path of the entry.
+            names: The names of all its copies.
+            taken: The names so far, with the key paths of their entries.
+            ignore_case: Whether names that differ only in case are equal.
+        """
+        for name in names:
+            other = taken.setdefault(name.casefold() if ignore_case else name, at)
+            if other != at:
+                entry = ".".join(str(key) for key in other)
+                text = f"{short_repr(name)}, expected a name not used by {entry}"
+                self._report(at, [(("name",), text)])
+                return
+
+    def _report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
+        """Record problems of an entry; return whether there are none."""
+        return self.problems.report(at, problems)
+
+    def _entries(
+        self, layers: list[_Layer], key: str, most: int
+    ) -> Iterator[tuple[KeyPath, Any]]:
+        """Yield the raw entries of a section in all layers, each with its key path."""
+        count = sum(_count(layer, key) for _, layer in layers)
+        if count > most:
+            text = f"{count} {key}, expected at most {most} in all"
+            self._report((key,), [((), text)])
+        yield from islice(_entries(layers, key), most)
+
+
+def _object_names(entry: ObjectEntry | None, item: Any) -> Iterable[str]:
+    if entry is not None:
+        return copy_names(entry.name, entry.copies)
+    name = item.get("name") if isinstance(item, dict) else None
+    return [name] if isinstance(name, str) else []
+
+
+def _pairs(data: Any, key: str) -> list[tuple[str, Any]]:
+    section = data.get(key) if isinstance(data, dict) else None
+    return list(section.items()) if isinstance(section, dict) else []
+
+
+def _count(layer: Any, key: str) -> int:
+    section = layer.get(key) if isinstance(layer, dict) else None
+    return len(section) if isinstance(section, list | dict) else 0
+
+
+def _entries(layers: Iterable[_Layer], key: str) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield the raw entries of a section in all layers, each with its key path."""
+    for parent, layer in layers:
+        section = layer.get(key)
+        items: Iterable[tuple[str | int, Any]] = []
+        if key == "materials":
+            items = _pairs(layer, key)
+        elif isinstance(section, list):
+            items = enumerate(section)
+        for name, item in items:
+            yield (*parent, key, name), item

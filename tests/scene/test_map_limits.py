@@ -1,0 +1,164 @@
+"""Maps of more than a scene may have: an error says how much came, and what may."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from map_texts import HEAD, objects, problems
+
+from radarsim.errors import MapError
+from radarsim.rng import generator_for
+from radarsim.scene.build import LIMITS
+from radarsim.scene.copies import MAX_ATTEMPTS, place_copies
+from radarsim.scene.map_file import load_map, load_variants
+from radarsim.scene.map_schema import (
+    MAX_MATERIALS,
+    MAX_STARTS,
+    MAX_VARIANTS,
+    ObjectEntry,
+)
+from radarsim.scene.meshes import Surface, read_surfaces
+from radarsim.scene.problem_list import MAX_TOLD
+
+SMALL = "box: [0.01, 0.01, 0.01], material: stone"
+
+pytestmark = pytest.mark.usefixtures("mesh_folder")
+
+
+@pytest.mark.parametrize(
+    ("what", "most", "count"),
+    [
+        pytest.param("objects", 20, 5, id="copies"),
+        pytest.param("parts", 20, 5, id="parts"),
+        pytest.param("triangles", 240, 60, id="triangles"),
+    ],
+)
+def test_copies_of_all_objects_are_limited(
+    monkeypatch: pytest.MonkeyPatch, what: str, most: int, count: int
+) -> None:
+    monkeypatch.setitem(LIMITS, what, most)
+    row = f"{SMALL}, repeat: {{count: 5, step: [0, 0, 0]}}"
+    text = objects(*(f"name: row{i}, {row}" for i in range(30)))
+    found = problems(text)
+    assert len(found) == 30 - 4
+    message = f"{count} {what}, expected at most {most} in all, 0 more"
+    assert found[0] == f"m.yaml:11:5: objects.4: {message}"
+
+
+def test_objects_of_a_file_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("radarsim.scene.map_loader.MAX_OBJECTS", 3)
+    text = objects(*(f"name: o{i}, {SMALL}" for i in range(5)))
+    message = "5 objects, expected at most 3 in all"
+    assert problems(text) == [f"m.yaml:7:3: objects: {message}"]
+
+
+def test_materials_are_limited() -> None:
+    lines = "".join(f"  m{i}: {{density: 1}}\n" for i in range(MAX_MATERIALS + 1))
+    found = problems("version: 1\nmaterials:\n" + lines)
+    count = f"{MAX_MATERIALS + 1} materials, expected at most {MAX_MATERIALS}"
+    assert found == [f"m.yaml:3:3: materials: {count} in all"]
+
+
+def test_starts_are_limited() -> None:
+    lines = "".join(
+        f"  - {{name: RobotStart{i}, position: [0, 0, 0]}}\n"
+        for i in range(MAX_STARTS + 1)
+    )
+    (found,) = problems("version: 1\nstarts:\n" + lines)
+    assert f"{MAX_STARTS + 1} starts, expected at most {MAX_STARTS}" in found
+
+
+def test_variants_are_limited() -> None:
+    lines = "".join(f"  v{i}: {{}}\n" for i in range(MAX_VARIANTS + 1))
+    path = Path("m.yaml")
+    path.write_text("version: 1\nvariants:\n" + lines)
+    assert load_map("m.yaml@v7").name == "m@v7"
+    with pytest.raises(MapError, match=f"{MAX_VARIANTS + 1} variants"):
+        load_variants(path)
+
+
+def test_many_problems_are_counted_and_the_first_are_told() -> None:
+    lines = [f"name: o{i}, box: [1, 1, 1], material: stome{i}" for i in range(150)]
+    found = problems(objects(*lines))
+    assert len(found) == MAX_TOLD + 1
+    assert "'stome99'" in found[-2]
+    assert found[-1] == f"m.yaml: {150 - MAX_TOLD} more problems"
+
+
+def test_many_problems_of_one_entry_are_counted_too() -> None:
+    keys = ", ".join(f"key{i}: 1" for i in range(150))
+    found = problems(objects(f"name: a, {SMALL}, {keys}"))
+    assert found[-1] == f"m.yaml: {150 - MAX_TOLD} more problems"
+
+
+def test_problems_of_many_variants_are_told_once() -> None:
+    lines = [f"name: o{i}, box: [1, 1, 1], material: stome{i}" for i in range(60)]
+    variants = "variants: {a: {}, b: {air: nothing}, c: {air: nothing}}\n"
+    Path("m.yaml").write_text(objects(*lines) + variants)
+    with pytest.raises(MapError) as caught:
+        load_variants("m.yaml")
+    assert len(caught.value.problems) == 62
+
+
+def test_names_in_a_message_are_limited() -> None:
+    materials = "".join(f"  m{i}: {{density: 1}}\n" for i in range(500))
+    text = HEAD.replace("objects:\n", materials + "objects:\n")
+    (found,) = problems(text + "  - {name: a, sphere: 1, material: nothing}\n")
+    assert "and 403 more" in found
+    assert len(found) < 2000
+
+
+def test_each_mesh_file_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+
+    def watch(path: Path, *others: Any) -> list[Surface]:
+        read.append(path.name)
+        return read_surfaces(path, *others)
+
+    monkeypatch.setattr("radarsim.scene.build.read_surfaces", watch)
+    mesh = "mesh: meshes/cube.obj, material: stone"
+    Path("m.yaml").write_text(
+        objects(*(f"name: o{i}, {mesh}" for i in range(20))) + "variants: {a: {}}\n"
+    )
+    base, variant = load_variants("m.yaml")
+    assert read == ["cube.obj"]
+    assert base.parts[3] is variant.parts[3]
+
+
+def entry(count: int, min_distance: float, half: float) -> ObjectEntry:
+    area = [[-half, -half], [half, half]]
+    scatter = {"count": count, "area": area, "seed": 5, "scale": [0.5, 2]}
+    given = {"name": "bush", "sphere": 1.0, "material": "leaf"}
+    return ObjectEntry.model_validate(
+        given | {"scatter": scatter | {"min_distance": min_distance}},
+        context={"materials": ["leaf"], "folder": Path()},
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "min_distance", "half"),
+    [
+        pytest.param(200, 0.0, 5.0, id="anywhere"),
+        pytest.param(200, 1.0, 10.0, id="apart"),
+        pytest.param(60, 3.0, 14.0, id="dense"),
+        pytest.param(50, 1e-9, 5.0, id="hardly apart"),
+    ],
+)
+def test_places_are_those_of_comparing_all_pairs(
+    count: int, min_distance: float, half: float
+) -> None:
+    rng = generator_for(5, "scatter", "bush")
+    expected = np.full((count, 2), np.inf)
+    scales = []
+    for number in range(count):
+        for _ in range(MAX_ATTEMPTS):
+            position = rng.uniform(np.full(2, -half), np.full(2, half))
+            distances = np.linalg.norm(expected[:number] - position, axis=1)
+            if distances.min(initial=np.inf) >= min_distance:
+                break
+        expected[number] = position
+        scales.append(rng.uniform(0.5, 2))
+    copies = place_copies(entry(count, min_distance, half))
+    assert [copy.position[:2].tolist() for copy in copies] == expected.tolist()
+    assert [copy.scale for copy in copies] == scales
