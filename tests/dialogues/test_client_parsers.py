@@ -7,7 +7,7 @@ it is compared with what each client reads.
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,7 +33,7 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.host import Host
 from radarsim.presets.robots import robot_names
 from radarsim.protocol.dialect import COMPAT, RAD_PER_S, UDK, Dialect
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import GPS_ORIGIN, Scene
 from radarsim.simulation.config import SimulationConfig
 
 HALF_LENGTH, HALF_WIDTH = 10.4, 6.4  # m; between the walls of the empty room
@@ -109,11 +109,13 @@ class Robot:
             yield Tick(data.split("\r\n")[:-1], vehicle.robot.body)
 
     def check(self, reading: Reading, pose: Pose3) -> None:
-        """Compare a scan, sonars or a true pose with the truth."""
+        """Compare a scan, sonars, a true pose or a GPS with the truth."""
         read: Any = reading.values.get("Range")
         if reading.kind == "Sonar" and read is not None:
             sonars = read if isinstance(read, dict) else {reading.name: read[0]}
             errors = self.true_sonars(sonars, pose) - list(sonars.values())
+        elif isinstance(reading.values.get("Latitude"), tuple):
+            errors = self.errors_on_globe(reading.values, pose)
         elif reading.kind == "RangeScanner":
             errors = self.true_ranges(reading, pose) - read
         elif reading.kind == "GroundTruth" and "Location" in reading.values:
@@ -124,6 +126,27 @@ class Robot:
         low, high = ROUNDING[self.config.dialect.name]
         assert low < errors.min() <= errors.max() < high, reading
         self.checked.add(reading.kind)
+
+    def errors_on_globe(self, values: Mapping[str, Any], pose: Pose3) -> Floats:
+        """Return how far latitude and longitude are beyond the error of a GPS, (2,) m.
+
+        The error is that of five standard deviations, of the antenna's place on the
+        robot, and of rounding.
+        """
+        allowed = 5 * 0.33 + 0.1 + 0.2
+        beyond = []
+        for key, origin, scale, metres in zip(
+            ("Latitude", "Longitude"),
+            GPS_ORIGIN,
+            (111_200, 71_670),
+            (pose.x, -pose.y),
+            strict=True,
+        ):
+            degrees, minutes, side = values[key]
+            angle = (degrees + minutes / 60) * (1 if side in "NE" else -1)
+            off = abs((angle - origin) * scale - metres)
+            beyond.append(max(off - allowed, 0.0))
+        return np.array(beyond)
 
     def true_sonars(self, names: Iterable[str], pose: Pose3) -> Floats:
         """Return the distances to the nearest walls that face sonars, (S,) m."""
@@ -199,6 +222,7 @@ def check_lines(
     assert own.unread == 0
     assert robot.checked >= {"RangeScanner", "GroundTruth"}
     assert ("Sonar" in robot.checked) is (class_name in PIONEERS_2)
+    assert ("GPS" in robot.checked) is (class_name in PIONEERS_2)
     for client, parser in parsers.items():
         wanted = Counter(
             kind
@@ -269,6 +293,21 @@ SCAN = "SEN {Type RangeScanner} {Name Scanner1} {Resolution 1} {FOV 1} {Range 1,
             PlayerParser("P2AT"),
             "SEN {Type Encoder} {Name ECLeft} {Tick 3}",
             id="encoder in two groups",
+        ),
+        pytest.param(
+            PlayerParser("P2AT"),
+            "SEN {Time 1} {Type Encoder} {Name ECLeft Tick 3}",
+            id="encoder with time",
+        ),
+        pytest.param(
+            UsarCommanderParser("P2AT"),
+            "SEN {Type Encoder} {Name ECLeft Tick 3}",
+            id="encoder of one side",
+        ),
+        pytest.param(
+            MaldoParser(),
+            "SEN {Type GPS} {Name G} {Fix 1} {Satellites 5} {Latitude 1,2.5,N}",
+            id="GPS in another order",
         ),
         pytest.param(LcmProxyParser(), SCAN.replace("1,2", "1,2,3"), id="third range"),
         pytest.param(

@@ -214,7 +214,11 @@ def named_ranges(line: str) -> dict[str, float]:
 
 
 def named_ticks(line: str) -> dict[str, int]:
-    """Parse the groups ``{Name ECLeft Tick 12}`` of the encoders of a line."""
+    """Parse the groups ``{Name ECLeft Tick 12}`` of the encoders of a line.
+
+    They are read word by word, from the third word after the head.
+    """
+    assert line.split(" ")[1:3] == ["{Type", "Encoder}"], "no wheel is read"
     found = re.findall(r"\{Name (\w+) Tick (-?\d+)\}", line)
     ticks = {name: int(text) for name, text in found}
     assert set(ticks) in ({"ECLeft"}, {"ECRight"}, {"ECLeft", "ECRight"})

@@ -24,7 +24,7 @@ class MaldoParser:
     """
 
     sensors = frozenset(
-        ("RangeScanner", "GroundTruth", "INS", "Odometry", "Touch", "Sonar")
+        ("RangeScanner", "GroundTruth", "INS", "Odometry", "Touch", "Sonar", "GPS")
     )
     FIELDS: ClassVar = {
         "RangeScanner": ("Name", "Resolution", "FOV", "Range"),
@@ -42,10 +42,9 @@ class MaldoParser:
         groups = groups_of(line)
         at = next(i for i, group in enumerate(groups) if group.startswith("Type "))
         kind, after = groups[at].split(" ")[1], groups[at + 1 :]
-        if kind == "Touch":
-            return self.touch(after)
-        if kind == "Sonar":
-            return self.sonars(after)
+        others = {"Touch": self.touch, "Sonar": self.sonars, "GPS": self.gps}
+        if kind in others:
+            return others[kind](after)
         if kind not in self.FIELDS:
             return None
         keys = self.FIELDS[kind]
@@ -66,6 +65,16 @@ class MaldoParser:
         assert all([word[0], word[2]] == ["Name", "Range"] for word in words)
         ranges = {word[1]: float(word[3]) for word in words}
         return Reading("Sonar", "", {"Range": ranges})
+
+    def gps(self, after: list[str]) -> Reading:
+        """Parse a GPS: with a fix the second and the third group after the type."""
+        values: dict[str, Any] = {}
+        if "Fix 0" not in after:
+            for key, group in (("Latitude", after[1]), ("Longitude", after[2])):
+                degrees, minutes, side = group.split(",")
+                values[key] = (int(degrees.split(" ")[1]), float(minutes), side[0])
+        values["Satellites"] = int(after[-1].removeprefix("Satellites "))
+        return Reading("GPS", "", values)
 
     def status(self, line: str) -> Reading:
         """Parse a status, which has six fields besides time and type."""

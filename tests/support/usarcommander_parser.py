@@ -17,6 +17,10 @@ class UsarCommanderParser:
 
     def __init__(self, class_name: str) -> None:
         self.scanner = scanner_of(class_name)
+        is_old = self.scanner == "Scanner1"
+        self.wheel_names = (
+            ["ecleft", "ecright"] if is_old else ["enctestw1", "enctestw2"]
+        )
         self.parsers: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
             "RangeScanner": self.scan,
             "INS": self.pose,
@@ -24,6 +28,7 @@ class UsarCommanderParser:
             "GPS": self.position,
             "Tachometer": self.wheels,
             "Encoder": self.ticks,
+            "Sonar": self.sonars,
         }
         self.sensors = frozenset(self.parsers)
 
@@ -32,8 +37,11 @@ class UsarCommanderParser:
         head = line[: line.index(" ")]  # without a blank its thread ends
         assert head in self.HEADS
         fields: dict[str, str] = {}
+        is_named = head == "SEN" and ("Type Sonar" in line or "Type Encoder" in line)
         for part in groups_of(line):
             key, _, value = part.strip().partition(" ")
+            if is_named and len(words := part.split(" ")) > 2:
+                key, value = words[1], words[3]  # ``Name F1 Range 3.2``
             fields.setdefault(key.lower(), value)
         if head == "STA":
             return Reading(head, "", self.status(fields))
@@ -46,7 +54,7 @@ class UsarCommanderParser:
         parse = self.parsers.get(fields["type"])
         if parse is None:
             return None  # not mounted
-        name = fields["name"]
+        name = fields.get("name", "")
         if fields["type"] == "RangeScanner" and name != self.scanner:
             return None
         return Reading(fields["type"], name, parse(fields))
@@ -109,5 +117,11 @@ class UsarCommanderParser:
     def ticks(self, fields: dict[str, str]) -> dict[str, Any]:
         """Parse an encoder: a key of its own for each wheel ends its thread."""
         wheels = [key for key in fields if key.startswith(("ec", "enc"))]
-        assert wheels in ([], ["enctestw1", "enctestw2"])
-        return {}
+        assert wheels in ([], self.wheel_names)
+        return {"Tick": {wheel: int(fields[wheel]) for wheel in wheels}}
+
+    def sonars(self, fields: dict[str, str]) -> dict[str, Any]:
+        """Parse sonars: a number after F, and a range; those behind are skipped."""
+        names = [key for key in fields if key.startswith("f")]
+        assert all(int(name[1:]) > 0 for name in names)
+        return {"Range": {name.upper(): float(fields[name]) for name in names}}
