@@ -111,7 +111,7 @@ class Robot:
     def check(self, reading: Reading, pose: Pose3) -> None:
         """Compare a scan, sonars, a true pose or a GPS with the truth."""
         read: Any = reading.values.get("Range")
-        if reading.kind == "Sonar" and read is not None:
+        if reading.kind == "Sonar" and read:
             sonars = read if isinstance(read, dict) else {reading.name: read[0]}
             errors = self.true_sonars(sonars, pose) - list(sonars.values())
         elif isinstance(reading.values.get("Latitude"), tuple):
