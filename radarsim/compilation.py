@@ -1,7 +1,8 @@
-"""Whether kernels are being compiled right now, for those who wait for it.
+"""Which kernels are being compiled right now, for those who wait for it.
 
-The first start on a machine compiles for up to half a minute. The log tells of it; a
-program can add an observer as well, before numba is imported.
+The first scan on a machine compiles the ray engine for up to half a minute; the first
+server, the first map and the first camera compile what they need besides. The log tells
+of it; a program can add an observer as well, before numba is imported.
 """
 
 import logging
@@ -14,57 +15,77 @@ from radarsim.kernel_cache import cache_folder
 
 logger: Final = logging.getLogger(__name__)
 
+ENGINE: Final = "the ray engine"
+# What kernels belong to, by their subpackages; others belong to the engine.
+_SUBJECTS: Final = {
+    "sensors": "the sensors",
+    "mapping": "mapping",
+    "exploration": "exploration",
+    "camera": "the camera",
+}
+
 
 @dataclass(slots=True)
 class Compilation:
     """The compilation in this process.
 
     Attributes:
-        observers: Called with True when compiling begins, and with False when it ends.
-        has_begun: Whether anything was compiled so far.
+        observers: Called with what is compiled when it begins, and with None when it
+            ends.
+        subjects: What was compiled so far.
     """
 
-    observers: list[Callable[[bool], object]] = field(default_factory=list)
-    has_begun: bool = False
+    observers: list[Callable[[str | None], object]] = field(default_factory=list)
+    subjects: set[str] = field(default_factory=set)
     _depth: int = 0
 
     @contextmanager
-    def running(self) -> Iterator[None]:
+    def running(self, subject: str = ENGINE) -> Iterator[None]:
         """Tell the observers that something is compiled meanwhile."""
-        self.begin()
+        self.begin(subject)
         try:
             yield
         finally:
             self.end()
 
-    def begin(self) -> None:
+    def begin(self, subject: str = ENGINE) -> None:
         """Begin to compile; kernels that are compiled into others are within."""
-        if not self.has_begun:
-            self.has_begun = True
-            logger.info("%s", describe())
         self._depth += 1
-        if self._depth == 1:
-            self._tell(True)
+        if self._depth > 1:
+            return
+        if subject not in self.subjects:
+            self.subjects.add(subject)
+            logger.info("%s", describe(subject))
+        self._tell(subject)
 
     def end(self) -> None:
         """End what was begun last."""
         self._depth -= 1
         if self._depth == 0:
-            self._tell(False)
+            self._tell(None)
 
-    def _tell(self, running: bool) -> None:
+    def _tell(self, subject: str | None) -> None:
         for observer in tuple(self.observers):
-            observer(running)
+            observer(subject)
 
 
 compilation: Final = Compilation()
 
 
-def describe() -> str:
+def subject_of(module: str) -> str:
+    """Return what the kernels of a module belong to.
+
+    >>> subject_of("radarsim.mapping.scan_matching")
+    'mapping'
+    """
+    return _SUBJECTS.get(module.split(".")[1], ENGINE)
+
+
+def describe(subject: str) -> str:
     """Return what happens, and how often."""
     if cache_folder() is None:
         return (
-            "compiling the ray engine, at each start, since no cache folder can be"
+            f"compiling {subject}, at each start, since no cache folder can be"
             " written, see NUMBA_CACHE_DIR"
         )
-    return "compiling the ray engine, once on this machine"
+    return f"compiling {subject}, once on this machine"

@@ -18,7 +18,7 @@ from numba import types
 from numba.core import caching
 from numba.core import event as events
 
-from radarsim.compilation import compilation
+from radarsim.compilation import compilation, subject_of
 from radarsim.kernel_cache import PACKAGE, cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -35,15 +35,18 @@ class _KernelListener(_Listener):  # type: ignore[misc] # numba has no types
 
     def on_start(self, event: Any) -> None:
         if self._is_ours(event):
-            compilation.begin()
+            compilation.begin(subject_of(_module_of(event)))
 
     def on_end(self, event: Any) -> None:
         if self._is_ours(event):
             compilation.end()
 
     def _is_ours(self, event: Any) -> bool:
-        function = event.data["dispatcher"].py_func
-        return str(function.__module__).startswith("radarsim.")
+        return _module_of(event).startswith("radarsim.")
+
+
+def _module_of(event: Any) -> str:
+    return str(event.data["dispatcher"].py_func.__module__)
 
 
 class _PassListener(_Listener):  # type: ignore[misc] # numba has no types

@@ -178,7 +178,7 @@ COMPILED = (
 
 def test_compiling_is_told_to_observers_and_to_the_log(package: Path) -> None:
     (package / "kernels/callback.py").write_text(CALLBACK)
-    began_and_ended = [True, False]
+    began_and_ended = ["the ray engine", None]
     assert observed(package) == (
         [[], began_and_ended, [*began_and_ended, *began_and_ended]],
         ["radarsim.compilation"],
@@ -186,7 +186,7 @@ def test_compiling_is_told_to_observers_and_to_the_log(package: Path) -> None:
     assert observed(package) == ([[], [], []], [])  # all is read from the cache
 
 
-def observed(package: Path) -> tuple[list[list[bool]], list[str]]:
+def observed(package: Path) -> tuple[list[list[str | None]], list[str]]:
     """Return what observers were told after each step, and the lines of the log."""
     run = subprocess.run(
         (sys.executable, "-B", "-c", COMPILED),

@@ -1,4 +1,4 @@
-"""Progress on stderr while the ray engine is compiled."""
+"""Progress on stderr while kernels are compiled."""
 
 import functools
 import shutil
@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Final, ParamSpec, TypeVar
 
-from radarsim.compilation import compilation, describe
+from radarsim.cli.output import print_message
+from radarsim.compilation import ENGINE, compilation, describe
 from radarsim.kernel_cache import is_cold
 from radarsim.signal_handlers import exit_immediately_on_signals
 
@@ -19,7 +20,6 @@ R = TypeVar("R")
 _INTERVAL: Final = 0.1  # s between two drawings
 _FRAMES: Final = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
 _PLAIN_FRAMES: Final = "|/-\\"
-_SHORT: Final = "compiling the ray engine"
 _ERASE: Final = "\r\x1b[K"
 
 
@@ -38,9 +38,9 @@ def with_compile_progress(command: Callable[P, R]) -> Callable[P, R]:
 def compile_progress() -> Iterator[None]:
     """Tell on stderr when something is compiled: nothing if all of it is cached.
 
-    On a terminal a line with the seconds so far is shown as long as it takes, else one
-    line is printed at the beginning. It comes before numba is imported, if nothing is
-    cached.
+    On a terminal a line with the seconds so far is shown as long as it takes, else a
+    line is printed at the beginning, one for each part of the program that has to be
+    compiled. It comes before numba is imported, if nothing is cached.
     """
     if sys.stderr.isatty():
         display: _LiveLine | _PlainLine = _LiveLine()
@@ -51,12 +51,12 @@ def compile_progress() -> Iterator[None]:
     try:
         if is_cold():
             for observer in observers:
-                observer(True)
+                observer(ENGINE)
         yield
     finally:
         for observer in observers:
             compilation.observers.remove(observer)
-            observer(False)
+            observer(None)
 
 
 def compile_now(*, maps: bool = False) -> None:
@@ -85,26 +85,25 @@ class _SignalGuard:
     def __init__(self) -> None:
         self._until_end = ExitStack()
 
-    def update(self, running: bool) -> None:
+    def update(self, subject: str | None) -> None:
         """Begin or end to guard."""
-        if running:
+        if subject is not None:
             self._until_end.enter_context(exit_immediately_on_signals())
         else:
             self._until_end.close()
 
 
 class _PlainLine:
-    """One line for those who read stderr from a pipe or a file."""
+    """A line for those who read stderr from a pipe or a file."""
 
     def __init__(self) -> None:
-        self._is_printed = False
+        self._printed: set[str] = set()
 
-    def update(self, running: bool) -> None:
-        """Print the line when compiling begins for the first time."""
-        if running and not self._is_printed:
-            self._is_printed = True
-            sys.stderr.write(f"radarsim: {describe()}\n")
-            sys.stderr.flush()
+    def update(self, subject: str | None) -> None:
+        """Print the line when something begins to be compiled for the first time."""
+        if subject is not None and subject not in self._printed:
+            self._printed.add(subject)
+            print_message(describe(subject))
 
 
 class _LiveLine:
@@ -119,16 +118,18 @@ class _LiveLine:
         self._began = time.monotonic()
         self._lock = threading.Lock()
         self._hidden: threading.Event | None = None
+        self._subject = ENGINE
 
-    def update(self, running: bool) -> None:
+    def update(self, subject: str | None) -> None:
         """Show or erase the line."""
         with self._lock:
-            if running and self._hidden is None:
+            self._subject = subject or self._subject
+            if subject is not None and self._hidden is None:
                 self._hidden = threading.Event()
                 threading.Thread(
                     target=self._draw, args=(self._hidden,), daemon=True
                 ).start()
-            elif not running and self._hidden is not None:
+            elif subject is None and self._hidden is not None:
                 self._hidden.set()
                 self._hidden = None
                 self._write(_ERASE)
@@ -146,7 +147,8 @@ class _LiveLine:
         frame = frames[int(seconds / _INTERVAL) % len(frames)]
         end = f" {seconds:.0f} s"
         width = shutil.get_terminal_size().columns - len(end) - 3
-        texts = f"radarsim: {describe()}", _SHORT, _SHORT[:width]
+        short = f"compiling {self._subject}"
+        texts = f"radarsim: {describe(self._subject)}", short, short[:width]
         return f"{frame} {next(each for each in texts if len(each) <= width)}{end}"
 
     def _write(self, text: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from radarsim.cli import compile_progress as module
 from radarsim.cli.compile_progress import compile_progress, with_compile_progress
-from radarsim.compilation import compilation, describe
+from radarsim.compilation import ENGINE, compilation, describe
 
 LINE = "radarsim: compiling the ray engine, once on this machine\n"
 
@@ -59,6 +59,18 @@ def test_one_line_is_told_in_a_pipe_however_much_is_compiled(
     assert capsys.readouterr() == ("", LINE)
 
 
+@pytest.mark.usefixtures("cached")
+def test_each_part_of_the_program_is_told_once_by_its_name(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with compile_progress():
+        for subject in (ENGINE, "mapping", ENGINE, "mapping"):
+            with compilation.running(subject), compilation.running("the sensors"):
+                pass
+    mapping = "radarsim: compiling mapping, once on this machine\n"
+    assert capsys.readouterr() == ("", LINE + mapping)
+
+
 def test_without_a_cache_it_is_told_before_anything_is_imported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,8 +104,8 @@ def test_without_a_folder_for_the_cache_it_is_not_told_to_happen_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("radarsim.compilation.cache_folder", lambda: None)
-    assert "once" not in describe()
-    assert "NUMBA_CACHE_DIR" in describe()
+    assert "once" not in describe(ENGINE)
+    assert "NUMBA_CACHE_DIR" in describe(ENGINE)
 
 
 def test_program_tells_it_at_once_and_can_be_interrupted(tmp_path: Path) -> None:
