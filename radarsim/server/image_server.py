@@ -10,7 +10,9 @@ meanwhile waits in its socket; no queue grows.
 Rule 2: a viewer gets no picture while an earlier one is still to be sent. Its request
 waits, and is answered with a new picture: a slow viewer misses pictures, and holds up
 nobody.
-Rule 3: some viewers wait for a picture before they send anything. One that is silent
+Rule 3: after bytes without a request a viewer is not read for ``READ_PAUSE``, so that
+garbage takes little time from the ticks, however much comes.
+Rule 4: some viewers wait for a picture before they send anything. One that is silent
 for ``SILENCE`` after it has connected gets a picture unasked.
 """
 
@@ -30,7 +32,8 @@ log = logging.getLogger("radarsim.server")
 INTERVAL: Final = 0.2  # s of the wall clock between two pictures
 SILENCE: Final = 1.0  # s
 MAX_VIEWERS: Final = 64
-READ_BYTES: Final = 4096  # read from one viewer before others are served
+READ_BYTES: Final = 4096  # read from one viewer at a time
+READ_PAUSE: Final = 0.01  # s
 CLOSE_GRACE: Final = 2.0  # s for a viewer that has closed its side to read a picture
 
 
@@ -196,7 +199,12 @@ class Viewer(asyncio.BufferedProtocol):
         """Look for a request in received bytes."""
         self._break_silence()
         self._requests.feed(bytes(self._buffer[:nbytes]))
-        self._take_request()
+        region = self._requests.take()
+        if region is not None:
+            self._request(region)
+        elif self._transport is not None:
+            self._transport.pause_reading()
+            asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
 
     def pause_writing(self) -> None:
         """Note that a picture is still to be sent."""
@@ -223,9 +231,14 @@ class Viewer(asyncio.BufferedProtocol):
 
     def send(self, picture: bytes) -> None:
         """Answer the request that waits, and read the next one."""
-        if self._transport is not None:
-            self._transport.write(picture)
-            self._take_request()
+        if self._transport is None:
+            return
+        self._transport.write(picture)
+        self.region = self._requests.take()
+        if self.region is None:
+            self._read_on()
+        else:
+            self._requested.set()
 
     def close(self) -> None:
         """Close the connection at once."""
@@ -234,13 +247,9 @@ class Viewer(asyncio.BufferedProtocol):
             self._forget()
             transport.abort()
 
-    def _take_request(self) -> None:
-        """Wait for the next requested picture, or for a request."""
-        region = self._requests.take()
-        if region is not None:
-            self._request(region)
-        elif self._transport is not None:
-            self.region = None
+    def _read_on(self) -> None:
+        """Look for the next request, unless one waits."""
+        if self._transport is not None and self.region is None:
             self._transport.resume_reading()
 
     def _request(self, region: Region) -> None:
