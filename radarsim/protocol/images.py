@@ -6,14 +6,11 @@ pixels. All other bytes mean nothing. A picture is a byte that tells its type, 4
 that tell the length of its data, and the data. All numbers are big-endian.
 """
 
-import re
 import struct
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-_REQUEST: Final = re.compile(
-    rb"OK|U(?P<region>.{16})|(?P<incomplete>(?:O|U.{0,15})\Z)", re.DOTALL
-)
+_PART_BYTES: Final = 17  # of a request for a part
 
 
 class ImageType(IntEnum):
@@ -76,13 +73,23 @@ class RequestBuffer:
 
     def take(self) -> Region | None:
         """Remove the next request and return its region; None if there is none."""
-        found = _REQUEST.search(self._received)
-        if found is None or found["incomplete"] is not None:
-            self._received = self._received[found.start() :] if found else b""
+        whole, part = self._received.find(b"OK"), self._received.find(b"U")
+        if part >= 0 and not 0 <= whole < part:
+            return self._take_part(part)
+        if whole >= 0:
+            self._received = self._received[whole + 2 :]
+            return WHOLE
+        self._received = b"O" if self._received.endswith(b"O") else b""
+        return None
+
+    def _take_part(self, start: int) -> Region | None:
+        """Remove a request for a part; keep it if it is not complete yet."""
+        request = self._received[start : start + _PART_BYTES]
+        if len(request) < _PART_BYTES:
+            self._received = request
             return None
-        self._received = self._received[found.end() :]
-        region = found["region"]
-        return WHOLE if region is None else Region(*struct.unpack(">4I", region))
+        self._received = self._received[start + _PART_BYTES :]
+        return Region(*struct.unpack(">4I", request[1:]))
 
 
 def encode_image(image_type: ImageType, data: bytes) -> bytes:
