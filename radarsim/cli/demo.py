@@ -7,11 +7,11 @@ import typer
 
 from radarsim.cli.options import check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines
+from radarsim.cli.own_files import is_by_radarsim
 
 MAP: Final = "foliage_room"
 START: Final = "RobotStart1"
 TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
-_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
 _NEXT: Final = f"""\
 Try next:
   radarsim explain {MAP} --sensor radar --start {START} --beam 92
@@ -40,16 +40,6 @@ def _check_out(out: Path) -> None:
     """Check that a picture can be written, and that no other file is in its place."""
     check_ending(out, ["png"], "OUT")
     check_writable(out, "OUT")
-    if out.exists() and not _is_by_radarsim(out):
+    if out.exists() and not is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"
         raise typer.BadParameter(text, param_hint="OUT")
-
-
-def _is_by_radarsim(path: Path) -> bool:
-    from radarsim.figures.figure import is_radarsim_figure
-
-    try:
-        with path.open("rb") as file:
-            return is_radarsim_figure(file.read(_HEAD_SIZE))
-    except OSError:
-        return False

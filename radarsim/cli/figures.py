@@ -13,6 +13,7 @@ from rich.console import Console
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import SeedOption, write_file
 from radarsim.cli.output import print_lines
+from radarsim.cli.own_files import is_by_radarsim
 from radarsim.cpu_count import process_cpu_count
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import raise_on_signals
@@ -20,7 +21,6 @@ from radarsim.signal_handlers import raise_on_signals
 if TYPE_CHECKING:
     from radarsim.figures.catalogue import FigureSpec, RenderedFigure
 
-_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
 _SMALL_WEIGHT: Final = 2.0  # s of work that is not worth starting processes
 
 
@@ -90,17 +90,7 @@ def _prepare(out: Path, names: Sequence[str]) -> None:
 
 
 def _check_overwriting(path: Path) -> None:
-    from radarsim.figures.figure import is_radarsim_figure
-    from radarsim.figures.page import FILE, GENERATOR
-
-    if not path.exists():
-        return
-    with path.open("rb") as file:
-        head = file.read(_HEAD_SIZE)
-    is_by_radarsim = (
-        GENERATOR.encode() in head if path.name == FILE else is_radarsim_figure(head)
-    )
-    if not is_by_radarsim:
+    if path.exists() and not is_by_radarsim(path):
         text = f"{path} is not by radarsim, expected a folder without such a file"
         raise typer.BadParameter(text, param_hint="OUT")
 

@@ -302,6 +302,16 @@ def penetration_depth(foliage_density: float | None, power: float) -> float:
     return 0.0 if foliage_density is None else power / foliage_density
 
 
+def list_endings(known: Sequence[str]) -> str:
+    """Return the kinds of files that there are, in words.
+
+    >>> list_endings(["json", "csv", "png"])
+    'a .json, .csv or .png file'
+    """
+    *others, last = (f".{each}" for each in known)
+    return f"a {', '.join(others)} or {last} file" if others else f"a {last} file"
+
+
 def check_ending(path: Path, known: Sequence[str], hint: str) -> str:
     """Return the ending of a file's name, in lower case and without the dot.
 
@@ -315,8 +325,7 @@ def check_ending(path: Path, known: Sequence[str], hint: str) -> str:
     """
     ending = path.suffix.lower().removeprefix(".")
     if ending not in known:
-        endings = ", ".join(f".{each}" for each in known)
-        text = f"{path}, expected an ending of {endings}"
+        text = f"{path}, expected {list_endings(known)}"
         raise typer.BadParameter(text, param_hint=hint)
     return ending
 

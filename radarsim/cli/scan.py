@@ -21,6 +21,7 @@ from radarsim.cli.options import (
     SensorSettingsOption,
     SensorStartOption,
     check_writable,
+    list_endings,
     write_file,
 )
 from radarsim.errors import PresetError
@@ -177,8 +178,9 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
     told = ScanFormat(ending) if ending in list(ScanFormat) else None
     if ending and told is None and (format_ is None or ending in _OTHER_PICTURES):
-        endings = ", ".join(f".{each}" for each in ScanFormat)
-        text = f"{output}, expected an ending of {endings}, or --format"
+        text = f"{output}, expected {list_endings(list(ScanFormat))}"
+        if ending not in _OTHER_PICTURES:
+            text += ", or --format"
         raise typer.BadParameter(text, param_hint="-o")
     if format_ is not None and told not in (None, format_):
         text = f"{format_}, expected {told} as {output} has this ending"

@@ -115,7 +115,8 @@ class RenderedFigure:
         commands: Commands that take the same scans or drive the same path, and the one
             that draws the figure.
         png: Content of the picture file.
-        details: The measured numbers, in sentences.
+        details: The measured numbers, in sentences; a line for each paragraph.
+        headline: What is written in the picture above all.
     """
 
     number: str
@@ -125,6 +126,7 @@ class RenderedFigure:
     commands: tuple[str, ...]
     png: bytes
     details: str = ""
+    headline: str = ""
 
 
 def render(number: str, seed: int) -> RenderedFigure:
@@ -139,6 +141,7 @@ def render(number: str, seed: int) -> RenderedFigure:
         (*drawn.commands, f"radarsim figures OUT --only {number} --seed {seed}"),
         drawn.as_png(),
         drawn.details,
+        drawn.headline,
     )
 
 

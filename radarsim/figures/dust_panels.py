@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 
 from radarsim.figures.clear_and_dust import (
     CELL,
@@ -36,10 +36,12 @@ from radarsim.sensors.scan import Scan
 NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
 COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.PHYSICAL}
 AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
-Samples: TypeAlias = dict[str, Line2D | Patch]  # of a legend, by their text
+Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
+_SMALL_PRINT: Final = 0.52  # inches from the top
 _EDGE: Final = 1.0  # m around all that is shown
 _BELOW: Final = 1.0  # m more below it, for the scale bar
-_DOT: Final = 16  # square points
+_OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 5.5, "markeredgewidth": 0}
+_OF_DUST: Final[Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
 
 
 def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
@@ -73,9 +75,10 @@ def draw_all_readings(seed: int) -> DrawnFigure:
             counts = count_readings(sensor, air, seed)
             samples |= _draw_panel(axes, shot)
             title = f"{NAMES[sensor]}, {AIRS[air]}: {_verdict(counts)}"
-            axes.set_title(title, fontsize=13, loc="left")
+            axes.set_title(title, fontsize=13, loc="left", fontweight="bold")
             commands.append(shot.command)
-            details.append(_details(shot, counts, dusty=air != "clear"))
+            told = _details(shot, counts, dusty=air != "clear")
+            details.append(f"{NAMES[sensor]}, {AIRS[air]}: {told}")
     draw_title(drawing, "Dust blinds the laser and not the radar")
     _draw_small_print(drawing, f"{COUNT} scans each, in {MAP}", samples)
     return DrawnFigure(
@@ -84,7 +87,7 @@ def draw_all_readings(seed: int) -> DrawnFigure:
         " through heavy dust (right). The radar reads the same in both; the laser reads"
         " the near edge of the dust and misses what is behind it.",
         tuple(commands),
-        " ".join(details),
+        "\n".join(details),
     )
 
 
@@ -120,30 +123,40 @@ def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
 
 
 def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
-    """Draw objects, robot, dust and readings; return samples of them by their text."""
+    """Draw readings, and dust, objects and robot; return samples by their text.
+
+    Objects lie over the readings, which are larger than a pole.
+    """
     draw_plan(axes, load_scene(MAP), shot.pose.z)
     draw_robot(axes, ROBOT, shot.robot)
     samples: Samples = {}
     if shot.map != MAP:
-        samples |= _draw_dust(axes)
+        _draw_dust(axes)
         samples |= _draw_missed(axes, shot)
-    colour = COLOURS[shot.sensor]
-    for dots in _readings(shot.take()):
-        if len(dots):
-            style: dict[str, Any] = {"color": colour, "linewidths": 0, "zorder": 4}
-            axes.scatter(dots[:, 0], dots[:, 1], s=_DOT, **style)
-    text = f"{NAMES[shot.sensor].lower()} reading"
-    samples[text] = _sample(color=colour, markersize=_DOT**0.5)
+    of_objects, of_dust = _readings(shot.take())
+    who, colour = f"{NAMES[shot.sensor].lower()} reading", COLOURS[shot.sensor]
+    text = f"{who} of an object"
+    samples = {text: _mark(axes, of_objects, colour, _OF_OBJECT)} | samples
+    if len(of_dust):
+        sample = _mark(axes, of_dust, colour, _OF_DUST)
+        samples = {f"{who} of the dust": sample} | samples
     _frame(axes, shot)
     return samples
 
 
-def _draw_dust(axes: Axes) -> Samples:
+def _mark(axes: Axes, points: Floats, colour: str, style: dict[str, Any]) -> Line2D:
+    """Mark readings, (N, 2) m, below the objects; return a sample."""
+    axes.plot(*points.T, linestyle="none", color=colour, zorder=0.8, **style)
+    return Line2D([], [], linestyle="none", color=colour, **style)
+
+
+def _draw_dust(axes: Axes) -> None:
     low, high = dust_extent()
     wide, tall = high - low
     style = area_style(Family.SMOKE)
     axes.add_patch(Rectangle(low, wide, tall, zorder=0.5, **style))
-    return {"dust": Patch(**style)}
+    x, y = ((low + high) / 2).tolist()
+    axes.text(x, y, "dust", ha="center", va="center", fontsize="large")
 
 
 def _draw_missed(axes: Axes, shot: ScanSpec) -> Samples:
@@ -157,11 +170,8 @@ def _draw_missed(axes: Axes, shot: ScanSpec) -> Samples:
         "markersize": 9,
     }
     axes.plot(*missed.T, "o", linestyle="none", zorder=3, **style)
-    return {"read in clear air, missed in dust": _sample(**style)}
-
-
-def _sample(**style: Any) -> Line2D:
-    return Line2D([], [], marker="o", linestyle="none", **style)
+    sample = Line2D([], [], marker="o", linestyle="none", **style)
+    return {"read in clear air, missed in dust": sample}
 
 
 def _readings(scans: list[Scan]) -> tuple[Floats, Floats]:
@@ -195,12 +205,13 @@ def _frame(axes: Axes, shot: ScanSpec) -> None:
 
 
 def _draw_small_print(drawing: Figure, text: str, samples: Samples) -> None:
-    """Write a text at the lower left, and the legend at the lower right."""
-    drawing.text(0.02, 0.018, text, fontsize=9, color=QUIET)
+    """Write a text below the title, and the legend at the bottom."""
+    _, height = drawing.get_size_inches()
+    drawing.text(0.02, 1 - _SMALL_PRINT / height, text, va="top", color=QUIET)
     drawing.legend(
         list(samples.values()),
         list(samples),
-        loc="lower right",
+        loc="lower center",
         ncols=len(samples),
         fontsize=11,
         frameon=False,

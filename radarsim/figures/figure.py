@@ -26,13 +26,23 @@ class DrawnFigure:
         drawings: Drawings, one below the other.
         caption: What the figure shows and what to see in it, in two sentences.
         commands: Commands that take the same scans, drive the same path or show more.
-        details: The measured numbers, in sentences.
+        details: The measured numbers, in sentences; a line for each paragraph.
     """
 
     drawings: tuple[Figure, ...]
     caption: str
     commands: tuple[str, ...] = ()
     details: str = ""
+
+    @property
+    def headline(self) -> str:
+        """What is written above the drawings, or above their panels."""
+        texts = [
+            text.get_text() for drawing in self.drawings for text in drawing.texts[:1]
+        ]
+        panels = [axes for drawing in self.drawings for axes in drawing.axes]
+        titles = [axes.get_title(loc="left") for axes in panels]
+        return "; ".join(texts or filter(None, titles))
 
     def as_png(self) -> bytes:
         """Return the content of a PNG file; equal drawings give equal bytes."""

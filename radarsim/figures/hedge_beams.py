@@ -46,10 +46,10 @@ class BeamStyle(NamedTuple):
 
 
 # In the order of drawing; what sees through the bushes is the boldest.
-NEAR: Final = BeamStyle("stopped by a wall on this side", 0.5, 0.35, "", 0)
-STOPPED: Final = BeamStyle("stopped by the bushes", 0.7, 0.55, "x", 30)
-SPENT: Final = BeamStyle("spent inside a bush", 0.7, 0.55, "x", 30)
-THROUGH: Final = BeamStyle("seen through the bushes", 2.4, 1.0, "o", 130)
+NEAR: Final = BeamStyle("is stopped by a wall on this side", 0.5, 0.35, "", 0)
+STOPPED: Final = BeamStyle("is stopped by the bushes", 0.7, 0.55, "x", 30)
+SPENT: Final = BeamStyle("is spent inside a bush", 0.7, 0.55, "x", 30)
+THROUGH: Final = BeamStyle("sees through the bushes", 2.4, 1.0, "o", 130)
 
 
 def draw_hokuyo(seed: int) -> DrawnFigure:
@@ -59,8 +59,8 @@ def draw_hokuyo(seed: int) -> DrawnFigure:
     counts = count_ends(shot.scene, scan)
     own = load_sensor(shot.sensor).settings.max_range
     title = (
-        f"The Hokuyo sees a wall of bushes: {counts.behind} of {counts.beams} beams"
-        " get behind it"
+        f"To the Hokuyo the bushes are a wall: {counts.behind} of {counts.beams} beams"
+        " see through"
     )
     return DrawnFigure(
         (_draw(shot, scan, title, HOKUYO, STOPPED),),
@@ -79,9 +79,12 @@ def draw_radar(seed: int) -> DrawnFigure:
     shot = radar(seed, 0)
     (scan,) = shot.take()
     counts = count_ends(shot.scene, scan)
+    (noisy_scan,) = ScanSpec(shot.map, shot.sensor, seed).take()
+    noisy = count_ends(shot.scene, noisy_scan).behind
+    own = load_sensor(shot.sensor).settings.side_offset_uu
     title = (
-        f"The radar sees through the bushes: {counts.behind} of {counts.beams} beams"
-        " get behind them"
+        f"The radar sees what is behind: {counts.behind} of {counts.beams} beams see"
+        " through the bushes"
     )
     return DrawnFigure(
         (_draw(shot, scan, title, RADAR, SPENT),),
@@ -92,7 +95,8 @@ def draw_radar(seed: int) -> DrawnFigure:
         f"{counts.behind} of its {counts.beams} beams go through the thin edges of the"
         f" bushes and end behind them: at {', '.join(map(as_words, counts.objects))}."
         f" {counts.inside} are spent inside a bush, between its near and its far side."
-        f" {_everywhere(shot)} N is 0 here: there is no noise.",
+        f" {_everywhere(shot)} N is 0 here: there is no noise. With the radar's own N"
+        f" of {own:g}, which `radarsim demo` draws, {noisy} beams see through.",
     )
 
 

@@ -87,7 +87,7 @@ def draw_repeated_scans(seed: int) -> DrawnFigure:
         " read now this, now that. A line joins the nearest and the farthest reading of"
         " a beam; most long ones jump from the edge of a bush to what stands behind.",
         tuple(shot.command for shot in shots),
-        " ".join(details),
+        "\n".join(details),
     )
 
 

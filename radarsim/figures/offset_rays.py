@@ -1,6 +1,6 @@
 """Figures 11 and 12: the offset rays of a radar on a P3AT, made visible."""
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,10 +14,11 @@ from radarsim.figures.room_plan import draw_room
 from radarsim.figures.scan_spec import ROBOT, ScanSpec
 from radarsim.geometry import Floats
 from radarsim.plotting.annotations import draw_scale_bar
-from radarsim.plotting.palette import LEFT_RAY, RIGHT_RAY
+from radarsim.plotting.palette import LEFT_RAY, MARKER, RIGHT_RAY
 from radarsim.plotting.ray_segments import line_opacity, split_rays
 from radarsim.plotting.robots import draw_robot
 from radarsim.presets.divergence import METRES_PER_UNIT
+from radarsim.presets.robots import load_robot
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.sensors.beams import LEFT, RIGHT
@@ -27,6 +28,8 @@ MAP: Final = "foliage_room"
 WEIGHTS: Final = {LEFT: (0, 0, 1), RIGHT: (1, 0, 0)}
 RAY_COLOURS: Final = {LEFT: LEFT_RAY, RIGHT: RIGHT_RAY}
 STEP: Final = 0.2  # m; ranges that differ by more count as different
+_ASIDE: Final = 0.18  # m between the robot and what is measured beside it
+_THIN: Final[Any] = {"color": MARKER, "linewidth": 0.8, "linestyle": (0, (5, 3))}
 _AROUND: Final = 1.3  # m of the robot that are seen closer
 SPARSE: Final = 3  # of so many beams the main panel draws one
 
@@ -61,18 +64,60 @@ def draw_offset_rays(seed: int, *, offset: int) -> DrawnFigure:
     _draw_rays(close, shot, scans, every=1)
     _draw_close(close, shot)
     apart = start_distance(scans)
+    _draw_dimension(close, shot, apart)
     draw_title(
         drawing,
         f"N = {offset}: left and right rays start {apart:.1f} m apart",
     )
     _legend(drawing)
     commands = tuple(shot.command for shot in shots.values())
+    wide = load_robot(ROBOT).width
     caption = (
-        "The rays left of each beam (red) and right of it (blue), of which a scan draws"
-        " one by chance. On the robot's left red sticks out, on its right blue; where"
-        " they end apart the readings are noisy."
+        "A scan draws one ray of each beam by chance: the left one (red), the right one"
+        f" (blue) or one between them. With N = {offset} they start {apart:.1f} m"
+        f" apart, {_compare(apart, wide)}, and {_count_different(scans)} of"
+        f" {len(scans[LEFT].ranges)} beams read one thing on the left and another on"
+        " the right."
     )
     return DrawnFigure((drawing,), caption, commands, _details(offset, scans))
+
+
+def _compare(apart: float, wide: float) -> str:
+    """Compare a distance with the width of the robot, m."""
+    less_or_more = "less" if apart < wide else "more"
+    return f"{less_or_more} than the {wide:.2g} m of the robot's width"
+
+
+def _count_different(scans: dict[int, Scan]) -> int:
+    """Return the number of beams whose left and right rays read different things."""
+    left, right = scans[LEFT].ranges, scans[RIGHT].ranges
+    return int((np.abs(left - right) > STEP).sum())
+
+
+def _draw_dimension(axes: Axes, shot: ScanSpec, apart: float) -> None:
+    """Draw how far apart the rays start, with arrows behind the robot."""
+    x, y = shot.pose.x, shot.pose.y
+    behind = shot.robot.x - load_robot(ROBOT).length / 2 - _ASIDE
+    for side in (-1, 1):
+        place = y + side * apart / 2
+        axes.plot([behind - _ASIDE / 3, x], [place] * 2, **_THIN, zorder=5)
+    axes.annotate(
+        "",
+        (behind, y - apart / 2),
+        (behind, y + apart / 2),
+        arrowprops={"arrowstyle": "<|-|>", "shrinkA": 0, "shrinkB": 0, "color": MARKER},
+        zorder=6,
+    )
+    axes.annotate(
+        f"{apart:.1f} m",
+        (behind, y),
+        xytext=(-6, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontsize="x-large",
+        fontweight="bold",
+    )
 
 
 def _draw_close(axes: Axes, shot: ScanSpec) -> None:
@@ -89,10 +134,9 @@ def _draw_close(axes: Axes, shot: ScanSpec) -> None:
 
 
 def _details(offset: int, scans: dict[int, Scan]) -> str:
-    left, right = scans[LEFT].ranges, scans[RIGHT].ranges
-    differ = int((np.abs(left - right) > STEP).sum())
+    differ, beams = _count_different(scans), len(scans[LEFT].ranges)
     return (
-        f"The offset rays of all {len(left)} beams of the radar on a {ROBOT}: red those"
+        f"The offset rays of all {beams} beams of the radar on a {ROBOT}: red those"
         f" left of the original beam, blue those right of it, N = {offset} units or"
         f" {offset * METRES_PER_UNIT:g} m off, so that both start"
         f" {start_distance(scans):.2f} m apart. Where they overlap they tell little; on"

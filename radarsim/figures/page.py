@@ -16,7 +16,7 @@ TITLE: Final = "Navigation using a radar sensor in USARSim: the figures"
 _BLOCK: Final = re.compile(
     r'<figure id="figure-(?P<number>[\w-]+)">.*?</figure>\n', re.DOTALL
 )
-_NAME: Final = re.compile(r'alt="([^"]*)"')
+_TITLE: Final = re.compile(r"<h2>.*?</span> (.*?)</h2>")
 
 
 def figure_block(figure: RenderedFigure) -> str:
@@ -28,11 +28,14 @@ def figure_block(figure: RenderedFigure) -> str:
     width, height = png_size(figure.png)
     title = escape(figure.title)
     commands = "\n".join(escape(text) for text in figure.commands)
-    details = f"  <p>{escape(figure.details)}</p>\n" if figure.details else ""
+    details = "".join(
+        f"  <p>{escape(text)}</p>\n" for text in figure.details.splitlines()
+    )
+    said = escape(figure.headline or figure.title)
     return (
         f'<figure id="figure-{figure.number}">\n'
         f'  <a class="picture" href="{figure.file}"><img src="{figure.file}"'
-        f' width="{width}" height="{height}" alt="{title}" loading="lazy"></a>\n'
+        f' width="{width}" height="{height}" alt="{said}" loading="lazy"></a>\n'
         "  <figcaption>\n"
         f"  <h2><span>{_name(figure.number)}</span> {title}</h2>\n"
         f'  <p class="caption">{escape(figure.caption)}</p>\n'
@@ -96,7 +99,7 @@ def _name(number: str) -> str:
 
 def _link(number: str, block: str) -> str:
     """Return the entry of a figure in the list of contents."""
-    found = _NAME.search(block)
+    found = _TITLE.search(block)
     title = found[1] if found else ""
     shown = number.replace("-", "\N{EN DASH}")
     return f'<li><a href="#figure-{number}"><span>{shown}</span> {title}</a></li>'

@@ -65,7 +65,8 @@ SCRIPT: Final = """
   const show = (picture) => {
     const image = picture.querySelector("img").cloneNode();
     image.loading = "eager";
-    dialog.querySelector("strong").textContent = image.alt;
+    const name = picture.parentElement.querySelector("h2");
+    dialog.querySelector("strong").textContent = name.textContent;
     frame.replaceChildren(image);
     dialog.shown = picture;
     if (!dialog.open) dialog.showModal();

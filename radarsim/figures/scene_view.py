@@ -23,8 +23,9 @@ from radarsim.scene.scene import Part, Scene
 
 SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
 _SHADE: Final = 0.78  # brightness of the ground in shadows
-_LARGEST: Final = 2.0  # m, of sides of triangles that are painted as they are
+_LARGEST: Final = 2.0  # m, of sides of triangles that are painted obliquely
 _FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
+_SEAM: Final = 0.6  # points; lines that close seams between triangles
 _PALER: Final = 0.65  # share of white in the colour of the ground
 _FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
 
@@ -69,10 +70,11 @@ def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
     """
     ground, rest = _ground_and_rest(scene)
     if ground:
-        axes.add_collection(_painting(ground, view, _PALER, zorder=0))
+        axes.add_collection(_painting(ground, view, math.inf, _PALER, zorder=0))
         casting = [part for part in rest if not _encloses(part, scene)]
         axes.add_collection(_shadows(ground, casting, view))
-    axes.add_collection(_painting(rest, view, 0.0, zorder=1))
+    largest = math.inf if view == ABOVE else _LARGEST
+    axes.add_collection(_painting(rest, view, largest, 0.0, zorder=1))
     axes.set_aspect("equal")
 
 
@@ -97,13 +99,23 @@ def _top(part: Part) -> float:
 def _painting(
     parts: Sequence[Part],
     view: View,
+    largest: float,
     paler: float,
     *,
     zorder: int,
 ) -> PolyCollection:
-    """Create the polygons of parts; ``paler`` is the share of white in colours."""
+    """Create the polygons of parts.
+
+    Args:
+        parts: What is painted.
+        view: Direction to see it from.
+        largest: Sides of triangles that are longer are cut, m. What lies flat or is
+            seen from right above is in order without cuts, whose seams would show.
+        paler: Share of white in colours.
+        zorder: Z-order in the axes.
+    """
     corners = [
-        _cut(part.vertices[part.faces], _FINE if _is_robot(part) else _LARGEST)
+        _cut(part.vertices[part.faces], _FINE if _is_robot(part) else largest)
         for part in parts
     ]
     shades = [
@@ -116,7 +128,7 @@ def _painting(
     return painted_triangles(
         seen[order][:, :, :2],
         paint,
-        linewidths=0.6,  # closes the seams between triangles
+        linewidths=_SEAM if zorder else 3 * _SEAM,
         zorder=zorder,
     )
 

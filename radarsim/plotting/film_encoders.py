@@ -38,7 +38,7 @@ def film_format(path: Path) -> str:
     """
     suffix = path.suffix.lower().lstrip(".")
     if suffix not in FILM_FORMATS:
-        raise ValueError(f"{str(path)!r}, expected a name that ends in .gif or .mp4")
+        raise ValueError(f"{str(path)!r}, expected a .gif or .mp4 file")
     if suffix == "mp4":
         try:
             import imageio_ffmpeg  # noqa: PLC0415 - 165 MB, so it is optional

@@ -1,12 +1,14 @@
 """Which beams of a scan see through something: the one definition for all pictures.
 
 A beam sees through a material if its ray enters and leaves parts of that material, and
-then reads something of another family behind them. Behind them means outside of these
-parts as seen from above: a wall that a bush touches is not behind the bush.
+then reads something of another family behind them. Behind them means more than
+``BESIDE`` outside of these parts as seen from above: a wall that a bush touches is not
+behind the bush.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import shapely
@@ -23,6 +25,7 @@ from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan
 
 _PASSED = (int(EventKind.LEAVE), int(EventKind.SHEET))
+BESIDE: Final = 0.2  # m
 _NEAR = 1e-6  # m; what is nearer than this to the reading is the reading
 
 
@@ -111,4 +114,4 @@ def _from_above(part: Part) -> Geometry:
 
 
 def _covers(area: Geometry, place: Floats) -> bool:
-    return bool(shapely.intersects_xy(area, place[0], place[1]))
+    return bool(shapely.dwithin(area, shapely.Point(place[:2]), BESIDE))

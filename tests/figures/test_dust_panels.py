@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from matplotlib.collections import PathCollection
+from matplotlib.patches import PathPatch
 
 from radarsim.figures.clear_and_dust import (
     COUNT,
@@ -55,15 +55,24 @@ def test_caption_states_the_conclusion_and_details_the_counts(
 
 
 def test_plotted_points_are_the_readings_of_all_scans() -> None:
-    drawn = draw_readings(0, sensor=LASER, air="dust")
-    dots = [
-        len(np.asarray(each.get_offsets()))
-        for each in drawn.drawings[0].axes[0].collections
-        if isinstance(each, PathCollection)
-    ]
+    axes = draw_readings(0, sensor=LASER, air="dust").drawings[0].axes[0]
+    drawn = {
+        str(line.get_marker()): len(np.asarray(line.get_xdata()))
+        for line in axes.lines
+        if line.get_zorder() < 1
+    }
     counts = count_readings(LASER, "dust", 0)
-    assert dots == [counts.beside, counts.cloud]
+    assert drawn == {"o": counts.beside, "x": counts.cloud}
     assert counts.cloud % COUNT == 0
+
+
+def test_objects_lie_over_their_readings() -> None:
+    axes = draw_readings(0, sensor=RADAR, air="clear").drawings[0].axes[0]
+    readings = [line for line in axes.lines if line.get_marker() == "o"]
+    objects = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
+    assert max(line.get_zorder() for line in readings) < min(
+        patch.get_zorder() for patch in objects
+    )
 
 
 def test_legend_lists_only_what_is_drawn() -> None:
@@ -71,9 +80,11 @@ def test_legend_lists_only_what_is_drawn() -> None:
         (drawing,) = draw_readings(0, sensor=sensor, air=air).drawings
         return [text.get_text() for text in drawing.legends[0].get_texts()]
 
-    assert legend(RADAR, "clear") == ["radar reading"]
-    assert legend(RADAR, "dust") == ["dust", "radar reading"]
-    assert len(legend(LASER, "dust")) == 3
+    assert legend(RADAR, "clear") == ["radar reading of an object"]
+    assert legend(RADAR, "dust") == ["radar reading of an object"]
+    dusty = legend(LASER, "dust")
+    assert len(dusty) == 3
+    assert {"laser reading of the dust", "laser reading of an object"} < set(dusty)
 
 
 def test_presets_are_named_only_in_the_small_print() -> None:

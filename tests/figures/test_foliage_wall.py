@@ -17,6 +17,7 @@ from radarsim.figures.foliage_wall import (
     radar,
 )
 from radarsim.figures.scan_spec import ScanSpec, hit_points, load_scene
+from radarsim.plotting.sight import find_sight
 
 ROOM = load_scene("foliage_room")
 
@@ -58,6 +59,12 @@ def test_count_behind_the_bushes_matches_an_independent_count() -> None:
     targets = scan.echoes.targets
     names = [targets[part].object for part in scan.echoes.parts.tolist()]
     assert counts_of(radar(0, 0)).inside == sum(name in foliage for name in names)
+
+
+@pytest.mark.parametrize("offset", [0, 25, 100])
+def test_beams_that_end_behind_are_those_that_see_through(offset: int) -> None:
+    (scan,) = radar(0, offset).take()
+    assert counts_of(radar(0, offset)).behind == find_sight(ROOM, scan).through.sum()
 
 
 def test_noise_grows_with_the_offset() -> None:

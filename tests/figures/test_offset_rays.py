@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
+from matplotlib.text import Annotation
 
 from radarsim.figures.offset_rays import (
     RAY_COLOURS,
@@ -42,3 +43,22 @@ def test_left_rays_are_red_and_right_rays_blue_and_the_room_shows_every_third() 
             mine = np.isclose(colours, colour).all(axis=1)
             fresh = np.isclose(starts[mine], [-7.7915, side * 0.2]).all(axis=1)
             assert fresh.sum() == beams
+
+
+def test_distance_of_the_rays_is_drawn_with_arrows() -> None:
+    close = draw_offset_rays(0, offset=100).drawings[0].axes[1]
+    assert "0.8 m" in {text.get_text() for text in close.texts}
+    arrows = [text.arrow_patch for text in close.texts if isinstance(text, Annotation)]
+    assert [arrow is not None for arrow in arrows].count(True) == 1
+    starts = [
+        float(np.asarray(line.get_ydata())[0])
+        for line in close.lines
+        if line.get_linestyle() == "--"
+    ]
+    assert max(starts) - min(starts) == pytest.approx(0.8)
+
+
+def test_each_figure_has_a_caption_of_its_own() -> None:
+    captions = [draw_offset_rays(0, offset=offset).caption for offset in (50, 100)]
+    one, two = ({*caption.split(". ")[1:]} for caption in captions)
+    assert not one & two

@@ -17,8 +17,10 @@ def png(width: float = 2.0) -> bytes:
 
 def made(number: str, caption: str = "See 3 < 4 & more.") -> RenderedFigure:
     file = f"figure_{number}.png"
-    title, details = f"Walls & bushes {number}", "Counted: 5 < 6."
-    return RenderedFigure(number, title, file, caption, (COMMAND,), png(), details)
+    title, details = f"Walls & bushes {number}", "Counted: 5 < 6.\nAnd 7."
+    return RenderedFigure(
+        number, title, file, caption, (COMMAND,), png(), details, "5 beams pass & see"
+    )
 
 
 class PageReader(HTMLParser):
@@ -74,9 +76,23 @@ def test_numbers_and_commands_are_folded_away() -> None:
     folded = read(block).texts["details"]
     assert COMMAND in folded
     assert "Counted: 5 < 6." in folded
+    assert "<p>And 7.</p>" in block
     open_caption = block.split("<details>")[0]
     assert COMMAND not in open_caption
     assert "See 3 &lt; 4" in open_caption
+
+
+def test_alternative_text_is_what_the_picture_says_and_not_its_name() -> None:
+    block = figure_block(made("1"))
+    assert 'alt="5 beams pass &amp; see"' in block
+    drawing = Figure()
+    drawing.text(0, 1, "What one sees")
+    drawing.add_subplot().set_title("a panel", loc="left")
+    assert DrawnFigure((drawing,), "").headline == "What one sees"
+    without = Figure()
+    for axes, title in zip(without.subplots(1, 2), ("one", "two"), strict=True):
+        axes.set_title(title, loc="left")
+    assert DrawnFigure((without,), "").headline == "one; two"
 
 
 def test_list_of_contents_and_pictures_lead_somewhere() -> None:
