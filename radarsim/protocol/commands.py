@@ -263,9 +263,14 @@ COMMANDS: Final = {
     for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem)
 }
 
-# Fields that common clients send along: the speed of robots with a steering axle, which
-# one of them sends to stop any robot, and the name of the robot.
-_NEEDLESS_KEYS: Final = {Drive.verb: ("Speed", "Name")}
+# Fields that common clients send along: the speeds of robots with a steering axle and
+# of those that fly, with which one of them stops any robot, and the robot's name.
+_NEEDLESS_KEYS: Final = {
+    Drive.verb: (
+        *("Name", "Speed", "AltitudeVelocity"),
+        *("LinearVelocity", "LateralVelocity", "RotationalVelocity"),
+    )
+}
 
 # Verbs of the servers of all generations that do nothing to a wheeled robot here.
 _UNSUPPORTED: Final = frozenset(

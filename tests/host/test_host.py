@@ -306,7 +306,7 @@ def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
 @pytest.mark.parametrize(
     "line",
     [
-        pytest.param(b"DRIVE {Speed 0}", id="stop button of Iridium"),
+        pytest.param(b"DRIVE {Speed 0}", id="speed of other vehicles"),
         pytest.param(b"DRIVE {name r1} {Left 1} {Right 1}", id="name of the robot"),
         pytest.param(b"DRIVE {Left 1} {SPEED 2} {Right 1}", id="both"),
     ],
@@ -317,6 +317,20 @@ def test_needless_fields_of_drive_are_no_news(host: Host, line: bytes) -> None:
     run_ticks(host, 20)
     is_driven = b"Left" in line
     assert (host.simulation.vehicles[0].robot.pose.x > -8) is is_driven
+
+
+def test_stop_button_of_iridium_stops_and_is_no_news(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Left 2} {Right 2}\r\n")
+    run_ticks(host, 50)
+    velocities = ("Altitude", "Linear", "Lateral", "Rotational")
+    others = " ".join(f"{{{each}Velocity 0}}" for each in velocities)
+    stop = f"DRIVE {{Left 0}} {{Right 0}} {{Speed 0}} {others}\r\n"
+    assert host.receive(number, stop.encode()) == []
+    run_ticks(host, 50)
+    stopped = host.simulation.vehicles[0].robot.pose
+    run_ticks(host, 50)
+    assert host.simulation.vehicles[0].robot.pose == stopped
 
 
 def test_unknown_key_does_not_affect_the_others(host: Host) -> None:
