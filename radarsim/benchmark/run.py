@@ -12,7 +12,8 @@ from radarsim.benchmark.engine import (
     scans_against_first_hits,
     throughput,
 )
-from radarsim.benchmark.server import FLOODS, ROBOTS, floods, lateness, start_up
+from radarsim.benchmark.floods import FLOODS, floods, lateness_beside_floods
+from radarsim.benchmark.server import ROBOTS, lateness, start_up
 from radarsim.benchmark.timing import BenchmarkRow
 
 # The function of each step, and its share of the progress bar.
@@ -26,12 +27,13 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "surfaces": (lambda: mirrors_and_leaves(1.0), 2),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),
     "floods": (lambda: floods(200), len(FLOODS)),
+    "lateness": (lambda: lateness_beside_floods(3, 1.0), 2 * len(FLOODS)),
     "start-up": (start_up, 2),
 }
 
 
 def run_all(report_progress: Callable[[str, int, int], None]) -> list[BenchmarkRow]:
-    """Measure everything; takes up to two minutes.
+    """Measure everything; takes some two minutes.
 
     Args:
         report_progress: Called with the name of the next step, the work done and the

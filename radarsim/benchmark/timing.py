@@ -108,5 +108,5 @@ GROUPS = {
     "f": "start-up, best of five",
     "g": "beams of many rays, against as many scans that draw one of these rays",
     "h": "mirrors, and leaves",
-    "i": "what clients that flood the server add to the CPU time of a tick",
+    "i": "clients that flood the server: CPU time of a tick, lateness beside them",
 }

@@ -1,4 +1,4 @@
-from radarsim.benchmark.server import FLOODS, floods, lateness, start_up
+from radarsim.benchmark.server import lateness, start_up
 
 
 def test_a_few_robots_get_their_scans() -> None:
@@ -14,9 +14,3 @@ def test_the_program_starts() -> None:
     help_, serve = start_up(times=1)
     assert help_.value > 0
     assert serve.value > 0
-
-
-def test_floods_add_time_to_a_tick() -> None:
-    rows = list(floods(ticks=10))
-    assert len(rows) == len(FLOODS)
-    assert all(row.value > 0 for row in rows)
