@@ -36,17 +36,19 @@ def main() -> None:
 
 def _flood(sockets: list[socket.socket], data: bytes) -> None:
     """Send the data again and again on all sockets, and read what comes."""
-    rest = dict.fromkeys(sockets, data)
+    rest = [data] * len(sockets)
     with selectors.DefaultSelector() as selector:
-        for sock in sockets:
-            selector.register(sock, selectors.EVENT_READ | selectors.EVENT_WRITE)
+        for index, sock in enumerate(sockets):
+            events = selectors.EVENT_READ | selectors.EVENT_WRITE
+            selector.register(sock, events, index)
         while True:
-            for key, events in selector.select():
-                sock: socket.socket = key.fileobj  # type: ignore[assignment]
-                if events & selectors.EVENT_READ:
-                    sock.recv(65536)
-                if events & selectors.EVENT_WRITE:
-                    rest[sock] = rest[sock][sock.send(rest[sock]) :] or data
+            for key, ready in selector.select():
+                index = key.data
+                if ready & selectors.EVENT_READ:
+                    sockets[index].recv(65536)
+                if ready & selectors.EVENT_WRITE:
+                    sent = sockets[index].send(rest[index])
+                    rest[index] = rest[index][sent:] or data
 
 
 if __name__ == "__main__":
