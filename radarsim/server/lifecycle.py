@@ -12,6 +12,11 @@ from radarsim.errors import PortUnavailable, ServerError
 from radarsim.os_errors import describe_os_error, error_number
 from radarsim.signal_handlers import INTERRUPTED, signal_handlers
 
+# Connections that are accepted before others are served, and those that may wait for it.
+ACCEPTED_AT_ONCE = 16
+MAX_WAITING = 128
+# A peer that is gone without a word is noticed after about two minutes.
+KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 6}  # s, s, times
 SEND_BUFFER_BYTES = 131_072  # what waits in the kernel is stale when it arrives
 
 
@@ -76,7 +81,11 @@ async def listen(
     loop = asyncio.get_running_loop()
     try:
         listener = await loop.create_server(
-            protocol_factory, address, port, reuse_address=True
+            protocol_factory,
+            address,
+            port,
+            reuse_address=True,
+            backlog=ACCEPTED_AT_ONCE,
         )
     except (OSError, UnicodeError) as error:
         text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
@@ -85,6 +94,9 @@ async def listen(
         raise (PortUnavailable(text, port) if of_port else ServerError(text)) from error
     if not listener.sockets:
         raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
+    for listening in listener.sockets:
+        with listening.dup() as same:  # asyncio has one number for both
+            same.listen(MAX_WAITING)
     host, bound_port = listener.sockets[0].getsockname()[:2]
     return listener, (host, bound_port)
 
@@ -93,6 +105,9 @@ def configure_socket(transport: asyncio.BaseTransport) -> None:
     """Detect peers that are gone, and let little data wait in the kernel."""
     sock = transport.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEP_ALIVE.items():
+        if hasattr(socket, name):  # not on every system
+            sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
 
 
