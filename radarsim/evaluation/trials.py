@@ -15,7 +15,6 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, MapError, NavigationError
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.shortest_path import shortest_path
-from radarsim.evaluation.workers import worker_pool
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.navigation.mission import Mission, run_mission
@@ -24,6 +23,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.config import SimulationConfig
+from radarsim.worker_pool import worker_pool
 
 MAPS = (
     *("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"),

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from radarsim.evaluation.workers import worker_pool
 from radarsim.figures.beam_scatter import draw_scatter
 from radarsim.figures.bug_runs import draw_bug
 from radarsim.figures.clear_and_dust import LASER, RADAR
@@ -18,6 +17,7 @@ from radarsim.figures.maps import draw_maps
 from radarsim.figures.offset_rays import draw_offset_rays
 from radarsim.figures.scenes import draw_test_map, draw_trial_scene
 from radarsim.navigation.options import Algorithm
+from radarsim.worker_pool import worker_pool
 
 
 @dataclass(frozen=True, slots=True)

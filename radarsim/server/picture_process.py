@@ -7,17 +7,21 @@ ticks would wait with it.
 
 import asyncio
 import os
-import pickle
-import struct
 import sys
-from asyncio.subprocess import PIPE, Process
 from collections.abc import Set as AbstractSet
-from contextlib import suppress
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 
+from radarsim.camera.encoding import encode
+from radarsim.camera.renderer import Renderer
 from radarsim.camera.view import View
 from radarsim.errors import ServerError
 from radarsim.protocol.images import ImageType, Region
 from radarsim.scene.scene import Scene
+from radarsim.worker_pool import worker_pool
+
+NICENESS = 10  # ticks of the server go first
 
 
 class PictureProcess:
@@ -26,18 +30,18 @@ class PictureProcess:
     def __init__(self, scene: Scene, image_type: ImageType) -> None:
         """Describe a process that is not started yet."""
         self._setting = scene, image_type
-        self._process: Process | None = None
+        self._until_stop = ExitStack()
+        self._pool: ProcessPoolExecutor | None = None
 
     async def start(self) -> None:
         """Start the process, which takes a second until it draws."""
-        self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "radarsim.camera"),
-            stdin=PIPE,
-            stdout=PIPE,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-            start_new_session=True,  # Ctrl-C is for the server, which stops it
-        )
-        self._write(self._setting)
+        # The scene is handed over as fast as the process starts to read it.
+        await asyncio.to_thread(self._start)
+
+    def _start(self) -> None:
+        pool = worker_pool(1, _Painter.prepare, *self._setting)
+        self._pool = self._until_stop.enter_context(pool)
+        self._pool.submit(os.getpid)  # processes start with their first task
 
     async def draw(
         self, view: View, regions: AbstractSet[Region]
@@ -47,29 +51,33 @@ class PictureProcess:
         Raises:
             ServerError: If the process has ended.
         """
-        assert self._process is not None
-        assert self._process.stdout is not None
-        self._write((view, regions))
+        assert self._pool is not None
         try:
-            header = await self._process.stdout.readexactly(8)
-            (length,) = struct.unpack(">Q", header)
-            data = await self._process.stdout.readexactly(length)
-        except (asyncio.IncompleteReadError, ConnectionError):
-            code = await self._process.wait()
-            raise ServerError(
-                f"the process that draws pictures has ended with exit code {code}"
-            ) from None
-        pictures: dict[Region, bytes] = pickle.loads(data)
-        return pictures
+            pictures = self._pool.submit(_Painter.draw, view, regions)
+            return await asyncio.wrap_future(pictures)
+        except BrokenProcessPool:
+            raise ServerError("the process that draws pictures has ended") from None
 
     async def stop(self) -> None:
         """End the process at once."""
-        if self._process is not None:
-            with suppress(ProcessLookupError):
-                self._process.kill()
-            await self._process.wait()
+        self._until_stop.close()
 
-    def _write(self, request: object) -> None:
-        assert self._process is not None
-        assert self._process.stdin is not None
-        self._process.stdin.write(pickle.dumps(request))
+
+class _Painter:
+    """What the process keeps from one picture to the next."""
+
+    _renderer: Renderer
+    _image_type: ImageType
+
+    @classmethod
+    def prepare(cls, scene: Scene, image_type: ImageType) -> None:
+        """Read the scene, once."""
+        if sys.platform != "win32":
+            os.nice(NICENESS)
+        cls._renderer, cls._image_type = Renderer(scene), image_type
+
+    @classmethod
+    def draw(cls, view: View, regions: AbstractSet[Region]) -> dict[Region, bytes]:
+        """Draw a picture, and encode regions of it."""
+        pixels = cls._renderer.render(view)
+        return {each: encode(pixels, each, cls._image_type) for each in regions}
