@@ -12,7 +12,7 @@ from radarsim.errors import PortUnavailable, ServerError
 from radarsim.os_errors import describe_os_error, error_number
 from radarsim.signal_handlers import INTERRUPTED, signal_handlers
 
-# Connections that are accepted before others are served, and those that may wait for it.
+# Connections accepted before others are served, and those that may wait meanwhile.
 ACCEPTED_AT_ONCE = 16
 MAX_WAITING = 128
 # A peer that is gone without a word is noticed after about two minutes.
