@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.attenuation import EventKind
@@ -27,6 +28,7 @@ from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
+from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.casting import CastingItem, read_together
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
@@ -226,7 +228,7 @@ class Simulation:
         return readings
 
     def _warm_up(self) -> None:
-        """Run all kernels of a scan, so that none is compiled while clients wait."""
+        """Run all kernels, so that none is compiled while clients wait."""
         radar, pose = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
         settings = {"incidence_weights": True, "ray_choice": "together"}
         together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
@@ -236,6 +238,8 @@ class Simulation:
             for scanner in (radar, radar.with_all_echoes, together)
         ]
         scan_batch(self._tracer, planned, boxes)
+        sonar = SonarArray([pose], [sonar_settings()])
+        self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
 
     def _scan_report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
         settings = mounted.scanner.settings

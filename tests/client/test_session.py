@@ -9,8 +9,11 @@ from hypothesis import strategies as st
 from radarsim.client import session as questions
 from radarsim.client.session import Question, Session
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.dialect import COMPAT
+from radarsim.host import Host
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
+    Encoder,
+    Gps,
     Greeting,
     GroundTruth,
     Ins,
@@ -22,10 +25,14 @@ from radarsim.protocol.reports import (
     RobotConf,
     RobotGeo,
     ScannerConf,
+    Sonar,
+    SonarConf,
     StartPoses,
     Status,
     to_bytes,
 )
+from radarsim.scene.scene import GPS_ORIGIN, Scene
+from radarsim.simulation.config import SimulationConfig
 
 HERE = Pose3(1, 2, 3)
 REPORTS: list[Report] = [
@@ -51,6 +58,36 @@ def test_reports_do_not_depend_on_how_the_stream_is_split(cuts: list[int]) -> No
     assert len(scan.ranges) == 1081
     assert session.scans == {"S": scan}
     assert (session.greeting, session.time, session.unread) == (REPORTS[0], 1.0, 0)
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+def test_sonars_gps_and_encoders_are_read_with_a_time(
+    empty_room: Scene, dialect: Dialect
+) -> None:
+    host = Host(empty_room, config=SimulationConfig(dialect))
+    number = host.connect()
+    host.receive(number, b"INIT {ClassName USARBot.P2AT} {Location -8,0,0}\r\n")
+    for _ in range(20):
+        host.step()
+    session = Session()
+    reports = session.receive(host.take(number))
+    assert session.unread == 0
+    sonars = [report for report in reports if isinstance(report, Sonar)]
+    ranges = dict(pair for report in sonars for pair in report.ranges)
+    assert list(ranges) == [f"{side}{i}" for side in "FR" for i in range(1, 9)]
+    assert ranges["R4"] == pytest.approx(10.4 - 8.24, abs=1e-3)
+    gps = [report for report in reports if isinstance(report, Gps)]
+    assert gps[-1].satellites == 11
+    assert gps[-1].position == pytest.approx(GPS_ORIGIN, abs=1e-3)
+    encoders = [report for report in reports if isinstance(report, Encoder)]
+    ticks = dict(pair for report in encoders for pair in report.ticks)
+    assert list(ticks) == ["ECLeft", "ECRight"]
+    stamped = [*sonars, *gps, *encoders]
+    assert {report.time for report in stamped} == {0.1, 0.2}
+    conf = SonarConf("Sonar", (("F1", 5, 0.1, 0.35, 0.2),))
+    question = questions.configuration("sonar", "F1")
+    assert question.accepts(conf)
+    assert not question.accepts(IntervalConf("GPS", (("GPS", 0.2),)))
 
 
 @given(data=st.lists(st.binary(max_size=50), max_size=20))
