@@ -1,6 +1,6 @@
 """True outlines of a scene at the height of a sensor, as areas and as lines."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family
+from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
 from radarsim.plotting.panels import Extent
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
@@ -24,23 +24,25 @@ _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """The outlines of all things of one kind.
+    """The outlines of all things of one kind and one family of materials.
 
     Attributes:
         kind: ``solid``, ``foliage`` or ``cloud``.
         lines: Their outlines, (N, 2) m each, map frame; where things overlap, that of
             both together.
+        family: The family, which gives the colour.
     """
 
     kind: str
     lines: tuple[Floats, ...]
+    family: Family = Family.STONE
 
 
 KINDS: Final = ("cloud", "foliage", "solid")
 
 
 def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
-    """Return the outlines of what a scene has at a height, one for each kind.
+    """Return the outlines of what a scene has at a height, by kind and family.
 
     Args:
         scene: The map.
@@ -48,9 +50,11 @@ def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
     """
     found = []
     for kind in KINDS:
-        parts = (part for part in scene.parts if kind_of(part.material) == kind)
-        if lines := _outline(parts, height):
-            found.append(Outline(kind, lines))
+        parts = [part for part in scene.parts if kind_of(part.material) == kind]
+        for family in Family:
+            alike = (part for part in parts if family_of(part.material) == family)
+            if lines := _outline(alike, height):
+                found.append(Outline(kind, lines, family))
     return tuple(found)
 
 
@@ -87,18 +91,10 @@ def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
     return tuple(lines)
 
 
-FILLS: Final = {
-    "solid": FAMILY_COLOURS[Family.STONE],
-    "foliage": FAMILY_COLOURS[Family.FOLIAGE],
-    "cloud": FAMILY_COLOURS[Family.SMOKE],
-}
-TEXTS: Final = {"solid": "solid", "foliage": "foliage", "cloud": "smoke or dust"}
-
-
 def draw_areas(
     axes: Axes, outlines: Iterable[Outline], *, zorder: float, solid_zorder: float
 ) -> list[PathPatch]:
-    """Draw things as filled areas, each kind in its colour.
+    """Draw things as filled areas, each family in its colour.
 
     Args:
         axes: Axes in m, map frame.
@@ -113,17 +109,21 @@ def draw_areas(
     for outline in outlines:
         path = Path.make_compound_path(*(Path(line) for line in outline.lines))
         order = solid_zorder if outline.kind == "solid" else zorder
-        drawn.append(PathPatch(path, **_area_style(outline.kind), zorder=order))
+        drawn.append(PathPatch(path, **_area_style(outline.family), zorder=order))
         axes.add_patch(drawn[-1])
     return drawn
 
 
-def area_rows(kinds: Collection[str]) -> list[Artist]:
-    """Return the rows of a legend for filled areas of some kinds."""
+def area_rows(outlines: Iterable[Outline]) -> list[Artist]:
+    """Return the rows of a legend for filled areas, one for each family."""
+    families = {outline.family for outline in outlines}
     return [
-        Patch(**_area_style(kind), label=TEXTS[kind]) for kind in KINDS if kind in kinds
+        Patch(**_area_style(family), label=family.value)
+        for family in Family
+        if family in families
     ]
 
 
-def _area_style(kind: str) -> dict[str, Any]:
-    return {"facecolor": FILLS[kind], "edgecolor": MARKER, "linewidth": 0.8}
+def _area_style(family: Family) -> dict[str, Any]:
+    colour = FAMILY_COLOURS[family]
+    return {"facecolor": colour, "edgecolor": MARKER, "linewidth": 0.8}

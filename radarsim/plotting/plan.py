@@ -30,7 +30,7 @@ LEAF_OPACITY: Final = 0.35  # of the area around leaves
 _BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
 _NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
-_WALL: Final = "wall"  # objects of this name need no label
+_WALLS: Final = ("wall", "fence")  # objects of these names need no label
 _SMALL: Final = 1.2  # m; names of smaller objects are written beside them
 _NAME_SHARE: Final = 0.12  # of the width, at most, that a name takes
 _DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
@@ -172,23 +172,34 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
     return axes
 
 
-def name_objects(axes: Axes, parts: Iterable[Part], height: float) -> None:
+def name_objects(
+    axes: Axes, parts: Iterable[Part], height: float, most: int | None = None
+) -> None:
     """Write the name of each object that the section cuts, walls excepted.
 
     Objects in a row, such as ``bush_1`` and ``bush_2``, have one name together. Names
-    stand in large pale objects, and beside all others. The axes have their limits.
+    stand in large pale objects, and beside all others.
+
+    Args:
+        axes: Axes in m, map frame, with their final limits.
+        parts: The parts of the scene.
+        height: Height of the section, m, map frame.
+        most: No names are written if there were more; None for any number.
     """
     places: dict[str, list[Floats]] = {}
     fills: dict[str, Family] = {}
     for part in parts:
         lines = slice_mesh(part.vertices, part.faces, height)
-        if len(lines) and _WALL not in part.object_name:
+        if len(lines) and not any(word in part.object_name for word in _WALLS):
             places.setdefault(part.object_name, []).append(lines.reshape(-1, 2))
             fills.setdefault(part.object_name, family_of(part.material))
     first, end = axes.get_xlim()
     last = end - _NAME_SHARE * (end - first)
     boxes = {name: _box_of(np.concatenate(each)) for name, each in places.items()}
-    for text, name in _names(boxes).items():
+    names = _names(boxes)
+    if most is not None and len(names) > most:
+        return
+    for text, name in names.items():
         west, south, east, north = boxes[name].bounds
         small = max(east - west, north - south) < _SMALL
         y = (south + north) / 2

@@ -81,7 +81,7 @@ class RunFrames:
             [
                 *path_rows(paths),
                 *run_rows(sensor, sensed=True, truth=bool(outlines)),
-                *area_rows([outline.kind for outline in outlines]),
+                *area_rows(outlines),
                 *marker_rows([HIT, LEAVE]),
             ]
         )

@@ -226,7 +226,6 @@ def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
     """Return the rows of a legend of all that some runs show."""
     styles = {style for view in views for style in _styles(view.run_log)}
     markers = {style for view in views for style in marker_places(view.run_log)}
-    kinds = {outline.kind for view in views for outline in view.outlines}
     return [
         *path_rows(
             [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
@@ -236,7 +235,7 @@ def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
             sensed=any(len(view.run_log.beam_ends) for view in views),
             truth=any(len(view.true_path) for view in views),
         ),
-        *area_rows(kinds),
+        *area_rows(outline for view in views for outline in view.outlines),
         *marker_rows([style for style in STYLES if style in markers]),
     ]
 

@@ -43,6 +43,7 @@ NOWHERE: Final[Floats] = np.zeros((0, 2))
 _LARGEST: Final = (9.4, 6.6)  # inches of a plan
 _LEGEND: Final = 2.6  # inches beside it
 _TITLE: Final = 0.9  # inches above and below it
+_NAMES: Final = 20  # of objects; with more of them rays could not be seen
 _LETTER: Final = 0.13  # inches of a title, on average
 
 
@@ -136,7 +137,7 @@ def draw_scan(
     legend.add_materials(plan.materials)
     _draw_sensor(axes, scans[0], robot)
     show_extent(axes, np.concatenate([plan.corners, include, *_points(scans)]))
-    name_objects(axes, scene.parts, scans[0].pose.z)
+    name_objects(axes, scene.parts, scans[0].pose.z, _NAMES)
     words = describe_beams(scene.name, scans)
     write_title(axes, title_scans(scans, sights), words)
 

@@ -3,8 +3,18 @@
 import numpy as np
 import pytest
 import shapely
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from radarsim.plotting.outlines import kind_of, outlines_extent, outlines_of
+from radarsim.plotting.outlines import (
+    area_rows,
+    draw_areas,
+    kind_of,
+    outlines_extent,
+    outlines_of,
+)
+from radarsim.plotting.palette import FAMILY_COLOURS, Family
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, sphere
@@ -58,3 +68,23 @@ def test_open_surface_is_outlined_by_its_lines() -> None:
     sheet = Part("sheet", STONE, vertices, np.array([[0, 1, 2], [1, 3, 2]]))
     (outline,) = outlines_of(Scene("x", "X", (sheet,)), 0.5)
     assert sum(float(np.hypot(*(b - a))) for a, b in outline.lines) == pytest.approx(1)
+
+
+def test_each_family_of_materials_has_its_colour_and_its_row() -> None:
+    parts = (
+        block(0, 0, (1, 1)),
+        Part("crate", Material("wood"), *sphere(1.0)),
+        Part("car", Material("steel"), *sphere(1.0)),
+    )
+    found = outlines_of(Scene("x", "X", parts), 0.5)
+    assert {outline.kind for outline in found} == {"solid"}
+    axes = Figure().add_subplot()
+    drawn = draw_areas(axes, found, zorder=1.0, solid_zorder=2.0)
+    rows = {str(row.get_label()): row for row in area_rows(found)}
+    for family in (Family.STONE, Family.WOOD, Family.METAL):
+        colour = to_rgba(FAMILY_COLOURS[family])
+        row = rows.pop(family.value)
+        assert isinstance(row, Patch)
+        assert row.get_facecolor() == colour
+        assert colour in {patch.get_facecolor() for patch in drawn}
+    assert not rows

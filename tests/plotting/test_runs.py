@@ -16,8 +16,15 @@ from radarsim.navigation.control import STOP
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.run_log import RunLog
 from radarsim.navigation.runner import NavigationStep
-from radarsim.plotting.outlines import FILLS, Outline
-from radarsim.plotting.palette import HOKUYO, MARKER, RADAR, TRUE_PATH
+from radarsim.plotting.outlines import Outline
+from radarsim.plotting.palette import (
+    FAMILY_COLOURS,
+    HOKUYO,
+    MARKER,
+    RADAR,
+    TRUE_PATH,
+    Family,
+)
 from radarsim.plotting.panels import Extent
 from radarsim.plotting.rendering import FORMS
 from radarsim.plotting.run_film import RunFrames
@@ -34,6 +41,7 @@ from radarsim.plotting.runs import (
 )
 
 WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
+WALLS = Family.STONE.value
 PLAN = (Outline("solid", (WALL,)),)
 TRUE = np.array([[0.0, 0.0], [1.0, 0.2], [4.0, 0.2]])
 BUG1 = [
@@ -152,7 +160,7 @@ def test_what_is_sensed_does_not_cover_the_walls() -> None:
     for each in (run_log, blind):
         frames = RunFrames(extent, "title", "P3AT", None, PLAN)
         frame = frames.draw(each, TRUE[:1], "status")
-        grey = np.round(255 * np.array(to_rgb(FILLS["solid"])))
+        grey = np.round(255 * np.array(to_rgb(FAMILY_COLOURS[Family.STONE])))
         areas.append(int((frame == grey).all(axis=2).sum()))
     assert areas[0] == areas[1] > 100
 
@@ -169,9 +177,9 @@ def test_several_goals_are_numbered() -> None:
 
 def test_legend_lists_exactly_what_is_drawn() -> None:
     reached = legend(figure_of(record_of(*BUG1), outlines=PLAN, true_path=TRUE))
-    assert {"returning to the leave point", "solid", "true path"} <= {*reached}
+    assert {"returning to the leave point", WALLS, "true path"} <= {*reached}
     failed = legend(figure_of(record_of(*NO_PATH)))
-    absent = {"solid", "true path", "leave point", "returning to the leave point"}
+    absent = {WALLS, "true path", "leave point", "returning to the leave point"}
     assert not absent & {*failed}
     assert "hit point" in failed
     assert "sensed" in failed
