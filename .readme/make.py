@@ -8,8 +8,8 @@ from pathlib import Path
 from PIL import Image
 
 FOLDER = Path(__file__).parent
-WIDTH = 900  # pixels
-COLOURS = 128
+WIDTH = 1200  # pixels
+COLOURS = 256
 COMMANDS = (
     "radarsim figures figures --only 6,7,8",
     "radarsim demo demo.png",
@@ -36,7 +36,9 @@ def shrink(source: Path, target: Path) -> None:
     if picture.width > WIDTH:
         height = round(picture.height * WIDTH / picture.width)
         picture = picture.resize((WIDTH, height), Image.Resampling.LANCZOS)
-    picture.quantize(COLOURS).save(target, optimize=True)
+    # by coverage, as the median cut leaves steps where rays lie close together
+    picture = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=4)
+    picture.save(target, optimize=True)
 
 
 def main() -> None:
