@@ -3,13 +3,14 @@
 import asyncio
 import os
 import signal
+import socket
 from collections.abc import Callable
 from types import FrameType
 from typing import cast
 
 import pytest
 
-from radarsim.server.lifecycle import exit_code_of_signal
+from radarsim.server.lifecycle import configure_socket, exit_code_of_signal
 
 CODES = [
     pytest.param(signal.SIGINT, 130, id="interrupt"),
@@ -48,3 +49,24 @@ def test_signal_after_the_loop_is_closed_is_ignored() -> None:
         return cast(Callable[[int, FrameType | None], None], found)
 
     asyncio.run(handler())(signal.SIGTERM, None)
+
+
+class Endpoint(asyncio.BaseTransport):
+    """A transport that has nothing but its socket."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        super().__init__({"socket": sock})
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_KEEPIDLE"), reason="not on every system")
+def test_peer_that_is_gone_without_a_word_is_noticed_within_minutes() -> None:
+    with socket.socket() as sock:
+        configure_socket(Endpoint(sock))
+        assert sock.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        idle, interval, count = [
+            sock.getsockopt(socket.IPPROTO_TCP, option)
+            for option in (
+                *(socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT),
+            )
+        ]
+        assert idle + interval * count <= 180

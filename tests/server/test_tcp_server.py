@@ -327,6 +327,70 @@ async def test_diagnostics_of_commands_that_waited_are_logged(
     await running_server.wait_until(lambda: "verb 'FOO'" in caplog.text)
 
 
+@pytest.mark.slow
+async def test_five_thousand_connections_come_and_go(
+    running_server: RunningServer,
+) -> None:
+    other = await running_server.driver()
+    address, loop = running_server.server.address, asyncio.get_running_loop()
+
+    def come_and_go() -> None:
+        for number in range(5000):
+            with suppress(ConnectionError), socket.create_connection(address) as sock:
+                if number % 3:
+                    sock.sendall(INIT[: number % len(INIT)])
+                if number % 2:
+                    linger = struct.pack("ii", 1, 0)
+                    sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+
+    coming = loop.run_in_executor(None, come_and_go)
+    while not coming.done():
+        assert_every_scan_came(await other.scans(5))
+    await coming
+    again = await running_server.driver(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
+    assert_every_scan_came(await again.scans(5))
+    await running_server.wait_until(lambda: running_server.robots == 2)
+
+
+async def test_two_hundred_connect_at_the_same_time(
+    running_server: RunningServer,
+) -> None:
+    peers = await asyncio.gather(*(running_server.peer() for _ in range(200)))
+    for peer in peers:
+        assert await peer.line() == GREETING
+
+
+async def test_command_that_comes_byte_by_byte_is_executed(
+    running_server: RunningServer,
+) -> None:
+    peer, other = await running_server.peer(), await running_server.driver()
+    await peer.line()
+    for byte in b"GETSTARTPOSES\r":
+        await peer.send(bytes([byte]))
+        assert_every_scan_came(await other.scans(2))
+    assert await peer.line() == STARTS
+
+
+async def test_robots_of_clients_that_never_read_do_not_fill_the_memory(
+    empty_room: Scene,
+) -> None:
+    host = Host(empty_room, config=LONG_LINES)
+    async with serving(host, speed=50) as running_server:
+        deaf = [await running_server.peer(small=True) for _ in range(20)]
+        for index, peer in enumerate(deaf):
+            place = b"{Location %d,%d,0}" % (index % 5 * 2 - 4, index // 5 * 2 - 4)
+            await peer.send(b"INIT {ClassName P3AT} %b\r\n" % place)
+            peer.transport.pause_reading()
+        numbers = range(1, len(deaf) + 1)
+        await running_server.wait_until(
+            lambda: all(host.dropped_readings(number) for number in numbers)
+        )
+        assert max(host.unsent_bytes(number) for number in numbers) < 300_000
+        for peer in deaf:
+            peer.reset()
+        await running_server.wait_until(lambda: running_server.robots == 0)
+
+
 class Counting(Host):
     """Counts the bytes that are read between two ticks."""
 
