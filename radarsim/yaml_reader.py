@@ -43,6 +43,7 @@ Position: TypeAlias = tuple[int, int]  # line and column, from 1
 
 MAX_BYTES = 1024 * 1024
 MAX_VALUES = 500_000  # with aliases expanded
+MAX_KEY = 80  # characters of a key in a problem
 MAX_DEPTH = 32  # of nested lists and dicts, including those used as keys
 
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
@@ -415,5 +416,5 @@ def _place(path: Path, position: Position) -> str:
 
 
 def _format_problem(place: str, keys: Sequence[str | int], message: str) -> str:
-    dotted = ".".join(str(key) for key in keys)
+    dotted = ".".join(str(key)[:MAX_KEY] for key in keys)
     return f"{place}: {dotted}: {message}" if dotted else f"{place}: {message}"

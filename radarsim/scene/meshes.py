@@ -196,12 +196,13 @@ def _surface(scene: Any, node: str) -> Surface | None:
     """Return a node's triangles; None for points and lines."""
     matrix, name = scene.graph[node]
     geometry = scene.geometry[name]
-    faces = np.array(getattr(geometry, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    faces = np.asarray(getattr(geometry, "faces", ()), dtype=np.int64).reshape(-1, 3)
     if not len(faces):
         return None
     matrix = np.array(matrix, dtype=np.float64)
-    local = np.array(geometry.vertices, dtype=np.float64)
-    vertices = local @ matrix[:3, :3].T + matrix[:3, 3]
+    vertices = np.asarray(geometry.vertices, dtype=np.float64)
+    if not np.array_equal(matrix, np.eye(4)):
+        vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     if not 0 <= faces.min() <= faces.max() < len(vertices):
         raise ValueError("a face names a vertex that is not there")
     if not np.isfinite(vertices).all():

@@ -42,10 +42,17 @@ def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
         vertices: (V, 3) m.
         faces: (F, 3) vertex indices.
     """
-    used, indices = np.unique(faces, return_inverse=True)
+    used = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)))
     positions = vertices[used] + 0.0  # -0.0 and 0.0 are one position
-    merged, targets = np.unique(positions, axis=0, return_inverse=True)
-    renamed = targets.reshape(-1)[indices.reshape(-1, 3)].astype(np.int32)
+    # np.unique finds equal rows too, but takes four times as long.
+    order = np.lexsort(positions.T[::-1])
+    positions = positions[order]
+    is_first = np.ones(len(used), dtype=bool)
+    is_first[1:] = (positions[1:] != positions[:-1]).any(axis=1)
+    merged = positions[is_first]
+    targets = np.zeros(len(vertices), dtype=np.int32)
+    targets[used[order]] = np.cumsum(is_first) - 1
+    renamed = targets[faces]
     a, b, c = renamed.T
     return merged, renamed[(a != b) & (b != c) & (c != a)]
 
