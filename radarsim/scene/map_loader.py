@@ -181,7 +181,7 @@ class MapLoader:
             try:
                 room.take((entry and entry.copies) or 1, "objects")
                 self._claim(at, _object_names(entry, item), taken)
-                if entry is not None and valid:
+                if entry is not None and valid and not self.problems.full:
                     yield from self._parts(at, entry, materials, room)
             except BuildError as error:
                 self._report(at, error.problems)

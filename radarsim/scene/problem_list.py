@@ -30,7 +30,7 @@ class ProblemList:
 
     @property
     def full(self) -> bool:
-        """Whether further problems are only counted."""
+        """Whether further problems are only counted; nothing need be built then."""
         return len(self._told) >= MAX_TOLD
 
     def report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
