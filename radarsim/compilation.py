@@ -16,12 +16,12 @@ from radarsim.kernel_cache import cache_folder
 logger: Final = logging.getLogger(__name__)
 
 ENGINE: Final = "the ray engine"
-# What kernels belong to, by their subpackages; others belong to the engine.
+# What kernels belong to, by the beginning of their module; others are of the engine.
 _SUBJECTS: Final = {
-    "sensors": "the sensors",
-    "mapping": "mapping",
-    "exploration": "exploration",
-    "camera": "the camera",
+    "radarsim.sensors.echo": "the extraction of echoes",
+    "radarsim.mapping": "mapping",
+    "radarsim.exploration": "exploration",
+    "radarsim.camera": "the camera",
 }
 
 
@@ -78,7 +78,8 @@ def subject_of(module: str) -> str:
     >>> subject_of("radarsim.mapping.scan_matching")
     'mapping'
     """
-    return _SUBJECTS.get(module.split(".")[1], ENGINE)
+    found = (name for start, name in _SUBJECTS.items() if module.startswith(start))
+    return next(found, ENGINE)
 
 
 def describe(subject: str) -> str:

@@ -162,7 +162,11 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
         axes.plot(*scene.trial.goal, "*", color="black", markersize=10, zorder=5)
         _write(axes, "goal of the trial", scene.trial.goal, "above")
     objects = len({part.object_name for part in scene.parts})
-    words = f"{scene.name}: {objects} objects, {len(scene.starts)} starts"
+    starts = len(scene.starts)
+    words = (
+        f"{scene.name}: {objects} object{'s' * (objects != 1)},"
+        f" {starts} start{'s' * (starts != 1)}"
+    )
     write_title(axes, words, f"section at z {height:.2f} m, where a P3AT scans")
     if figure is not None:
         legend = Legend()

@@ -65,7 +65,7 @@ def test_each_part_of_the_program_is_told_once_by_its_name(
 ) -> None:
     with compile_progress():
         for subject in (ENGINE, "mapping", ENGINE, "mapping"):
-            with compilation.running(subject), compilation.running("the sensors"):
+            with compilation.running(subject), compilation.running("exploration"):
                 pass
     mapping = "radarsim: compiling mapping, once on this machine\n"
     assert capsys.readouterr() == ("", LINE + mapping)
