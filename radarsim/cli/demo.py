@@ -6,7 +6,7 @@ from typing import Annotated, Final
 import typer
 
 from radarsim.cli.options import check_ending, check_writable, write_file
-from radarsim.cli.output import print_lines
+from radarsim.cli.output import print_lines, program_name
 from radarsim.cli.own_files import is_by_radarsim
 
 MAP: Final = "foliage_room"
@@ -14,9 +14,9 @@ START: Final = "RobotStart1"
 TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
 _NEXT: Final = f"""\
 Try next:
-  radarsim explain {MAP} --sensor radar --start {START} --beam 92
-  radarsim navigate --algorithm bug2 --serve bug_u_trap --plot run.png
-  radarsim serve {MAP}
+  {{0}} explain {MAP} --sensor radar --start {START} --beam 92
+  {{0}} navigate --algorithm bug2 --serve bug_u_trap --plot run.png
+  {{0}} serve {MAP}
 """
 
 
@@ -33,7 +33,7 @@ def demo(
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
     write_file(out, render(figure, "png"), "OUT")
     print_lines([out])
-    typer.echo(_NEXT, err=True, nl=False)
+    typer.echo(_NEXT.format(program_name()), err=True, nl=False)
 
 
 def _check_out(out: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 import typer
 
 from radarsim.cli.options import check_ending, check_writable, write_file
-from radarsim.cli.output import print_lines
+from radarsim.cli.output import print_lines, program_name
 
 STARTER_MAP: Final = Path(__file__).parents[1] / "scene" / "starter_map.yaml"
 
@@ -32,4 +32,4 @@ def new(
     scan = f"scan {name} --sensor radar --start RobotStart1 -o {picture}"
     commands = (f"check {name}", scan, f"serve {name}")
     first = f"{file}: change it in an editor, then try"
-    print_lines((first, *(f"  radarsim {command}" for command in commands)))
+    print_lines((first, *(f"  {program_name()} {command}" for command in commands)))

@@ -4,8 +4,11 @@ Names from maps, clients and command lines are in them, so all is made printable
 """
 
 import logging
+import shlex
+import shutil
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 import typer
 
@@ -21,6 +24,20 @@ def print_message(text: str) -> None:
     """Print a message with the name of the program on stderr, at once."""
     sys.stderr.write(f"radarsim: {escape_lines(text)}\n")
     sys.stderr.flush()
+
+
+def program_name() -> str:
+    """Return how this program was called, for commands that can be copied.
+
+    Where it is not on the path, as in an environment that is not active, that is its
+    file.
+    """
+    called = Path(sys.argv[0])
+    if called.name == "__main__.py":
+        return "python -m radarsim"
+    if called.stem != "radarsim" or shutil.which(called.name) is not None:
+        return "radarsim"
+    return shlex.quote(sys.argv[0])
 
 
 def start_log(level: int, form: str) -> None:

@@ -18,7 +18,7 @@ from radarsim.cli.options import (
     check_positive,
     read_item_settings,
 )
-from radarsim.cli.output import start_log
+from radarsim.cli.output import program_name, start_log
 from radarsim.errors import PortUnavailable, PresetError, ServerError
 from radarsim.signal_handlers import set_exit_code_of_sigterm
 
@@ -203,7 +203,7 @@ def announce_images(address: tuple[str, int]) -> None:
 def _drive_command(address: tuple[str, int]) -> str:
     """Return the command that drives on this server, with the options it needs."""
     host, port = address
-    command = "radarsim drive"
+    command = f"{program_name()} drive"
     if host not in ("127.0.0.1", "0.0.0.0"):
         command += f" --host {host}"
     return command if port == DEFAULT_PORT else f"{command} --port {port}"

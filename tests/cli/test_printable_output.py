@@ -152,3 +152,20 @@ def test_messages_of_errors_are_printable_also_in_python() -> None:
 @pytest.mark.parametrize("text", ["", "two words", "1 m²", "Größe", "木"])
 def test_printable_text_stays_as_it_is(text: str) -> None:
     assert escape_unprintable(text) == text
+
+
+@pytest.mark.parametrize(
+    ("called", "name"),
+    [
+        ("radarsim", "radarsim"),
+        ("/no such folder/bin/radarsim", "'/no such folder/bin/radarsim'"),
+        ("/a/radarsim/__main__.py", "python -m radarsim"),
+        ("/usr/bin/pytest", "radarsim"),
+    ],
+)
+def test_commands_to_copy_begin_as_the_program_was_called(
+    monkeypatch: pytest.MonkeyPatch, called: str, name: str
+) -> None:
+    monkeypatch.setattr("sys.argv", [called])
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert output.program_name() == name
