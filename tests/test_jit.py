@@ -117,12 +117,14 @@ def test_edit_of_an_inlined_function_in_another_module_is_noticed(
     assert run(package)[:2] == (2, True)  # the folder of that code is still there
 
 
+@pytest.mark.slow
 def test_edit_of_a_module_without_kernels_keeps_the_cache(package: Path) -> None:
     run(package)
     (package / "kernels/other.py").write_text("NUMBER = 1\n")
     assert run(package)[:2] == (2, True)
 
 
+@pytest.mark.slow
 def test_cache_is_in_the_folder_that_numba_is_told_to_use(
     package: Path, tmp_path: Path
 ) -> None:
@@ -133,6 +135,7 @@ def test_cache_is_in_the_folder_that_numba_is_told_to_use(
     assert not (package / "__pycache__").exists()
 
 
+@pytest.mark.slow
 def test_without_home_or_a_writable_folder_kernels_are_compiled_each_time(
     package: Path, tmp_path: Path
 ) -> None:
@@ -144,6 +147,7 @@ def test_without_home_or_a_writable_folder_kernels_are_compiled_each_time(
         assert run(package, **changes) == (2, False, "None")
 
 
+@pytest.mark.slow
 def test_without_a_users_cache_folder_the_cache_is_in_the_package(
     package: Path, tmp_path: Path
 ) -> None:
@@ -155,6 +159,7 @@ def test_without_a_users_cache_folder_the_cache_is_in_the_package(
     assert Path(folder).parent == package / "__pycache__"
 
 
+@pytest.mark.slow
 def test_copies_in_different_places_share_the_cache(
     package: Path, tmp_path: Path
 ) -> None:
@@ -176,6 +181,7 @@ COMPILED = (
 )
 
 
+@pytest.mark.slow
 def test_compiling_is_told_to_observers_and_to_the_log(package: Path) -> None:
     (package / "kernels/callback.py").write_text(CALLBACK)
     began_and_ended = ["the ray engine", None]
@@ -212,6 +218,7 @@ def test_only_functions_of_the_package_use_its_cache(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_two_processes_can_fill_the_cache_at_once(package: Path) -> None:
     both = [start(package) for _ in range(2)]
     assert [finish(process)[0] for process in both] == [2, 2]

@@ -123,6 +123,7 @@ def test_start_poses_are_free(variant: str) -> None:
         assert vehicle.robot.pose == wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["dust", "smoke", "rain"])
 @pytest.mark.parametrize("sensor", RADARS)
 def test_radar_measures_as_in_clear_air(sensor: str, variant: str) -> None:
@@ -172,6 +173,7 @@ def test_hokuyo_is_blinded_only_where_smoke_is_thick() -> None:
     assert np.isfinite(smoky[thin]).any()
 
 
+@pytest.mark.slow
 def test_smoke_absorbs_the_light_of_a_physical_laser() -> None:
     clear = scan("physical")
     last = scan("physical", "smoke", return_mode="last").ranges

@@ -153,6 +153,7 @@ objects:
 '''
 
 
+@pytest.mark.slow
 def test_suite_of_a_client_passes_with_warnings_as_errors(
     pytester: pytest.Pytester,
 ) -> None:
@@ -163,6 +164,7 @@ def test_suite_of_a_client_passes_with_warnings_as_errors(
     result.assert_outcomes(passed=17)
 
 
+@pytest.mark.slow
 def test_server_that_cannot_start_fails_the_setup_with_one_line(
     pytester: pytest.Pytester,
 ) -> None:
@@ -202,6 +204,7 @@ def test_server_that_cannot_start_fails_the_setup_with_one_line(
     result.stdout.no_fnmatch_line("*another exception*")
 
 
+@pytest.mark.slow
 def test_error_in_the_server_thread_fails_its_test(
     pytester: pytest.Pytester,
 ) -> None:
@@ -231,6 +234,7 @@ def test_error_in_the_server_thread_fails_its_test(
     result.stdout.fnmatch_lines(["*Connection*"] * 2)
 
 
+@pytest.mark.slow
 def test_suites_without_a_server_do_not_import_it(
     pytester: pytest.Pytester,
 ) -> None:

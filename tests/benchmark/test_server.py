@@ -1,6 +1,9 @@
+import pytest
+
 from radarsim.benchmark.server import lateness, start_up
 
 
+@pytest.mark.slow
 def test_a_few_robots_get_their_scans() -> None:
     rows = {row.name.partition(": ")[2]: row for row in lateness(3, 1.0)}
     # a busy machine may be late at the end of the second
@@ -10,6 +13,7 @@ def test_a_few_robots_get_their_scans() -> None:
     assert rows["late, 99th percentile"].limit is None
 
 
+@pytest.mark.slow
 def test_the_program_starts() -> None:
     help_, serve = start_up(times=1)
     assert help_.value > 0

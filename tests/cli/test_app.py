@@ -65,6 +65,7 @@ def test_errors_become_exit_codes(
     assert run.err == ("radarsim: the port is taken\n" if code == 1 else "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("closed", "command", "code"),
     [

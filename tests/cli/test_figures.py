@@ -58,6 +58,7 @@ def test_chosen_figures_are_written_with_a_page(
     )
 
 
+@pytest.mark.slow
 def test_new_figures_are_added_to_a_folder_and_other_files_stay(
     radarsim: Command, tmp_path: Path
 ) -> None:
@@ -127,6 +128,7 @@ def test_commands_in_captions_repeat_the_runs(radarsim: Command) -> None:
     assert told["judge"]["goal_distance"] == pytest.approx(off, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_commands_in_captions_repeat_the_maps(
     radarsim: Command, tmp_path: Path
 ) -> None:

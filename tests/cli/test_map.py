@@ -129,6 +129,7 @@ def test_pictures_have_the_colours_of_usarcommander_and_nav2(
         assert {*np.unique(np.asarray(image))} == {0, 205, 254}
 
 
+@pytest.mark.slow
 def test_map_of_probabilities_is_a_second_picture(
     radarsim: Command, tmp_path: Path
 ) -> None:
@@ -249,6 +250,7 @@ def test_folder_without_write_permission_is_a_usage_error(
     assert "no permission" in run.err
 
 
+@pytest.mark.slow
 def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> None:
     run = radarsim(
         *("map", str(tmp_path), "--serve", "foliage_room", "--no-echoes", "--json"),
@@ -284,6 +286,7 @@ def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:
     assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
 
 
+@pytest.mark.slow
 def test_terminal_shows_a_live_status_line(
     radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -306,6 +309,7 @@ def test_room_is_mapped_over_tcp(
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
+@pytest.mark.slow
 @fast_server
 @pytest.mark.parametrize(
     ("number", "code"),
@@ -330,6 +334,7 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
+@pytest.mark.slow
 def test_files_of_other_programs_are_not_overwritten(
     radarsim: Command, tmp_path: Path
 ) -> None:
@@ -375,6 +380,7 @@ def test_full_disk_is_reported_in_json(radarsim: Command, tmp_path: Path) -> Non
     assert [file.name for file in tmp_path.iterdir()] == ["map.pgm"]
 
 
+@pytest.mark.slow
 def test_interrupted_run_is_reported_in_json(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
@@ -413,6 +419,7 @@ class Through:
         return self.process.returncode, out.decode(), errors.decode()
 
 
+@pytest.mark.slow
 @fast_server
 @pytest.mark.parametrize("echoes", [True, False])
 def test_robot_of_another_client_is_mapped_through_the_proxy(
@@ -439,6 +446,7 @@ def test_robot_of_another_client_is_mapped_through_the_proxy(
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
+@pytest.mark.slow
 @fast_server
 def test_no_map_is_written_when_no_client_connects(
     usarsim_server: UsarsimServer, tmp_path: Path
@@ -504,6 +512,7 @@ def test_place_of_a_film_has_to_be_a_file(radarsim: Command, tmp_path: Path) -> 
     assert "regular file" in run.err
 
 
+@pytest.mark.slow
 def test_film_that_cannot_be_written_does_not_spoil_the_map(
     radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -519,6 +528,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
     assert run.text.startswith("explored by frontiers")
 
 
+@pytest.mark.slow
 @fast_server
 def test_interrupted_run_leaves_the_film_so_far(
     usarsim_server: UsarsimServer, tmp_path: Path

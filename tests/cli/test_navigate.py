@@ -298,6 +298,7 @@ def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
     assert {*trace.parent.iterdir()} == {trace, plot}
 
 
+@pytest.mark.slow
 def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) -> None:
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
     run = radarsim(
@@ -363,6 +364,7 @@ def test_robot_is_stopped_when_the_server_fails(
     assert 0.3 < middle.stops[0] < 30.0
 
 
+@pytest.mark.slow
 @fast_server
 @pytest.mark.parametrize(
     ("number", "code"),

@@ -404,6 +404,7 @@ def test_mapped_walls_match_the_room_without_noise(empty_room: Scene) -> None:
     assert seen_share(points) > 0.95
 
 
+@pytest.mark.slow
 def test_mapped_walls_match_the_room_on_average_with_side_beams(
     empty_room: Scene,
 ) -> None:

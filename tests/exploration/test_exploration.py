@@ -95,6 +95,7 @@ def test_robot_stands_after_exploration(empty_room: Scene) -> None:
     client.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", ["odometry", "none"])
 def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
     exploration = run(
@@ -134,6 +135,7 @@ def test_safety_distance_is_larger_without_echoes(foliage_room: Scene) -> None:
     assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
 
 
+@pytest.mark.slow
 def test_robot_that_pushes_against_something_unseen_is_stuck(
     foliage_room: Scene,
 ) -> None:
@@ -233,6 +235,7 @@ def test_exploration_ends_when_scans_lose_beams(empty_room: Scene) -> None:
     assert exploration.outcome is Outcome.FAILED
 
 
+@pytest.mark.slow
 def test_robot_with_a_forward_scanner_reaches_its_waypoints(
     foliage_room: Scene,
 ) -> None:
@@ -301,6 +304,7 @@ def versions() -> dict[str, int]:
     return found
 
 
+@pytest.mark.slow
 def test_exploration_compiles_nothing_after_warm_up(foliage_room: Scene) -> None:
     warm_up()
     before = versions()

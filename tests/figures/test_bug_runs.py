@@ -8,6 +8,7 @@ from radarsim.navigation.options import Algorithm
 drawn_bug = functools.cache(draw_bug)
 
 
+@pytest.mark.slow
 def test_bug2_fails_at_a_closed_box() -> None:
     found = run(CLOSED, Algorithm.BUG2, 0)
     assert found.outcome == "no_path"

@@ -206,6 +206,7 @@ BOXES = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.sampled_from(list(Algorithm)), st.booleans(), BOXES)
 def test_goal_behind_any_box_is_reached(

@@ -31,6 +31,7 @@ def read(bumpers: Bumpers, seen: Observation) -> dict[str, Bumper]:
     return {bumper.name: bumper for bumper in bumpers.read(seen)}
 
 
+@pytest.mark.slow
 @given(st.integers(4, 36), st.lists(st.floats(0.1, 80), min_size=360, max_size=360))
 def test_every_beam_presses_exactly_one_bumper(count: int, ranges: list[float]) -> None:
     bumpers = Bumpers(safety_distance=1.0, count=count, share=1e-9)

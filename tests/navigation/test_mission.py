@@ -128,6 +128,7 @@ def test_wheel_speeds_are_in_the_unit_of_the_server(
     assert result.time == pytest.approx(0.9 / 0.3, abs=0.7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wall_on_left", "sign"),
     [pytest.param(True, -1, id="left"), pytest.param(False, 1, id="right")],

@@ -115,6 +115,7 @@ def test_radar_sees_things_behind_the_hedge_but_a_laser_does_not(
     assert max(laser) <= 3
 
 
+@pytest.mark.slow
 def test_radar_finds_the_things_in_the_clearing(forest: Scene) -> None:
     radar = radarsim.load_sensor("radar", return_mode="all", resolution_deg=0.5)
     rng = generator_for(0, "radar")

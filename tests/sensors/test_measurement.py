@@ -62,6 +62,7 @@ EDGE = scene(
 AHEAD = {"fov_deg": 4, "resolution_deg": 2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", [(1, 1, 1), (1, 4, 1), (3, 2, 1)])
 def test_rays_near_an_edge_are_drawn_by_their_weights(
     weights: tuple[float, float, float],

@@ -81,6 +81,7 @@ def listening_port(process: "subprocess.Popen[str]") -> int:
     return int(line.rpartition(":")[2])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty_room")  # compiled by then
 @pytest.mark.parametrize(("number", "code"), EXITS)
 def test_program_exits_on_a_signal_while_robots_are_scanning(
