@@ -79,7 +79,10 @@ def draw_all_readings(seed: int) -> DrawnFigure:
             commands.append(shot.command)
             told = _details(shot, counts, dusty=air != "clear")
             details.append(f"{NAMES[sensor]}, {AIRS[air]}: {told}")
-    draw_title(drawing, "Dust blinds the laser and not the radar")
+    dusty = [count_readings(sensor, "dust", seed) for sensor in (RADAR, LASER)]
+    read, missed = (counts.objects for counts in dusty)
+    everything = f"{read} of {dusty[0].all_objects} objects"
+    draw_title(drawing, f"In dust the radar reads {everything}, the laser {missed}")
     _draw_small_print(drawing, f"{COUNT} scans each, in {MAP}", samples)
     return DrawnFigure(
         (drawing,),
@@ -114,7 +117,7 @@ def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
         ) + (f" Range noise of {noise:g} m draws the spots out." if noise else "")
     low, high = dust_extent()
     return (
-        f"Heavy dust, {high[0] - low[0]:g} m deep. {taken} Of the {counts.crossing}"
+        f"The dust is {high[0] - low[0]:g} m deep. {taken} Of the {counts.crossing}"
         f" readings of objects whose beams the dust crosses, {counts.unchanged} are the"
         f" same as in clear air to within {CELL:g} m, and {counts.cloud} readings"
         f" are of the dust itself. Beside it, {counts.beside} of"

@@ -75,9 +75,9 @@ def draw_offset_rays(seed: int, *, offset: int) -> DrawnFigure:
     caption = (
         "A scan draws one ray of each beam by chance: the left one (red), the right one"
         f" (blue) or one between them. With N = {offset} they start {apart:.1f} m"
-        f" apart, {_compare(apart, wide)}, and {_count_different(scans)} of"
-        f" {len(scans[LEFT].ranges)} beams read one thing on the left and another on"
-        " the right."
+        f" apart, {_compare(apart, wide)}, and in {_count_different(scans)} of"
+        f" {len(scans[LEFT].ranges)} beams their ranges differ by more than"
+        f" {100 * STEP:g} cm."
     )
     return DrawnFigure((drawing,), caption, commands, _details(offset, scans))
 
@@ -89,7 +89,7 @@ def _compare(apart: float, wide: float) -> str:
 
 
 def _count_different(scans: dict[int, Scan]) -> int:
-    """Return the number of beams whose left and right rays read different things."""
+    """Return the number of beams whose left and right ranges differ."""
     left, right = scans[LEFT].ranges, scans[RIGHT].ranges
     return int((np.abs(left - right) > STEP).sum())
 
