@@ -86,6 +86,7 @@ def _unknown_option(error: Any) -> str:
     name = error.option_name
     params = error.ctx.command.params
     known = [each for param in params for each in param.opts if each.startswith("--")]
+    known.append("--help")
     continued = [each for each in known if each.startswith(name)]
     meant = did_you_mean(name, continued) or did_you_mean(name, known)
     return f"{name!r}, expected another option{meant or f'; {_help(error.ctx)}'}"

@@ -23,6 +23,7 @@ from .conftest import RunCommand
             ("bench", "--xyzzy"), ["'--xyzzy'", "bench --help"], id="unknown option"
         ),
         pytest.param(("--xyzzy",), ["'--xyzzy'", "--help"], id="option of the program"),
+        pytest.param(("demo", "--hel"), ["'--hel'", "'--help'"], id="help"),
         pytest.param(("serve", "a", "--port"), ["--port", "value"], id="no value"),
         pytest.param(("bench", "--json=3"), ["--json", "no value"], id="a value"),
         pytest.param(("check", "a", "b", "c"), ["'b c'", "no more"], id="arguments"),
