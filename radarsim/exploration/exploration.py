@@ -164,7 +164,7 @@ class Exploration:
 
         Args:
             client: Connection without a robot.
-            observe: Called at every scan.
+            observe: Called at every scan, after the robot was commanded.
 
         Raises:
             ClientError: If the server does not send what is needed.
@@ -241,14 +241,16 @@ class Exploration:
             check_beams(len(observation.bearings), self.mapper.scanner)
             self.trip.add(observation)
             twist = strategy.step(observation, self.mapper.grid)
+            is_over = strategy.is_done or self.trip.time > self.plan.time_limit
+            if not is_over:
+                loop.drive(twist)  # at once: who observes may take long
             observe(ExplorationStep(observation, strategy.activity, twist))
-            if strategy.is_done or self.trip.time > self.plan.time_limit:
+            if is_over:
                 done = strategy.is_done
                 self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT
                 return
             stuck.check(observation, twist)
             standstill.check(observation)
-            loop.drive(twist)
 
 
 _BEAMS = 90

@@ -228,7 +228,7 @@ class Navigator:
             bug: Decides how to move.
             bumpers: The bumpers whose state the observer receives.
             time_limit: Longest run, s, by the result's time.
-            observe: Called at every scan.
+            observe: Called at every scan, after the robot was commanded.
 
         Raises:
             ClientError: If the server stops sending what is needed; the robot has been
@@ -243,11 +243,13 @@ class Navigator:
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
                 goal = bug.goals[0] if bug.goals else None
                 pressed = pressed_names(bumpers.read(observation))
+                is_over = bug.is_done or trip.time > time_limit
+                if not is_over:
+                    self._loop.drive(twist)  # at once: who observes may take long
                 observe(NavigationStep(observation, bug.activity, twist, pressed, goal))
-                if bug.is_done or trip.time > time_limit:
+                if is_over:
                     break
                 stuck_detector.check(observation, twist)
-                self._loop.drive(twist)
         finally:
             self._client.stop()
         return Result(

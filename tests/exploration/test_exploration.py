@@ -83,6 +83,24 @@ def test_timed_out_exploration_has_the_map_so_far(foliage_room: Scene) -> None:
     assert {moment.activity for moment in moments} == {"looking", "seeking"}
 
 
+def test_robot_is_commanded_before_the_observer_is_called(empty_room: Scene) -> None:
+    """So that an observer that takes long, as a film does, makes no command late."""
+    client = Client(InProcessTransport(Host(empty_room)))
+    commands: list[tuple[float, float]] = []
+    seen: list[int] = []
+    drive = client.drive
+
+    def note(left: float, right: float) -> None:
+        commands.append((left, right))
+        drive(left, right)
+
+    client.drive = note  # type: ignore[method-assign]
+    exploration = create_exploration(time_limit=2.0)
+    exploration.run(client, lambda _: seen.append(len(commands)))
+    assert seen[:3] == [1, 2, 3]
+    client.close()
+
+
 def test_robot_stands_after_exploration(empty_room: Scene) -> None:
     host = Host(empty_room)
     client = Client(InProcessTransport(host))

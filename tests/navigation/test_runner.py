@@ -141,6 +141,14 @@ def test_goal_is_reached_by_any_pose_source(
     assert result.nearest == min(moment.observation.ranges.min() for moment in moments)
 
 
+def test_robot_is_commanded_before_the_observer_is_called(empty_room: Scene) -> None:
+    """So that an observer that takes long, as a film does, makes no command late."""
+    link = FaultyTransport(Host(empty_room))
+    commands: list[int] = []
+    go_with(link, observe=lambda _: commands.append(len(link.drive_commands)))
+    assert commands[:3] == [1, 2, 3]
+
+
 def test_navigator_reaches_waypoints_in_turn(empty_room: Scene) -> None:
     link = FaultyTransport(Host(empty_room))
     points = ((-7.0, 0.0), (-7.0, 1.5), GOAL)
