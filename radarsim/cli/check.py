@@ -12,7 +12,7 @@ from radarsim.cli.options import (
     check_writable,
     write_file,
 )
-from radarsim.cli.output import print_lines
+from radarsim.cli.output import print_lines, print_message
 from radarsim.errors import MapError
 
 
@@ -60,5 +60,6 @@ def check(
         from radarsim.plotting import draw_scene
 
         write_file(plot, draw_scene(scene, form=form), "--plot")
+        print_message(f"wrote {plot}")
     if strict and any(doubts.values()):
         raise typer.Exit(1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import typer
 
 from radarsim.cli.options import check_writable
+from radarsim.cli.output import print_message
 from radarsim.errors import PresetError
 
 if TYPE_CHECKING:
@@ -73,8 +74,12 @@ def filmed(
     from radarsim.plotting.film import Film
 
     film = Film(path, draw, speed=speed)
-    with film:
-        yield film.update
+    try:
+        with film:
+            yield film.update
+    finally:
+        if film.is_written:
+            print_message(f"wrote {path}")
     if film.error is not None:
         text = f"cannot write {path}: {film.error.strerror or film.error}"
         raise typer.BadParameter(text, param_hint=HINT)

@@ -236,14 +236,16 @@ def map_(
             "--robot": robot,
             "--safety-distance": safety_distance,
             "--foliage-density": foliage_density,
-            "--film": film,
         }
         text = "expected no --through with it, where another client drives"
         refuse_options(others, text)
+        check_film(film)
         code = map_through_proxy(
             files,
             through,
             server_address(host, port),
+            film=film,
+            film_speed=film_speed,
             motion_source=seed_from.value,
             resolution=resolution,
             scanner=scanner,
@@ -306,9 +308,10 @@ def _explore(
     from radarsim.cli.map_report import map_progress, print_result, save_map
     from radarsim.cli.map_view import MapCamera
 
+    camera = MapCamera(run.result, run.exploration)
     with (
         raise_on_signals(),
-        filmed(film, MapCamera(run).draw, film_speed) as update_film,
+        filmed(film, camera.draw, film_speed) as update_film,
     ):
         try:
             with map_progress(run.exploration) as update:

@@ -1,11 +1,15 @@
 """``radarsim map --through``: map what another client drives."""
 
 import logging
+from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 import typer
 
+from radarsim.cli.film import filmed
 from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
+from radarsim.cli.map_view import MapCamera
 from radarsim.cli.options import read_pose
 from radarsim.cli.output import print_message, start_log
 from radarsim.errors import PortUnavailable, ServerError
@@ -29,6 +33,8 @@ def map_through_proxy(
     port: int,
     server: tuple[str, int],
     *,
+    film: Path | None,
+    film_speed: float,
     motion_source: MotionSource,
     resolution: float,
     scanner: str | None,
@@ -42,6 +48,8 @@ def map_through_proxy(
         files: Where to write the map.
         port: Port to listen on; 0 for a free one.
         server: Host and port of the server.
+        film: File to film the growing map into, or None.
+        film_speed: Seconds of the run in a second of its film.
         motion_source: Sensor from which the motion between scans is read.
         resolution: Side of a cell, m.
         scanner: Name of the scanner to map with; None for the first.
@@ -70,33 +78,43 @@ def map_through_proxy(
     start_log(logging.WARNING, "%(message)s")
     warm_up()
     with raise_on_signals():
-        return _map_traffic(traffic, files, port, server, as_json=as_json)
+        source = traffic.motion_source
+        result = MappingResult(None, source, trip=traffic.trip, outcome="overheard")
+        camera = MapCamera(result, traffic)
+        with filmed(film, camera.draw, film_speed) as update_film:
+            code = _forward(traffic, port, server, update_film)
+            _complete(result, traffic, files)
+            print_result(result, as_json=as_json)
+        return 1 if result.error else code
 
 
-def _map_traffic(
+def _forward(
     traffic: TrafficMapper,
-    files: MapFiles,
     port: int,
     server: tuple[str, int],
-    *,
-    as_json: bool,
+    update_film: Callable[[float], None],
 ) -> int:
     """Map what passes until a signal comes, and return the exit code."""
-    source = traffic.motion_source
-    result = MappingResult(None, source, trip=traffic.trip, outcome="overheard")
     with map_progress(traffic) as update:
-        traffic.on_scan = lambda: update("listening")
+
+        def note_scan() -> None:
+            update("listening")
+            update_film(traffic.trip.time)
+
+        traffic.on_scan = note_scan
         try:
-            code = traffic.run(server, (LISTEN, port), _announce)
+            return traffic.run(server, (LISTEN, port), _announce)
         except PortUnavailable as error:
             raise ServerError(f"{error}; --through 0 takes a free one") from None
+
+
+def _complete(result: MappingResult, traffic: TrafficMapper, files: MapFiles) -> None:
+    """Write the map, and note what went wrong."""
     result.mapper = traffic.mapper
     save_map(result, files)
     if traffic.error and not result.error:
         result.error = traffic.error
         print_message(traffic.error)
-    print_result(result, as_json=as_json)
-    return 1 if result.error else code
 
 
 def _read_mount(text: str | None) -> Pose3 | None:

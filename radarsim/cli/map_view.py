@@ -9,12 +9,14 @@ import numpy as np
 
 from radarsim.cli.film import drawn_robot
 from radarsim.evaluation.hidden_floor import HiddenFloor
-from radarsim.evaluation.mapping_run import MappingResult, MappingRun
+from radarsim.evaluation.mapping_run import MappingResult
+from radarsim.exploration.exploration import Exploration
 from radarsim.mapping.mapper import Mapper
 from radarsim.plotting.film_encoders import Pixels
 from radarsim.plotting.map_film import MapFrames, first_extent
 from radarsim.plotting.maps import MapView
 from radarsim.plotting.outlines import Outline, outlines_of
+from radarsim.proxy.traffic_mapper import TrafficMapper
 
 ENDINGS: Final = {
     "time_limit": "until time was up",
@@ -88,17 +90,27 @@ def _sensor_height(result: MappingResult, mapper: Mapper) -> float:
 
 
 class MapCamera:
-    """Draws frames of a mapping run."""
+    """Draws frames of a map as it is made."""
 
-    def __init__(self, run: MappingRun) -> None:
-        self._run = run
+    def __init__(
+        self, result: MappingResult, source: Exploration | TrafficMapper
+    ) -> None:
+        """Prepare films.
+
+        Args:
+            result: Tells the robot and, if it is known, the scene.
+            source: Holds the map and the distance so far.
+        """
+        self._result, self._source = result, source
+        self._mapper: Mapper | None = None
         self._frames: MapFrames | None = None
         self._hidden: HiddenFloor | None = None
 
     def draw(self) -> Pixels:
-        """Draw the map as it is; at least one scan is on it."""
-        mapper, trip = self._run.exploration.mapper, self._run.exploration.trip
+        """Draw the map as it is, or as it was last; at least one scan is on it."""
+        mapper, trip = self._source.mapper or self._mapper, self._source.trip
         assert mapper is not None
+        self._mapper = mapper
         if self._frames is None:
             self._frames = self._prepare(mapper)
         share = None if self._hidden is None else self._hidden.coverage(mapper.grid)
@@ -107,7 +119,7 @@ class MapCamera:
         return self._frames.draw(mapper.grid, mapper.trajectory.rows(), status)
 
     def _prepare(self, mapper: Mapper) -> MapFrames:
-        result, resolution = self._run.result, mapper.grid.frame.resolution
+        result, resolution = self._result, mapper.grid.frame.resolution
         outlines, robot = true_outlines(result, mapper), drawn_robot(result.robot_class)
         x, y, _ = mapper.trajectory.rows()[0].tolist()
         if result.scene is not None:

@@ -277,9 +277,11 @@ def _write_files(
     finally:
         if trace is not None:
             write_file(trace, run.run_log.as_csv().encode(), "--trace")
+            print_message(f"wrote {trace}")
         if plot is not None and run.run_log.rows:
             form = check_ending(plot, PICTURE_FORMS, "--plot")
             write_file(plot, _draw(run, form), "--plot")
+            print_message(f"wrote {plot}")
 
 
 def _draw(run: NavigationRun, form: str) -> bytes:

@@ -69,6 +69,7 @@ class Film:
     Attributes:
         frames: Number of frames so far.
         error: Why the film could not be written; None if nothing went wrong.
+        is_written: Whether the file is complete.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Film:
         """
         self.frames = 0
         self.error: OSError | None = None
+        self.is_written = False
         self._path = path
         self._format = film_format(path)
         self._draw = draw
@@ -134,6 +136,7 @@ class Film:
             self._add(self._draw(), times=round(HOLD * FRAME_RATE))
             self._queue.put(None)
             self._encoder.join()
+            self.is_written = self.error is None
         except BaseException:
             self._given_up.set()
             with contextlib.suppress(Full):

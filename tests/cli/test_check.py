@@ -139,6 +139,7 @@ def test_plan_is_drawn_into_a_file_beside_the_summary(
     path = tmp_path / f"plan.{ending}"
     run = radarsim("check", "empty_room", "--plot", str(path))
     assert run.code == 0
+    assert f"wrote {path}" in run.err
     assert run.text == radarsim("check", "empty_room").text
     assert path.read_bytes().startswith(head)
 

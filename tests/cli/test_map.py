@@ -198,7 +198,7 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
         pytest.param([*SEEN, "--film", "no/x.gif"], ["no such folder"], id="folder"),
         pytest.param([*SEEN, "--film-speed", "0"], ["--film-speed"], id="film speed"),
         pytest.param(
-            ["--through", "0", "--film", "x.gif"], ["--film"], id="film of another"
+            ["--through", "0", "--film", "x.avi"], ["--film"], id="film of another"
         ),
         pytest.param(["--strategy", "luck"], ["--strategy"], id="strategy"),
         pytest.param(["--through", "0", "--serve", "x"], ["--through"], id="through"),
@@ -425,7 +425,9 @@ class Through:
 def test_robot_of_another_client_is_mapped_through_the_proxy(
     usarsim_server: UsarsimServer, tmp_path: Path, echoes: bool
 ) -> None:
-    tap = Through(tmp_path, usarsim_server.address[1], "--json")
+    film = tmp_path / "run.gif"
+    options = ("--json", "--film", str(film))
+    tap = Through(tmp_path, usarsim_server.address[1], *options)
     with Client.connect("127.0.0.1", tap.port) as client:
         client.spawn("P3AT_Radar360", start="RobotStart1")
         facts = client.robot_info()
@@ -435,15 +437,18 @@ def test_robot_of_another_client_is_mapped_through_the_proxy(
         deadline, began = time.monotonic() + 240, client.session.time
         while client.session.time < began + 4 and time.monotonic() < deadline:
             client.read()
-    code, out, _ = tap.end()
+    code, out, errors = tap.end()
     told = json.loads(out)
     assert code == 130
     assert (told["outcome"], told["strategy"]) == ("overheard", None)
+    assert f"wrote {film}" in errors
+    with Image.open(film) as image:
+        assert getattr(image, "n_frames", 1) > 3
     assert told["safety_distance"] is None
     assert told["path_length"] > 1
     assert told["pose_errors"]["ate"] < 0.05
     assert told["cells"]["free"] > 50_000
-    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+    assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, film.name]
 
 
 @pytest.mark.slow
