@@ -132,7 +132,7 @@ class MapPanel:
             xytext=START.offset,
             textcoords="offset points",
             ha="center",
-            va="top",
+            va="bottom",
             fontsize=text,
             fontweight="bold",
             path_effects=[HALO],

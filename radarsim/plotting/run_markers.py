@@ -54,7 +54,7 @@ class MarkerStyle:
         }
 
 
-START: Final = MarkerStyle("", "start", "o", 9.0, (0, -8), PAPER)
+START: Final = MarkerStyle("", "start", "o", 9.0, (0, 6), PAPER)
 GOAL: Final = MarkerStyle("", "goal", "*", 19.0, (0, -17), TARGET)
 MISSED: Final = MarkerStyle("goal, not reached", "goal", "X", 14.0, (0, -10), TARGET)
 HIT: Final = MarkerStyle("hit point", "H", "v", 11.0, (-8, -4), FOLLOWING)
