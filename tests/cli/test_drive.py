@@ -90,7 +90,7 @@ def start(
     )
 
 
-def wait_until(condition: Callable[[], bool], patience: float = 60.0) -> None:
+def wait_until(condition: Callable[[], bool], patience: float = 240.0) -> None:
     end = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < end

@@ -116,7 +116,7 @@ class SocketTransport:
     """A TCP connection; its seconds are simulated, so that a slow server may lag."""
 
     def __init__(self, address: tuple[str, int], seconds: Callable[[], float]) -> None:
-        self.socket = socket.create_connection(address, timeout=30)
+        self.socket = socket.create_connection(address, timeout=240)
         self.seconds = seconds
 
     def send(self, data: bytes) -> None:

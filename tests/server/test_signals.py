@@ -132,7 +132,7 @@ def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
             viewer.sendall(b"OKOKOK")
             assert viewer.recv(1) == b"\x02"
             process.send_signal(number)
-            _, errors = process.communicate(timeout=60)
+            _, errors = process.communicate(timeout=240)
         assert process.returncode == code
         assert errors == ""
     finally:

@@ -38,7 +38,7 @@ def keyboard() -> Iterator[PipeInput]:
         yield keys
 
 
-async def until(condition: Callable[[], bool], silence_limit: float = 5.0) -> None:
+async def until(condition: Callable[[], bool], silence_limit: float = 120.0) -> None:
     async with asyncio.timeout(silence_limit):
         while not condition():  # noqa: ASYNC110 - the condition has no event
             await asyncio.sleep(0.01)
