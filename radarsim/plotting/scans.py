@@ -44,7 +44,9 @@ _LARGEST: Final = (9.4, 6.6)  # inches of a plan
 _LEGEND: Final = 2.6  # inches beside it
 _TITLE: Final = 0.9  # inches above and below it
 _NAMES: Final = 20  # of objects; with more of them rays could not be seen
-_LETTER: Final = 0.13  # inches of a title, on average
+_NARROWEST: Final = 4.0  # inches that a plan has, for the title above it
+_LETTER: Final = 0.155  # inches of a title, on average
+_SMALL_LETTER: Final = 0.08  # inches, likewise, of the text below the plan
 
 
 def draw_scans(
@@ -93,10 +95,11 @@ def _fit(figure: Figure, axes: Axes) -> None:
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     aspect = (east - west) / (north - south)
     wide = min(_LARGEST[0], _LARGEST[1] * aspect)
-    figure.set_size_inches(wide + _LEGEND, wide / aspect + _TITLE)
-    letters = int((wide + _LEGEND) / _LETTER)
-    title = textwrap.fill(axes.get_title(loc="left"), letters)
-    axes.set_title(title, loc="left", fontsize=14, fontweight="bold", parse_math=False)
+    width = max(wide, _NARROWEST) + _LEGEND
+    figure.set_size_inches(width, wide / aspect + _TITLE)
+    title = textwrap.fill(axes.get_title(loc="left"), int(width / _LETTER))
+    small_print = textwrap.fill(axes.get_xlabel(), int(width / _SMALL_LETTER))
+    write_title(axes, title, small_print)
 
 
 def draw_scan(

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from textwrap import wrap
+from textwrap import fill
 from typing import Any, Final
 
 import numpy as np
@@ -89,7 +89,7 @@ class Legend:
         )
         labels = zip(legend.get_texts(), rows, strict=True)
         for number, (label, (_, text)) in enumerate(labels):
-            label.set_text(text)
+            label.set_text(fill(text, LINE_LENGTH))
             label.set_parse_math(False)
             if number in headings:
                 label.set_fontweight("bold")
@@ -111,10 +111,14 @@ class Legend:
 
 def _listed(names: list[str]) -> str:
     """Return names with commas between them, as short lines."""
-    shown = names[:MAX_NAMES]
+    shown = [_shortened(name) for name in names[:MAX_NAMES]]
     if len(names) > MAX_NAMES:
         shown.append(f"and {len(names) - MAX_NAMES} more")
-    return "\n".join(wrap(", ".join(shown), LINE_LENGTH, break_long_words=False))
+    return ", ".join(shown)
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= LINE_LENGTH else f"{name[: LINE_LENGTH - 1]}…"
 
 
 def area_style(family: Family) -> dict[str, Any]:
