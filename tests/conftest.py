@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 import threading
-from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -35,7 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=float,
         default=1.0,
         metavar="SHARE",
-        help="Run only this share of the cases of each slow test, at least one.",
+        help="Run only this share of the slow tests, evenly spaced, at least one.",
     )
 
 
@@ -43,16 +42,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Deselect the cases of slow tests that are not in the sample, evenly spaced."""
+    """Deselect the slow tests that are not in the sample."""
     share = config.getoption("--sample")
-    cases: defaultdict[str, list[pytest.Item]] = defaultdict(list)
-    for item in sorted(items, key=lambda item: item.nodeid):
-        if item.get_closest_marker("slow"):
-            cases[item.nodeid.partition("[")[0]].append(item)
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    slow.sort(key=lambda item: item.nodeid)
     left_out = {
         item
-        for group in cases.values()
-        for number, item in enumerate(group)
+        for number, item in enumerate(slow)
         if number and int(number * share) == int((number - 1) * share)
     }
     if left_out:
