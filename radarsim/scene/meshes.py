@@ -201,6 +201,8 @@ def _surface(scene: Any, node: str) -> Surface | None:
         return None
     matrix = np.array(matrix, dtype=np.float64)
     vertices = np.asarray(geometry.vertices, dtype=np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:  # an OBJ with short lines
+        raise ValueError("a vertex does not have three coordinates")
     if not np.array_equal(matrix, np.eye(4)):
         vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     if not 0 <= faces.min() <= faces.max() < len(vertices):

@@ -266,6 +266,18 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
             id="NaN",
         ),
         pytest.param(
+            "a.obj",
+            "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n",
+            "'a.obj': cannot be read as OBJ: a vertex does not have three coordinates",
+            id="vertices of two coordinates",
+        ),
+        pytest.param(
+            "a.obj",
+            "v 0 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+            "'a.obj': cannot be read as OBJ: a vertex does not have three coordinates",
+            id="one vertex of two coordinates",
+        ),
+        pytest.param(
             "a.ply",
             ply_box().replace("3 0 2 3", "3 0 2 9"),
             "'a.ply': cannot be read as PLY: a face names a vertex that is not there",
