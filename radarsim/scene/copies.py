@@ -11,9 +11,10 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.map_checks import Problem
-from radarsim.scene.map_schema import MAX_EXTENT, ObjectEntry, ScatterEntry
+from radarsim.scene.map_schema import ObjectEntry, ScatterEntry
 
 MAX_ATTEMPTS: Final = 200  # random positions for a copy, before the area counts as full
+CELLS_ALONG: Final = 10_000  # of an area's longer side, at most
 
 _Position: TypeAlias = tuple[float, float]
 _Cell: TypeAlias = tuple[int, int]
@@ -80,7 +81,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> Iterato
     rng = generator_for(scatter.seed, "scatter", name)
     low, high = np.array(scatter.area)
     smallest, largest = scatter.scale
-    placed = _Neighbourhood(scatter.min_distance)
+    placed = _Neighbourhood(scatter.min_distance, low, max(high - low))
     for number, copy_name in enumerate(copy_names(name, scatter.count)):
         for _ in range(MAX_ATTEMPTS):
             position = rng.uniform(low, high)
@@ -94,21 +95,33 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> Iterato
 
 
 class _Neighbourhood:
-    """Positions that are at least some distance apart, in the cells of a grid.
+    """Positions in an area that are at least some distance apart, in cells of a grid.
 
     A cell is a little larger than the distance, so that rounding hides no neighbour
-    behind the cells around it.
+    behind the cells around it. The grid starts in the area's corner and has cells of
+    its scale: no cell has many of its positions, however small it is.
     """
 
-    def __init__(self, distance: float) -> None:
+    def __init__(self, distance: float, corner: Floats, side: float) -> None:
+        """Start without positions.
+
+        Args:
+            distance: Least distance, m; 0 for any.
+            corner: The area's lower corner, m.
+            side: Length of its longer side, m.
+        """
         self._distance = distance
-        self._size = max(distance * (1 + 1e-9), MAX_EXTENT * 1e-6)
+        self._left, self._lower = corner.tolist()
+        self._size = max(distance * 1.001, float(side) / CELLS_ALONG)
         self._cells: defaultdict[_Cell, list[_Position]] = defaultdict(list)
 
     def add(self, x: float, y: float) -> bool:
         """Add a position, m, unless another one is too near."""
-        column, row = math.floor(x / self._size), math.floor(y / self._size)
-        if self._distance > 0 and any(
+        if self._distance == 0:
+            return True
+        column = math.floor((x - self._left) / self._size)
+        row = math.floor((y - self._lower) / self._size)
+        if any(
             math.sqrt((a - x) * (a - x) + (b - y) * (b - y)) < self._distance
             for i in (column - 1, column, column + 1)
             for j in (row - 1, row, row + 1)

@@ -1,5 +1,6 @@
 """Maps of more than a scene may have: an error says how much came, and what may."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -143,6 +144,8 @@ def entry(count: int, min_distance: float, half: float) -> ObjectEntry:
         pytest.param(200, 1.0, 10.0, id="apart"),
         pytest.param(60, 3.0, 14.0, id="dense"),
         pytest.param(50, 1e-9, 5.0, id="hardly apart"),
+        pytest.param(60, 3e-6, 1.4e-5, id="dense, in a tiny area"),
+        pytest.param(50, 1e-300, 1e-9, id="hardly apart, in a tiny area"),
     ],
 )
 def test_places_are_those_of_comparing_all_pairs(
@@ -162,3 +165,13 @@ def test_places_are_those_of_comparing_all_pairs(
     copies = place_copies(entry(count, min_distance, half))
     assert [copy.position[:2].tolist() for copy in copies] == expected.tolist()
     assert [copy.scale for copy in copies] == scales
+
+
+def test_tiny_area_takes_as_long_as_a_large_one() -> None:
+    def duration(scale: float) -> float:
+        copies = entry(3000, 1e-3 * scale, scale)
+        start = time.process_time()
+        place_copies(copies)
+        return time.process_time() - start
+
+    assert duration(1e-4) < 3 * duration(100.0)
