@@ -4,9 +4,10 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
+from matplotlib.patches import PathPatch, Rectangle
 
 from radarsim.figures.clear_and_dust import (
     CELL,
@@ -34,14 +35,17 @@ from radarsim.plotting.style import area_style, scan_points
 from radarsim.sensors.scan import Scan
 
 NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
-COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.PHYSICAL}
+COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.LASER}
 AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
 Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
+READINGS: Final = "readings"  # label of their marks
 _SMALL_PRINT: Final = 0.52  # inches from the top
 _EDGE: Final = 1.0  # m around all that is shown
 _BELOW: Final = 1.0  # m more below it, for the scale bar
-_OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 5.5, "markeredgewidth": 0}
+_OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 3.2, "markeredgewidth": 0}
 _OF_DUST: Final[Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
+_SAMPLE: Final = 6.0  # points, of marks in the legend
+_OUTLINE: Final = 1.1  # points, around pale objects
 
 
 def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
@@ -126,11 +130,9 @@ def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
 
 
 def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
-    """Draw readings, and dust, objects and robot; return samples by their text.
-
-    Objects lie over the readings, which are larger than a pole.
-    """
+    """Draw dust, pale objects, robot and readings; return samples by their text."""
     draw_plan(axes, load_scene(MAP), shot.pose.z)
+    _pale_objects(axes)
     draw_robot(axes, ROBOT, shot.robot)
     samples: Samples = {}
     if shot.map != MAP:
@@ -148,9 +150,22 @@ def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
 
 
 def _mark(axes: Axes, points: Floats, colour: str, style: dict[str, Any]) -> Line2D:
-    """Mark readings, (N, 2) m, below the objects; return a sample."""
-    axes.plot(*points.T, linestyle="none", color=colour, zorder=0.8, **style)
-    return Line2D([], [], linestyle="none", color=colour, **style)
+    """Mark readings, (N, 2) m, over the objects; return a sample."""
+    axes.plot(
+        *points.T, linestyle="none", color=colour, zorder=3.5, label=READINGS, **style
+    )
+    sample = style | {"markersize": _SAMPLE}
+    return Line2D([], [], linestyle="none", color=colour, **sample)
+
+
+def _pale_objects(axes: Axes) -> None:
+    """Make the objects of a plan pale and outlined, so that readings show on them."""
+    for patch in axes.patches:
+        if isinstance(patch, PathPatch):
+            *colour, opacity = to_rgba(patch.get_facecolor())
+            patch.set_edgecolor(colour)
+            patch.set_facecolor((*to_rgb(palette.paler(to_hex(colour))), opacity))
+            patch.set_linewidth(_OUTLINE)
 
 
 def _draw_dust(axes: Axes) -> None:

@@ -22,7 +22,7 @@ from radarsim.figures.room_plan import draw_room, name_hidden_objects, new_sheet
 from radarsim.figures.scan_spec import ScanSpec, hit_points, object_names
 from radarsim.geometry import Floats
 from radarsim.plotting.annotations import as_words
-from radarsim.plotting.palette import HOKUYO, RADAR
+from radarsim.plotting.palette import LASER, RADAR
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 
@@ -63,7 +63,7 @@ def draw_hokuyo(seed: int) -> DrawnFigure:
         " see through"
     )
     return DrawnFigure(
-        (_draw(shot, scan, title, HOKUYO, STOPPED),),
+        (_draw(shot, scan, title, LASER, STOPPED),),
         "The Hokuyo, a laser, scans the test map from the start. To it the bushes are a"
         " wall, and what stands behind them stays hidden.",
         (shot.command,),

@@ -1,9 +1,9 @@
 """Colours of all pictures of the program; each colour has one meaning.
 
 Materials have the colour of their family: foliage is green, wood brown, concrete and
-brick grey, smoke and dust a pale sand that is drawn translucent. Sensors have one
-colour each, in every picture. Only where left and right rays of a radar are told apart
-they are coloured as in the thesis: left red, right blue.
+brick grey, smoke and dust a pale sand that is drawn translucent. All radars are violet
+and all lasers orange, in every picture. Only where left and right rays of a radar are
+told apart they are coloured as in the thesis: left red, right blue.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
 protanopia; ``SHOWN_TOGETHER`` lists these groups.
@@ -12,6 +12,8 @@ protanopia; ``SHOWN_TOGETHER`` lists these groups.
 import re
 from enum import StrEnum
 from typing import Final
+
+from matplotlib.colors import to_hex, to_rgb
 
 from radarsim.scene.material import Material
 
@@ -29,6 +31,7 @@ class Family(StrEnum):
 
 
 PAPER: Final = "#ffffff"
+PALE: Final = 0.45  # share of a colour in its paler one
 INK: Final = "#191818"  # text, outlines, markers, robots
 
 # As they look on paper; what is translucent is painted darker, see ``area_style``.
@@ -47,10 +50,7 @@ LEFT_RAY: Final = "#d12c19"
 RIGHT_RAY: Final = "#1563be"
 
 RADAR: Final = "#6a4aeb"
-HOKUYO: Final = "#ff5704"
-SICK: Final = "#160d80"
-LASER: Final = "#b8451f"
-PHYSICAL: Final = "#3a4b42"
+LASER: Final = "#ff5704"
 
 # Power that comes back of a radar beam.
 RETURNED: Final = "#047e7d"
@@ -81,10 +81,8 @@ _CELLS = (
 SHOWN_TOGETHER: Final = {
     "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
     "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
-    "sensors over a plan": (*_ON_MATERIALS, RADAR, HOKUYO, SICK, LASER, PHYSICAL),
-    **{
-        f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, HOKUYO, SICK, LASER)
-    },
+    "sensors over a plan": (*_ON_MATERIALS, RADAR, LASER),
+    **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
     "map": (*_CELLS, MAPPED_PATH, TRUE_OUTLINE),
 }
 
@@ -122,14 +120,11 @@ def family_of(material: Material) -> Family:
     return Family.METAL if mirror else Family.STONE
 
 
-def sensor_colour(name: str, medium: str = "radar") -> str:
-    """Return the colour of a sensor.
+def sensor_colour(medium: str) -> str:
+    """Return the colour of sensors of a medium, ``radar`` or ``laser``."""
+    return RADAR if medium == "radar" else LASER
 
-    Args:
-        name: Name of the preset, such as ``radar`` or ``hokuyo_utm30lx``.
-        medium: ``radar`` or ``laser``.
-    """
-    if medium == "radar":
-        return RADAR
-    known = {"hokuyo": HOKUYO, "sick": SICK, "physical": PHYSICAL}
-    return next((known[word] for word in known if word in name), LASER)
+
+def paler(colour: str) -> str:
+    """Return a colour mixed with white, for areas that marks are drawn on."""
+    return to_hex([1 - PALE * (1 - part) for part in to_rgb(colour)])

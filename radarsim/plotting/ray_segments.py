@@ -98,7 +98,7 @@ BLINDED: Final[Any] = {"linewidths": 0.4, "linestyles": (0, (2, 4)), "alpha": 0.
 
 def scan_colour(scan: Scan) -> str:
     """Return the colour of the sensor that took a scan."""
-    return sensor_colour(scan.sensor, scan.echoes.settings.medium)
+    return sensor_colour(scan.echoes.settings.medium)
 
 
 def line_opacity(shares: Floats) -> Floats:

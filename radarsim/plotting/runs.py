@@ -73,7 +73,7 @@ class SteeringSensor:
 def _sensor_colour(sensor: SteeringSensor | None) -> str:
     if sensor is None:
         return palette.UNKNOWN_SENSOR
-    return palette.sensor_colour(sensor.name, sensor.medium)
+    return palette.sensor_colour(sensor.medium)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from matplotlib.patches import PathPatch
 
 from radarsim.figures.clear_and_dust import (
@@ -11,7 +12,7 @@ from radarsim.figures.clear_and_dust import (
     count_readings,
     scan_spec_for,
 )
-from radarsim.figures.dust_panels import draw_all_readings, draw_readings
+from radarsim.figures.dust_panels import READINGS, draw_all_readings, draw_readings
 from radarsim.figures.figure import DrawnFigure
 
 
@@ -59,19 +60,21 @@ def test_plotted_points_are_the_readings_of_all_scans() -> None:
     drawn = {
         str(line.get_marker()): len(np.asarray(line.get_xdata()))
         for line in axes.lines
-        if line.get_zorder() < 1
+        if line.get_label() == READINGS
     }
     counts = count_readings(LASER, "dust", 0)
     assert drawn == {"o": counts.beside, "x": counts.cloud}
     assert counts.cloud % COUNT == 0
 
 
-def test_objects_lie_over_their_readings() -> None:
-    axes = draw_readings(0, sensor=RADAR, air="clear").drawings[0].axes[0]
-    readings = [line for line in axes.lines if line.get_marker() == "o"]
+@pytest.mark.parametrize("sensor", [RADAR, LASER])
+def test_readings_lie_over_all_objects_and_outlines(sensor: str) -> None:
+    axes = draw_readings(0, sensor=sensor, air="clear").drawings[0].axes[0]
+    readings = [line for line in axes.lines if line.get_label() == READINGS]
     objects = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
-    assert max(line.get_zorder() for line in readings) < min(
-        patch.get_zorder() for patch in objects
+    others = [*objects, *axes.findobj(LineCollection)]
+    assert min(line.get_zorder() for line in readings) > max(
+        artist.get_zorder() for artist in others
     )
 
 

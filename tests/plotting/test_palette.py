@@ -10,15 +10,14 @@ from matplotlib.colors import to_rgb, to_rgba
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
-    HOKUYO,
     INK,
     LASER,
     PAPER,
     RADAR,
     SHOWN_TOGETHER,
-    SICK,
     Family,
     family_of,
+    paler,
     sensor_colour,
 )
 from radarsim.plotting.style import area_style
@@ -115,11 +114,20 @@ def test_library_materials_have_the_expected_family(name: str, family: Family) -
     assert family_of(Material(name, **asdict(library_material(name)))) == family
 
 
-def test_each_kind_of_sensor_has_its_colour() -> None:
-    assert sensor_colour("radar") == sensor_colour("hss94_marulan") == RADAR
-    assert sensor_colour("usarsim_hokuyo", "laser") == HOKUYO
-    assert sensor_colour("sick_lms200", "laser") == SICK
-    assert sensor_colour("laser", "laser") == LASER
+def test_radars_have_one_colour_and_lasers_another() -> None:
+    assert sensor_colour("radar") == RADAR
+    assert sensor_colour("laser") == LASER
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+@pytest.mark.parametrize("family", Family)
+@pytest.mark.parametrize("medium", ["radar", "laser"])
+def test_readings_can_be_told_from_pale_objects(
+    medium: str, family: Family, sight: str
+) -> None:
+    reading, pale = sensor_colour(medium), paler(FAMILY_COLOURS[family])
+    difference = lab(reading, SIGHTS[sight]) - lab(pale, SIGHTS[sight])
+    assert np.linalg.norm(difference) > 20
 
 
 @pytest.mark.parametrize("family", Family)

@@ -19,7 +19,7 @@ from radarsim.navigation.runner import NavigationStep
 from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
-    HOKUYO,
+    LASER,
     MARKER,
     RADAR,
     TRUE_PATH,
@@ -220,7 +220,7 @@ def test_true_path_is_drawn_beside_the_estimated_one() -> None:
     ("sensor", "colour"),
     [
         pytest.param(SteeringSensor("radar", "radar"), RADAR, id="radar"),
-        pytest.param(SteeringSensor("hokuyo", "laser"), HOKUYO, id="laser"),
+        pytest.param(SteeringSensor("hokuyo", "laser"), LASER, id="laser"),
     ],
 )
 def test_sensed_points_have_the_colour_of_the_sensor(
