@@ -162,9 +162,10 @@ def _pale_objects(axes: Axes) -> None:
     """Make the objects of a plan pale and outlined, so that readings show on them."""
     for patch in axes.patches:
         if isinstance(patch, PathPatch):
-            *colour, opacity = to_rgba(patch.get_facecolor())
+            red, green, blue, opacity = to_rgba(patch.get_facecolor())
+            colour = to_hex((red, green, blue))
             patch.set_edgecolor(colour)
-            patch.set_facecolor((*to_rgb(palette.paler(to_hex(colour))), opacity))
+            patch.set_facecolor((*to_rgb(palette.paler(colour)), opacity))
             patch.set_linewidth(_OUTLINE)
 
 

@@ -127,4 +127,5 @@ def sensor_colour(medium: str) -> str:
 
 def paler(colour: str) -> str:
     """Return a colour mixed with white, for areas that marks are drawn on."""
-    return to_hex([1 - PALE * (1 - part) for part in to_rgb(colour)])
+    red, green, blue = (1 - PALE * (1 - part) for part in to_rgb(colour))
+    return to_hex((red, green, blue))
