@@ -150,7 +150,9 @@ def _bounds(part: Part) -> Floats:
             f"{part.object_name!r} of {part.material.name!r} has open edges,"
             " expected a closed volume or a material with sheet_loss"
         )
-    points = part.vertices[part.faces].reshape(-1, 3)
+    is_used = np.zeros(len(part.vertices), bool)
+    is_used[part.faces] = True
+    points = part.vertices[is_used]
     return np.array(
         [points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)]
     )

@@ -37,10 +37,10 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
         Line segments, (S, 2, 2) m: x and y of both ends; where the plane only touches
         a corner, the ends are equal.
     """
-    corners = vertices[faces]  # (F, 3, 3)
+    a, b, c = (vertices[:, 2] >= height)[faces.T]
+    cut = (a | b | c) & ~(a & b & c)
+    corners = vertices[faces[cut]]  # (S, 3, 3)
     above = corners[:, :, 2] >= height
-    cut = above.any(axis=1) & ~above.all(axis=1)
-    corners, above = corners[cut], above[cut]
     # the corner that is alone on its side of the plane comes first
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
     order = (alone[:, None] + np.arange(3)) % 3

@@ -18,7 +18,7 @@ corners in opposite orientations; where the two sides of a sheet are triangulate
 differently, the volume of the whole component shows it.
 """
 
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +59,7 @@ def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 def count_open_edges(faces: Faces) -> int:
     """Count the edges of (F, 3) faces that are not used equally in both directions."""
-    edges, directions, _ = _half_edges(faces)
-    return int(np.count_nonzero(np.bincount(edges, weights=directions)))
+    return _count_open(_half_edges(faces))
 
 
 def is_closed(faces: Faces) -> bool:
@@ -76,10 +75,7 @@ def label_components(faces: Faces) -> Labels:
     Returns:
         (F,) the component of each face, from 0.
     """
-    edges, _, owners = _half_edges(faces)
-    order = np.argsort(edges, kind="stable")
-    same = edges[order][1:] == edges[order][:-1]
-    return _connect(len(faces), owners[order][:-1][same], owners[order][1:][same])
+    return _label(_half_edges(faces))
 
 
 def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
@@ -97,8 +93,9 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     Returns:
         The faces, or None if the surface is not closed, or has only one side.
     """
-    if is_closed(faces):
-        return _flip_inverted_components(vertices, faces)
+    half_edges = _half_edges(faces)
+    if _count_open(half_edges) == 0:
+        return _flip_inverted_components(vertices, faces, _label(half_edges))
     consistent = _orient_consistently(faces)
     if consistent is None:
         return None
@@ -156,14 +153,40 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
     return degenerate // 2, int(np.count_nonzero(flat[labels]))
 
 
-def _half_edges(faces: Faces) -> tuple[_Integers, _Integers, _Integers]:
-    """Return each face's three edges: edge index, direction (1 or -1), owning face."""
-    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    low, high = ends.min(axis=1), ends.max(axis=1)
+class _HalfEdges(NamedTuple):
+    """The edges of F faces, three of each.
+
+    Attributes:
+        edges: (3F,) index of the edge, which is the same in both directions.
+        directions: (3F,) 1 or -1.
+        owners: (3F,) index of the face.
+    """
+
+    edges: _Integers
+    directions: _Integers
+    owners: _Integers
+
+
+def _half_edges(faces: Faces) -> _HalfEdges:
+    starts = faces.astype(np.int64)
+    ends = np.roll(starts, -1, axis=1)
+    low, high = np.minimum(starts, ends).ravel(), np.maximum(starts, ends).ravel()
     size = int(high.max(initial=0)) + 1
-    _, indices = np.unique(low * size + high, return_inverse=True)
-    directions = np.where(ends[:, 0] < ends[:, 1], 1, -1)
-    return indices.reshape(-1), directions, np.repeat(np.arange(len(faces)), 3)
+    _, edges = np.unique(low * size + high, return_inverse=True)
+    directions = np.where(starts < ends, 1, -1).ravel()
+    return _HalfEdges(edges.ravel(), directions, np.repeat(np.arange(len(faces)), 3))
+
+
+def _count_open(half_edges: _HalfEdges) -> int:
+    sums = np.bincount(half_edges.edges, weights=half_edges.directions)
+    return int(np.count_nonzero(sums))
+
+
+def _label(half_edges: _HalfEdges) -> Labels:
+    order = np.argsort(half_edges.edges, kind="stable")
+    edges, owners = half_edges.edges[order], half_edges.owners[order]
+    same = edges[1:] == edges[:-1]
+    return _connect(len(order) // 3, owners[:-1][same], owners[1:][same])
 
 
 def _connect(count: int, first: _Integers, second: _Integers) -> Labels:
@@ -203,9 +226,8 @@ def _orient_consistently(faces: Faces) -> Faces | None:
     return None if np.any(as_is == flipped) else _flip(faces, as_is > flipped)
 
 
-def _flip_inverted_components(vertices: Floats, faces: Faces) -> Faces:
+def _flip_inverted_components(vertices: Floats, faces: Faces, labels: Labels) -> Faces:
     """Flip all if the whole is inside out, then components that are no cavities."""
-    labels = label_components(faces)
     volumes = _volumes(vertices, faces, labels)
     if volumes.sum() < 0:
         faces, volumes = faces[:, ::-1], -volumes
@@ -243,18 +265,27 @@ def _bounding_boxes(
 ) -> tuple[Floats, Floats]:
     """Return the smallest and the largest x, y, z of each component, (C, 3) m each."""
     count = int(labels.max(initial=-1)) + 1
-    lows, highs = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(lows, labels, vertices[faces].min(axis=1))
-    np.maximum.at(highs, labels, vertices[faces].max(axis=1))
+    if count == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    order = np.argsort(labels, kind="stable")
+    firsts = np.searchsorted(labels[order], np.arange(count))
+    a, b, c = (vertices[corner] for corner in faces[order].T)
+    lows = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), firsts)
+    highs = np.maximum.reduceat(np.maximum(np.maximum(a, b), c), firsts)
     return lows, highs
 
 
 def _cancelled(faces: Faces) -> _Booleans:
     """Mark the faces that are present equally often in both orientations."""
-    _, indices = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
-    a, b, c = faces.T
+    a, b, c = faces.T.astype(np.int64)
     forward = ((a < b) & (b < c)) | ((b < c) & (c < a)) | ((c < a) & (a < b))
-    indices = indices.reshape(-1)
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    # Two of the corners number the edge, the edge and the third one the triangle.
+    size = int(high.max(initial=0)) + 1
+    _, edges = np.unique(low * size + high, return_inverse=True)
+    middle = a + b + c - low - high
+    _, indices = np.unique(edges.ravel() * size + middle, return_inverse=True)
+    indices = indices.ravel()
     sums = np.bincount(indices, weights=np.where(forward, 1, -1))
     cancelled: _Booleans = sums[indices] == 0
     return cancelled
