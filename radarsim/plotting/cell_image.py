@@ -28,13 +28,14 @@ class CellImage(AxesImage):
         """Set the cells.
 
         Args:
-            cells: Colours, (R, C, 3); the first row is the southernmost.
+            cells: Colours, (R, C, 3), or with opacities, (R, C, 4); the first row is
+                the southernmost.
             extent: Where they are, m.
         """
         rows, columns = cells.shape[:2]
         padded = np.zeros((rows + 2, columns + 2, 4), np.uint8)  # transparent beyond
-        padded[1:-1, 1:-1, :3] = cells
         padded[1:-1, 1:-1, 3] = 255
+        padded[1:-1, 1:-1, : cells.shape[2]] = cells
         self._cells, self._shown = padded.view(np.uint32)[:, :, 0], extent
         self.set_data(padded[1:-1, 1:-1])
         self.set_extent((extent.west, extent.east, extent.south, extent.north))

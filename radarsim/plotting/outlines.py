@@ -20,6 +20,8 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
+_EDGE: Final = 0.3  # m around things that are shown whole
+_MUCH_LARGER: Final = 1.5  # times, along a side, that an extent is enlarged at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,28 @@ def outlines_extent(outlines: Iterable[Outline]) -> Extent | None:
     corners = np.concatenate(lines)
     low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     return Extent(*low, *high)
+
+
+def include_touched(extent: Extent, outlines: Iterable[Outline]) -> Extent:
+    """Return an extent with the whole of each thing that it cuts off.
+
+    Things that are too large for that, such as the walls around a room, stay cut off.
+    """
+    wanted = extent
+    for outline in outlines:
+        for line in outline.lines:
+            low, high = line.min(axis=0).tolist(), line.max(axis=0).tolist()
+            whole = extent.union(Extent(*low, *high).grown(_EDGE))
+            touches = (
+                low[0] < extent.east
+                and high[0] > extent.west
+                and low[1] < extent.north
+                and high[1] > extent.south
+            )
+            larger = max(whole.width / extent.width, whole.height / extent.height)
+            if touches and larger <= _MUCH_LARGER:
+                wanted = wanted.union(whole)
+    return wanted
 
 
 def kind_of(material: Material) -> str:

@@ -79,8 +79,8 @@ class RunFrames:
         paths = [GOING, FOLLOWING, RETURNING] if returns else [GOING, FOLLOWING]
         self._panels.add_legend(
             [
-                *path_rows(paths),
-                *run_rows(sensor, sensed=True, truth=bool(outlines)),
+                *path_rows(paths, truth=bool(outlines)),
+                *run_rows(sensor, outlines, sensed=True, truth=bool(outlines)),
                 *area_rows(outlines),
                 *marker_rows([HIT, LEAVE]),
             ]

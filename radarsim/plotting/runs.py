@@ -3,7 +3,7 @@
 ``RunPanel`` draws a run that may go on: once for a picture, frame by frame for a film.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -11,16 +11,21 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import Activity
-from radarsim.navigation.run_log import CELL, RunLog
+from radarsim.navigation.run_log import RunLog
 from radarsim.plotting import palette
-from radarsim.plotting.outlines import Outline, area_rows, draw_areas
+from radarsim.plotting.outlines import (
+    Outline,
+    area_rows,
+    draw_areas,
+    include_touched,
+)
 from radarsim.plotting.panels import Extent, Panels, titles_of
+from radarsim.plotting.path_arrows import draw_arrows
 from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.run_markers import (
@@ -29,13 +34,12 @@ from radarsim.plotting.run_markers import (
     marker_places,
     marker_rows,
 )
+from radarsim.plotting.sensed_cells import SensedCells, sensed_rows
 
 AROUND: Final = 3.0  # m around the path that are shown
 NO_PATH: Final[Floats] = np.zeros((0, 2))
-FAINTEST, STRONGEST = 0.12, 0.5  # opacity of cells where one, or most beams ended
 ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
 _MARGIN: Final = 0.6  # m
-_SAMPLE: Final = 7.0  # points; of what is sensed, in the legend
 _WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
 _CLOSEST: Final = 160.0  # pixels per metre, at most
 
@@ -100,8 +104,9 @@ class RunView:
 
     @property
     def extent(self) -> Extent:
-        """What is to be shown: the paths, the goals, and beam ends near them."""
-        return run_extent(self.run_log, self.true_path)
+        """What is to be shown: the run, and things that it touches, as a whole."""
+        extent = run_extent(self.run_log, self.true_path)
+        return include_touched(extent, self.outlines)
 
 
 def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
@@ -136,9 +141,9 @@ class RunPanel:
         """
         self._axes = axes
         self._robot_class = robot_class
-        self._colour = to_rgb(_sensor_colour(sensor))
         # What beams enter lies below what they sense, walls lie above it.
         self._areas = draw_areas(axes, outlines, zorder=1.0, solid_zorder=2.7)
+        self._sensed = SensedCells(axes, _sensor_colour(sensor), outlines)
         self._moving: list[Artist] = []
 
     def update(
@@ -155,7 +160,8 @@ class RunPanel:
         for artist in self._moving:
             artist.remove()
         axes = self._axes
-        self._moving = [_draw_sensed(axes, run_log, self._colour)]
+        self._sensed.update(run_log)
+        self._moving = []
         for line in run_log.goal_lines:
             ends = np.array([line.start, line.goal])
             self._moving += axes.plot(*ends.T, **_GOAL_LINE, zorder=2.8)
@@ -164,6 +170,7 @@ class RunPanel:
             self._moving.append(lines)
         if len(true_path):
             self._moving += axes.plot(*true_path.T, **_TRUE_PATH, zorder=4.5)
+        self._moving += draw_arrows(axes, run_log.path, zorder=4.7)
         last = run_log.rows[-1]
         x, y = true_path[-1].tolist() if len(true_path) else (last.x, last.y)
         robot = draw_robot(axes, self._robot_class, Pose2(x, y, last.yaw), zorder=6.0)
@@ -175,7 +182,7 @@ class RunPanel:
     @property
     def artists(self) -> list[Artist]:
         """Everything in the panel, by which a film draws a frame."""
-        return [*self._areas, *self._moving]
+        return [*self._areas, *self._sensed.artists, *self._moving]
 
 
 _GOAL_LINE: Final[dict[str, Any]] = {
@@ -226,67 +233,60 @@ def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
     """Return the rows of a legend of all that some runs show."""
     styles = {style for view in views for style in _styles(view.run_log)}
     markers = {style for view in views for style in marker_places(view.run_log)}
+    truth = any(len(view.true_path) for view in views)
+    outlines = [outline for view in views for outline in view.outlines]
+    chosen = [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
     return [
-        *path_rows(
-            [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
-        ),
+        *path_rows(chosen, truth=truth),
         *run_rows(
             views[0].sensor,
+            outlines,
             sensed=any(len(view.run_log.beam_ends) for view in views),
-            truth=any(len(view.true_path) for view in views),
+            truth=truth,
         ),
-        *area_rows(outline for view in views for outline in view.outlines),
+        *area_rows(outlines),
         *marker_rows([style for style in STYLES if style in markers]),
     ]
 
 
-def path_rows(styles: Collection[PathStyle]) -> list[Artist]:
-    """Return the rows of a legend for paths of some styles."""
+def path_rows(styles: Collection[PathStyle], *, truth: bool) -> list[Artist]:
+    """Return the rows of a legend for paths of some styles.
+
+    Args:
+        styles: The styles.
+        truth: Whether the true path is known, from which the estimated one differs.
+    """
+    whose = "estimate, " if truth else ""
     return [
-        Line2D([], [], color=style.colour, linewidth=style.width, label=style.text)
+        Line2D(
+            [], [], color=style.colour, linewidth=style.width, label=whose + style.text
+        )
         for style in styles
     ]
 
 
 def run_rows(
-    sensor: SteeringSensor | None, *, sensed: bool, truth: bool
+    sensor: SteeringSensor | None,
+    outlines: Iterable[Outline],
+    *,
+    sensed: bool,
+    truth: bool,
 ) -> list[Artist]:
     """Return the rows of a legend for the true path, goal lines and what is sensed.
 
     Args:
         sensor: The sensor that the robot steers by, as in ``RunView``.
+        outlines: What is truly there.
         sensed: Whether anything was sensed.
         truth: Whether the true path is known.
     """
     by = "" if sensor is None else f" by the {sensor.medium}"
-    cell: dict[str, Any] = {
-        "color": _sensor_colour(sensor),
-        "alpha": STRONGEST,
-        "marker": "s",
-        "markersize": _SAMPLE,
-        "markeredgewidth": 0.0,
-        "linestyle": "none",
-    }
-    rows = [Line2D([], [], **_TRUE_PATH, label="true path")] if truth else []
+    true = Line2D([], [], **_TRUE_PATH, label="true path, to the robot")
+    rows: list[Artist] = [true] if truth else []
     rows.append(Line2D([], [], **_GOAL_LINE, label="line to the goal"))
     if sensed:
-        rows.append(Line2D([], [], **cell, label=f"sensed{by}"))
-    return [*rows]
-
-
-def _draw_sensed(
-    axes: Axes, run_log: RunLog, colour: tuple[float, float, float]
-) -> Artist:
-    """Draw the cells where beams ended, the more opaque the more often they did."""
-    x, y, counts = run_log.beam_ends.T
-    often = np.log1p(counts) / np.log1p(counts.max(initial=1.0))
-    shades = np.tile((*colour, 1.0), (len(counts), 1))
-    shades[:, 3] = FAINTEST + (STRONGEST - FAINTEST) * often
-    points_per_metre = axes.bbox.width / axes.viewLim.width * 72 / axes.figure.dpi
-    size = (CELL * points_per_metre) ** 2
-    return axes.scatter(
-        x, y, size, shades, marker="s", linewidths=0.0, antialiased=False, zorder=2.5
-    )
+        rows += sensed_rows(_sensor_colour(sensor), by, outlines)
+    return rows
 
 
 def _styles(run_log: RunLog) -> list[PathStyle]:

@@ -8,13 +8,14 @@ import pytest
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from PIL import Image
 
-from radarsim.geometry import Pose2
+from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.control import STOP
 from radarsim.navigation.observation import Observation
-from radarsim.navigation.run_log import RunLog
+from radarsim.navigation.run_log import CELL, RunLog
 from radarsim.navigation.runner import NavigationStep
 from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import (
@@ -23,9 +24,11 @@ from radarsim.plotting.palette import (
     MARKER,
     RADAR,
     TRUE_PATH,
+    UNKNOWN_SENSOR,
     Family,
 )
 from radarsim.plotting.panels import Extent
+from radarsim.plotting.path_arrows import arrow_places
 from radarsim.plotting.rendering import FORMS
 from radarsim.plotting.run_film import RunFrames
 from radarsim.plotting.runs import (
@@ -39,6 +42,7 @@ from radarsim.plotting.runs import (
     draw_run,
     run_figure,
 )
+from radarsim.plotting.sensed_cells import STRONGEST
 
 WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
 WALLS = Family.STONE.value
@@ -90,6 +94,13 @@ def figure_of(run_log: RunLog, **options: Any) -> Figure:
 def labels(figure: Figure) -> set[str]:
     texts = {text.get_text() for text in figure.axes[0].texts}
     return {text for text in texts if not text.endswith(" m")}  # the scale
+
+
+def image_of(figure: Figure) -> AxesImage:
+    """Return the cells in the first panel."""
+    children = figure.axes[0].get_children()
+    (image,) = (each for each in children if isinstance(each, AxesImage))
+    return image
 
 
 def legend(figure: Figure) -> list[str]:
@@ -177,9 +188,11 @@ def test_several_goals_are_numbered() -> None:
 
 def test_legend_lists_exactly_what_is_drawn() -> None:
     reached = legend(figure_of(record_of(*BUG1), outlines=PLAN, true_path=TRUE))
-    assert {"returning to the leave point", WALLS, "true path"} <= {*reached}
+    returning = "returning to the leave point"
+    assert {f"estimate, {returning}", WALLS, "true path, to the robot"} <= {*reached}
     failed = legend(figure_of(record_of(*NO_PATH)))
-    absent = {WALLS, "true path", "leave point", "returning to the leave point"}
+    absent = {WALLS, "leave point", returning}
+    assert not any("true" in text or "estimate" in text for text in failed)
     assert not absent & {*failed}
     assert "hit point" in failed
     assert "sensed" in failed
@@ -227,9 +240,9 @@ def test_sensed_points_have_the_colour_of_the_sensor(
     sensor: SteeringSensor, colour: str
 ) -> None:
     figure = figure_of(record_of(*BUG1), sensor=sensor)
-    (dots,) = (c for c in figure.axes[0].collections if isinstance(c, PathCollection))
-    shades = np.asarray(dots.get_facecolor())
-    assert {to_hex(shade) for shade in shades[:, :3]} == {colour}
+    cells = np.asarray(image_of(figure).get_array())
+    shades = cells[cells[:, :, 3] > 0][:, :3] / 255
+    assert {to_hex(shade) for shade in shades} == {colour}
     assert f"sensed by the {sensor.medium}" in legend(figure)
 
 
@@ -239,11 +252,75 @@ def test_far_points_do_not_enlarge_the_extent() -> None:
 
 
 def test_cells_with_more_beam_ends_are_more_opaque() -> None:
-    (axes,) = figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1)).axes
-    (dots,) = (each for each in axes.collections if isinstance(each, PathCollection))
-    shades = np.asarray(dots.get_facecolor())[:, 3]
-    ahead = np.hypot(*(np.asarray(dots.get_offsets()) - (1.0, 0.0)).T).argmin()
-    assert shades[ahead] == shades.max() > shades.min()
+    image = image_of(figure_of(record_of(*[(0.0, 0.0, Activity.GOING)] * 5, *BUG1)))
+    west, _, south, _ = image.get_extent()
+    shades = np.asarray(image.get_array())[:, :, 3]
+    ahead = shades[int((0.0 - south) / CELL), int((1.0 - west) / CELL)]
+    assert ahead == shades.max() > shades[shades > 0].min()
+
+
+def log_of_ends(ends: Floats) -> RunLog:
+    """Log one scan whose beams end at places, (N, 2) m."""
+    angles, ranges = np.arctan2(*ends.T[::-1]), np.hypot(*ends.T)
+    run_log = RunLog()
+    observation = Observation(0.0, Pose2(0.0, 0.0), angles, ranges)
+    run_log.add(NavigationStep(observation, Activity.GOING, STOP, (), (-1.0, 0.0)))
+    return run_log
+
+
+@pytest.mark.parametrize("width", [6.0, 6.37, 7.11])
+def test_no_seam_is_left_between_sensed_cells(width: float) -> None:
+    middles = (np.arange(40) + 0.5) * CELL
+    ends = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+    extent = Extent(-2.0, -1.0, width - 2.0, 3.0)
+    frames = RunFrames(extent, "title", "P3AT", None)
+    frame = frames.draw(log_of_ends(ends + np.array([1.0, 0.5])), TRUE[:0], "status")
+    colour = np.array(to_rgb(UNKNOWN_SENSOR)) * 255 * STRONGEST + 255 * (1 - STRONGEST)
+    painted = np.all(np.abs(frame - colour) < 3, axis=2).astype(np.int64)
+    rows, columns = (np.nonzero(painted.sum(axis=axis) > 50)[0] for axis in (1, 0))
+    area = painted[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    assert area.size > 10_000
+    assert area.all()
+
+
+def test_foliage_stays_green_where_it_is_sensed() -> None:
+    middles = (np.arange(20) + 0.5) * CELL
+    ends = np.stack(np.meshgrid(middles + 1.5, middles - 0.5), axis=-1).reshape(-1, 2)
+    bush = (Outline("foliage", (WALL,), Family.FOLIAGE),)
+    figure = run_figure([view_of(log_of_ends(ends), outlines=bush)])
+    cells = np.asarray(image_of(figure).get_array())
+    west, east, *_ = image_of(figure).get_extent()
+    assert (cells[:, :, 3] > 0).any()
+    assert west == pytest.approx(2.0)  # from where on there is no foliage
+    (dots,) = (c for c in figure.axes[0].collections if isinstance(c, PathCollection))
+    places = np.asarray(dots.get_offsets())
+    assert len(places) > 10
+    assert places[:, 0].max() < 2.1 < east
+    assert "sensed in foliage" in legend(figure)
+
+
+def test_arrows_follow_the_path_at_equal_distances() -> None:
+    square = np.array([[0, 0], [4, 0], [4, 4], [0, 4], [0, 0.0]])
+    places = arrow_places(square, 4.0)
+    assert places[:, :2] == pytest.approx(
+        np.array([[2, 0], [4, 2], [2, 4], [0, 2]], dtype=float)
+    )
+    turns = np.cos(places[:, 2]), np.sin(places[:, 2])
+    assert np.column_stack(turns) == pytest.approx(
+        np.array([[1, 0], [0, 1], [-1, 0], [0, -1]], dtype=float)
+    )
+    assert not len(arrow_places(square[:1], 4.0))
+    assert not len(arrow_places(square[[0, 0]], 4.0))
+
+
+def test_things_at_the_edge_are_shown_whole_unless_they_are_large() -> None:
+    run_log = record_of(*BUG1)
+    bare = view_of(run_log).extent
+    bush = WALL + np.array([0.0, bare.south - WALL[0, 1] - 1.0])
+    cut = view_of(run_log, outlines=(Outline("solid", (bush,)),)).extent
+    assert cut.south == pytest.approx(bush[:, 1].min() - 0.3)
+    room = view_of(run_log, outlines=(Outline("solid", (WALL * 40,)),)).extent
+    assert room == bare
 
 
 @pytest.mark.parametrize(
