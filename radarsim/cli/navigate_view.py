@@ -27,6 +27,12 @@ ACTIVITIES: Final = {
     Activity.NO_PATH: "there is no path",
 }
 
+ENDINGS: Final = {
+    "reached": "reaches its goal",
+    "no_path": "finds that there is no path",
+}
+ENDED: Final = {Activity.REACHED: "reached", Activity.NO_PATH: "no_path"}
+
 
 def view_of(run: NavigationRun) -> RunView:
     """Return how a run is drawn; it has at least one row."""
@@ -43,12 +49,16 @@ def view_of(run: NavigationRun) -> RunView:
 
 def headline(run: NavigationRun) -> str:
     """Return what the bug does, or has done, in words."""
-    name = run.mission.algorithm.value.capitalize()
-    where = "" if run.scene is None else f" in {run.scene.name}"
     if run.error == INTERRUPTED:
-        return f"{name}{where}, interrupted"
-    endings = {"reached": "reaches its goal", "no_path": "finds that there is no path"}
-    return f"{name} {endings.get(run.outcome, 'fails')}{where}"
+        return f"{_title(run)}, interrupted"
+    return _title(run, ENDINGS.get(run.outcome, "fails"))
+
+
+def _title(run: NavigationRun, what: str = "") -> str:
+    """Return the name of the algorithm, what it does, and where."""
+    where = "" if run.scene is None else f"in {run.scene.name}"
+    name = run.mission.algorithm.value.capitalize()
+    return " ".join(word for word in (name, what, where) if word)
 
 
 def sensor_of(run: NavigationRun) -> SteeringSensor | None:
@@ -100,16 +110,16 @@ class RunCamera:
         row = run_log.rows[-1]
         status = f"{run_log.time:.1f} s, {run_log.path_length:.1f} m"
         status = f"{status}, {ACTIVITIES[row.activity]}"
-        return self._frames.draw(run_log, true_path(run), status)
+        ending = ENDINGS.get(ENDED.get(row.activity, ""), "drives to its goal")
+        title = _title(run, ending)
+        return self._frames.draw(run_log, true_path(run), status, title)
 
     def _prepare(self) -> RunFrames:
         run, outlines = self._run, true_outlines(self._run)
         row = run.run_log.rows[0]
-        name = run.mission.algorithm.value.capitalize()
-        where = "" if run.scene is None else f" in {run.scene.name}"
         return RunFrames(
             first_extent(outlines, (row.x, row.y), run.mission.goals),
-            f"{name} drives to its goal{where}",
+            _title(run, "drives to its goal"),
             drawn_robot(run.mission.robot_class).name,
             sensor_of(run),
             outlines,

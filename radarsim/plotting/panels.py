@@ -85,7 +85,8 @@ class Panels:
     Attributes:
         figure: The figure.
         axes: One for each panel, from left to right.
-        subtitles: The further lines; what they say may change.
+        titles: One for each panel; what they say may change.
+        subtitles: The further lines, likewise.
         scale_bar: The parts of the scale bar in the first panel.
     """
 
@@ -112,6 +113,7 @@ class Panels:
         self._text, self._numbers = text, numbers
         self.figure = Figure(dpi=DPI)
         self.axes: list[Axes] = []
+        self.titles: list[Text] = []
         self._size = (
             math.ceil(extent.width * pixels_per_metre - 1e-6),
             math.ceil(extent.height * pixels_per_metre - 1e-6),
@@ -125,7 +127,7 @@ class Panels:
                 axes.set(xticks=[], yticks=[])
             axes.set_xlim(extent.west, extent.east)
             axes.set_ylim(extent.south, extent.north)
-            axes.set_title(
+            written = axes.set_title(
                 title,
                 loc="left",
                 fontsize=text * _TITLE,
@@ -133,6 +135,7 @@ class Panels:
                 pad=_PAD + _LINE * text * bool(subtitles),
                 parse_math=False,
             )
+            self.titles.append(written)
             self.axes.append(axes)
         if numbers:
             self.axes[0].set_ylabel("y, m", fontsize=text)
@@ -155,11 +158,15 @@ class Panels:
             legend.remove()
         self._place(math.ceil(box.height))
 
+    @property
+    def extent(self) -> Extent:
+        """What each panel shows now, m."""
+        (west, east), (south, north) = self.axes[0].get_xlim(), self.axes[0].get_ylim()
+        return Extent(west, south, east, north)
+
     def show(self, extent: Extent) -> None:
         """Let all panels show an extent too, at a smaller scale if it is larger."""
-        axes = self.axes[0]
-        (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-        shown = Extent(west, south, east, north)
+        shown = self.extent
         wanted = shown.union(extent)
         if wanted == shown:
             return

@@ -3,12 +3,19 @@
 from collections.abc import Sequence
 from typing import Final
 
+from matplotlib.path import Path
+
 from radarsim.geometry import Floats
 from radarsim.navigation.bug import Point
 from radarsim.navigation.run_log import RunLog
 from radarsim.plotting.film import FrameCanvas
 from radarsim.plotting.film_encoders import Pixels
-from radarsim.plotting.outlines import Outline, area_rows, outlines_extent
+from radarsim.plotting.outlines import (
+    Outline,
+    area_rows,
+    include_touched,
+    outlines_extent,
+)
 from radarsim.plotting.panels import Extent, Panels
 from radarsim.plotting.run_markers import HIT, LEAVE, marker_rows
 from radarsim.plotting.runs import (
@@ -17,22 +24,26 @@ from radarsim.plotting.runs import (
     RETURNING,
     RunPanel,
     SteeringSensor,
+    path_extent,
     path_rows,
     pixels_per_metre,
-    run_extent,
     run_rows,
 )
 
 _AROUND: Final = 2.0  # m around start and goals that a film shows at first
-_EDGE: Final = 0.7  # m around a scene
+_EDGE: Final = 0.7  # m around a scene whose walls keep the robot in
+_OUTSIDE: Final = 2.0  # m around any other, for the robot to go round it
 _LARGEST_SCENE: Final = 40.0  # m of a side of a scene that it shows whole
+_MARGIN: Final = 0.4  # m around the path
 _TEXT: Final = 10.0  # points
 
 
 def first_extent(
     outlines: Sequence[Outline], start: Point, goals: Sequence[Point]
 ) -> Extent:
-    """Return what a film shows at first: start, goals, a scene that is not too large.
+    """Return what a film shows: start, goals, and all of a scene that is not too large.
+
+    A robot that goes round anything in it hardly ever leaves this.
 
     Args:
         outlines: The scene; none if it is unknown.
@@ -44,9 +55,20 @@ def first_extent(
         shown = shown.union(Extent(*goal, *goal))
     shown = shown.grown(_AROUND)
     scene = outlines_extent(outlines)
-    if scene is not None and max(scene.width, scene.height) <= _LARGEST_SCENE:
-        shown = shown.union(scene.grown(_EDGE))
-    return shown
+    if scene is None:
+        return shown
+    if max(scene.width, scene.height) > _LARGEST_SCENE:
+        return include_touched(shown.grown(_AROUND), outlines)
+    edge = _EDGE if _encloses(outlines, start) else _OUTSIDE
+    return shown.union(scene.grown(edge))
+
+
+def _encloses(outlines: Sequence[Outline], place: Point) -> bool:
+    """Return whether a solid outline runs all around a place, m."""
+    solid = [each for each in outlines if each.kind == "solid"]
+    return any(
+        Path(line).contains_point(place) for each in solid for line in each.lines
+    )
 
 
 class RunFrames:
@@ -75,7 +97,7 @@ class RunFrames:
         self._panels = Panels(extent, pixels_per_metre(extent), [title], [""])
         axes = self._panels.axes[0]
         self._panel = RunPanel(axes, robot_class, sensor, outlines)
-        (self._status,) = self._panels.subtitles
+        (self._title,), (self._status,) = self._panels.titles, self._panels.subtitles
         paths = [GOING, FOLLOWING, RETURNING] if returns else [GOING, FOLLOWING]
         self._panels.add_legend(
             [
@@ -87,17 +109,27 @@ class RunFrames:
         )
         self._canvas = FrameCanvas(self._panels.figure)
 
-    def draw(self, run_log: RunLog, true_path: Floats, status: str) -> Pixels:
+    @property
+    def extent(self) -> Extent:
+        """What the frames show now, m."""
+        return self._panels.extent
+
+    def draw(
+        self, run_log: RunLog, true_path: Floats, status: str, title: str = ""
+    ) -> Pixels:
         """Draw a frame, (H, W, 3).
 
         Args:
             run_log: The run; at least one row.
             true_path: Path that the robot truly drove, (N, 2) m.
             status: The second line of the title.
+            title: Another title from now on; empty to keep the one that is there.
         """
+        if title:
+            self._title.set_text(title)
+        self._panels.show(path_extent(run_log, true_path).grown(_MARGIN))
         self._panel.update(run_log, true_path, text=_TEXT, is_over=False)
-        self._panels.show(run_extent(run_log, true_path))
         self._status.set_text(status)
         return self._canvas.render(
-            [*self._panel.artists, *self._panels.scale_bar, self._status]
+            [*self._panel.artists, *self._panels.scale_bar, self._title, self._status]
         )

@@ -111,14 +111,23 @@ class RunView:
 
 def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
     """Return the extent of a run: its paths and goals, and beam ends near them."""
-    ends = [end for line in run_log.goal_lines for end in (line.start, line.goal)]
-    path = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
-    low, high = path.min(axis=0) - AROUND, path.max(axis=0) + AROUND
+    paths = path_extent(run_log, true_path)
+    around = paths.grown(AROUND)
+    low, high = (around.west, around.south), (around.east, around.north)
     beam_ends = run_log.beam_ends[:, :2]
     near = ((beam_ends >= low) & (beam_ends <= high)).all(axis=1)
-    shown = np.concatenate([path, beam_ends[near]])
-    corners = (*shown.min(axis=0).tolist(), *shown.max(axis=0).tolist())
-    return Extent(*corners).grown(_MARGIN)
+    if not near.any():
+        return paths.grown(_MARGIN)
+    sensed = beam_ends[near]
+    corners = (*sensed.min(axis=0).tolist(), *sensed.max(axis=0).tolist())
+    return paths.union(Extent(*corners)).grown(_MARGIN)
+
+
+def path_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
+    """Return the extent of the paths and the goals of a run; at least one row."""
+    ends = [end for line in run_log.goal_lines for end in (line.start, line.goal)]
+    points = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
+    return Extent(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
 
 class RunPanel:

@@ -30,7 +30,7 @@ from radarsim.plotting.palette import (
 from radarsim.plotting.panels import Extent
 from radarsim.plotting.path_arrows import arrow_places
 from radarsim.plotting.rendering import FORMS
-from radarsim.plotting.run_film import RunFrames
+from radarsim.plotting.run_film import RunFrames, first_extent
 from radarsim.plotting.runs import (
     AROUND,
     FOLLOWING,
@@ -46,6 +46,8 @@ from radarsim.plotting.sensed_cells import STRONGEST
 
 WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
 WALLS = Family.STONE.value
+ROOM = 10 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
+NO_PATH_YET = np.zeros((0, 2))
 PLAN = (Outline("solid", (WALL,)),)
 TRUE = np.array([[0.0, 0.0], [1.0, 0.2], [4.0, 0.2]])
 BUG1 = [
@@ -297,6 +299,33 @@ def test_foliage_stays_green_where_it_is_sensed() -> None:
     assert len(places) > 10
     assert places[:, 0].max() < 2.1 < east
     assert "sensed in foliage" in legend(figure)
+
+
+def test_film_of_a_robot_that_goes_round_a_thing_keeps_its_frame() -> None:
+    box = Outline("solid", (WALL * 2,))
+    extent = first_extent((box,), (0.0, 0.0), [(6.0, 0.0)])
+    frames = RunFrames(extent, "title", "P3AT", None, (box,))
+    around = [(2.0, -3.3), (5.2, -3.3), (5.2, 3.3), (2.0, 3.3)]
+    places = [(0.0, 0.0), *around, (6.0, 0.0)]
+    shown = []
+    for number in range(1, len(places) + 1):
+        rows = [(x, y, Activity.FOLLOWING) for x, y in places[:number]]
+        frames.draw(record_of(*rows, goal=(6.0, 0.0)), NO_PATH_YET, "status")
+        shown.append(frames.extent)
+    assert {*shown} == {extent}
+    room = Outline("solid", (ROOM,))
+    assert first_extent((room,), (0.0, 0.0), [(6.0, 0.0)]).width < 20 + 2
+
+
+def test_film_may_change_its_title() -> None:
+    frames = RunFrames(Extent(-1.0, -2.0, 5.0, 2.0), "drives", "P3AT", None)
+    run_log = record_of(*BUG1)
+    before, after, again = (
+        frames.draw(run_log, NO_PATH_YET, "status", title)
+        for title in ("drives", "reaches", "drives")
+    )
+    assert (before != after).any()
+    assert (before == again).all()
 
 
 def test_arrows_follow_the_path_at_equal_distances() -> None:
