@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -82,6 +84,7 @@ def serve(
     ] = False,
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
+    _check_ports(host, port, image_port)  # before imports that may compile for long
     from radarsim.protocol.dialect import get_dialect
     from radarsim.server.tcp_server import Server
     from radarsim.server.tcp_server import serve as serve_until_signal
@@ -94,7 +97,6 @@ def serve(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    _check_ports(port, image_port)
     simulated = load_host(map_, config, seed=seed)
     images = None if image_port is None else make_image_server(simulated, image_port)
 
@@ -105,19 +107,40 @@ def serve(
 
     server = Server(simulated, speed=speed)
     serving = serve_until_signal(server, host, port, announce_all, images)
-    try:
+    with _cure_of_port(image_port):
         code = asyncio.run(serving)
-    except PortUnavailable as error:
-        option = "--image-port" if error.port == image_port else "--port"
-        raise ServerError(f"{error}; {option} 0 takes a free one") from None
     raise typer.Exit(code)
 
 
-def _check_ports(port: int, image_port: int | None) -> None:
-    """Check that clients and viewers do not have the same port."""
+def _check_ports(host: str, port: int, image_port: int | None) -> None:
+    """Check that clients and viewers have ports of their own, and that these are free.
+
+    Raises:
+        typer.BadParameter: If both have the same port.
+        ServerError: If a port is in use, or reserved.
+    """
+    from radarsim.server.lifecycle import check_port
+
     if port and port == image_port:
         text = f"{image_port} is the port of --port, expected another one"
         raise typer.BadParameter(text, param_hint="--image-port")
+    with _cure_of_port(image_port):
+        check_port(host, port)
+        check_port(host, image_port or 0)
+
+
+@contextmanager
+def _cure_of_port(image_port: int | None) -> Iterator[None]:
+    """Say in the error of a port which option takes a free one.
+
+    Raises:
+        ServerError: If a port is in use, or reserved.
+    """
+    try:
+        yield
+    except PortUnavailable as error:
+        option = "--image-port" if error.port == image_port else "--port"
+        raise ServerError(f"{error}; {option} 0 takes a free one") from None
 
 
 def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 from radarsim.errors import PortUnavailable, ServerError
 from radarsim.os_errors import describe_os_error, error_number
@@ -61,6 +62,46 @@ def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
         yield exit_code
 
 
+def check_port(address: str, port: int) -> None:
+    """Check that a port is free, before work that takes long.
+
+    Other obstacles, such as an address of another machine, are left to ``listen``.
+
+    Args:
+        address: Address to listen on.
+        port: Port to listen on; 0, for a free one, is always right.
+
+    Raises:
+        PortUnavailable: If the port is in use, or reserved.
+    """
+    if not port:
+        return
+    with suppress(OSError, UnicodeError):
+        for family, *_, place in socket.getaddrinfo(
+            address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        ):
+            _try_to_bind(family, place, address, port)
+
+
+def _try_to_bind(family: int, place: tuple[Any, ...], address: str, port: int) -> None:
+    """Bind a socket as ``listen`` does, and close it.
+
+    Raises:
+        OSError: If there is no such socket.
+        PortUnavailable: If the port is in use, or reserved.
+    """
+    with socket.socket(family, socket.SOCK_STREAM) as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if family == socket.AF_INET6:
+            sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        try:
+            sock.bind(place)
+        except OSError as error:
+            failure = _listening_error(error, address, port)
+            if isinstance(failure, PortUnavailable):
+                raise failure from error
+
+
 async def listen(
     protocol_factory: Callable[[], asyncio.BaseProtocol], address: str, port: int
 ) -> tuple[asyncio.Server, tuple[str, int]]:
@@ -88,10 +129,7 @@ async def listen(
             backlog=ACCEPTED_AT_ONCE,
         )
     except (OSError, UnicodeError) as error:
-        text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
-        number = error_number(error) if isinstance(error, OSError) else 0
-        of_port = number in (errno.EADDRINUSE, errno.EACCES)
-        raise (PortUnavailable(text, port) if of_port else ServerError(text)) from error
+        raise _listening_error(error, address, port) from error
     if not listener.sockets:
         raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
     for listening in listener.sockets:
@@ -99,6 +137,15 @@ async def listen(
             same.listen(MAX_WAITING)
     host, bound_port = listener.sockets[0].getsockname()[:2]
     return listener, (host, bound_port)
+
+
+def _listening_error(
+    error: OSError | UnicodeError, address: str, port: int
+) -> ServerError:
+    text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
+    number = error_number(error) if isinstance(error, OSError) else 0
+    of_port = number in (errno.EADDRINUSE, errno.EACCES)
+    return PortUnavailable(text, port) if of_port else ServerError(text)
 
 
 def configure_socket(transport: asyncio.BaseTransport) -> None:

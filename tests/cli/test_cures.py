@@ -73,6 +73,19 @@ def test_image_port_in_use_has_its_own_cure(
     assert run.out == b""
 
 
+@pytest.mark.parametrize("option", ["--port", "--image-port"])
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_port_in_use_is_told_before_the_map_is_read(
+    radarsim: RunCommand, taken_port: str, host: str, option: str
+) -> None:
+    run = radarsim(
+        *("serve", "no_such_map", "--host", host, "--port", "0", option, taken_port)
+    )
+    assert run.code == 1
+    assert f"{option} 0 takes a free one" in run.err
+    assert "no_such_map" not in run.text + run.err
+
+
 def test_port_in_use_has_a_cure_with_through(
     radarsim: RunCommand, tmp_path: Path, taken_port: str
 ) -> None:

@@ -45,7 +45,7 @@ def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
 def test_wrong_option_is_a_usage_error(
     radarsim: Command, options: list[str], text: str
 ) -> None:
-    run = radarsim("serve", "empty_room", *options)
+    run = radarsim("serve", "empty_room", "--port", "0", *options)
     assert run.code == 2
     assert text in run.err
 

@@ -22,9 +22,15 @@ BUG = ("navigate", "--algorithm", "bug1", "--serve", "bug_box")
         (("scan", "empty_room", "--sensor", "sick", "--start", "RobotStrt2"), "Robot"),
         (("sensors", "rader"), "radar"),
         (("materials", "foliag"), "foliage"),
-        (("serve", "empty_room", "--set", "lms20.max_range=1"), "lms200"),
-        (("serve", "empty_room", "--set", "lms200.max_rang=1"), "max_range"),
-        (("serve", "empty_room", "--set", "INS.sigm=1"), "sigma"),
+        (
+            ("serve", "empty_room", "--port", "0", "--set", "lms20.max_range=1"),
+            "lms200",
+        ),
+        (
+            ("serve", "empty_room", "--port", "0", "--set", "lms200.max_rang=1"),
+            "max_range",
+        ),
+        (("serve", "empty_room", "--port", "0", "--set", "INS.sigm=1"), "sigma"),
         (("serve", "empty_room", "--dialect", "comat"), "compat"),
         (("trials", "--algorithms", "bug"), "bug"),
         (("trials", "--sensors", "rader"), "radar"),
