@@ -104,18 +104,20 @@ def _surface_properties(entry: MaterialEntry) -> dict[str, Any]:
 
 
 class Room:
-    """How much a scene may still contain."""
+    """How much a scene or a file may still contain."""
 
-    def __init__(self) -> None:
-        self._taken = dict.fromkeys(LIMITS, 0)
+    def __init__(self, limits: Mapping[str, int] = LIMITS) -> None:
+        """Start with nothing taken; ``limits`` has the most of each kind."""
+        self._limits = limits
+        self._taken = dict.fromkeys(limits, 0)
 
     def take(self, count: int, what: str) -> None:
-        """Count objects, parts or triangles.
+        """Count objects, parts, triangles, or another kind that has a limit.
 
         Raises:
             BuildError: If there is no room for so many.
         """
-        limit, taken = LIMITS[what], self._taken[what]
+        limit, taken = self._limits[what], self._taken[what]
         if taken + count > limit:
             expected = f"expected at most {limit} in all, {limit - taken} more"
             raise BuildError([((), f"{count} {what}, {expected}")])

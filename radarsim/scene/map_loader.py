@@ -8,7 +8,7 @@ over those of the map; what it does not change is built once.
 import math
 from collections.abc import Iterable, Iterator
 from itertools import islice
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
@@ -31,6 +31,7 @@ from radarsim.scene.map_checks import (
     trial_problems,
 )
 from radarsim.scene.map_schema import (
+    MAX_BUILT,
     MAX_ENTRIES,
     MAX_MATERIALS,
     MAX_OBJECTS,
@@ -57,6 +58,9 @@ _Layer: TypeAlias = tuple[KeyPath, dict[str, Any]]  # key path and raw entries
 _Object: TypeAlias = tuple[ObjectEntry | None, bool]  # None, or whether it is valid
 
 
+_BUILT: Final = "objects of the map and its variants"
+
+
 class MapLoader:
     """Loads the variants of one map file.
 
@@ -69,6 +73,7 @@ class MapLoader:
         self._file = file
         self._folder = file.path.parent.resolve()
         self._builder = PartBuilder(self._folder)
+        self._file_room = Room({_BUILT: MAX_BUILT})
         self._objects_by_materials: dict[tuple[str, ...], dict[KeyPath, _Object]] = {}
         self._built: dict[
             tuple[KeyPath, tuple[Material, ...]], list[Part] | BuildError
@@ -204,6 +209,7 @@ class MapLoader:
         built = self._built.get(key)
         if built is None:
             try:
+                self._file_room.take(entry.copies or 1, _BUILT)
                 built = self._builder.build(entry, used, room)
             except BuildError as error:
                 built = error

@@ -31,6 +31,7 @@ from radarsim.validation import rejection, short_repr
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
 MAX_COPIES = 10_000  # of one object
 MAX_OBJECTS = 20_000  # with all copies
+MAX_BUILT = 60_000  # with all copies, in the map and all its variants
 MAX_PARTS = 30_000  # objects, counted once for each of their materials
 MAX_MATERIALS = 1_000
 MAX_STARTS = 200

@@ -268,13 +268,13 @@ def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
     """
     if isinstance(pose, Pose3):
         return pose
-    numbers = [float(number) for number in pose]
+    numbers = given = [float(number) for number in pose]
     if len(numbers) == 3:
         x, y, yaw = numbers
         z = scene.floor_at(x, y) + SENSOR_HEIGHT if math.isfinite(x + y) else 0.0
         numbers = [x, y, z, 0.0, 0.0, yaw]
     if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
-        raise ValueError(f"pose {list(pose)!r}, expected three or six finite numbers")
+        raise ValueError(f"pose {given!r}, expected three or six finite numbers")
     return Pose3(*numbers)
 
 
@@ -285,6 +285,6 @@ def _sensor_poses(
     for i, pose in enumerate(poses):
         try:
             placed.append(sensor_pose(scene, pose))
-        except ValueError as error:
+        except (TypeError, ValueError) as error:
             raise ValueError(f"poses[{i}]: {error}") from None
     return placed

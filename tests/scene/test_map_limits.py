@@ -175,3 +175,19 @@ def test_tiny_area_takes_as_long_as_a_large_one() -> None:
         return time.process_time() - start
 
     assert duration(1e-4) < 3 * duration(100.0)
+
+
+def test_copies_of_all_variants_are_limited(tmp_path: Path) -> None:
+    scatter = "scatter: {count: 10000, area: [[-90, -90], [90, 90]], seed: 1}"
+    file = tmp_path / "variants.yaml"
+    variants = "".join(
+        f"  v{i}:\n    objects: [{{name: o, {SMALL}, {scatter}}}]\n" for i in range(8)
+    )
+    file.write_text(f"{HEAD}  []\nvariants:\n{variants}")
+    with pytest.raises(MapError) as raised:
+        load_variants(file)
+    assert [problem.partition(": ")[2] for problem in raised.value.problems] == [
+        f"variants.v{i}.objects.0: 10000 objects of the map and its variants,"
+        " expected at most 60000 in all, 0 more"
+        for i in (6, 7)
+    ]

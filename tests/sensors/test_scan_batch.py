@@ -91,3 +91,11 @@ def test_invalid_pose_is_named(empty_room: Scene) -> None:
 def test_missing_rng_is_an_error(empty_room: Scene) -> None:
     with pytest.raises(ValueError, match="no rng, expected a Generator"):
         radarsim.load_sensor("radar").scan_many(empty_room, [(0.0, 0.0, 0.0)])
+
+
+@pytest.mark.parametrize("poses", [np.zeros(3), [None]], ids=["one pose", "None"])
+def test_what_is_no_pose_is_an_error_that_names_it(
+    empty_room: Scene, poses: Any
+) -> None:
+    with pytest.raises(ValueError, match=r"^poses\[0\]: "):
+        load_sensor("laser").scan_many(empty_room, poses)
