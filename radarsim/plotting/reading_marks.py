@@ -25,11 +25,25 @@ from radarsim.plotting.ray_segments import (
 from radarsim.plotting.sight import Sight, name_materials
 from radarsim.plotting.style import Legend, area_style, echo_points, scan_points
 from radarsim.raycast.attenuation import EventKind
+from radarsim.scene.material import Material
 from radarsim.sensors.scan import Scan
 
 THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
 DOT: Final = 3.5  # points, of other readings
-CROSS: Final = 4.5  # points, of rays that are spent
+CROSS: Final = 4.5  # points, of rays that are spent or stopped
+SQUARE: Final = 3.0  # points, of readings in or at what rays enter
+# How rays end that do not see through anything.
+SPENT: Final = "spent"
+STOPPED: Final = "stopped"
+TOUCHING: Final = "in or at something"
+FREE: Final = "nothing in the way"
+_CROSSED: Final[Any] = {"marker": "x", "markersize": CROSS, "markeredgewidth": 0.9}
+_MARKS: Final[Any] = {
+    SPENT: _CROSSED,
+    STOPPED: _CROSSED,
+    TOUCHING: {"marker": "s", "markersize": SQUARE, "markerfacecolor": PAPER},
+    FREE: {"marker": ".", "markersize": DOT},
+}
 MANY_AREA: Final = 5.0  # square points, of a reading of several scans
 MANY_OPACITY: Final = 0.3
 MANY_THROUGH_AREA: Final = 36.0  # square points, if it is seen through something
@@ -43,14 +57,10 @@ def draw_ray_ends(axes: Axes, scan: Scan, sight: Sight) -> None:
     read = _read(scan)
     ranges = np.where(read, scan.ranges, 0.0)[:, None]
     ends = (rays.origins + ranges * rays.directions)[:, :2]
-    spent = _spent(scan) & read & ~sight.through
-    stopped = read & ~sight.through & ~spent
     style: dict[str, Any] = {"linestyle": "none", "color": colour, "zorder": 4}
-    if stopped.any():
-        axes.plot(*ends[stopped].T, ".", markersize=DOT, label="stopped", **style)
-    if spent.any():
-        style |= {"markersize": CROSS, "markeredgewidth": 0.9}
-        axes.plot(*ends[spent].T, "x", label="spent", **style)
+    for label, chosen in _group(scan, sight).items():
+        if chosen.any():
+            axes.plot(*ends[chosen].T, label=label, **style, **_MARKS[label])
     draw_hits(axes, scan, sight)
 
 
@@ -79,9 +89,8 @@ def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
         scan: A scan.
         sight: How its beams see.
     """
-    read = _read(scan)
     echoing = scan.echoes.settings.return_mode == "all"
-    spent = _spent(scan) & read & ~sight.through & (not echoing)
+    groups = _group(scan, sight)
     circle = {
         "marker": "o",
         "markersize": math.sqrt(THROUGH_AREA),
@@ -89,8 +98,6 @@ def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
         "markeredgewidth": 1.6,
     }
     thin = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
-    dot = {} if echoing else {"marker": ".", "markersize": DOT}
-    cross = {"marker": "x", "markersize": CROSS}
     faint = {"linewidth": FULL_WIDTH, "alpha": 2 * FULL_OPACITY * NO_RETURN_OPACITY}
     dashed = {"linewidth": 0.6, "linestyle": (0, (2, 4))}
     rows: list[tuple[Mask, str, dict[str, Any]]] = [
@@ -99,8 +106,7 @@ def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
             f"sees through {sight.words}",
             {"linewidth": THROUGH_WIDTH, **circle},
         ),
-        (read & ~sight.through & ~spent, "does not see through", {**thin, **dot}),
-        (spent, f"is spent in {_name_spent(scan)}", {**thin, **cross}),
+        *_rows_of_others(scan, sight, groups, thin, echoing=echoing),
         (np.isinf(scan.ranges), "no return", faint),
         (scan.ranges == 0, "blinded: reads 0", dashed),
     ]
@@ -109,6 +115,37 @@ def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
     for mask, text, style in rows:
         if mask.any():
             legend.add_line(text, color=colour, **style)
+
+
+def _rows_of_others(
+    scan: Scan,
+    sight: Sight,
+    groups: dict[str, Mask],
+    line: dict[str, Any],
+    *,
+    echoing: bool,
+) -> list[tuple[Mask, str, dict[str, Any]]]:
+    """Return the rows of rays that come back and do not see through anything."""
+    if echoing:  # echoes are marked instead, and all these rays look the same
+        return [(_read(scan) & ~sight.through, "other ray", line)]
+    spent, stopping = _spent_in(scan), _stopping(scan, groups[STOPPED])
+    texts = {
+        SPENT: f"is spent in {name_materials(spent)}",
+        STOPPED: f"is stopped by {name_materials(stopping)}",
+        TOUCHING: f"reads what stands in or at {name_materials(sight.entered)}",
+        FREE: _say_free([*sight.materials, *spent, *stopping, *sight.entered]),
+    }
+    return [(groups[each], texts[each], line | _MARKS[each]) for each in texts]
+
+
+def _group(scan: Scan, sight: Sight) -> dict[str, Mask]:
+    """Return how rays end that come back and do not see through anything."""
+    others = _read(scan) & ~sight.through
+    spent = _spent(scan) & others
+    stopped = sight.stopped & others & ~spent
+    touching = sight.touching & others & ~spent
+    free = others & ~spent & ~stopped & ~touching
+    return {SPENT: spent, STOPPED: stopped, TOUCHING: touching, FREE: free}
 
 
 def draw_many(
@@ -190,8 +227,23 @@ def _spent(scan: Scan) -> Mask:
     return spent
 
 
-def _name_spent(scan: Scan) -> str:
-    """Return what power is spent in, in words."""
+def _say_free(met: Sequence[Material]) -> str:
+    """Say what the rays do that meet none of the materials that others meet."""
+    if len({family_of(material) for material in met}) > 1:
+        return "meets none of these"
+    return f"meets no {name_materials(met)}" if met else "reads a surface"
+
+
+def _spent_in(scan: Scan) -> list[Material]:
+    """Return what power is spent in."""
     echoes = scan.echoes
     parts = np.unique(echoes.parts[echoes.kinds == EventKind.SPENT]).tolist()
-    return name_materials(material_of(echoes, part) for part in parts)
+    return [material_of(echoes, part) for part in parts]
+
+
+def _stopping(scan: Scan, stopped: Mask) -> list[Material]:
+    """Return what stops beams, (N,)."""
+    echoes = scan.echoes
+    at_end = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
+    parts = np.unique(echoes.parts[at_end & stopped[echoes.beams]]).tolist()
+    return [material_of(echoes, part) for part in parts]

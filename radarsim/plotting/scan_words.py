@@ -1,13 +1,15 @@
 """Scans in words: what one sees, and how it was measured."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.plotting.annotations import as_words
-from radarsim.plotting.sight import Sight, name_materials
+from radarsim.plotting.sight import Sight, lets_beams_in, name_materials
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.sensors.scan import Scan
 
@@ -28,7 +30,13 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
     if any(through):
         materials = (material for sight in sights for material in sight.materials)
         words = name_materials(materials)
-        return f"{_span(through)} of {beams} beams see through {words}{many}"
+        meeting = [int(np.count_nonzero(_meets(sight))) for sight in sights]
+        seeing = f"{_span(through)} of {beams} beams see through {words}"
+        if min(meeting) < beams:
+            met = f"{_span(meeting)} beams that meet {words}"
+            seeing = f"{_span(through)} of the {met} see through it"
+        held = any(sight.stopped.any() for sight in sights)
+        return f"{seeing}{many}" if held else f"{seeing}, none is stopped{many}"
     stopped = [Counter(_penetrable_readings(scan)) for scan in scans]
     if total := sum(stopped, Counter()):
         ((material, _),) = total.most_common(1)
@@ -37,6 +45,11 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
         return f"{name} stops {count} of {beams} beams, none sees through{many}"
     read = [int(np.count_nonzero(np.isfinite(scan.ranges))) for scan in scans]
     return f"{_span(read)} of {beams} beams read something{many}"
+
+
+def _meets(sight: Sight) -> NDArray[np.bool_]:
+    """Return which beams meet what some beams can enter, (N,)."""
+    return sight.through | sight.stopped | sight.touching
 
 
 def _span(counts: Sequence[int]) -> str:
@@ -57,15 +70,22 @@ def _penetrable_readings(scan: Scan) -> list[str]:
     for part in echoes.parts[read].tolist():
         if part < len(parts):
             material = parts[part].material
-            if material.penetrable or material.sheet_loss is not None:
+            if lets_beams_in(material):
                 names.append(material.name)
     return names
 
 
 def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
     """Return the name of the sensor and what one sees, as a title."""
-    words = f"{as_words(scans[0].sensor)}: {describe_scans(scans, sights)}"
-    return words[0].upper() + words[1:]
+    return f"{name_sensor(scans[0])}: {describe_scans(scans, sights)}"
+
+
+def name_sensor(scan: Scan) -> str:
+    """Return the name of a sensor as words, with its medium, such as Laser (sick)."""
+    name, medium = as_words(scan.sensor), scan.echoes.settings.medium
+    if re.search(rf"\b{medium}\b", name):
+        return name[0].upper() + name[1:]
+    return f"{medium.capitalize()} ({name})"
 
 
 def describe_beams(scene: str, scans: Sequence[Scan]) -> str:

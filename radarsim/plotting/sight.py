@@ -1,9 +1,12 @@
 """Which beams of a scan see through something: the one definition for all pictures.
 
+Something is what radar or laser beams can enter, such as foliage and smoke.
+
 A beam sees through a material if its ray enters and leaves parts of that material, and
 then reads something of another family behind them. Behind them means more than
 ``BESIDE`` outside of these parts as seen from above: a wall that a bush touches is not
-behind the bush.
+behind the bush. Other beams are stopped by such a material, read what stands in it or
+at it, or have nothing of it in their way.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,11 +38,17 @@ class Sight:
 
     Attributes:
         through: (N,) whether the beam sees through something.
+        stopped: (N,) whether it is stopped by something that some beams can enter.
+        touching: (N,) whether it enters something, and reads what stands in or at it.
         materials: The materials that beams see through.
+        entered: The materials that beams enter and read something in or at.
     """
 
     through: NDArray[np.bool_]
+    stopped: NDArray[np.bool_]
+    touching: NDArray[np.bool_]
     materials: tuple[Material, ...]
+    entered: tuple[Material, ...]
 
     @property
     def words(self) -> str:
@@ -70,14 +79,18 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     """
     tracer = tracer_of(scene)
     events = tracer.trace(scan.cast, events=True).events
-    through = np.zeros(len(scan.ranges), np.bool_)
+    through, stopped, touching = (
+        np.zeros(len(scan.ranges), np.bool_) for _ in range(3)
+    )
     seen_through: dict[str, Material] = {}
+    entered: dict[str, Material] = {}
     shadows: dict[int, Geometry] = {}
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
-        if not 0 < reading < np.inf:
-            continue
         mine = events[edges[beam] : edges[beam + 1]]
+        if not 0 < reading < np.inf:
+            stopped[beam] = reading > 0 and (mine["kind"] == EventKind.SPENT).any()
+            continue
         passed = _parts_passed(mine, reading, tracer.parts)
         for part in passed:
             if part not in shadows:
@@ -87,14 +100,20 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
             through[beam] = True
             materials = (tracer.parts[part].material for part in passed)
             seen_through.update({material.name: material for material in materials})
-    return Sight(through, tuple(seen_through.values()))
+        elif _ends_inside(mine, reading, tracer.parts):
+            stopped[beam] = True
+        elif met := _materials_met(mine, reading, tracer.parts):
+            touching[beam] = True
+            entered.update(met)
+    ways = (through, stopped, touching)
+    return Sight(*ways, tuple(seen_through.values()), tuple(entered.values()))
 
 
 def _parts_passed(
     events: NDArray[np.void], reading: float, parts: Sequence[Part]
 ) -> list[int]:
     """Return the parts that a ray has left before it reads one of another family."""
-    known = events[(events["part"] >= 0) & (events["part"] < len(parts))]
+    known = _of_parts(events, parts)
     if not len(known):
         return []
     last = known[np.argmin(np.abs(known["t"] - reading))]
@@ -104,6 +123,36 @@ def _parts_passed(
     read = family_of(parts[int(last["part"])].material)
     families = (family_of(parts[part].material) for part in passed)
     return [] if read in families else passed
+
+
+def _of_parts(events: NDArray[np.void], parts: Sequence[Part]) -> NDArray[np.void]:
+    return events[(events["part"] >= 0) & (events["part"] < len(parts))]
+
+
+def _ends_inside(
+    events: NDArray[np.void], reading: float, parts: Sequence[Part]
+) -> bool:
+    """Return whether a ray reads a material that some beams can enter."""
+    known = _of_parts(events, parts)
+    if not len(known):
+        return False
+    last = known[np.argmin(np.abs(known["t"] - reading))]
+    return lets_beams_in(parts[int(last["part"])].material)
+
+
+def _materials_met(
+    events: NDArray[np.void], reading: float, parts: Sequence[Part]
+) -> dict[str, Material]:
+    """Return the materials that a ray is in before its reading, by their names."""
+    known = _of_parts(events, parts)
+    before = known[known["t"] < reading - _NEAR]["part"]
+    materials = (parts[part].material for part in np.unique(before).tolist())
+    return {each.name: each for each in materials if lets_beams_in(each)}
+
+
+def lets_beams_in(material: Material) -> bool:
+    """Return whether radar or laser beams can enter a material."""
+    return material.penetrable or material.sheet_loss is not None
 
 
 def _from_above(part: Part) -> Geometry:

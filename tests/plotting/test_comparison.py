@@ -35,7 +35,7 @@ def test_each_panel_says_what_its_sensor_sees(foliage_room: Scene) -> None:
     figure = radarsim.compare(foliage_room, far, "radar")
     laser, radar = (axes.get_title(loc="left") for axes in figure.axes)
     assert "none sees through" in laser
-    assert "see through foliage" in radar
+    assert "meet foliage see through it" in radar
 
 
 def test_map_can_be_a_name_and_the_same_seed_gives_the_same_rays() -> None:

@@ -71,7 +71,7 @@ def dots_of(figure: Figure) -> Floats:
 
 
 def title(figure: Figure) -> str:
-    return figure.axes[0].get_title(loc="left")
+    return figure.axes[0].get_title(loc="left").replace("\n", " ")
 
 
 def small_print(figure: Figure) -> str:
@@ -117,7 +117,8 @@ def test_rays_that_see_through_are_boldest_and_their_hits_the_largest(
     x = hit_points(others)[:, :, 0]
     assert np.max(x) < 1.8  # no other ray is drawn behind the bushes
     assert len(np.asarray(hits.get_offsets())) == behind
-    assert f"{behind} of 181 beams see through foliage" in title(figure)
+    assert f"{behind} of the " in title(figure)
+    assert "beams that meet foliage see through it" in title(figure)
 
 
 def test_rays_fade_with_their_power(foliage_room: Scene) -> None:
@@ -166,7 +167,8 @@ def test_legend_lists_only_what_is_there(name: str) -> None:
     rng = generator_for(0, name)
     scan = scanner.scan(scene, (start.x, start.y, start.yaw), rng)
     told = labels(plot_scans(scene, [scan]))
-    assert "does not see through" in told
+    kinds = ("meets no", "is spent in", "reads what stands in or at")
+    assert any(text.startswith(kinds) for text in told)
     assert not {"no return", "blinded: reads 0"} & set(told)
 
 
@@ -189,7 +191,7 @@ def test_rays_without_return_beside_rays_that_see_through_are_no_warning() -> No
     scanner = radarsim.load_sensor("radar", side_offset_uu=0)
     scan = scanner.scan(scene, (0, 0, 0), generator_for(0, "radar"))
     assert np.isinf(scan.ranges).any()
-    assert "see through hedge" in title(plot_scans(scene, [scan]))
+    assert "meet hedge see through it" in title(plot_scans(scene, [scan]))
 
 
 def test_one_bush_behind_another_is_not_seen_through() -> None:
@@ -253,7 +255,10 @@ def test_each_ray_ends_in_one_mark_that_tells_how(foliage_room: Scene) -> None:
     figure = plot_scans(foliage_room, [scan])
     through = np.asarray(markers(figure)["seen through"].get_offsets())
     marks = {str(line.get_label()): line for line in figure.axes[0].lines}
-    ends = {name: np.asarray(marks[name].get_xydata()) for name in ("stopped", "spent")}
+    kinds = ("stopped", "spent", "in or at something", "nothing in the way")
+    ends = {
+        name: np.asarray(marks[name].get_xydata()) for name in kinds if name in marks
+    }
     assert len(through) + sum(map(len, ends.values())) == 181
     spent = scan.echoes.kinds == EventKind.SPENT
     assert len(ends["spent"]) == spent.sum() > 0
@@ -339,8 +344,8 @@ def test_several_scans_are_pale_dots_along_their_beams(foliage_room: Scene) -> N
     assert ordered == pytest.approx(wanted)
     counts = [int(find_sight(foliage_room, scan).through.sum()) for scan in scans]
     assert len(seen) == sum(counts)
-    told = f"{min(counts)} to {max(counts)} of 181 beams see through foliage"
-    assert told in title(figure)
+    assert f"{min(counts)} to {max(counts)} of the " in title(figure)
+    assert "beams that meet foliage see through it" in title(figure)
     assert "in 3 scans" in title(figure)
     assert "3 scans of 181 beams" in small_print(figure)
 
@@ -353,7 +358,58 @@ def test_several_scans_of_all_echoes_show_all_of_them(foliage_room: Scene) -> No
     count = sum(len(np.asarray(markers(figure)[name].get_offsets())) for name in drawn)
     assert count == sum(len(scan.echoes) for scan in scans)
     assert drawn <= set(labels(figure))
-    assert "see through foliage" in title(figure)
+    assert "meet foliage see through it" in title(figure)
+
+
+def test_smoke_that_stops_nothing_is_not_said_to_stop_beams(smoke_room: Scene) -> None:
+    scan = scan_of(smoke_room)
+    sight = find_sight(smoke_room, scan)
+    assert not sight.stopped.any()
+    assert np.array_equal(sight.touching, ~sight.through)
+    assert 0 < sight.through.sum() < 181
+    figure = plot_scans(smoke_room, [scan])
+    told = " ".join(labels(figure)).replace("\n", " ")
+    assert "reads what stands in or at smoke" in told
+    assert "not see through" not in told
+    assert "none is stopped" in title(figure)
+
+
+def test_beams_of_a_laser_are_stopped_by_bushes_or_have_none_in_their_way(
+    foliage_room: Scene,
+) -> None:
+    scan = scan_of(foliage_room, "laser")
+    sight = find_sight(foliage_room, scan)
+    targets = scan.echoes.targets.items()
+    bushes = [part for part, target in targets if target.material == "foliage"]
+    stopped = scan.echoes.beams[np.isin(scan.echoes.parts, bushes)]
+    assert np.array_equal(np.flatnonzero(sight.stopped), stopped)
+    assert not (sight.touching | sight.through).any()
+    told = labels(plot_scans(foliage_room, [scan]))
+    assert {"is stopped by foliage", "meets no foliage"} <= set(told)
+
+
+def test_title_counts_beams_that_meet_what_is_seen_through(foliage_room: Scene) -> None:
+    scan = scan_of(foliage_room)
+    sight = find_sight(foliage_room, scan)
+    met = (sight.through | sight.stopped | sight.touching).sum()
+    assert sight.through.sum() < met < 181
+    told = f"{sight.through.sum()} of the {met} beams that meet foliage see through it"
+    assert told in title(plot_scans(foliage_room, [scan]))
+
+
+@pytest.mark.parametrize(
+    ("preset", "beginning"),
+    [
+        ("radar", "Radar: "),
+        ("physical", "Laser (physical): "),
+        ("hss94_marulan", "Radar (hss94 marulan): "),
+    ],
+)
+def test_title_tells_the_medium_of_a_sensor(
+    empty_room: Scene, preset: str, beginning: str
+) -> None:
+    figure = plot_scans(empty_room, [scan_of(empty_room, preset)])
+    assert title(figure).startswith(beginning)
 
 
 def test_title_counts_blinded_beams(smoke_room: Scene) -> None:
