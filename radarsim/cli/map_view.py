@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -33,6 +34,7 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         result: The run.
         mapper: Holds the map; at least one scan.
     """
+    scene = result.scene
     return MapView(
         mapper.grid,
         mapper.trajectory.rows(),
@@ -40,6 +42,8 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         headline(result, mapper),
         true_outlines(result, mapper),
         _summary(result),
+        () if scene is None else tuple(scene.parts),
+        0.0 if scene is None else _sensor_height(result, mapper),
     )
 
 
@@ -47,7 +51,7 @@ def headline(result: MappingResult, mapper: Mapper) -> str:
     """Return how much is on a map, in words."""
     score = result.score
     if score is not None and score.hidden_coverage is not None:
-        return hidden_text(score.hidden_coverage)
+        return hidden_text(score.hidden_coverage, true_outlines(result, mapper))
     if score is not None and score.coverage is not None:
         return f"{100 * score.coverage:.0f} % of the floor mapped"
     grid = mapper.grid
@@ -69,11 +73,18 @@ def true_outlines(result: MappingResult, mapper: Mapper) -> tuple[Outline, ...]:
     return outlines_of(result.scene, _sensor_height(result, mapper))
 
 
-def hidden_text(share: float | None) -> str:
-    """Return how much of the hidden floor is mapped; empty if there is none."""
+def hidden_text(share: float | None, outlines: Iterable[Outline]) -> str:
+    """Return how much of the floor that the robot cannot reach is mapped.
+
+    Args:
+        share: Share of it; None if there is no such floor, for an empty text.
+        outlines: What is truly there, which tells what the floor is behind.
+    """
     if share is None:
         return ""
-    return f"{100 * share:.0f} % of the floor that the robot cannot reach is mapped"
+    is_foliage = any(outline.kind == "foliage" for outline in outlines)
+    where = "behind the foliage" if is_foliage else "out of the robot's reach"
+    return f"The floor {where}: {100 * share:.0f} % mapped"
 
 
 def _summary(result: MappingResult) -> str:
@@ -105,6 +116,7 @@ class MapCamera:
         self._mapper: Mapper | None = None
         self._frames: MapFrames | None = None
         self._hidden: HiddenFloor | None = None
+        self._outlines: tuple[Outline, ...] = ()
 
     def draw(self) -> Pixels:
         """Draw the map as it is, or as it was last; at least one scan is on it."""
@@ -115,12 +127,14 @@ class MapCamera:
             self._frames = self._prepare(mapper)
         share = None if self._hidden is None else self._hidden.coverage(mapper.grid)
         path = f"{trip.time:.1f} s, {trip.length:.1f} m"
-        status = ", ".join(text for text in (hidden_text(share), path) if text)
+        hidden = hidden_text(share, self._outlines)
+        status = ", ".join(text for text in (hidden, path) if text)
         return self._frames.draw(mapper.grid, mapper.trajectory.rows(), status)
 
     def _prepare(self, mapper: Mapper) -> MapFrames:
         result, resolution = self._result, mapper.grid.frame.resolution
         outlines, robot = true_outlines(result, mapper), drawn_robot(result.robot_class)
+        self._outlines = outlines
         x, y, _ = mapper.trajectory.rows()[0].tolist()
         if result.scene is not None:
             self._hidden = HiddenFloor(

@@ -32,9 +32,11 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.panels import Extent, Panels, titles_of
+from radarsim.plotting.plan import name_objects
 from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
 from radarsim.plotting.run_markers import START
+from radarsim.scene.scene import Part
 
 CELL_COLOURS: Final = {
     CellClass.UNKNOWN: NOT_SENSED,
@@ -60,6 +62,13 @@ _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
 _MUCH: Final = 4.0  # times the sensed area that a scene may have to be shown whole
 _EDGE: Final = 0.2  # m around what is shown
+_MOST_NAMES: Final = 15  # of objects; none are written if there are more
+_LETTER: Final = 0.65  # width of a letter, in heights of the text
+# Where the label of the start may be, the best first: horizontally and vertically.
+_SIDES: Final = ((0, 1), (0, -1), (-1, 0), (1, 0))
+_ALIGNMENTS: Final = ("center", "left", "right")  # by side: 0, 1, -1
+_LEVELS: Final = ("center", "bottom", "top")
+_ASIDE: Final = 7.0  # points from the start to its label
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +82,8 @@ class MapView:
         title: Title, in words.
         outlines: What is truly there.
         subtitle: A further line; empty for none.
+        parts: Parts of the scene whose objects are named; none for no names.
+        height: Height at which the sensor cuts them, m, map frame.
     """
 
     grid: OccupancyGrid
@@ -81,6 +92,8 @@ class MapView:
     title: str
     outlines: tuple[Outline, ...] = ()
     subtitle: str = ""
+    parts: tuple[Part, ...] = ()
+    height: float = 0.0
 
     @property
     def extent(self) -> Extent:
@@ -129,10 +142,8 @@ class MapPanel:
         self._label = axes.annotate(
             START.label,
             (0.0, 0.0),
-            xytext=START.offset,
+            xytext=(0.0, 0.0),
             textcoords="offset points",
-            ha="center",
-            va="bottom",
             fontsize=text,
             fontweight="bold",
             path_effects=[HALO],
@@ -146,11 +157,28 @@ class MapPanel:
         self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
         self._start.set_data(path[:1, 0], path[:1, 1])
-        self._label.xy = (float(path[0, 0]), float(path[0, 1]))
+        self._place_label(path[:, :2])
         for artist in self._robot:
             artist.remove()
         pose = Pose2(*path[-1].tolist())
         self._robot = [*draw_robot(self._axes, self._robot_class, pose, zorder=4)]
+
+    def _place_label(self, path: Floats) -> None:
+        """Place the label of the start on a side where it covers little of the path."""
+        figure = self._axes.get_figure(root=True)
+        assert figure is not None
+        pixels = self._axes.transData.transform(path)
+        points = (pixels - pixels[0]) * 72 / figure.dpi
+        high = float(self._label.get_fontsize())
+        size = np.array([_LETTER * high * len(START.label), high])
+        covered = [
+            np.all(np.abs(points - (_ASIDE + size / 2) * side) < size / 2, axis=1).sum()
+            for side in _SIDES
+        ]
+        right, up = _SIDES[int(np.argmin(covered))]
+        self._label.xy = (float(path[0, 0]), float(path[0, 1]))
+        self._label.xyann = (_ASIDE * right, _ASIDE * up)
+        self._label.set(ha=_ALIGNMENTS[right], va=_LEVELS[up])
 
     @property
     def artists(self) -> list[Artist]:
@@ -186,6 +214,7 @@ def map_figure(
     for axes, view in zip(panels.axes, views, strict=True):
         panel = MapPanel(axes, view.robot_class, view.outlines, text=text)
         panel.update(view.grid, view.path)
+        name_objects(axes, view.parts, view.height, most=_MOST_NAMES)
     panels.add_legend(legend_rows(views))
     return panels.figure
 

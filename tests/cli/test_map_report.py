@@ -78,7 +78,7 @@ def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
     run = MappingResult("auto", "ins", robot_class="P3AT_Radar360", scene=empty_room)
     run.outcome, run.score = "explored", score_with(0.973)
     view = view_of(run, mapper)
-    assert view.title == "97 % of the floor that the robot cannot reach is mapped"
+    assert view.title == "The floor out of the robot's reach: 97 % mapped"
     assert view.subtitle.startswith("P3AT_Radar360 maps empty_room: ")
     assert [outline.kind for outline in view.outlines] == ["solid"]
     run.outcome, run.score = "broken_off", score_with(None)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from PIL import Image
 
+from radarsim.figures.scan_spec import load_scene
 from radarsim.geometry import Pose2
 from radarsim.mapping.export import (
     BLACK,
@@ -146,6 +147,23 @@ def test_robot_stands_at_the_end_of_its_path() -> None:
     corners = [np.asarray(patch.get_path().vertices)[:4] for patch in axes.patches]
     hull = max(corners, key=lambda points: float(np.ptp(points[:, 0])))
     assert hull.mean(axis=0) == pytest.approx(PATH[-1, :2])
+
+
+@pytest.mark.parametrize(("north", "below"), [(1.0, True), (-1.0, False)])
+def test_label_of_the_start_is_beside_the_path(north: float, below: bool) -> None:
+    away = np.linspace(0.0, 3.0 * north, 60)
+    path = np.column_stack([np.zeros(60), away, np.zeros(60)])
+    view = MapView(grid_of(5.0), path, "P3AT", "A map")
+    (axes,) = map_figure([view]).axes
+    (label,) = (text for text in axes.texts if text.get_text() == "start")
+    assert (label.get_verticalalignment() == "top") == below
+
+
+def test_objects_of_the_scene_are_named() -> None:
+    parts = tuple(load_scene("foliage_room").parts)
+    figure = map_figure([view_of(grid_of(5.0), parts=parts, height=0.3)])
+    texts = {text.get_text() for text in figure.axes[0].texts}
+    assert {"bushes", "cabinet"} <= texts
 
 
 def test_cells_have_a_whole_number_of_pixels() -> None:
