@@ -23,11 +23,11 @@ from radarsim.figures.clear_and_dust import (
     scan_spec_for,
     trial_parts,
 )
-from radarsim.figures.figure import DrawnFigure, draw_title
+from radarsim.figures.figure import DrawnFigure, draw_small_print, draw_title
 from radarsim.figures.scan_spec import ROBOT, ScanSpec, load_scene, object_names
 from radarsim.geometry import Floats
 from radarsim.plotting import palette
-from radarsim.plotting.annotations import QUIET, draw_scale_bar
+from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.palette import MARKER, Family
 from radarsim.plotting.plan import draw_plan
 from radarsim.plotting.robots import draw_robot
@@ -39,7 +39,6 @@ COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.LASER}
 AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
 Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
 READINGS: Final = "readings"  # label of their marks
-_SMALL_PRINT: Final = 0.52  # inches from the top
 _EDGE: Final = 1.0  # m around all that is shown
 _BELOW: Final = 1.0  # m more below it, for the scale bar
 _OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 3.2, "markeredgewidth": 0}
@@ -225,8 +224,7 @@ def _frame(axes: Axes, shot: ScanSpec) -> None:
 
 def _draw_small_print(drawing: Figure, text: str, samples: Samples) -> None:
     """Write a text below the title, and the legend at the bottom."""
-    _, height = drawing.get_size_inches()
-    drawing.text(0.02, 1 - _SMALL_PRINT / height, text, va="top", color=QUIET)
+    draw_small_print(drawing, text)
     drawing.legend(
         list(samples.values()),
         list(samples),

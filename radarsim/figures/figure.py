@@ -11,11 +11,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from radarsim.plotting.annotations import QUIET
+
 SOFTWARE: Final = "radarsim"  # metadata that marks a picture as radarsim's
 _WHITE: Final = 255
 _GAP: Final = 24  # pixels between drawings
 TITLE_GAP: Final = 0.16  # inches above the title
 TITLE_SIZE: Final = 17  # points
+_SMALL_PRINT: Final = 0.52  # inches from the top
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,3 +96,9 @@ def draw_title(drawing: Figure, text: str) -> None:
     _, height = drawing.get_size_inches()
     place = (0.02, 1 - TITLE_GAP / height)
     drawing.text(*place, text, va="top", fontsize=TITLE_SIZE, fontweight="bold")
+
+
+def draw_small_print(drawing: Figure, text: str) -> None:
+    """Write a text below the title of a figure."""
+    _, height = drawing.get_size_inches()
+    drawing.text(0.02, 1 - _SMALL_PRINT / height, text, va="top", color=QUIET)

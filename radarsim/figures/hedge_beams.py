@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.figures.figure import DrawnFigure, draw_title
+from radarsim.figures.figure import DrawnFigure, draw_small_print, draw_title
 from radarsim.figures.foliage_wall import (
     FAR,
     bush_parts,
@@ -62,8 +62,11 @@ def draw_hokuyo(seed: int) -> DrawnFigure:
         f"To the Hokuyo the bushes are a wall: {counts.behind} of {counts.beams} beams"
         " see through"
     )
+    reach = f"The Hokuyo's own range is {own:g} m; here it is given {FAR:g} m."
+    drawing = _draw(shot, scan, title, LASER, STOPPED)
+    draw_small_print(drawing, reach)
     return DrawnFigure(
-        (_draw(shot, scan, title, LASER, STOPPED),),
+        (drawing,),
         "The Hokuyo, a laser, scans the test map from the start. To it the bushes are a"
         " wall, and what stands behind them stays hidden.",
         (shot.command,),
@@ -86,8 +89,15 @@ def draw_radar(seed: int) -> DrawnFigure:
         f"The radar sees what is behind: {counts.behind} of {counts.beams} beams see"
         " through the bushes"
     )
+    drawing = _draw(shot, scan, title, RADAR, SPENT)
+    objects = map(as_words, counts.objects)
+    draw_small_print(
+        drawing,
+        "They go through the thin edges of the bushes and read what is behind:"
+        f" {', '.join(objects)}.",
+    )
     return DrawnFigure(
-        (_draw(shot, scan, title, RADAR, SPENT),),
+        (drawing,),
         "The radar scans the test map from the same place. Where the bushes are thin,"
         " its beams go through and read what stands behind; where they are thick, beams"
         " are spent inside.",

@@ -141,11 +141,12 @@ def _draw_spans(axes: Axes, scans: Sequence[Scan]) -> Samples:
     changed = np.ptp(ranges, axis=0) > STEP
     still = np.unique(points[:, ~changed].reshape(-1, 2), axis=0)
     sample = _dots(axes, still, MARKER, STILL_AREA)
-    samples = {"reading that is the same in all scans": sample}
+    within = f"reading that stays within {100 * STEP:g} cm in all scans"
+    samples = {within: sample}
     if changed.any():
         moved = np.unique(points[:, changed].reshape(-1, 2), axis=0)
         sample = _dots(axes, moved, RADAR, MOVED_AREA / 2)
-        samples["reading of a beam that changes"] = sample
+        samples["reading of a beam that changes more"] = sample
         lines = np.stack([near, far], axis=1)[changed]
         samples["from its nearest to its farthest reading"] = _join(axes, lines)
     return samples

@@ -132,3 +132,15 @@ def test_titles_and_details_state_the_counts(
     assert "0 of 24624 beams end behind" in laser.details
     for drawn in (laser, seen_through):
         assert not re.search(r"nan|inf|None", drawn.caption + drawn.details)
+
+
+def test_small_print_tells_the_range_given_to_the_hokuyo(laser: DrawnFigure) -> None:
+    _, small_print = laser.drawings[0].texts
+    assert "80 m" in small_print.get_text()
+
+
+def test_small_print_names_what_the_radar_reads_behind_the_bushes(
+    seen_through: DrawnFigure,
+) -> None:
+    _, small_print = seen_through.drawings[0].texts
+    assert {"cabinet", "wall"} <= set(re.findall(r"\w+", small_print.get_text()))

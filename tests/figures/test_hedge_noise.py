@@ -74,3 +74,9 @@ def test_commands_take_the_scans_of_all_panels(
     assert single.commands == tuple(radar(0, offset).command for offset in OFFSETS)
     assert all(each.endswith(f"--count {COUNT}") for each in repeated.commands)
     assert len(repeated.commands) == len(OFFSETS)
+
+
+def test_legend_says_how_near_readings_stay_that_count_as_the_same() -> None:
+    (drawing,) = draw_repeated_scans(0).drawings
+    texts = [text.get_text() for text in drawing.legends[0].get_texts()]
+    assert any(f"within {100 * STEP:g} cm" in text for text in texts)
