@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from radarsim.atomic_write import write_atomically
-from radarsim.cli.output import print_message
 from radarsim.errors import PresetError
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import raise_on_signals
@@ -351,21 +350,22 @@ def check_robot(robot: str, served: object | None) -> None:
     Args:
         robot: Name of the class; a package may precede it.
         served: The simulation in this process; None for a server, which may know more
-            classes, so that only a probable error in the name is told, on stderr.
+            classes, so that only a probable error in a name without package counts.
 
     Raises:
-        typer.BadParameter: If the simulation in this process has no such class.
+        typer.BadParameter: If the class is unknown, or probably misspelt.
     """
     from radarsim.presets.robots import robot_names
 
-    name = robot.rpartition(".")[2]
+    package, _, name = robot.rpartition(".")
     if name.casefold() in (known.casefold() for known in robot_names()):
         return
-    if served is not None:
-        text = expected_one_of(name, robot_names())
-        raise typer.BadParameter(text, param_hint="--robot")
-    if meant := did_you_mean(name, robot_names()):
-        print_message(f"robot class {robot[:80]!r}{meant}")
+    text = expected_one_of(name, robot_names())
+    if served is None:
+        if package or not did_you_mean(name, robot_names()):
+            return
+        text += f" A class of another server has a package: USARBot.{name[:80]}"
+    raise typer.BadParameter(text, param_hint="--robot")
 
 
 def _obstacle_to_writing(path: Path) -> str:

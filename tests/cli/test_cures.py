@@ -45,6 +45,26 @@ def test_without_a_server_the_command_that_starts_one_is_told(
     assert "rrno" not in run.err
 
 
+@pytest.mark.parametrize(
+    ("robot", "code", "told"),
+    [
+        pytest.param("P3AT_Radar361", 2, "USARBot.P3AT_Radar361", id="misspelt"),
+        pytest.param("USARBot.P3AT_Radar361", 1, "no server", id="with its package"),
+        pytest.param("Submarine", 1, "no server", id="of another server"),
+    ],
+)
+def test_similar_class_of_another_server_is_named_with_its_package(
+    radarsim: RunCommand, free_port: str, robot: str, code: int, told: str
+) -> None:
+    run = radarsim(
+        *("navigate", "--algorithm", "bug1", "--goal", "1,1"),
+        *("--robot", robot, "--port", free_port),
+    )
+    assert run.code == code
+    assert told in run.err
+    assert ("did you mean 'P3AT_Radar360'" in run.err) == (code == 2)
+
+
 def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
     run = radarsim(
         *("navigate", "--algorithm", "bug1", "--goal", "1,1"),

@@ -173,6 +173,20 @@ def test_dumb_terminal_is_refused(terminal: Terminal) -> None:
     wait_until(lambda: b"'dumb'" in terminal.shown)
 
 
+@needs_pty
+def test_misspelt_robot_ends_the_command_before_it_connects(
+    terminal: Terminal,
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = str(silent.getsockname()[1])
+        with start(terminal, "--robot", "P3AT_Radar361", "--port", port) as process:
+            assert process.wait(timeout=240) == 2
+        silent.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            silent.accept()
+    wait_until(lambda: b"did you mean 'P3AT_Radar360'" in terminal.shown)
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [
