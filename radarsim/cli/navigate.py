@@ -176,7 +176,7 @@ def navigate(
             safety_distance = trial.safety_distance
     mission = Mission(
         algorithm=algorithm,
-        goals=_read_goals(goal or [], trial),
+        goals=_read_goals(goal or [], trial, serve),
         robot_class=robot,
         start=start,
         pose=None if pose is None else read_pose(pose, "--pose"),
@@ -228,12 +228,14 @@ def _execute(
 
 
 def _read_goals(
-    goals: list[str], trial: Trial | None
+    goals: list[str], trial: Trial | None, served_map: str | None
 ) -> tuple[tuple[float, float], ...]:
     if goals:
         return tuple(read_point(text, "--goal") for text in goals)
     if trial is None:
         text = "nowhere to go, expected X,Y, or --serve with a map that has a trial"
+        if served_map is not None:
+            text = f"nowhere to go, expected X,Y: the map {served_map!r} has no trial"
         raise typer.BadParameter(text, param_hint="--goal")
     return (trial.goal,)
 

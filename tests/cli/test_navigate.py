@@ -241,7 +241,11 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
     ("options", "texts"),
     [
         pytest.param([*BUG2], ["--goal", "nowhere"], id="no goal"),
-        pytest.param([*BUG2, "--serve", "empty_room"], ["nowhere"], id="no trial"),
+        pytest.param(
+            [*BUG2, "--serve", "empty_room"],
+            ["nowhere", "the map 'empty_room' has no trial"],
+            id="no trial",
+        ),
         pytest.param([*NEAR, "--seed", "1"], ["--seed", "--serve"], id="seed"),
         pytest.param([*NEAR, "--set", "a.b=1"], ["--set", "--serve"], id="set"),
         pytest.param([*BOX, "--port", "3000"], ["--port", "no --serve"], id="port"),
