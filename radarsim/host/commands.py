@@ -44,6 +44,7 @@ OPCODES = ("SCAN", "RESET", "POSE", "ECHOES")
 # for, and a reply that has to be computed take five. Reading a long line takes more.
 LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
+SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
@@ -85,12 +86,16 @@ class CommandHandler:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
             malformed = Diagnostic.of_malformed(line, error)
-            return Handled(True, malformed, LIGHT_WORK + reading)
+            return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
         if isinstance(parsed.command, Init) and self._is_too_early(client):
             return Handled(False, work=LIGHT_WORK + reading)
         work = self._work_of(client, parsed.command) + reading
         diagnostic = self._execute(client, parsed.command)
-        return Handled(True, diagnostic or Diagnostic.of_unknown_fields(parsed), work)
+        unknown = Diagnostic.of_unknown_fields(parsed)
+        if unknown is not None:
+            work += SUGGESTION_WORK
+            diagnostic = unknown if diagnostic is None else unknown.then(diagnostic)
+        return Handled(True, diagnostic, work)
 
     def despawn(self, client: Client) -> None:
         """Remove the robot of a client, if it has one."""
@@ -241,7 +246,8 @@ def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
         light=command.light,
     )
     if (command.left is None) != (command.right is None):
-        text = f"DRIVE of one side, expected Left and Right: {command}"
+        missing = "Left" if command.left is None else "Right"
+        text = f"DRIVE without {missing}, expected Left and Right, or none of them"
         return Diagnostic("one side", text)
     return None
 
@@ -279,7 +285,7 @@ def _apply_opcode(
             apply = partial(vehicle.set_ins, pose=parse_pose(params))
         # All of the items have the same type.
         case _ if items[0].type != "RangeScanner":
-            text = f"SET ECHOES of {items[0].type}, expected of RangeScanner"
+            text = f"SET ECHOES of type {items[0].type!r}, expected RangeScanner"
             return Diagnostic("opcode", text)
         case _:
             apply = partial(vehicle.enable_echoes, enabled=parse_switch(params))

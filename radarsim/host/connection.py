@@ -8,6 +8,7 @@ from radarsim.protocol.commands import COMMANDS, ParsedCommand
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.send_queue import SendQueue
 from radarsim.simulation.vehicle import Vehicle
+from radarsim.suggestions import expected_one_of
 
 
 @dataclass(slots=True)
@@ -57,7 +58,9 @@ class Diagnostic:
         if not parsed.unknown_keys:
             return None
         verb, unknown = parsed.command.verb, parsed.unknown_keys[0]
-        text = f"{verb} {unknown[:80]!r}, expected of {list(parsed.command.keys)}"
+        keys = parsed.command.keys
+        none = f"{unknown[:80]!r}, expected none"
+        text = f"{verb} field {expected_one_of(unknown, keys) if keys else none}"
         return cls(f"{verb} fields", text)
 
     def then(self, consequence: "Diagnostic") -> "Diagnostic":

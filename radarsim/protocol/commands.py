@@ -33,6 +33,7 @@ from radarsim.protocol.numbers import (
     parse_number,
     parse_numbers,
 )
+from radarsim.suggestions import expected_one_of
 
 PACKAGE: Final = "USARBot."  # of robot classes
 
@@ -293,9 +294,8 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
     if verb in _UNSUPPORTED:
         return ParsedCommand(Unsupported(verb))
     if verb not in COMMANDS:
-        raise MalformedMessage(
-            f"verb {message.verb[:80]!r}, expected one of {sorted(COMMANDS)}"
-        )
+        expected = expected_one_of(message.verb, sorted(COMMANDS))
+        raise MalformedMessage(f"verb {expected}")
     command = COMMANDS[verb].decode(message, dialect)
     known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
     unknown = [key for key, _ in message.segments if key.lower() not in known]

@@ -240,7 +240,7 @@ def test_echoes_are_off_for_the_next_robot(foliage_room: Scene) -> None:
         pytest.param(
             b"SET {Type INS} {Opcode ECHOES} {Params true}\r\n",
             "opcode",
-            "SET ECHOES of INS, expected of RangeScanner",
+            "SET ECHOES of type 'INS', expected RangeScanner",
             id="other type",
         ),
     ],

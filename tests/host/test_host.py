@@ -20,6 +20,7 @@ from radarsim.host.commands import (
     LIGHT_WORK,
     SPAWN_COOLDOWN,
     SPAWNS_PER_TICK,
+    SUGGESTION_WORK,
 )
 from radarsim.host.host import COMMANDS_PER_TICK, WAITING_WORK
 from radarsim.presets.robots import robot_names
@@ -170,6 +171,13 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
             id="unknown verb",
         ),
         pytest.param(
+            b"DRVE {Left 1} {Right 1}",
+            "malformed line",
+            "verb 'DRVE', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
+            "'GETSTARTPOSES', 'INIT', 'SET']; did you mean 'DRIVE'?",
+            id="misspelt verb",
+        ),
+        pytest.param(
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
             "class",
             "robot class 'KR6', expected one of ['P2AT', 'P2DX', 'P3AT', "
@@ -209,7 +217,7 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         pytest.param(
             b"GETSTARTPOSES {Which all}",
             "GETSTARTPOSES fields",
-            "GETSTARTPOSES 'Which', expected of []",
+            "GETSTARTPOSES field 'Which', expected none",
             id="unknown key",
         ),
     ],
@@ -233,8 +241,22 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"DRIVE {Left 1}",
             "one side",
-            "DRIVE of one side, expected Left and Right",
+            "DRIVE without Right, expected Left and Right",
             id="one wheel",
+        ),
+        pytest.param(
+            b"DRIVE {Right 1}",
+            "one side",
+            "DRIVE without Left, expected Left and Right",
+            id="the other wheel",
+        ),
+        pytest.param(
+            b"DRIVE {Left 1} {Rigth 1}",
+            "DRIVE fields, one side",
+            "DRIVE field 'Rigth', expected one of "
+            "['Left', 'Right', 'Normalized', 'Light', 'Flip']"
+            "; did you mean 'Right'?; DRIVE without Right, expected Left and Right",
+            id="misspelt wheel",
         ),
         pytest.param(
             b"DRIVE {Right 1e400} {Left 1}",
@@ -251,7 +273,7 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"DRIVE {Speed 1} {FrontSteer 0.2}",
             "DRIVE fields",
-            "DRIVE 'FrontSteer', expected of "
+            "DRIVE field 'FrontSteer', expected one of "
             "['Left', 'Right', 'Normalized', 'Light', 'Flip']",
             id="fields of other vehicles",
         ),
@@ -403,6 +425,17 @@ def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
     assert host.simulation.vehicles[0].robot.pose.x == 0
 
 
+def test_misspelt_field_is_told_with_what_it_leads_to(host: Host) -> None:
+    spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
+    number = connected(host)
+    run_ticks(host, SPAWN_COOLDOWN)
+    init = b"INIT {ClassName P3AT} {Strat RobotStart1}\r\n"
+    (diagnostic,) = host.receive(number, init)
+    assert diagnostic.kind == "INIT fields, moved"
+    assert "INIT field 'Strat', expected one of " in diagnostic.text
+    assert "did you mean 'Start'?; INIT moved from (0.00, 0.00)" in diagnostic.text
+
+
 def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
     number = connected(host)
     (diagnostic,) = host.receive(
@@ -443,9 +476,12 @@ def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> N
     ("flood", "work"),
     [
         pytest.param(b"GETSTARTPOSES\r\n", LIGHT_WORK, id="start poses"),
-        pytest.param(b"FOO\r\n", LIGHT_WORK, id="malformed"),
+        pytest.param(b"FOO\r\n", LIGHT_WORK + SUGGESTION_WORK, id="malformed"),
+        pytest.param(
+            b"DRIVE {Foo 1}\r\n", LIGHT_WORK + SUGGESTION_WORK, id="unknown field"
+        ),
         pytest.param(b"SET {Type INS} {Opcode RESET}\r\n", HEAVY_WORK, id="set"),
-        pytest.param(b"F" * 3 * CHARACTERS_A_UNIT + b"\r\n", 4, id="long"),
+        pytest.param(b"F" * CHARACTERS_A_UNIT + b"\r\n", 5, id="long"),
     ],
 )
 def test_floods_of_all_clients_together_are_limited_in_a_tick(
@@ -468,7 +504,7 @@ def test_clients_whose_commands_wait_take_turns(host: Host) -> None:
         host.take(number)
         host.receive(number, b"FOO\r\n" * 100)
     served: Counter[int] = Counter()
-    for _ in range(9):
+    for _ in range(9 * (LIGHT_WORK + SUGGESTION_WORK)):
         served.update(number for number, _ in host.step())
     assert max(served.values()) - min(served.values()) <= 1
     assert len(served) == len(numbers)
