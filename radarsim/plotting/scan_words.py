@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.plotting.annotations import as_words
 from radarsim.plotting.sight import Sight, lets_beams_in, name_materials
@@ -30,12 +29,12 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
     if any(through):
         materials = (material for sight in sights for material in sight.materials)
         words = name_materials(materials)
-        meeting = [int(np.count_nonzero(_meets(sight))) for sight in sights]
+        meeting = [int(np.count_nonzero(sight.meeting)) for sight in sights]
         seeing = f"{_span(through)} of {beams} beams see through {words}"
         if min(meeting) < beams:
             met = f"{_span(meeting)} beams that meet {words}"
             seeing = f"{_span(through)} of the {met} see through it"
-        held = any(sight.stopped.any() for sight in sights)
+        held = any((sight.stopped & sight.meeting).any() for sight in sights)
         return f"{seeing}{many}" if held else f"{seeing}, none is stopped{many}"
     stopped = [Counter(_penetrable_readings(scan)) for scan in scans]
     if total := sum(stopped, Counter()):
@@ -45,11 +44,6 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
         return f"{name} stops {count} of {beams} beams, none sees through{many}"
     read = [int(np.count_nonzero(np.isfinite(scan.ranges))) for scan in scans]
     return f"{_span(read)} of {beams} beams read something{many}"
-
-
-def _meets(sight: Sight) -> NDArray[np.bool_]:
-    """Return which beams meet what some beams can enter, (N,)."""
-    return sight.through | sight.stopped | sight.touching
 
 
 def _span(counts: Sequence[int]) -> str:

@@ -39,6 +39,7 @@ class Sight:
     Attributes:
         through: (N,) whether the beam sees through something.
         stopped: (N,) whether it is stopped by something that some beams can enter.
+        meeting: (N,) whether it meets what some beams see through, and ends somewhere.
         touching: (N,) whether it enters something, and reads what stands in or at it.
         materials: The materials that beams see through.
         entered: The materials that beams enter and read something in or at.
@@ -46,6 +47,7 @@ class Sight:
 
     through: NDArray[np.bool_]
     stopped: NDArray[np.bool_]
+    meeting: NDArray[np.bool_]
     touching: NDArray[np.bool_]
     materials: tuple[Material, ...]
     entered: tuple[Material, ...]
@@ -105,7 +107,10 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
         elif met := _materials_met(mine, reading, tracer.parts):
             touching[beam] = True
             entered.update(met)
-    ways = (through, stopped, touching)
+    families = {family_of(material) for material in seen_through.values()}
+    meeting = _meet(events, scan.ranges, tracer.parts, families)
+    meeting &= stopped | (np.isfinite(scan.ranges) & (scan.ranges > 0))
+    ways = (through, stopped, meeting, touching)
     return Sight(*ways, tuple(seen_through.values()), tuple(entered.values()))
 
 
@@ -127,6 +132,21 @@ def _parts_passed(
 
 def _of_parts(events: NDArray[np.void], parts: Sequence[Part]) -> NDArray[np.void]:
     return events[(events["part"] >= 0) & (events["part"] < len(parts))]
+
+
+def _meet(
+    events: NDArray[np.void],
+    ranges: Floats,
+    parts: Sequence[Part],
+    families: set[Family],
+) -> NDArray[np.bool_]:
+    """Return which rays meet a material of some families up to their readings, (N,)."""
+    known = _of_parts(events, parts)
+    known = known[known["t"] <= ranges[known["ray"]] + _NEAR]
+    wanted = [n for n, part in enumerate(parts) if family_of(part.material) in families]
+    meeting = np.zeros(len(ranges), np.bool_)
+    meeting[known["ray"][np.isin(known["part"], wanted)]] = True
+    return meeting
 
 
 def _ends_inside(

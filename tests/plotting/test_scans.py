@@ -397,6 +397,19 @@ def test_title_counts_beams_that_meet_what_is_seen_through(foliage_room: Scene) 
     assert told in title(plot_scans(foliage_room, [scan]))
 
 
+def test_beams_stopped_in_front_of_dust_are_not_counted_as_meeting_it() -> None:
+    dusty = radarsim.load_map("marulan_trial@dust")
+    scan = radarsim.load_sensor("hss94_marulan").scan(
+        dusty, (-15.8, 0, 0), generator_for(0, "dust")
+    )
+    sight = find_sight(dusty, scan)
+    cloud = next(p for p in dusty.parts if p.material.name == "dust_cloud")
+    ends = scan_points(scan)[:, 0]
+    behind = np.isfinite(scan.ranges) & (ends > cloud.vertices[:, 0].max())
+    assert np.array_equal(sight.meeting, behind)
+    assert (sight.stopped & ~sight.meeting).any()
+
+
 @pytest.mark.parametrize(
     ("preset", "beginning"),
     [
