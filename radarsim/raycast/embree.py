@@ -188,6 +188,9 @@ class EmbreeScene:
     def add_slice(self, height: float) -> None:
         """Speed up level rays at a height; what they find stays the same.
 
+        Threads that trace rays may do so at once: at worst, the slice of one of them is
+        not used.
+
         Args:
             height: z, m.
         """
@@ -199,9 +202,9 @@ class EmbreeScene:
         row = handle.scenes[0]
         if 2 * len(kept) <= len(z):  # else it would be no faster, and take memory
             corners, owners = self.triangles[kept], whole.owners[kept]
-            self._hierarchies.append(_Hierarchy(corners, owners, handle.margin))
-            addresses = self._hierarchies[-1].addresses
-            row = np.array([*addresses, len(handle.sliced)], np.uint64)
+            part = _Hierarchy(corners, owners, handle.margin)
+            self._hierarchies.append(part)
+            row = np.array([*part.addresses, len(handle.sliced)], np.uint64)
             handle = handle._replace(sliced=np.append(handle.sliced, kept))
         self.handle = handle._replace(
             scenes=np.vstack([handle.scenes, row]),

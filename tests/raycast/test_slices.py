@@ -1,5 +1,12 @@
 """Level rays find in a slice of a scene what they find in the whole scene."""
 
+import ctypes
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -117,3 +124,36 @@ def test_slice_that_has_most_triangles_is_the_whole_scene() -> None:
     scene.add_slice(0.0)
     assert scene.handle.scenes[1].tolist() == scene.handle.scenes[0].tolist()
     assert len(scene.handle.sliced) == 0
+
+
+def switch_threads(frame: FrameType, event: str, _: Any) -> Any:
+    """Let other threads run after each line of ``EmbreeScene.add_slice``."""
+    if frame.f_code is EmbreeScene.add_slice.__code__:
+        time.sleep(1e-4)
+        return switch_threads
+    return None
+
+
+def test_threads_that_add_slices_at_once_do_not_mix_them() -> None:
+    scene = EmbreeScene([Mesh(*ball())])
+    heights = np.linspace(-4.5, 4.5, 40).tolist()
+    with ThreadPoolExecutor(
+        8, initializer=sys.settrace, initargs=[switch_threads]
+    ) as pool:
+        list(pool.map(scene.add_slice, heights))
+    handle = scene.handle
+    assert len(handle.heights) > 1
+    starts = [*handle.scenes[1:, 3].tolist(), len(handle.sliced)]
+    for height, corners, first, end in zip(
+        handle.heights[1:],
+        handle.scenes[1:, 1].tolist(),
+        starts[:-1],
+        starts[1:],
+        strict=True,
+    ):
+        triangles = scene.triangles[handle.sliced[first:end]]
+        z = triangles[:, 2::3]
+        assert (z.min(axis=1) <= height + 1e-4).all()
+        assert (z.max(axis=1) >= height - 1e-4).all()
+        memory = (ctypes.c_double * triangles.size).from_address(corners)
+        np.testing.assert_array_equal(np.frombuffer(memory), triangles.ravel())
