@@ -29,7 +29,7 @@ from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
 from radarsim.sensors.sonar import SonarArray
-from radarsim.simulation.casting import CastingItem, read_together
+from radarsim.simulation.ray_items import RayItem, read_together
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
@@ -163,12 +163,12 @@ class Simulation:
             for vehicle in self._vehicles.values()
             for mounted in vehicle.due_scanners()
         ]
-        casting = [
+        ray_items = [
             (vehicle, item)
             for vehicle in self._vehicles.values()
-            for item in vehicle.due_casting_items()
+            for item in vehicle.due_ray_items()
         ]
-        boxes = self.boxes() if due or casting else NOTHING
+        boxes = self.boxes() if due or ray_items else NOTHING
         scans: dict[int, list[RangeScan]] = {n: [] for n in self._vehicles}
         echoes: dict[int, list[ScanEchoes]] = {n: [] for n in self._vehicles}
         for (vehicle, mounted), scan in zip(due, self._scan(due, boxes), strict=True):
@@ -176,7 +176,7 @@ class Simulation:
             if vehicle.has_echoes_enabled(mounted.item):
                 found = ScanEchoes(mounted.item.name, scan.echoes)
                 echoes[vehicle.number].append(found)
-        cast = self._cast(casting, boxes)
+        cast = self._cast(ray_items, boxes)
         return {
             number: TickOutput(
                 vehicle.status(),
@@ -216,7 +216,7 @@ class Simulation:
         return scan_batch(self._tracer, planned, boxes)
 
     def _cast(
-        self, due: list[tuple[Vehicle, CastingItem]], boxes: Boxes
+        self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
     ) -> dict[int, list[Report]]:
         """Take the readings of all sonars and GPS, by number of the robot."""
         readings: dict[int, list[Report]] = {n: [] for n in self._vehicles}

@@ -10,7 +10,7 @@ from radarsim.protocol.reports import Report, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.casting import CastingItem, GpsItem, SonarItems
+from radarsim.simulation.ray_items import RayItem, GpsItem, SonarItems
 from radarsim.simulation.config import (
     DEFAULT_INTERVAL,
     SimulationConfig,
@@ -80,10 +80,10 @@ class Vehicle:
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
         scanners = []
-        casting: list[CastingItem] = []
+        ray_items: list[RayItem] = []
         sonars = robot.model.items_of("Sonar")
         if sonars:
-            casting.append(SonarItems(sonars, robot, config, carrier_id=number))
+            ray_items.append(SonarItems(sonars, robot, config, carrier_id=number))
         for item in robot.model.items:
             rng = generator_for(seed, robot.name, item.name)
             self._interval_ticks[item.name] = ticks_of(config.interval(item))
@@ -91,11 +91,11 @@ class Vehicle:
             if item.type == "RangeScanner":
                 scanners.append(MountedScanner(item, config.scanner(item), rng))
             elif item.type == "GPS":
-                casting.append(GpsItem(mounting, gps_origin, carrier_id=number))
+                ray_items.append(GpsItem(mounting, gps_origin, carrier_id=number))
             elif item.type in SENSOR_ITEMS:
                 self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
         self.scanners = tuple(scanners)
-        self._casting_items = tuple(casting)
+        self._ray_items = tuple(ray_items)
         order = list(SENSOR_ITEMS)
         self._reading_order = sorted(
             (item for item in robot.model.items if item.name in self._sensor_items),
@@ -144,9 +144,9 @@ class Vehicle:
         reports = [self._sensor_items[item.name].read(time) for item in due]
         return join_encoders(reports) if self.dialect.joins_encoders else reports
 
-    def due_casting_items(self) -> list[CastingItem]:
+    def due_ray_items(self) -> list[RayItem]:
         """Return the items that cast rays and are due."""
-        due = [each for each in self._casting_items if self._is_due(each.item)]
+        due = [each for each in self._ray_items if self._is_due(each.item)]
         return due if due and self.alive else []
 
     def due_scanners(self) -> list[MountedScanner]:

@@ -19,7 +19,7 @@ from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.items import Mounting
 
 
-class CastingItem(Protocol):
+class RayItem(Protocol):
     """An item, or several that are due together, that reads by casting rays.
 
     Attributes:
@@ -106,7 +106,7 @@ class GpsItem:
 
 
 def read_together(
-    items: Sequence[CastingItem], time: float, tracer: Tracer, boxes: Boxes
+    items: Sequence[RayItem], time: float, tracer: Tracer, boxes: Boxes
 ) -> list[tuple[reports.Report, ...]]:
     """Trace the rays of all items at once, and return the readings of each.
 
