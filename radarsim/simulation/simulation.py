@@ -29,8 +29,8 @@ from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
 from radarsim.sensors.sonar import SonarArray
-from radarsim.simulation.ray_items import RayItem, read_together
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
+from radarsim.simulation.ray_items import RayItem, read_together
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place

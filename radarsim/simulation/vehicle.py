@@ -10,7 +10,6 @@ from radarsim.protocol.reports import Report, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.ray_items import RayItem, GpsItem, SonarItems
 from radarsim.simulation.config import (
     DEFAULT_INTERVAL,
     SimulationConfig,
@@ -24,6 +23,7 @@ from radarsim.simulation.items import (
     SensorItem,
     join_encoders,
 )
+from radarsim.simulation.ray_items import GpsItem, RayItem, SonarItems
 
 STATUS_TICKS = ticks_of(DEFAULT_INTERVAL)
 

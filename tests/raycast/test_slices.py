@@ -126,7 +126,7 @@ def test_slice_that_has_most_triangles_is_the_whole_scene() -> None:
     assert len(scene.handle.sliced) == 0
 
 
-def switch_threads(frame: FrameType, event: str, _: Any) -> Any:
+def switch_threads(frame: FrameType, *_: Any) -> Any:
     """Let other threads run after each line of ``EmbreeScene.add_slice``."""
     if frame.f_code is EmbreeScene.add_slice.__code__:
         time.sleep(1e-4)
