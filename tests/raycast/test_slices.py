@@ -138,7 +138,7 @@ def test_threads_that_add_slices_at_once_do_not_mix_them() -> None:
     scene = EmbreeScene([Mesh(*ball())])
     heights = np.linspace(-4.5, 4.5, 40).tolist()
     with ThreadPoolExecutor(
-        8, initializer=sys.settrace, initargs=[switch_threads]
+        8, initializer=lambda: sys.settrace(switch_threads)
     ) as pool:
         list(pool.map(scene.add_slice, heights))
     handle = scene.handle
@@ -156,4 +156,4 @@ def test_threads_that_add_slices_at_once_do_not_mix_them() -> None:
         assert (z.min(axis=1) <= height + 1e-4).all()
         assert (z.max(axis=1) >= height - 1e-4).all()
         memory = (ctypes.c_double * triangles.size).from_address(corners)
-        np.testing.assert_array_equal(np.frombuffer(memory), triangles.ravel())
+        np.testing.assert_array_equal(np.ctypeslib.as_array(memory), triangles.ravel())
