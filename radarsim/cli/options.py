@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 DEFAULT_PORT: Final = 3000  # of USARSim
-
+DEFAULT_MAX_CLIENTS: Final = 1024
 
 PICTURE_FORMS: Final = ("png", "svg", "pdf")  # endings of files that plots go into
 

@@ -8,11 +8,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from radarsim.cli.options import (
+    DEFAULT_MAX_CLIENTS,
     DEFAULT_PORT,
     DriveUnit,
     MapArgument,
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
     from radarsim.host import Host
     from radarsim.server.image_server import ImageServer
     from radarsim.simulation.config import SimulationConfig
+
+log = logging.getLogger("radarsim.server")
+
+OTHER_FILES: Final = 128  # that the server opens besides those of its clients
 
 
 class DialectName(StrEnum):
@@ -79,6 +84,9 @@ def serve(
             help="Change a setting of the robots' items, such as lms200.max_range=20.",
         ),
     ] = None,
+    max_clients: Annotated[
+        int, typer.Option(min=1, help="Refuse clients when this many are connected.")
+    ] = DEFAULT_MAX_CLIENTS,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Log connections as well.")
     ] = False,
@@ -105,7 +113,8 @@ def serve(
         if images is not None:
             announce_images(images.address)
 
-    server = Server(simulated, speed=speed)
+    most = _permitted_clients(max_clients)
+    server = Server(simulated, speed=speed, max_clients=most)
     serving = serve_until_signal(server, host, port, announce_all, images)
     with _cure_of_port(image_port):
         code = asyncio.run(serving)
@@ -127,6 +136,23 @@ def _check_ports(host: str, port: int, image_port: int | None) -> None:
     with _cure_of_port(image_port):
         check_port(host, port)
         check_port(host, image_port or 0)
+
+
+def _permitted_clients(wanted: int) -> int:
+    """Return the number of clients for which the system permits enough sockets."""
+    from radarsim.server.open_files import raise_file_limit
+
+    expected = wanted + OTHER_FILES
+    files = raise_file_limit(expected)
+    if files == expected:
+        return wanted
+    most = max(1, files - OTHER_FILES)
+    log.warning(
+        "at most %d clients: the system permits %d open files, expected %d for"
+        " --max-clients %d; 'ulimit -n' tells the limit",
+        *(most, files, expected, wanted),
+    )
+    return most
 
 
 @contextmanager

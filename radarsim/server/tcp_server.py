@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("radarsim.server")
 
-MAX_CLIENTS = 256
+MAX_CLIENTS = 1024
 MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
 READ_BYTES = 2048  # read from one client before others are served
@@ -35,16 +35,20 @@ class Server:
         address: Host and port that it listens on, once started.
     """
 
-    def __init__(self, host: Host, *, speed: float = 1.0) -> None:
+    def __init__(
+        self, host: Host, *, speed: float = 1.0, max_clients: int = MAX_CLIENTS
+    ) -> None:
         """Create a server that does not listen yet.
 
         Args:
             host: The simulation and its clients.
             speed: Simulated seconds in one second of the wall clock.
+            max_clients: Number of clients beyond which others are refused.
         """
         self.address = ("", 0)
         self._host = host
         self._period = TICK / speed
+        self._max_clients = max_clients
         self._connections: set[Connection] = set()
         self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
@@ -61,11 +65,7 @@ class Server:
             ServerError: If the port is taken, or the address is not one of this
                 machine.
         """
-        self._listener, self.address = await listen(
-            lambda: Connection(self._host, self._connections, MAX_CLIENTS, self._turns),
-            address,
-            port,
-        )
+        self._listener, self.address = await listen(self._connection, address, port)
         self._ticking = asyncio.create_task(self._tick_forever())
 
     async def stop(self) -> None:
@@ -87,6 +87,9 @@ class Server:
         """
         if self._ticking is not None:
             await asyncio.shield(self._ticking)
+
+    def _connection(self) -> "Connection":
+        return Connection(self._host, self._connections, self._max_clients, self._turns)
 
     async def _tick_forever(self) -> None:
         loop = asyncio.get_running_loop()

@@ -4,8 +4,9 @@ from typing import Any
 import pytest
 import typer
 
-from radarsim.cli.options import read_item_settings
+from radarsim.cli.options import DEFAULT_MAX_CLIENTS, read_item_settings
 from radarsim.cli.serve import announce
+from radarsim.server.tcp_server import MAX_CLIENTS
 
 Command = Callable[..., Any]
 
@@ -39,6 +40,7 @@ def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
             ["--port", "5003", "--image-port", "5003"], "--image-port", id="same port"
         ),
         pytest.param(["--seed", "-1"], "--seed", id="seed"),
+        pytest.param(["--max-clients", "0"], "--max-clients", id="no clients"),
         pytest.param(["--dialect", "klingon"], "klingon", id="dialect"),
     ],
 )
@@ -81,3 +83,19 @@ def test_next_step_is_told_to_a_person_on_stderr(
 def test_programs_get_the_address_alone(capsys: pytest.CaptureFixture[str]) -> None:
     announce(("127.0.0.1", 3000))
     assert capsys.readouterr() == ("radarsim: listening on 127.0.0.1:3000\n", "")
+
+
+def test_command_and_server_take_as_many_clients_by_default() -> None:
+    assert DEFAULT_MAX_CLIENTS == MAX_CLIENTS == 1024
+
+
+def test_fewer_clients_are_taken_where_the_system_permits_fewer_files(
+    radarsim: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr("radarsim.server.open_files.raise_file_limit", lambda _: 200)
+    options = ["--host", "192.0.2.1", "--port", "0", "--max-clients", "100"]
+    radarsim("serve", "empty_room", *options)
+    assert "at most 72 clients: the system permits 200 open files" in caplog.text
+    assert "expected 228 for --max-clients 100" in caplog.text

@@ -17,7 +17,7 @@ from radarsim.geometry import Pose3
 from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.read_turns import ReadTurns
-from radarsim.server.tcp_server import Connection, Server
+from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server
 from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
@@ -117,8 +117,10 @@ class RunningServer:
 
 
 @asynccontextmanager
-async def serving(host: Host, *, speed: float = 5.0) -> AsyncIterator[RunningServer]:
-    server = Server(host, speed=speed)
+async def serving(
+    host: Host, *, speed: float = 5.0, max_clients: int = MAX_CLIENTS
+) -> AsyncIterator[RunningServer]:
+    server = Server(host, speed=speed, max_clients=max_clients)
     await server.start(port=0)
     running_server = RunningServer(host, server)
     try:
@@ -445,22 +447,20 @@ async def _greeting_or_end(peer: Peer) -> bytes:
 
 
 async def test_client_is_refused_when_there_are_too_many(
-    running_server: RunningServer,
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
+    empty_room: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("radarsim.server.tcp_server.MAX_CLIENTS", 2)
-    first, second, third = [await running_server.peer() for _ in range(3)]
-    assert await first.line() == GREETING
-    assert await second.line() == GREETING
-    with suppress(ConnectionError):
-        assert await third.rest() == b""
-    assert "refused: there are 2 clients" in caplog.text
-    second.writer.close()
-    await second.writer.wait_closed()
-    async with asyncio.timeout(DEADLINE):
-        while await _greeting_or_end(await running_server.peer()) != GREETING:  # noqa: ASYNC110
-            await asyncio.sleep(0.01)  # until the server has noticed that it left
+    async with serving(Host(empty_room), max_clients=2) as running_server:
+        first, second, third = [await running_server.peer() for _ in range(3)]
+        assert await first.line() == GREETING
+        assert await second.line() == GREETING
+        with suppress(ConnectionError):
+            assert await third.rest() == b""
+        assert "refused: there are 2 clients" in caplog.text
+        second.writer.close()
+        await second.writer.wait_closed()
+        async with asyncio.timeout(DEADLINE):
+            while await _greeting_or_end(await running_server.peer()) != GREETING:  # noqa: ASYNC110
+                await asyncio.sleep(0.01)  # until the server has noticed that it left
 
 
 async def test_taken_port_is_an_error_of_one_line(
