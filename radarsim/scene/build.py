@@ -168,7 +168,7 @@ class PartBuilder:
             for copy in copies
             for material, (vertices, faces) in pieces
         ]
-        extent = max(np.abs(part.vertices).max(initial=0.0) for part in parts)
+        extent = np.abs([part.bounds for part in parts]).max()
         if extent > MAX_EXTENT:
             expected = f"expected at most {MAX_EXTENT:g}"
             raise BuildError(

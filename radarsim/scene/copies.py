@@ -16,8 +16,11 @@ from radarsim.scene.map_schema import ObjectEntry, ScatterEntry
 MAX_ATTEMPTS: Final = 200  # random positions for a copy, before the area counts as full
 CELLS_ALONG: Final = 10_000  # of an area's longer side, at most
 
+_COLUMN: Final = 4 * CELLS_ALONG  # numbers of cells in a column, more than there are
+_AROUND: Final = [i * _COLUMN + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
+_DRAWS: Final = 1000  # numbers that are drawn at once
+
 _Position: TypeAlias = tuple[float, float]
-_Cell: TypeAlias = tuple[int, int]
 
 
 class BuildError(Exception):
@@ -71,27 +74,39 @@ def place_copies(entry: ObjectEntry) -> list[Copy]:
     """
     origin = np.array(entry.position, dtype=np.float64)
     if entry.scatter is not None:
-        return list(_scatter_copies(entry.name, origin, entry.scatter))
+        return _scatter_copies(entry.name, origin, entry.scatter)
     step = np.array(entry.repeat.step) if entry.repeat else np.zeros(3)
     names = copy_names(entry.name, entry.copies)
     return [Copy(name, origin + i * step) for i, name in enumerate(names)]
 
 
-def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> Iterator[Copy]:
-    rng = generator_for(scatter.seed, "scatter", name)
-    low, high = np.array(scatter.area)
+def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Copy]:
+    draws = _draw_forever(generator_for(scatter.seed, "scatter", name))
+    (left, lower), (right, upper) = scatter.area
     smallest, largest = scatter.scale
-    placed = _Neighbourhood(scatter.min_distance, low, max(high - low))
-    for number, copy_name in enumerate(copy_names(name, scatter.count)):
+    width, height, spread = right - left, upper - lower, largest - smallest
+    placed = _Neighbourhood(scatter.min_distance, max(width, height))
+    offsets: list[tuple[float, float, float]] = []
+    scales: list[float] = []
+    for number in range(scatter.count):
         for _ in range(MAX_ATTEMPTS):
-            position = rng.uniform(low, high)
-            if placed.add(*position.tolist()):
+            x, y = left + width * next(draws), lower + height * next(draws)
+            if placed.add(x, y, x - left, y - lower):
                 break
         else:
             text = f"the area is full after {number} copies, expected {scatter.count}"
             raise BuildError([(("scatter",), text)])
-        scale = rng.uniform(smallest, largest)
-        yield Copy(copy_name, origin + np.append(position, 0.0), scale)
+        offsets.append((x, y, 0.0))
+        scales.append(smallest + spread * next(draws))
+    names = copy_names(name, scatter.count)
+    positions = origin + np.array(offsets)
+    return [Copy(*each) for each in zip(names, positions, scales, strict=True)]
+
+
+def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
+    """Yield numbers from 0 to 1, those that ``rng.random()`` returns one by one."""
+    while True:
+        yield from rng.random(_DRAWS).tolist()
 
 
 class _Neighbourhood:
@@ -102,31 +117,34 @@ class _Neighbourhood:
     its scale: no cell has many of its positions, however small it is.
     """
 
-    def __init__(self, distance: float, corner: Floats, side: float) -> None:
+    def __init__(self, distance: float, side: float) -> None:
         """Start without positions.
 
         Args:
             distance: Least distance, m; 0 for any.
-            corner: The area's lower corner, m.
-            side: Length of its longer side, m.
+            side: Length of the area's longer side, m.
         """
         self._distance = distance
-        self._left, self._lower = corner.tolist()
-        self._size = max(distance * 1.001, float(side) / CELLS_ALONG)
-        self._cells: defaultdict[_Cell, list[_Position]] = defaultdict(list)
+        self._size = max(distance * 1.001, side / CELLS_ALONG)
+        self._cells: defaultdict[int, list[_Position]] = defaultdict(list)
 
-    def add(self, x: float, y: float) -> bool:
-        """Add a position, m, unless another one is too near."""
-        if self._distance == 0:
+    def add(self, x: float, y: float, right: float, up: float) -> bool:
+        """Add a position, unless another one is too near.
+
+        Args:
+            x: East, m.
+            y: North, m.
+            right: Distance from the area's left side, m, at least 0.
+            up: Distance from the area's lower side, m, at least 0.
+        """
+        least = self._distance
+        if least == 0:
             return True
-        column = math.floor((x - self._left) / self._size)
-        row = math.floor((y - self._lower) / self._size)
-        if any(
-            math.sqrt((a - x) * (a - x) + (b - y) * (b - y)) < self._distance
-            for i in (column - 1, column, column + 1)
-            for j in (row - 1, row, row + 1)
-            for a, b in self._cells.get((i, j), ())
-        ):
-            return False
-        self._cells[column, row].append((x, y))
+        cells = self._cells
+        cell = int(right / self._size) * _COLUMN + int(up / self._size)
+        for offset in _AROUND:
+            for a, b in cells.get(cell + offset, ()):
+                if math.sqrt((a - x) * (a - x) + (b - y) * (b - y)) < least:
+                    return False
+        cells[cell].append((x, y))
         return True

@@ -5,7 +5,7 @@ does not hide the problems of other keys.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any, TypeAlias
 
 from radarsim.geometry import Floats
@@ -96,6 +96,20 @@ def object_problems(item: Any) -> Iterator[Problem]:
     if "scatter" in given and _is_off_centre(item.get("position")):
         message = "expected 0 for x and y, since 'scatter' has an area"
         yield ("position",), f"{short_repr(item['position'])}, {message}"
+
+
+def unknown_materials(item: Any, own: Collection[str]) -> Iterator[str]:
+    """Yield the names in a raw object that neither the map nor the library has."""
+    if isinstance(item, dict):
+        several = item.get("materials")
+        names = several.values() if isinstance(several, dict) else ()
+        for name in (item.get("material"), *names):
+            if (
+                isinstance(name, str)
+                and name not in own
+                and name not in library_names()
+            ):
+                yield name
 
 
 def _shape_problems(given: set[str]) -> Iterator[Problem]:

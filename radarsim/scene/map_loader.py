@@ -29,6 +29,7 @@ from radarsim.scene.map_checks import (
     object_problems,
     surface_problems,
     trial_problems,
+    unknown_materials,
 )
 from radarsim.scene.map_schema import (
     MAX_BUILT,
@@ -74,7 +75,9 @@ class MapLoader:
         self._folder = file.path.parent.resolve()
         self._builder = PartBuilder(self._folder)
         self._file_room = Room({_BUILT: MAX_BUILT})
-        self._objects_by_materials: dict[tuple[str, ...], dict[KeyPath, _Object]] = {}
+        self._is_too_much = False
+        self._made: dict[KeyPath, tuple[Material, bool]] = {}
+        self._validated: dict[tuple[KeyPath, frozenset[str]], _Object] = {}
         self._built: dict[
             tuple[KeyPath, tuple[Material, ...]], list[Part] | BuildError
         ] = {}
@@ -82,8 +85,8 @@ class MapLoader:
     def variants(self) -> Iterator[str]:
         """Yield the names of all variants, until there are many problems."""
         variants = _pairs(self._file.data, "variants")
-        layers = [item for _, item in variants] + [self._file.data]
-        entries = len(layers) * sum(_count(layer, "objects") for layer in layers)
+        own = sum(_count(layer, "objects") for _, layer in variants)
+        entries = own + (len(variants) + 1) * _count(self._file.data, "objects")
         if len(variants) > MAX_VARIANTS or entries > MAX_ENTRIES:
             text = f"{len(variants)} variants of {entries} objects in all"
             expected = f"expected at most {MAX_VARIANTS} of {MAX_ENTRIES}"
@@ -109,9 +112,11 @@ class MapLoader:
         layers = list(self._layers(data, variant))
         materials, invalid = self._materials(layers)
         air = self._air(layers, materials, invalid)
-        parts = tuple(self._objects(layers, materials))
+        entries = list(self._objects(layers, materials))
         starts = tuple(self._starts(data))
         trial = self._trial(data)
+        # What is too much is told before anything is built of the rest.
+        parts = () if self._is_too_much else tuple(self._parts(entries, materials))
         level = header.level if header else stem
         name = stem if variant is None else f"{stem}@{variant}"
         origin = header.gps_origin_deg if header else GPS_ORIGIN
@@ -139,15 +144,22 @@ class MapLoader:
         materials: dict[str, Material] = {}
         invalid: set[str] = set()
         for at, item in self._entries(layers, "materials", MAX_MATERIALS):
+            if at not in self._made:
+                self._made[at] = self._make_material(at, item)
             name = str(at[-1])
-            entry = self._validate(MaterialEntry, item, at)
-            valid = self._report(at, material_problems(item))
-            materials[name] = Material(name)
-            if entry and valid:
-                materials[name] = make_material(name, entry)
-                valid = self._report(at, surface_problems(entry, materials[name]))
-            (invalid.discard if entry and valid else invalid.add)(name)
+            materials[name], valid = self._made[at]
+            (invalid.discard if valid else invalid.add)(name)
         return materials, invalid
+
+    def _make_material(self, at: KeyPath, item: Any) -> tuple[Material, bool]:
+        """Return a material, and whether it is valid."""
+        name = str(at[-1])
+        entry = self._validate(MaterialEntry, item, at)
+        valid = self._report(at, material_problems(item))
+        if entry is None or not valid:
+            return Material(name), False
+        material = make_material(name, entry)
+        return material, self._report(at, surface_problems(entry, material))
 
     def _air(
         self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
@@ -174,37 +186,50 @@ class MapLoader:
 
     def _objects(
         self, layers: list[_Layer], materials: dict[str, Material]
-    ) -> Iterator[Part]:
-        names = tuple(materials)
-        validated = self._objects_by_materials.setdefault(names, {})
+    ) -> Iterator[tuple[KeyPath, ObjectEntry]]:
+        """Yield the valid objects with their key paths."""
         taken: dict[str, KeyPath] = {}
         room = Room()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
-            if at not in validated:
-                validated[at] = self._object(at, item, names)
-            entry, valid = validated[at]
+            key = at, frozenset(unknown_materials(item, materials))
+            if key not in self._validated:
+                self._validated[key] = self._object(at, item, materials)
+            entry, valid = self._validated[key]
             try:
                 room.take((entry and entry.copies) or 1, "objects")
-                self._claim(at, _object_names(entry, item), taken)
-                if entry is not None and valid and not self.problems.full:
-                    yield from self._parts(at, entry, materials, room)
             except BuildError as error:
+                self._is_too_much = True
                 self._report(at, error.problems)
+                continue
+            self._claim(at, _object_names(entry, item), taken)
+            if entry is not None and valid:
+                yield at, entry
 
-    def _object(self, at: KeyPath, item: Any, materials: tuple[str, ...]) -> _Object:
+    def _object(self, at: KeyPath, item: Any, materials: Iterable[str]) -> _Object:
         context = {"materials": materials, "folder": self._folder}
         entry = self._validate(ObjectEntry, item, at, context)
         return entry, self._report(at, object_problems(item))
 
     def _parts(
         self,
-        at: KeyPath,
-        entry: ObjectEntry,
+        entries: Iterable[tuple[KeyPath, ObjectEntry]],
         materials: dict[str, Material],
-        room: Room,
+    ) -> Iterator[Part]:
+        """Build objects, until there are many problems."""
+        room = Room()
+        for at, entry in entries:
+            if self.problems.full:
+                return
+            used = {n: self._material(n, materials) for n in entry.material_names}
+            try:
+                yield from self._build(at, entry, used, room)
+            except BuildError as error:
+                self._report(at, error.problems)
+
+    def _build(
+        self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Room
     ) -> list[Part]:
-        """Build an object, unless another variant has the same."""
-        used = {name: self._material(name, materials) for name in entry.material_names}
+        """Build an object of these materials, unless another variant has the same."""
         key = (at, tuple(used.values()))
         built = self._built.get(key)
         if built is None:
@@ -291,6 +316,7 @@ class MapLoader:
         """Yield the raw entries of a section in all layers, each with its key path."""
         count = sum(_count(layer, key) for _, layer in layers)
         if count > most:
+            self._is_too_much = True
             text = f"{count} {key}, expected at most {most} in all"
             self._report((key,), [((), text)])
         yield from islice(_entries(layers, key), most)

@@ -14,6 +14,7 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
+    Field,
     PlainValidator,
     Strict,
     ValidationInfo,
@@ -36,7 +37,7 @@ MAX_PARTS = 30_000  # objects, counted once for each of their materials
 MAX_MATERIALS = 1_000
 MAX_STARTS = 200
 MAX_VARIANTS = 100
-MAX_ENTRIES = 200_000  # objects in a file, counted once for each variant
+MAX_ENTRIES = 100_000  # objects in a file, counted once for each variant
 MAX_NAME = 200  # characters in the name of an object or a level
 MAX_START_NAME = 40  # characters, so that the one line that lists starts holds many
 MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
@@ -265,7 +266,7 @@ class ScatterEntry(Entry):
     area: Annotated[list[Corner], Len(2, 2), AfterValidator(_ordered)]
     seed: Annotated[Whole, Ge(0)]
     min_distance: Annotated[Real, Ge(0)] = 0.0
-    scale: Annotated[list[Size], Len(2, 2)] = [1.0, 1.0]
+    scale: Annotated[list[Size], Len(2, 2)] = Field(default_factory=lambda: [1.0, 1.0])
 
     @field_validator("scale")
     @classmethod
@@ -301,7 +302,7 @@ class ObjectEntry(Entry):
     scale: Size = 1.0
     material: MaterialName | None = None
     materials: dict[Text, MaterialName] | None = None
-    position: Vector = [0.0, 0.0, 0.0]
+    position: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
     yaw_deg: Real = 0.0
     rotation_deg: Annotated[list[Real], Len(3, 3)] | None = None
     repeat: RepeatEntry | None = None

@@ -25,6 +25,7 @@ class ProblemList:
         self.found = 0
         self._file = file
         self._told: dict[str, None] = {}
+        self._reported: set[Problem] = set()  # those of entries that are told
         self._untold = 0
         self._add(file.problems)
 
@@ -37,7 +38,14 @@ class ProblemList:
         """Add problems of an entry at a key path; return whether there are none."""
         before = self.found
         for keys, text in problems:
-            self._add([self._file.problem((*at, *keys), text)])
+            problem = (*at, *keys), text
+            if problem in self._reported:
+                self.found += 1
+            elif self.full:
+                self._count(1)
+            else:
+                self._reported.add(problem)
+                self._add([self._file.problem(*problem)])
         return self.found == before
 
     def report_invalid(
@@ -47,9 +55,7 @@ class ProblemList:
         most = 0 if self.full else MAX_TOLD
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))
-        rest = max(error.error_count() - most, 0)
-        self.found += rest
-        self._untold += rest
+        self._count(max(error.error_count() - most, 0))
 
     def raise_all(self) -> None:
         """Raise what has been found.
@@ -64,12 +70,17 @@ class ProblemList:
         if self._told:
             raise MapError(list(self._told))
 
+    def _count(self, number: int) -> None:
+        """Count problems that are not told."""
+        self.found += number
+        self._untold += number
+
     def _add(self, problems: Iterable[str]) -> None:
         for problem in problems:
-            self.found += 1
             if problem in self._told:
-                continue
-            if self.full:
-                self._untold += 1
+                self.found += 1
+            elif self.full:
+                self._count(1)
             else:
+                self.found += 1
                 self._told[problem] = None

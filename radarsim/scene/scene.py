@@ -71,6 +71,12 @@ class Part:
         """Whether the surfaces enclose a volume, so that inside and outside exist."""
         return is_closed(self.faces)
 
+    @cached_property
+    def bounds(self) -> Floats:
+        """The smallest and largest x, y, z of vertices that have faces, (2, 3) m."""
+        used = self.vertices[self.faces.ravel()]
+        return np.array([used.min(axis=0), used.max(axis=0)])
+
 
 @dataclass(frozen=True, slots=True)
 class StartPose:
@@ -146,7 +152,7 @@ class Scene:
     @cached_property
     def bounds(self) -> Floats:
         """The smallest and largest x, y, z of all parts, (2, 3) m; 0 without parts."""
-        boxes = [_box(part) for part in self.parts if part.faces.size]
+        boxes = [part.bounds for part in self.parts if part.faces.size]
         if not boxes:
             return np.zeros((2, 3))
         lows, highs = np.stack(boxes, axis=1)
@@ -171,9 +177,3 @@ class Scene:
         wanted = name.casefold()
         matches = (start for start in self.starts if start.name.casefold() == wanted)
         return next(matches, None)
-
-
-def _box(part: Part) -> Floats:
-    """Return the smallest and largest x, y, z of the vertices that have faces."""
-    used = part.vertices[part.faces.ravel()]
-    return np.stack([used.min(axis=0), used.max(axis=0)])

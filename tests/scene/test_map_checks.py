@@ -209,10 +209,10 @@ def test_all_problems_are_found_in_one_run() -> None:
         ["m.yaml:6:41", "objects.0.colour"],
         ["m.yaml:6:59", "objects.0.scale"],
         ["m.yaml:7:5", "objects.1"],
-        ["m.yaml:8:21", "objects.2.mesh"],
         ["m.yaml:9:21", "objects.3.mesh"],
         ["m.yaml:9:58", "objects.3.materials.A"],
         ["m.yaml:9:40", "objects.3.yaw_deg"],
+        ["m.yaml:8:21", "objects.2.mesh"],
     ]
 
 
