@@ -106,7 +106,7 @@ def test_entries_that_variants_share_are_validated_once(
 ) -> None:
     validated: list[str] = []
 
-    def watch(model: type[Entry], item: Any, **options: Any) -> Entry:
+    def watch(model: Any, /, item: Any, **options: Any) -> Any:
         validated.append(model.__name__)
         return validate(model, item, **options)
 
