@@ -25,9 +25,11 @@ MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s
 ROTATION_UNIT = 1 / 10430.378  # rad
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dialect:
     """Texts, number formats, rates and limits of one dialect.
+
+    A dialect equals only itself, so that it is found quickly as a key.
 
     Attributes:
         name: Name on the command line.

@@ -16,16 +16,23 @@ from numpy.typing import NDArray
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats
 from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.line_template import (
+    NO_SERIES,
+    WHOLE,
+    Fields,
+    Split,
+    marks,
+    reduce_text,
+    template,
+)
 from radarsim.protocol.message import Message
 from radarsim.protocol.numbers import (
     NumberFormat,
-    format_fractions,
-    format_ranges,
     parse_flag,
     parse_list,
     parse_number,
 )
-from radarsim.protocol.sensor_reports import Fields, SensorReport
+from radarsim.protocol.sensor_reports import SensorReport
 
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.
@@ -91,28 +98,30 @@ class TargetEchoes:
         )
 
     def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values in an echo line.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        plain = dialect.plain
-        columns = (
-            map(str, self.beams.tolist()),
-            format_ranges(self.ranges, dialect.ranges).split(","),
-            [kind.capitalize() for kind in self.kinds],
-            format_fractions(self.power, plain),
-            format_fractions(self.strength, plain),
-        )
-        echoes = [",".join(echo) for echo in zip(*columns, strict=True)]
+        """Return the fields in a template, with marks for ``numbers``."""
+        plain = marks(dialect.plain)
+        before, after = f"{WHOLE},{marks(dialect.ranges)}", f"{plain},{plain}"
+        echoes = {
+            kind: f"{before},{kind.capitalize()},{after}" for kind in set(self.kinds)
+        }
         return (
             ("Object", _writable(self.object)),
             ("Material", _writable(self.material)),
-            ("Density", _format_density(self.density, plain)),
-            ("Transparency", plain.format(self.transparency)),
+            ("Density", OPAQUE if self.density == math.inf else plain),
+            ("Transparency", plain),
             ("LaserPasses", str(self.laser_passes)),
             ("RobotPasses", str(self.robot_passes)),
-            ("Echoes", " ".join(echoes)),
+            ("Echoes", " ".join([echoes[kind] for kind in self.kinds])),
+        )
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return the numbers in the order of the marks in ``fields``."""
+        density = min(self.density, LARGEST_DENSITY)
+        columns = (self.beams, self.ranges, self.power + 0.0, self.strength + 0.0)
+        return (
+            *(() if self.density == math.inf else (density,)),
+            self.transparency,
+            *np.column_stack(columns).ravel().tolist(),
         )
 
 
@@ -146,14 +155,20 @@ class EchoLine(SensorReport):
             None if empty else TargetEchoes.decode(message),
         )
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
-        return (
-            ("Name", self.name),
-            ("Line", str(self.line)),
-            ("Lines", str(self.lines)),
-            *(() if self.echoes is None else self.echoes.fields(dialect)),
-        )
+    @staticmethod
+    def fields(dialect: Dialect, fixed: tuple[str, Fields]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        name, echoes = fixed
+        counts = (("Line", WHOLE), ("Lines", WHOLE))
+        return (("Name", reduce_text(name)), *counts, *echoes)
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and no series."""
+        counts = (self.line, self.lines)
+        if self.echoes is None:
+            return self._split(dialect, (self.name, ()), counts)
+        fixed = (self.name, self.echoes.fields(dialect))
+        return self._split(dialect, fixed, (*counts, *self.echoes.numbers()))
 
 
 def _parse_echo(word: str) -> tuple[str, list[float]]:
@@ -170,12 +185,6 @@ def _parse_echo(word: str) -> tuple[str, list[float]]:
 
 def _parse_density(text: str) -> float:
     return math.inf if text.lower() == OPAQUE.lower() else parse_number(text)
-
-
-def _format_density(density: float, number_format: NumberFormat) -> str:
-    if density == math.inf:
-        return OPAQUE
-    return number_format.format(min(density, LARGEST_DENSITY))
 
 
 def _writable(name: str) -> str:

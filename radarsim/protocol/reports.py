@@ -8,6 +8,7 @@ an infinity. ``decode_report`` reads the lines of servers of all generations.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate
 from typing import Final, Self, TypeAlias
 
@@ -15,6 +16,14 @@ from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.line_template import (
+    NO_SERIES,
+    WHOLE,
+    PeriodicReport,
+    Split,
+    marks,
+    template,
+)
 from radarsim.protocol.message import (
     Message,
     decode_message,
@@ -149,7 +158,7 @@ class StartPoses:
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class Status(PeriodicReport):
     """The state of a robot.
 
     Attributes:
@@ -173,25 +182,27 @@ class Status:
         light = parse_flag(message.get("LightToggle") or "")
         return cls(message.number_or_nan("Time"), int(battery or 0), light)
 
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If the time is not finite.
-        """
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and no series."""
         least = 0 if dialect.battery_runs_out else 1
-        values = {
-            "Type": VEHICLE,
-            "Time": dialect.time.format(self.time),
-            "FrontSteer": dialect.steer,
-            "RearSteer": dialect.steer,
-            "LightToggle": str(self.light),
-            "LightIntensity": dialect.light_intensity[self.light],
-            "Battery": str(max(self.battery, least)),
-            "View": "-1",
-        }
-        fields = select_fields(dialect.status_keys, values)
-        return Message("STA", tuple(fields)).encode()
+        numbers = (self.time, max(self.battery, least))
+        return _status_template(dialect, self.light), numbers, NO_SERIES
+
+
+@cache
+def _status_template(dialect: Dialect, light: bool) -> bytes:
+    # In each dialect the time is before the battery, as in the numbers of a status.
+    values = {
+        "Type": VEHICLE,
+        "Time": marks(dialect.time),
+        "FrontSteer": dialect.steer,
+        "RearSteer": dialect.steer,
+        "LightToggle": str(light),
+        "LightIntensity": dialect.light_intensity[light],
+        "Battery": WHOLE,
+        "View": "-1",
+    }
+    return template("STA", select_fields(dialect.status_keys, values))
 
 
 Report: TypeAlias = (

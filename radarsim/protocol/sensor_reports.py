@@ -6,15 +6,27 @@ types in any case. A time stamp that a server leaves out is NaN, in both directi
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Self, TypeAlias
+from functools import lru_cache
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.line_template import (
+    NO_SERIES,
+    SERIES,
+    WHOLE,
+    Fields,
+    PeriodicReport,
+    Split,
+    marks,
+    reduce_text,
+    template,
+)
 from radarsim.protocol.message import (
     Message,
     parse_flipped,
@@ -25,20 +37,19 @@ from radarsim.protocol.message import (
 )
 from radarsim.protocol.numbers import (
     NumberFormat,
-    format_ranges,
     parse_flag,
     parse_list,
     parse_number,
     parse_numbers,
 )
 
-Fields: TypeAlias = tuple[tuple[str, str], ...]
+MOST_TEMPLATES: Final = 4096  # that are kept; a robot has about ten
 
 _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SensorReport(ABC):
+class SensorReport(PeriodicReport, ABC):
     """One reading.
 
     Attributes:
@@ -59,27 +70,48 @@ class SensorReport(ABC):
             MalformedMessage: If a field is missing or not readable.
         """
 
+    @staticmethod
     @abstractmethod
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type.
+    def fields(dialect: Dialect, fixed: Any) -> Fields:
+        """Return the fields after time and type, without what changes in them.
+
+        Args:
+            dialect: Dialect of the line.
+            fixed: Names, counts and choices that stay the same for many readings.
 
         Raises:
-            ValueError: If a number is not finite.
+            ValueError: If a number among them is not finite.
         """
 
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
+    @abstractmethod
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
 
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        fields = (("Type", self.sensor_type), *self.fields(dialect))
+    def _split(
+        self,
+        dialect: Dialect,
+        fixed: Hashable,
+        numbers: tuple[float, ...],
+        series: Floats = NO_SERIES,
+    ) -> Split:
+        """Return what ``split`` returns, with the time if it is reported."""
         if self._has_time(dialect):
-            fields = (("Time", dialect.time.format(self.time)), *fields)
-        return Message("SEN", fields).encode()
+            line = _template(type(self), dialect, True, fixed)
+            return line, (self.time, *numbers), series
+        return _template(type(self), dialect, False, fixed), numbers, series
 
     def _has_time(self, _: Dialect) -> bool:
         return not math.isnan(self.time)
+
+
+@lru_cache(MOST_TEMPLATES)
+def _template(
+    report: type[SensorReport], dialect: Dialect, has_time: bool, fixed: Hashable
+) -> bytes:
+    fields = (("Type", report.sensor_type), *report.fields(dialect, fixed))
+    if has_time:
+        fields = (("Time", marks(dialect.time)), *fields)
+    return template("SEN", fields)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,14 +144,21 @@ class RangeScan(SensorReport):
             np.array(message.parse("Range", parse_list)),
         )
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
+    @staticmethod
+    def fields(dialect: Dialect, fixed: tuple[str, float, float, bool]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        name, resolution, fov, is_empty = fixed
         return (
-            ("Name", self.name),
-            ("Resolution", dialect.angle.format(self.resolution)),
-            ("FOV", dialect.angle.format(self.fov)),
-            ("Range", format_ranges(self.ranges, dialect.ranges)),
+            ("Name", reduce_text(name)),
+            ("Resolution", dialect.angle.format(resolution)),
+            ("FOV", dialect.angle.format(fov)),
+            ("Range", "" if is_empty else SERIES + marks(dialect.ranges)),
         )
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        fixed = (self.name, self.resolution, self.fov, not len(self.ranges))
+        return self._split(dialect, fixed, (), self.ranges)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,13 +175,15 @@ class GroundTruth(SensorReport):
         """Read the report from its message."""
         return cls(message.number_or_nan("Time"), message.name, _decode_pose(message))
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
-        return (
-            ("Name", self.name),
-            ("Location", dialect.truth.join(position_on_wire(self.pose))),
-            ("Orientation", dialect.truth.join(wrapped_angles_on_wire(self.pose))),
-        )
+    @staticmethod
+    def fields(dialect: Dialect, name: str) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        return _pose_fields(name, dialect.truth)
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        numbers = position_on_wire(self.pose) + wrapped_angles_on_wire(self.pose)
+        return self._split(dialect, self.name, numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,17 +200,18 @@ class Ins(SensorReport):
         """Read the report from its message."""
         return cls(message.number_or_nan("Time"), message.name, _decode_pose(message))
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
+    @staticmethod
+    def fields(dialect: Dialect, name: str) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        return _pose_fields(name, dialect.ins)
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
         angles = wrapped_angles_on_wire(self.pose)
         if dialect.ins_angles_positive:
             roll, pitch, yaw = angles
             angles = (roll % math.tau, pitch % math.tau, yaw % math.tau)
-        return (
-            ("Name", self.name),
-            ("Location", dialect.ins.join(position_on_wire(self.pose))),
-            ("Orientation", dialect.ins.join(angles)),
-        )
+        return self._split(dialect, self.name, position_on_wire(self.pose) + angles)
 
     def _has_time(self, dialect: Dialect) -> bool:
         return dialect.ins_has_time and not math.isnan(self.time)
@@ -191,10 +233,15 @@ class Odometry(SensorReport):
         pose = Pose2(x, 0.0 - y, 0.0 - yaw)
         return cls(message.number_or_nan("Time"), message.name, pose)
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
-        pose = (self.pose.x, 0.0 - self.pose.y, 0.0 - self.pose.yaw)
-        return (("Name", self.name), ("Pose", dialect.plain.join(pose)))
+    @staticmethod
+    def fields(dialect: Dialect, name: str) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        return (("Name", reduce_text(name)), ("Pose", marks(dialect.plain, 3)))
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        numbers = (self.pose.x, 0.0 - self.pose.y, 0.0 - self.pose.yaw)
+        return self._split(dialect, self.name, numbers)
 
     def _has_time(self, dialect: Dialect) -> bool:
         return dialect.odometry_has_time and not math.isnan(self.time)
@@ -220,13 +267,20 @@ class Tachometer(SensorReport):
             tuple(message.parse("Pos", parse_list)),
         )
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
+    @staticmethod
+    def fields(dialect: Dialect, fixed: tuple[str, int, int]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        name, velocities, positions = fixed
         return (
-            ("Name", self.name),
-            ("Vel", dialect.plain.join(self.velocities)),
-            ("Pos", dialect.plain.join(self.positions)),
+            ("Name", reduce_text(name)),
+            ("Vel", marks(dialect.plain, velocities)),
+            ("Pos", marks(dialect.plain, positions)),
         )
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        fixed = (self.name, len(self.velocities), len(self.positions))
+        return self._split(dialect, fixed, self.velocities + self.positions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,10 +300,16 @@ class Encoder(SensorReport):
         ]
         return cls(message.number_or_nan("Time"), tuple(ticks))
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
-        ticks = [(name, str(tick)) for name, tick in self.ticks]
+    @staticmethod
+    def fields(dialect: Dialect, names: tuple[str, ...]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        ticks = [(reduce_text(name), WHOLE) for name in names]
         return _item_fields("Tick", ticks, joined=dialect.joins_encoders)
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        names, ticks = _unzip(self.ticks)
+        return self._split(dialect, names, ticks)
 
     def _has_time(self, dialect: Dialect) -> bool:
         return dialect.encoder_has_time and not math.isnan(self.time)
@@ -271,10 +331,16 @@ class Touch(SensorReport):
         touched = fields.parse("Touch", parse_flag)
         return cls(fields.number_or_nan("Time"), fields.name, touched)
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
-        touched = [(self.name, str(self.touched))]
-        return _item_fields("Touch", touched, joined=dialect.joins_touch)
+    @staticmethod
+    def fields(dialect: Dialect, fixed: tuple[str, bool]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        name, touched = fixed
+        values = [(reduce_text(name), str(touched))]
+        return _item_fields("Touch", values, joined=dialect.joins_touch)
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        return self._split(dialect, (self.name, self.touched), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,10 +365,16 @@ class Sonar(SensorReport):
         ]
         return cls(message.number_or_nan("Time"), tuple(ranges))
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
-        ranges = [(name, dialect.robot.format(value)) for name, value in self.ranges]
+    @staticmethod
+    def fields(dialect: Dialect, names: tuple[str, ...]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        ranges = [(reduce_text(name), marks(dialect.robot)) for name in names]
         return _item_fields("Range", ranges, joined=dialect.joins_sonars)
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        names, ranges = _unzip(self.ranges)
+        return self._split(dialect, names, ranges)
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,18 +407,40 @@ class Gps(SensorReport):
         time = message.number_or_nan("Time")
         return cls(time, message.name, position, satellites)
 
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the keys and values after time and type."""
+    @staticmethod
+    def fields(dialect: Dialect, fixed: tuple[str, tuple[str, str] | None]) -> Fields:
+        """Return the fields after time and type, without what changes in them."""
+        name, letters = fixed
         position: Fields = ()
-        if self.position is not None:
-            latitude, longitude = self.position
+        if letters is not None:
+            north, east = letters
+            degrees = f"{WHOLE},{marks(dialect.robot)}"
             position = (
-                ("Latitude", _degrees(latitude, "NS", dialect.robot)),
-                ("Longitude", _degrees(longitude, "EW", dialect.robot)),
+                ("Latitude", f"{degrees},{north}"),
+                ("Longitude", f"{degrees},{east}"),
             )
-        fix = ("Fix", str(int(self.position is not None)))
-        satellites = ("Satellites", str(self.satellites))
-        return (("Name", self.name), *position, fix, satellites)
+        fix = ("Fix", str(int(letters is not None)))
+        return (("Name", reduce_text(name)), *position, fix, ("Satellites", WHOLE))
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers in their order, and its series."""
+        if self.position is None:
+            return self._split(dialect, (self.name, None), (self.satellites,))
+        latitude, longitude = self.position
+        north, y_degrees, y_minutes = _split_degrees(latitude, "NS", dialect.robot)
+        east, x_degrees, x_minutes = _split_degrees(longitude, "EW", dialect.robot)
+        position = (y_degrees, y_minutes, x_degrees, x_minutes)
+        fixed = (self.name, (north, east))
+        return self._split(dialect, fixed, (*position, self.satellites))
+
+
+def _pose_fields(name: str, number_format: NumberFormat) -> Fields:
+    numbers = marks(number_format, 3)
+    return (
+        ("Name", reduce_text(name)),
+        ("Location", numbers),
+        ("Orientation", numbers),
+    )
 
 
 def _item_fields(
@@ -360,13 +454,23 @@ def _item_fields(
         joined: Whether a value is in the segment of its item's name.
     """
     if joined:
-        return tuple(("Name", f"{name} {key} {value}") for name, value in values)
+        return [("Name", f"{name} {key} {value}") for name, value in values]
     pairs = [(("Name", name), (key, value)) for name, value in values]
-    return tuple(field for pair in pairs for field in pair)
+    return [field for pair in pairs for field in pair]
 
 
-def _degrees(angle: float, letters: str, minutes_format: NumberFormat) -> str:
-    """Write an angle as whole degrees, minutes, and a letter for its sign.
+def _unzip(
+    values: Sequence[tuple[str, float]],
+) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """Return the names and the values of items."""
+    names, numbers = zip(*values, strict=True) if values else ((), ())
+    return names, numbers
+
+
+def _split_degrees(
+    angle: float, letters: str, minutes_format: NumberFormat
+) -> tuple[str, float, float]:
+    """Return the letter for the sign of an angle, whole degrees, and minutes.
 
     Raises:
         ValueError: If it is not finite.
@@ -374,9 +478,9 @@ def _degrees(angle: float, letters: str, minutes_format: NumberFormat) -> str:
     degrees, minutes = divmod(abs(angle) * 60, 60)
     text = minutes_format.format(minutes)
     if text.startswith("60"):  # rounded up
-        degrees, text = degrees + 1, minutes_format.format(0.0)
+        degrees, minutes, text = degrees + 1, 0.0, ""
     is_negative = angle < 0 and (degrees > 0 or float(text) > 0)
-    return f"{int(degrees)},{text},{letters[is_negative]}"
+    return letters[is_negative], degrees, minutes
 
 
 def _parse_degrees(text: str) -> float:
