@@ -30,6 +30,7 @@ from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.echo_reports import echo_lines
 from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.line_writer import warm_up
 from radarsim.protocol.reports import Greeting, Report, to_bytes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -78,6 +79,7 @@ class Host:
         config.check()
         self._dialect = config.dialect
         self.simulation = Simulation(scene, config=config, seed=seed)
+        warm_up()
         self._commands = CommandHandler(self.simulation, config)
         self._clients: dict[int, Client] = {}
         self._last_number = 0

@@ -23,16 +23,14 @@ from radarsim.protocol.line_template import (
     Split,
     marks,
     reduce_text,
-    template,
 )
 from radarsim.protocol.message import Message
 from radarsim.protocol.numbers import (
-    NumberFormat,
     parse_flag,
     parse_list,
     parse_number,
 )
-from radarsim.protocol.sensor_reports import SensorReport
+from radarsim.protocol.sensor_reports import SensorReport, build_template
 
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.
@@ -156,19 +154,25 @@ class EchoLine(SensorReport):
         )
 
     @staticmethod
-    def fields(dialect: Dialect, fixed: tuple[str, Fields]) -> Fields:
-        """Return the fields after time and type, without what changes in them."""
+    def fields(_: Dialect, fixed: tuple[str, Fields]) -> Fields:
+        """Return the fields after time and type, with marks for numbers."""
         name, echoes = fixed
         counts = (("Line", WHOLE), ("Lines", WHOLE))
         return (("Name", reduce_text(name)), *counts, *echoes)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and no series."""
-        counts = (self.line, self.lines)
-        if self.echoes is None:
-            return self._split(dialect, (self.name, ()), counts)
-        fixed = (self.name, self.echoes.fields(dialect))
-        return self._split(dialect, fixed, (*counts, *self.echoes.numbers()))
+        """Return the template of the line, its numbers, and no series.
+
+        The template holds the kinds of all echoes: it is hardly ever the same again.
+        """
+        fields: Fields = ()
+        numbers: tuple[float, ...] = ()
+        if self.echoes is not None:
+            fields, numbers = self.echoes.fields(dialect), self.echoes.numbers()
+        has_time = self._has_time(dialect)
+        time = (self.time,) if has_time else ()
+        line = build_template(EchoLine, dialect, has_time, (self.name, fields))
+        return line, (*time, self.line, self.lines, *numbers), NO_SERIES
 
 
 def _parse_echo(word: str) -> tuple[str, list[float]]:

@@ -12,6 +12,7 @@ rounding and its decimals in its lower six bits.
 """
 
 import re
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Final, TypeAlias
 
@@ -47,13 +48,15 @@ class PeriodicReport:
 
     __slots__ = ()
 
+    @abstractmethod
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers in their order, and its series.
+
+        The series, if there is one, comes after the numbers.
 
         Raises:
             ValueError: If a number that is part of the template is not finite.
         """
-        raise NotImplementedError
 
     def encode(self, dialect: Dialect) -> str:
         """Write the report as one line without its end.

@@ -165,22 +165,6 @@ def format_ranges(ranges: Floats, number_format: NumberFormat) -> str:
     return ",".join(texts)
 
 
-def format_fractions(fractions: Floats, number_format: NumberFormat) -> list[str]:
-    """Write numbers, (N,); from 0 to 1 without a sign, four times as fast as others.
-
-    Raises:
-        ValueError: If a number is not finite or does not fit into 32 bits.
-    """
-    rounding = number_format.rounding
-    in_bounds = np.all((fractions >= 0) & (fractions <= 1))
-    if rounding is Rounding.TRUNCATED or not in_bounds:
-        return [number_format.format(value + 0.0) for value in fractions.tolist()]
-    single = rounding is Rounding.FLOAT32
-    exact = fractions.astype(np.float32) if single else fractions
-    numbers = np.abs(exact).tolist()
-    return (f"%.{number_format.decimals}f " * len(numbers) % tuple(numbers)).split()
-
-
 # A whole number of steps may come out just below, since steps are rounded themselves.
 _STEP_TOLERANCE = 1e-5
 

@@ -183,7 +183,7 @@ class Status(PeriodicReport):
         return cls(message.number_or_nan("Time"), int(battery or 0), light)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and no series."""
+        """Return the template of the line, its numbers, and no series."""
         least = 0 if dialect.battery_runs_out else 1
         numbers = (self.time, max(self.battery, least))
         return _status_template(dialect, self.light), numbers, NO_SERIES

@@ -83,10 +83,6 @@ class SensorReport(PeriodicReport, ABC):
             ValueError: If a number among them is not finite.
         """
 
-    @abstractmethod
-    def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
-
     def _split(
         self,
         dialect: Dialect,
@@ -96,22 +92,35 @@ class SensorReport(PeriodicReport, ABC):
     ) -> Split:
         """Return what ``split`` returns, with the time if it is reported."""
         if self._has_time(dialect):
-            line = _template(type(self), dialect, True, fixed)
+            line = _find_template(type(self), dialect, True, fixed)
             return line, (self.time, *numbers), series
-        return _template(type(self), dialect, False, fixed), numbers, series
+        return _find_template(type(self), dialect, False, fixed), numbers, series
 
     def _has_time(self, _: Dialect) -> bool:
         return not math.isnan(self.time)
 
 
-@lru_cache(MOST_TEMPLATES)
-def _template(
+def build_template(
     report: type[SensorReport], dialect: Dialect, has_time: bool, fixed: Hashable
 ) -> bytes:
+    """Return the template of a report's line.
+
+    Args:
+        report: Class of the report.
+        dialect: Dialect of the line.
+        has_time: Whether the line has a time stamp.
+        fixed: What ``fields`` of the class take.
+
+    Raises:
+        ValueError: If a number in ``fixed`` is not finite.
+    """
     fields = (("Type", report.sensor_type), *report.fields(dialect, fixed))
     if has_time:
         fields = (("Time", marks(dialect.time)), *fields)
     return template("SEN", fields)
+
+
+_find_template = lru_cache(MOST_TEMPLATES)(build_template)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +165,7 @@ class RangeScan(SensorReport):
         )
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         fixed = (self.name, self.resolution, self.fov, not len(self.ranges))
         return self._split(dialect, fixed, (), self.ranges)
 
@@ -181,7 +190,7 @@ class GroundTruth(SensorReport):
         return _pose_fields(name, dialect.truth)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         numbers = position_on_wire(self.pose) + wrapped_angles_on_wire(self.pose)
         return self._split(dialect, self.name, numbers)
 
@@ -206,7 +215,7 @@ class Ins(SensorReport):
         return _pose_fields(name, dialect.ins)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         angles = wrapped_angles_on_wire(self.pose)
         if dialect.ins_angles_positive:
             roll, pitch, yaw = angles
@@ -239,7 +248,7 @@ class Odometry(SensorReport):
         return (("Name", reduce_text(name)), ("Pose", marks(dialect.plain, 3)))
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         numbers = (self.pose.x, 0.0 - self.pose.y, 0.0 - self.pose.yaw)
         return self._split(dialect, self.name, numbers)
 
@@ -278,7 +287,7 @@ class Tachometer(SensorReport):
         )
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         fixed = (self.name, len(self.velocities), len(self.positions))
         return self._split(dialect, fixed, self.velocities + self.positions)
 
@@ -307,7 +316,7 @@ class Encoder(SensorReport):
         return _item_fields("Tick", ticks, joined=dialect.joins_encoders)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         names, ticks = _unzip(self.ticks)
         return self._split(dialect, names, ticks)
 
@@ -339,7 +348,7 @@ class Touch(SensorReport):
         return _item_fields("Touch", values, joined=dialect.joins_touch)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         return self._split(dialect, (self.name, self.touched), ())
 
 
@@ -372,7 +381,7 @@ class Sonar(SensorReport):
         return _item_fields("Range", ranges, joined=dialect.joins_sonars)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         names, ranges = _unzip(self.ranges)
         return self._split(dialect, names, ranges)
 
@@ -423,7 +432,7 @@ class Gps(SensorReport):
         return (("Name", reduce_text(name)), *position, fix, ("Satellites", WHOLE))
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series."""
+        """Return the template of the line, its numbers, and its series."""
         if self.position is None:
             return self._split(dialect, (self.name, None), (self.satellites,))
         latitude, longitude = self.position

@@ -1,4 +1,3 @@
-import math
 import re
 import struct
 from fractions import Fraction
@@ -12,7 +11,6 @@ from radarsim.errors import MalformedMessage
 from radarsim.protocol.numbers import (
     NumberFormat,
     Rounding,
-    format_fractions,
     format_ranges,
     parse_flag,
     parse_number,
@@ -211,31 +209,3 @@ def test_format_ranges_formats_each_range(values: list[float], rule: Rounding) -
     form = NumberFormat(2, rule)
     text = format_ranges(np.array(values, dtype=np.float64), form)
     assert text == ",".join(form.format(value) for value in values)
-
-
-@given(
-    shares=st.lists(st.floats(0, 1) | st.floats(-0.1, 1.1), max_size=8),
-    rule=st.sampled_from(list(Rounding)),
-)
-def test_format_fractions_formats_each_number(
-    shares: list[float], rule: Rounding
-) -> None:
-    form = NumberFormat(4, rule)
-    texts = format_fractions(np.array(shares, dtype=np.float64), form)
-    assert texts == [form.format(share + 0.0) for share in shares]
-
-
-@pytest.mark.parametrize("rule", list(Rounding))
-def test_format_fractions_drops_the_sign_of_zero(rule: Rounding) -> None:
-    assert (
-        format_fractions(np.array([-0.0, 0.0]), NumberFormat(4, rule)) == ["0.0000"] * 2
-    )
-
-
-@pytest.mark.parametrize("rule", list(Rounding))
-@pytest.mark.parametrize("share", [math.nan, math.inf])
-def test_format_fractions_rejects_numbers_that_are_not_finite(
-    rule: Rounding, share: float
-) -> None:
-    with pytest.raises(ValueError, match="expected less"):
-        format_fractions(np.array([0.5, share]), NumberFormat(4, rule))

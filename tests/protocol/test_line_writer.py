@@ -1,0 +1,160 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.line_writer import encode_lines
+from radarsim.protocol.numbers import NumberFormat, Rounding
+from radarsim.protocol.reports import (
+    EchoLine,
+    Encoder,
+    Gps,
+    Greeting,
+    GroundTruth,
+    Ins,
+    NameConf,
+    Odometry,
+    RangeScan,
+    Report,
+    Sonar,
+    Status,
+    Tachometer,
+    TargetEchoes,
+    Touch,
+    to_bytes,
+)
+
+DIALECTS = [COMPAT, COMPAT.of_generation("ut2004"), UDK]
+
+# Where rounding is hard: halves of a decimal and their neighbours, halves in binary,
+# numbers of single precision, zeros of both signs, and the ends of what is written.
+DECIMALS = st.builds(
+    lambda n, digits: n / 10**digits, st.integers(-(10**9), 10**9), st.integers(0, 7)
+)
+HALVES = st.builds(
+    lambda n, digits: (n + 0.5) / 10**digits,
+    st.integers(-(10**7), 10**7),
+    st.integers(0, 6),
+)
+NEIGHBOURS = st.builds(
+    lambda half, towards: float(np.nextafter(half, towards)),
+    HALVES,
+    st.sampled_from([-math.inf, math.inf]),
+)
+BINARY = st.builds(math.ldexp, st.integers(-(2**20), 2**20), st.integers(-20, 10))
+NUMBERS = st.one_of(
+    *(DECIMALS, HALVES, NEIGHBOURS, BINARY),
+    st.floats(-100, 100, width=32),
+    st.floats(-100, 100),
+    st.floats(-(2.0**31), 2.0**31, exclude_min=True, exclude_max=True),
+    st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 0.99999994]),
+)
+NAMES = st.text(max_size=5) | st.sampled_from(["Lidar 1 ", "Straße", "\xf2\xc2"])
+POSES = st.builds(Pose3, *[NUMBERS] * 6)
+VECTORS = st.lists(NUMBERS, max_size=4).map(tuple)
+WHOLE = st.integers(-400, 400) | st.integers(2**31 - 1, 2**80)
+
+
+def arrays(elements: st.SearchStrategy[float], count: int) -> st.SearchStrategy[object]:
+    return st.lists(elements, min_size=count, max_size=count).map(
+        lambda values: np.array(values, np.float64)
+    )
+
+
+ECHOES = st.integers(1, 4).flatmap(
+    lambda count: st.builds(
+        TargetEchoes,
+        *(NAMES, NAMES, NUMBERS | st.just(math.inf), NUMBERS),
+        *(st.booleans(), st.booleans()),
+        arrays(st.integers(0, 999_999), count),
+        arrays(NUMBERS, count),
+        st.tuples(*[st.sampled_from(["enter", "leave", "hit"])] * count),
+        *(arrays(NUMBERS, count), arrays(NUMBERS, count)),
+    )
+)
+TIMES = NUMBERS | st.just(math.nan)
+REPORTS = st.one_of(
+    st.builds(Status, NUMBERS, WHOLE, st.booleans()),
+    st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
+    st.builds(EchoLine, TIMES, NAMES, WHOLE, WHOLE, st.none() | ECHOES),
+    st.builds(GroundTruth, TIMES, NAMES, POSES),
+    st.builds(Ins, TIMES, NAMES, POSES),
+    st.builds(Odometry, TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
+    st.builds(Tachometer, TIMES, NAMES, VECTORS, VECTORS),
+    st.builds(Encoder, TIMES, st.lists(st.tuples(NAMES, WHOLE)).map(tuple)),
+    st.builds(Touch, TIMES, NAMES, st.booleans()),
+    st.builds(Sonar, TIMES, st.lists(st.tuples(NAMES, NUMBERS)).map(tuple)),
+    st.builds(Gps, TIMES, NAMES, st.none() | st.tuples(NUMBERS, NUMBERS), WHOLE),
+    st.builds(Greeting, NAMES),
+)
+
+
+@given(
+    reports=st.lists(st.tuples(REPORTS, st.sampled_from(DIALECTS)), max_size=6),
+)
+@example(reports=[(Sonar(1.0, (("S1", -0.99999994),)), UDK)])
+def test_lines_equal_those_that_the_reports_encode(
+    reports: list[tuple[Report, Dialect]],
+) -> None:
+    expected = [to_bytes([report.encode(dialect)]) for report, dialect in reports]
+    assert encode_lines(reports) == expected
+
+
+@given(
+    values=st.lists(NUMBERS, min_size=1),
+    decimals=st.integers(1, 9),
+    rounding=st.sampled_from(list(Rounding)),
+)
+@example(values=[0.125, 0.375, -2.675, 2.675], decimals=2, rounding=Rounding.NEAREST)
+@example(values=[1.00005, 0.03125, 0.00005], decimals=4, rounding=Rounding.NEAREST)
+def test_series_have_the_digits_of_each_number(
+    values: list[float], decimals: int, rounding: Rounding
+) -> None:
+    form = NumberFormat(decimals, rounding)
+    dialect = replace(COMPAT, ranges=form)
+    scan = RangeScan(math.nan, "radar", 0.1, 0.2, np.array(values))
+    (line,) = encode_lines([(scan, dialect)])
+    texts = line.decode().partition("{Range ")[2].removesuffix("}\r\n").split(",")
+    assert texts == [form.format(value) for value in values]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 2.0**31])
+def test_number_that_cannot_be_written_is_an_error(
+    dialect: Dialect, number: float
+) -> None:
+    good = GroundTruth(1.0, "GndTruth", Pose3(1.0, 2.0, 3.0))
+    for bad in (
+        GroundTruth(1.0, "GndTruth", Pose3(number, 2.0, 3.0)),
+        RangeScan(1.0, "radar", 0.1, 0.2, np.array([1.0, number])),
+        RangeScan(1.0, "radar", number, 0.2, np.array([1.0])),
+    ):
+        with pytest.raises(ValueError, match="expected less than"):
+            encode_lines([(good, dialect), (bad, dialect), (good, dialect)])
+
+
+def test_replies_are_written_among_readings() -> None:
+    touch = Touch(1.0, "Bumper", touched=True)
+    reply = NameConf("Touch", ("Bumper",))
+    lines = encode_lines([(touch, UDK), (reply, UDK), (touch, COMPAT), (reply, COMPAT)])
+    assert lines == [
+        b"SEN {Time 1.0000} {Type Touch} {Name Bumper} {Touch True}\r\n",
+        b"CONF {Type Touch} {Name Bumper}\r\n",
+        b"SEN {Time 1.00} {Type Touch} {Name Bumper Touch True}\r\n",
+        b"CONF {Type Touch} {Name Bumper}\r\n",
+    ]
+
+
+def test_no_reports_have_no_lines() -> None:
+    assert encode_lines([]) == []
+
+
+def test_a_thousand_scans_are_written_at_once() -> None:
+    scan = RangeScan(1.0, "radar", 0.1, 0.2, np.full(181, -(2.0**31) + 1))
+    line = to_bytes([scan.encode(COMPAT)])
+    assert encode_lines([(scan, COMPAT)] * 1000) == [line] * 1000
