@@ -1,4 +1,4 @@
-"""Clients of the benchmarks: robots in rows in an empty room."""
+"""Clients of the benchmarks, with robots in rows in an empty room."""
 
 import re
 import selectors
@@ -17,14 +17,17 @@ def connect(address: tuple[str, int]) -> socket.socket:
 
 def spawn(address: tuple[str, int], number: int) -> socket.socket:
     """Connect a client with a robot at the place of its number, up to 200."""
+    sock = connect(address)
+    sock.sendall(init_line(number))
+    return sock
+
+
+def init_line(number: int) -> bytes:
+    """Return the line that spawns a robot at the place of its number, up to 200."""
     row, column = divmod(number, 20)
     place = f"{-9 + 0.95 * column:.2f},{-5 + 1.0 * row:.2f},0"
-    init = (
-        f"INIT {{ClassName USARBot.P3AT}} {{Name R{number}}} {{Location {place}}}\r\n"
-    )
-    sock = connect(address)
-    sock.sendall(init.encode())
-    return sock
+    text = f"INIT {{ClassName USARBot.P3AT}} {{Name R{number}}} {{Location {place}}}"
+    return f"{text}\r\n".encode()
 
 
 def listen(sockets: list[socket.socket], seconds: float) -> list[float]:

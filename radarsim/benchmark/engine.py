@@ -21,9 +21,8 @@ from radarsim.benchmark.scenes import (
     hall_of_mirrors,
 )
 from radarsim.benchmark.timing import BenchmarkRow, compare, measure
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.plants.scenes import leaf_scene
-from radarsim.presets.robots import load_robot
 from radarsim.raycast.embree import FirstHits, Mesh
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
@@ -33,7 +32,6 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
-from radarsim.simulation.simulation import Simulation
 
 BATCH = 100
 # Upper limits of the ratio to a raw first-hit call, for the foliage wall.
@@ -148,8 +146,6 @@ def growth(seconds: float) -> Iterator[BenchmarkRow]:
     scene = foliage_wall()
     for beams in (10, 10**2, 10**3, 10**4, 10**5):
         yield _scan_row(scene, radar_with(beams), f"{beams} beams", seconds)
-    for robots in (1, 10, 50, 100, 200):
-        yield _robots_row(robots, seconds)
 
 
 def _scan_row(
@@ -158,24 +154,6 @@ def _scan_row(
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
     taken = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
     return BenchmarkRow("d", f"{scene.name}, {name}", taken * 1e6, "us")
-
-
-def _robots_row(robots: int, seconds: float) -> BenchmarkRow:
-    """Measure a tenth of a second of simulated time, one scan of each robot."""
-    simulation = Simulation(load_map("empty_room"))
-    model = load_robot("P3AT")
-    for i in range(robots):
-        row, column = divmod(i, 20)
-        simulation.spawn(f"R{i}", model, Pose2(-9.0 + column * 0.95, -5.0 + row))
-
-    def tenth() -> None:
-        for _ in range(10):
-            simulation.step()
-            simulation.collect_reports()
-
-    taken = measure(tenth, seconds=seconds)
-    count = len(simulation.vehicles)
-    return BenchmarkRow("d", f"{count} robots, 0.1 s simulated", taken * 1e3, "ms")
 
 
 BEAMS_361 = {"resolution_deg": 0.5}

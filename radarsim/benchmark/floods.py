@@ -10,8 +10,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from radarsim.benchmark.clients import listen, spawn
-from radarsim.benchmark.server import ROBOTS, served
+from radarsim.benchmark.clients import init_line, listen, spawn
+from radarsim.benchmark.server import served
 from radarsim.benchmark.timing import BenchmarkRow
 from radarsim.geometry import Floats
 from radarsim.host import Host
@@ -29,6 +29,7 @@ FLOODS: Final[Mapping[str, Flood]] = {
     ),
     "200 clients that repeat GETSTARTPOSES": (200, b"GETSTARTPOSES"),
 }
+MOST_ROBOTS = 100  # of clients that flood
 MAX_FLOOD_MS = 5.0  # ms of CPU that floods may add to a tick
 BYSTANDERS = 10  # robots of clients that do not flood
 SETTLE_SECONDS = 0.7  # until robots have spawned, and the flood has its full strength
@@ -130,7 +131,7 @@ def _lateness_row(
 
 def _robots_of(count: int, line: bytes) -> int:
     """Return how many of the clients need a robot for what they ask."""
-    return 0 if line == b"GETSTARTPOSES" else min(count, ROBOTS)
+    return 0 if line == b"GETSTARTPOSES" else min(count, MOST_ROBOTS)
 
 
 def _host_with_clients(scene: Scene, count: int, robots: int) -> Host:
@@ -139,9 +140,7 @@ def _host_with_clients(scene: Scene, count: int, robots: int) -> Host:
     for number in range(1, count + 1):
         host.connect()
         if number <= robots:
-            row, column = divmod(number - 1, 20)
-            place = f"{{Location {-9 + 0.95 * column:.2f},{row - 5:.2f},0}}"
-            host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
+            host.receive(number, init_line(number - 1))
             host.step()
     for _ in range(200):  # robots have settled
         _tick_seconds(host, count, b"")

@@ -13,7 +13,15 @@ from radarsim.benchmark.engine import (
     throughput,
 )
 from radarsim.benchmark.floods import FLOODS, floods, lateness_beside_floods
-from radarsim.benchmark.server import ROBOTS, lateness, start_up
+from radarsim.benchmark.robots import driving_robots, growth_of_robots
+from radarsim.benchmark.server import (
+    ROBOTS,
+    SWARMS,
+    capacity,
+    cold_start,
+    lateness,
+    start_up,
+)
 from radarsim.benchmark.timing import BenchmarkRow
 
 # The function of each step, and its share of the progress bar.
@@ -22,13 +30,17 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "Open3D": (lambda: against_open3d(1.0), 1),
     "throughput": (lambda: throughput(2.0), 2),
     "poses": (lambda: many_poses(2.0), 1),
-    "growth": (lambda: growth(0.4), 18),
+    "growth": (lambda: growth(0.4), 13),
     "beams": (lambda: beams_against_rays(1.0), 5),
     "surfaces": (lambda: mirrors_and_leaves(1.0), 2),
+    "robots": (lambda: driving_robots(2.0), 2),
+    "more robots": (lambda: growth_of_robots(2.0), 3),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),
+    "capacity": (lambda: capacity(2.0), len(SWARMS)),
     "floods": (lambda: floods(200), len(FLOODS)),
     "lateness": (lambda: lateness_beside_floods(3, 1.0), 2 * len(FLOODS)),
     "start-up": (start_up, 2),
+    "cold start": (cold_start, 6),
 }
 
 

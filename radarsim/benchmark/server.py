@@ -1,44 +1,55 @@
 """Benchmarks of the running server: groups e and f of the table."""
 
+import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from radarsim.benchmark.clients import listen, spawn
+from radarsim.benchmark.clients import SCAN, spawn
+from radarsim.benchmark.hall import write_hall
 from radarsim.benchmark.timing import BenchmarkRow
+from radarsim.geometry import Floats
 
 PROGRAM = (sys.executable, "-m", "radarsim")
-ROBOTS = 100
+DRIVERS = (sys.executable, "-m", "radarsim.benchmark.driving_clients")
+ROBOTS = 200
+SWARMS: Final = (100, 200, 300, 400, 600, 800, 1000)  # numbers of robots, ascending
 MAX_P99 = 20.0  # ms late
+MIN_RATE = 9.8  # scans per second of a robot; fewer come if simulated time waits
 MAX_HELP_SECONDS, MAX_SERVE_SECONDS = 0.5, 1.5  # s
+MAX_COLD_RATIO = 1.3  # of the time until a server listens that has to compile first
+MAX_COMPILE_SECONDS = 600.0
+
+# Connects clients until there are so many robots; returns the lateness of all scans
+# that come in so many seconds, ms.
+Drive: TypeAlias = Callable[[int, float], Floats]
 
 
 def lateness(robots: int, seconds: float) -> Iterator[BenchmarkRow]:
-    """Measure how late the scans of many robots arrive at a client.
+    """Measure how late the scans of many driving robots arrive at a client.
 
     The lateness of a scan is its delay from simulated time to arrival, less the
-    smallest delay of the run.
+    smallest delay of the run. The clients are in a process of their own.
     """
-    with served("empty_room") as (process, address):
+    with _served_hall() as (process, drive):
         before = _resident_bytes(process.pid)
-        sockets = [spawn(address, i) for i in range(robots)]
-        listen(sockets, 1.0)  # robots have spawned and settled
+        drive(robots, 1.0)
         started, used = time.monotonic(), _cpu_seconds(process.pid)
-        delays = listen(sockets, seconds)
+        late = drive(robots, seconds)
         used, elapsed = _cpu_seconds(process.pid) - used, time.monotonic() - started
         grown = _resident_bytes(process.pid) - before
-        for sock in sockets:
-            sock.close()
-    late = (np.array(delays) - min(delays)) * 1e3
     name = f"{robots} robots at 10 Hz, 181 beams"
-    rate = len(delays) / robots / elapsed
+    rate = len(late) / robots / seconds
     yield BenchmarkRow("e", f"{name}: scans per second and robot", rate, "1/s")
     yield BenchmarkRow("e", f"{name}: late, median", float(np.median(late)), "ms")
     p99 = float(np.quantile(late, 0.99))
@@ -49,6 +60,28 @@ def lateness(robots: int, seconds: float) -> Iterator[BenchmarkRow]:
         "e", f"{name}: CPU per robot", 100 * used / elapsed / robots, "%"
     )
     yield BenchmarkRow("e", f"{name}: memory per robot", grown / robots / 2**20, "MiB")
+
+
+def capacity(seconds: float, swarms: Sequence[int] = SWARMS) -> Iterator[BenchmarkRow]:
+    """Measure how many driving robots the server simulates in time.
+
+    Robots are added until simulated time waits, or the 99th percentile of lateness
+    exceeds its limit.
+    """
+    most, note = 0, ""
+    with _served_hall() as (_, drive):
+        for robots in swarms:
+            late = drive(robots, seconds)
+            rate = len(late) / robots / seconds
+            p99 = float(np.quantile(late, 0.99)) if len(late) else np.inf
+            note = f"of {robots} robots {rate:.1f} scans a second, 99 % less than"
+            note += f" {p99:.1f} ms late"
+            if rate < MIN_RATE or p99 > MAX_P99:
+                break
+            most = robots
+    yield BenchmarkRow(
+        "e", "robots that this machine holds", most, "robots", None, note
+    )
 
 
 def start_up(times: int = 5) -> Iterator[BenchmarkRow]:
@@ -64,11 +97,40 @@ def start_up(times: int = 5) -> Iterator[BenchmarkRow]:
     )
 
 
+def cold_start(times: int = 2) -> Iterator[BenchmarkRow]:
+    """Measure a server that has nothing compiled, against one that has everything."""
+    warm = min(_serve_seconds() for _ in range(times))
+    cold, first_scan = zip(*(_cold_seconds() for _ in range(times)), strict=True)
+    name = "serve foliage_room, nothing compiled"
+    note = f"{min(cold) * 1e3:.0f} ms against {warm * 1e3:.0f}"
+    yield BenchmarkRow(
+        "f",
+        f"{name}: listening, by compiled",
+        min(cold) / warm,
+        "x",
+        MAX_COLD_RATIO,
+        note,
+    )
+    yield BenchmarkRow("f", f"{name}: first scan", min(first_scan) * 1e3, "ms")
+
+
 @contextmanager
-def served(map_: str) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]:
-    """Run the server in its own process, on a free port."""
+def served(
+    map_: str, *, cache: Path | None = None
+) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]:
+    """Run the server in its own process, on a free port.
+
+    Args:
+        map_: Name of a map, or path of a map file.
+        cache: Folder of what is compiled; None for the user's.
+    """
+    environment = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
     process = subprocess.Popen(
-        [*PROGRAM, "serve", map_, "--port", "0"], stdout=subprocess.PIPE, text=True
+        [*PROGRAM, "serve", map_, "--port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=None if cache is None else subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, **environment},
     )
     assert process.stdout is not None
     try:
@@ -78,6 +140,33 @@ def served(map_: str) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]
         process.send_signal(signal.SIGTERM)
         process.stdout.close()
         process.wait(timeout=10)
+
+
+@contextmanager
+def _served_hall() -> Iterator[tuple[subprocess.Popen[str], Drive]]:
+    """Serve the hall, with clients in another process."""
+    pipe = subprocess.PIPE
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        served(str(write_hall(Path(folder)))) as (process, (host, port)),
+        subprocess.Popen(
+            [*DRIVERS, host, str(port)], stdin=pipe, stdout=pipe, text=True
+        ) as clients,
+    ):
+
+        def drive(robots: int, seconds: float) -> Floats:
+            assert clients.stdin is not None
+            assert clients.stdout is not None
+            clients.stdin.write(f"{robots} {seconds}\n")
+            clients.stdin.flush()
+            delays = np.array(json.loads(clients.stdout.readline()), np.float64)
+            late: Floats = (delays - delays.min(initial=np.inf)) * 1e3
+            return late
+
+        try:
+            yield process, drive
+        finally:
+            clients.kill()
 
 
 def _help_seconds() -> float:
@@ -90,6 +179,33 @@ def _serve_seconds() -> float:
     start = time.perf_counter()
     with served("foliage_room"):
         return time.perf_counter() - start
+
+
+def _cold_seconds() -> tuple[float, float]:
+    """Return the time until a server listens, and until the first scan comes, s."""
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        with served("foliage_room", cache=Path(folder)) as (_, address):
+            listening = time.perf_counter() - start
+            with spawn(address, 0) as client:
+                _wait_for_scan(client)
+                return listening, time.perf_counter() - start
+
+
+def _wait_for_scan(client: socket.socket) -> None:
+    """Read until a scan comes.
+
+    Raises:
+        TimeoutError: If nothing comes for too long.
+        ConnectionError: If the server closes the connection.
+    """
+    client.settimeout(MAX_COMPILE_SECONDS)
+    received = b""
+    while not SCAN.search(received):
+        data = client.recv(65536)
+        if not data:
+            raise ConnectionError("the server closed the connection, expected a scan")
+        received = received[-100:] + data
 
 
 def _cpu_seconds(pid: int) -> float:

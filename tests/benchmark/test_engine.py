@@ -76,7 +76,7 @@ def test_scans_keep_their_limits_against_first_hits() -> None:
 @pytest.mark.slow
 def test_growth_and_throughput_have_all_their_rows() -> None:
     names = [row.name for row in (*growth(0.01), *throughput(0.05))]
-    assert len(names) == len(set(names)) == 4 + 4 + 5 + 5 + 2
+    assert len(names) == len(set(names)) == 4 + 4 + 5 + 2
 
 
 @pytest.mark.parametrize("name", list(MULTI_RAY_SENSORS))

@@ -1,6 +1,6 @@
 import pytest
 
-from radarsim.benchmark.server import lateness, start_up
+from radarsim.benchmark.server import capacity, lateness, start_up
 
 
 @pytest.mark.slow
@@ -11,6 +11,13 @@ def test_a_few_robots_get_their_scans() -> None:
     late = [rows[f"late, {name}"].value for name in ("median", "99th percentile")]
     assert 0 <= late[0] <= late[1] <= rows["late, worst"].value
     assert rows["late, 99th percentile"].limit is None
+
+
+@pytest.mark.slow
+def test_robots_are_added_while_they_are_simulated_in_time() -> None:
+    (row,) = capacity(0.5, swarms=(1, 2))
+    assert row.value in (0, 1, 2)  # as busy as the machine is
+    assert row.note.startswith("of ")
 
 
 @pytest.mark.slow

@@ -1,4 +1,5 @@
 import json
+import time
 from functools import partial
 
 import pytest
@@ -17,6 +18,13 @@ def test_twice_the_work_takes_about_twice_as_long() -> None:
         if 1.5 < result.ratio < 2.7:
             return
     pytest.fail(f"{result}, expected a ratio of about 2")
+
+
+def test_time_of_this_thread_can_be_compared() -> None:
+    result = compare(
+        lambda: time.sleep(0.01), lambda: spin(10), seconds=0, clock=time.thread_time
+    )
+    assert 0 < result.subject < 0.01
 
 
 def test_a_measurement_is_a_time() -> None:
@@ -47,4 +55,4 @@ def test_all_steps_run_in_turn_and_report_progress(
     done = [what[1] for what in described]
     assert done == sorted(done)
     assert described[-1] == ("done", 2 * len(STEPS), 2 * len(STEPS))
-    assert set("abcdefghi") == set(GROUPS)
+    assert set("abcdefghij") == set(GROUPS)

@@ -1,0 +1,106 @@
+"""Benchmarks of many robots in one process: group j of the table.
+
+What is measured is a tenth of a second of simulated time: ten times ``Host.step``, and
+``take`` for all clients, in which each robot sends one scan and all its other readings.
+"""
+
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from radarsim.benchmark.hall import POLES, drive_line, init_line, write_hall
+from radarsim.benchmark.timing import BenchmarkRow, compare
+from radarsim.geometry import Floats
+from radarsim.host import Host
+from radarsim.raycast.embree import FirstHits, Mesh
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+
+ROBOTS: Final = 100
+# Upper limits of the ratio to a raw first-hit call, by the number of poles in a row.
+LIMITS: Final = {POLES: 4.0, 0: 8.0}
+# Upper limits of what a robot costs among so many others, by what it costs among 100.
+GROWTH_LIMITS: Final = {1: None, 400: 1.3, 1000: None}
+SETTLE_TICKS: Final = 30  # until robots drive and their scans are spread over the ticks
+
+
+class DrivingRobots:
+    """A host whose clients have a driving robot each.
+
+    Attributes:
+        host: The host.
+    """
+
+    def __init__(self, scene: Scene, robots: int) -> None:
+        """Connect clients, and wait until all robots drive."""
+        self.host = Host(scene)
+        self._numbers = [self.host.connect() for _ in range(robots)]
+        for robot, number in enumerate(self._numbers):
+            self.host.receive(number, init_line(robot))
+        while len(self.host.simulation.vehicles) < robots:
+            self.tick()
+        for robot, number in enumerate(self._numbers):
+            self.host.receive(number, drive_line(robot))
+        for _ in range(SETTLE_TICKS):
+            self.tick()
+
+    def tick(self) -> None:
+        """Advance by a tick, and take what all clients are sent."""
+        self.host.step()
+        for number in self._numbers:
+            self.host.take(number)
+
+    def tenth(self) -> None:
+        """Advance by a tenth of a second."""
+        for _ in range(10):
+            self.tick()
+
+    def rays(self) -> tuple[Floats, Floats]:
+        """Return origins and directions of the beams of all robots' scans, (N, 3)."""
+        origins, directions = [], []
+        for vehicle in self.host.simulation.vehicles:
+            mounted = vehicle.scanners[0]
+            pose, settings = vehicle.sensor_pose(mounted.item), mounted.scanner.settings
+            half = np.radians(settings.fov_deg) / 2
+            angles = pose.yaw + np.linspace(-half, half, settings.beams)
+            level = np.zeros_like(angles)
+            directions.append(np.stack([np.cos(angles), np.sin(angles), level], axis=1))
+            origins.append(np.tile([pose.x, pose.y, pose.z], (len(angles), 1)))
+        return np.concatenate(origins), np.concatenate(directions)
+
+
+def driving_robots(seconds: float, robots: int = ROBOTS) -> Iterator[BenchmarkRow]:
+    """Measure driving robots against raw first-hit calls on the rays of their scans."""
+    with tempfile.TemporaryDirectory() as folder:
+        for poles, limit in LIMITS.items():
+            scene = load_map(write_hall(Path(folder), poles))
+            driving = DrivingRobots(scene, robots)
+            meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
+            first = FirstHits(meshes, *driving.rays())
+            result = compare(
+                driving.tenth, first.run, seconds=seconds, clock=time.thread_time
+            )
+            where = f"{poles * poles} poles" if poles else "nothing in it"
+            name = f"{robots} driving robots in a hall with {where}, 0.1 s simulated"
+            note = f"{result.subject * 1e3:.1f} ms against {result.reference * 1e3:.2f}"
+            yield BenchmarkRow("j", name, result.ratio, "x", limit, note)
+
+
+def growth_of_robots(seconds: float, robots: int = ROBOTS) -> Iterator[BenchmarkRow]:
+    """Measure what a robot costs among many, against a robot among 100."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene = load_map(write_hall(Path(folder)))
+    some = DrivingRobots(scene, robots)
+    for count, limit in GROWTH_LIMITS.items():
+        many = DrivingRobots(scene, count)
+        result = compare(
+            many.tenth, some.tenth, seconds=seconds, clock=time.thread_time
+        )
+        each, reference = result.subject / count * 1e6, result.reference / robots * 1e6
+        name = f"0.1 s simulated of a robot among {count}, by one among {robots}"
+        note = f"{each:.0f} us against {reference:.0f}"
+        yield BenchmarkRow("j", name, each / reference, "x", limit, note)
