@@ -1,4 +1,4 @@
-"""Move a robot among obstacles and other robots without collision.
+"""Move a robot among walls and other robots without collision.
 
 Theory of operation
 ===================
@@ -15,188 +15,247 @@ same holds for the gap to the other robots, which move as well.
 """
 
 import math
-from typing import Protocol
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from radarsim.geometry import Floats, Pose2
-from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
-from radarsim.robots.obstacles import Body, Obstacles
+from radarsim.geometry import Floats
+from radarsim.jit import njit_cached, njit_inline
+from radarsim.robots.fleet_columns import (
+    BLOCKED,
+    FLOOR,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    MAX_DISPLACEMENT_RATIO,
+    NUMBER,
+    RADIUS,
+    REJECTED,
+    ROBOT_GAP,
+    WALL_GAP,
+    X,
+    Y,
+    pose_of,
+)
+from radarsim.robots.footprint import (
+    HALF_X,
+    HALF_Y,
+    MARGIN,
+    MIDDLE_X,
+    MIDDLE_Y,
+    RANK,
+    find_contact,
+)
+from radarsim.robots.robot_grid import (
+    CELL,
+    COLUMN,
+    MAX_RADIUS,
+    NEXT,
+    ROW,
+    SLACK,
+    RobotGrid,
+    bucket_of,
+)
+from radarsim.robots.wall_grid import WallTable, find_walls
 
-CONTACT_GAP = 1e-3  # m left between the robot and what it runs into
-TOUCH_RANGE = 2e-3  # m; anything closer touches the robot
-MAX_DISPLACEMENT_RATIO = 2.0
+CONTACT_GAP: Final = 1e-3  # m left between the robot and what it runs into
+TOUCH_RANGE: Final = 2e-3  # m; anything closer touches the robot
 
-_CACHE_RANGE = 0.5  # m beyond the robot's circle within which walls are cached
-_OUTLINE_RANGE = 0.1  # m between two robots' circles below which their outlines matter
-_MAX_PUSHES = 8  # out of two walls in turn; more would not get out of a wedge
-
-
-class MovingBody(Body, Protocol):
-    """A robot among others."""
-
-    @property
-    def top_speed(self) -> float:
-        """The highest speed of its centre, pushes included, m/s."""
-        ...
+_WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
+_ROBOT_RANGE: Final = 4.0  # m between two robots' circles, likewise
+_OUTLINE_RANGE: Final = 0.1  # m between the circles below which outlines matter
+_MAX_PUSHES: Final = 8  # out of two walls in turn; more would not get out of a wedge
 
 
-class CollisionResolver:
-    """Moves one robot; keeps lower bounds of its clearance between moves.
+class Surroundings(NamedTuple):
+    """What a robot may run into.
 
     Attributes:
-        blocked: Whether the last move did not end at the wanted pose.
+        robots: The table of robots.
+        walls: The walls of all floors.
+        grid: The robots by cells.
+        lines: Room for a table of the lines near a robot.
     """
 
-    def __init__(self, robot: MovingBody, obstacles: Obstacles) -> None:
-        self.blocked = False
-        self._robot = robot
-        self._footprint: Footprint = robot.footprint
-        self._obstacles = obstacles
-        self._walls = NO_SEGMENTS  # those near ``_cache_centre``
-        self._cache_centre = (math.inf, math.inf)
-        self._wall_gap = 0.0  # m; no wall is closer
-        self._robot_gap = 0.0  # m; no other robot is closer
-        self._others: tuple[MovingBody, ...] = ()
-        self._closing_speed = 0.0  # m/s; top speed of the fastest of the others
-        self._rejected: tuple[Pose2, Pose2] | None = None  # start and wanted pose
+    robots: Floats
+    walls: WallTable
+    grid: RobotGrid
+    lines: Floats
 
-    def move(
-        self,
-        wanted: Pose2,
-        others: tuple[MovingBody, ...],
-        *,
-        sweep: float,
-        dt: float,
-    ) -> Pose2:
-        """Return the pose that the robot reaches when it moves towards another.
 
-        Args:
-            wanted: Pose to which its wheels would take it.
-            others: All robots, in any order; the robot itself may be one of them. It is
-                fastest to pass the same tuple at every move.
-            sweep: Largest distance that any point of the robot travels, m; at most a
-                fraction of its width, or it could pass through obstacles.
-            dt: Duration of the move, s.
-        """
-        self._wall_gap -= sweep
-        self._robot_gap -= sweep + self._closing_speed * dt
-        if self._robot_gap > MARGIN and others is self._others:
-            # Nothing can be in reach yet (rules 1 and 2).
-            if self._wall_gap > MARGIN:
-                self.blocked = False
-                return wanted
-            pose = self._robot.pose
-            if (pose, wanted) == self._rejected:  # still pushing against the same wall
-                self.blocked = True
-                return pose
-        return self._move_checked(wanted, others, sweep)
-
-    def rest(self, others: tuple[MovingBody, ...]) -> None:
-        """Stand still for one step while others move."""
-        self._others = others
-        # Others may approach meanwhile: the next move measures the gap to them anew.
-        self._robot_gap = 0.0
-
-    def touching(self) -> bool:
-        """Return whether something solid is as close as after a contact."""
-        if min(self._wall_gap, self._robot_gap) > TOUCH_RANGE:
+@njit_inline
+def is_rejected(robots: Any, slot: Any, wanted: Any) -> Any:
+    """Return whether walls forbade the same move the last time."""
+    for i in range(3):
+        is_same_start = robots[slot, X + i] == robots[slot, REJECTED + i]
+        if not is_same_start or wanted[i] != robots[slot, REJECTED + 3 + i]:
             return False
-        pose = self._robot.pose
-        return self._measure(pose, self._lines_near(pose, self._others)) <= TOUCH_RANGE
-
-    def _move_checked(
-        self, wanted: Pose2, others: tuple[MovingBody, ...], sweep: float
-    ) -> Pose2:
-        """Move with a check of all obstacles."""
-        self._others = others
-        lines = self._lines_near(wanted, others)
-        self.blocked = self._measure(wanted, lines) <= MARGIN
-        if not self.blocked:
-            return wanted
-        pose = self._robot.pose
-        reached = self._avoid(wanted, lines, sweep)
-        if _is_same(reached, pose):
-            reached = pose
-            # Walls stay; a robot in the way may be gone at the next move.
-            self._rejected = (pose, wanted) if lines is self._walls else None
-        self._measure(reached, lines)
-        return reached
-
-    def _measure(self, pose: Pose2, lines: Floats) -> float:
-        """Return the gap at a pose, and update the known gaps."""
-        gap = self._gap(pose, lines)
-        offset = math.dist((pose.x, pose.y), self._cache_centre)
-        # Walls that are not in the cache are at least this far away.
-        self._wall_gap = min(gap, _CACHE_RANGE - offset)
-        if lines is not self._walls:  # the lines include outlines of others
-            self._robot_gap = min(gap, self._robot_gap)
-        return gap
-
-    def _lines_near(self, pose: Pose2, others: tuple[MovingBody, ...]) -> Floats:
-        """Return the lines near a pose; robots farther away set ``_robot_gap``."""
-        position = (pose.x, pose.y)
-        if math.dist(position, self._cache_centre) > _CACHE_RANGE / 2:
-            self._cache_centre = position
-            self._walls = self._obstacles.near(
-                *position, self._footprint.radius + _CACHE_RANGE
-            )
-        outlines = self._outlines_near(pose, others)
-        return np.concatenate([self._walls, *outlines]) if outlines else self._walls
-
-    def _outlines_near(
-        self, pose: Pose2, others: tuple[MovingBody, ...]
-    ) -> list[Floats]:
-        """Return the outlines of the other robots that are close."""
-        self._robot_gap, self._closing_speed = math.inf, 0.0
-        outlines = []
-        for other in others:
-            if other is self._robot:
-                continue
-            self._closing_speed = max(self._closing_speed, other.top_speed)
-            footprint = other.footprint
-            gap = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
-            gap -= footprint.radius + self._footprint.radius
-            if gap < _OUTLINE_RANGE:
-                outlines.append(footprint.outline(other.pose))
-            else:
-                self._robot_gap = min(self._robot_gap, gap)
-        return outlines
-
-    def _avoid(self, wanted: Pose2, lines: Floats, sweep: float) -> Pose2:
-        """Return the pose to take instead of a wanted pose that is not free."""
-        pose = self._robot.pose
-        gap = self._gap(pose, lines)
-        # A robot nearer than ``CONTACT_GAP`` slides on; it is not pushed back first.
-        clearance = max(2 * MARGIN, min(CONTACT_GAP, gap))
-        # Without the turn second: beside a wall it may be the turn that is blocked.
-        for target in (wanted, Pose2(wanted.x, wanted.y, pose.yaw)):
-            freed = self._push_out(target, lines, clearance)
-            moved = math.hypot(freed.x - pose.x, freed.y - pose.y) if freed else 0.0
-            if freed is not None and moved <= MAX_DISPLACEMENT_RATIO * sweep:
-                return freed
-        turned = Pose2(pose.x, pose.y, wanted.yaw)
-        if self._gap(turned, lines) > MARGIN:
-            return turned
-        # A robot that was placed inside an obstacle may leave it.
-        return wanted if self._gap(wanted, lines) > gap else pose
-
-    def _push_out(self, pose: Pose2, lines: Floats, clearance: float) -> Pose2 | None:
-        """Push a pose out of all obstacles; return None if that fails."""
-        for _ in range(_MAX_PUSHES):
-            contact = self._footprint.contact(pose, lines)
-            if contact.gap > MARGIN:
-                return pose
-            push = clearance - contact.gap
-            x, y = pose.x + push * contact.away_x, pose.y + push * contact.away_y
-            pose = Pose2(x, y, pose.yaw)
-        return None
-
-    def _gap(self, pose: Pose2, lines: Floats) -> float:
-        return self._footprint.contact(pose, lines).gap
+    return True
 
 
-def _is_same(one: Pose2, other: Pose2) -> bool:
+@njit_cached
+def avoid_collision(around: Any, slot: Any, wanted: Any, sweep: Any) -> Any:
+    """Return the pose that a robot reaches when it moves towards another.
+
+    Args:
+        around: The ``Surroundings``.
+        slot: Slot of the robot.
+        wanted: Pose to which its wheels would take it: x, y, yaw, m, rad.
+        sweep: Largest distance that any point of the robot travels, m; at most a
+            fraction of its width, or it could pass through obstacles.
+    """
+    robots = around.robots
+    walls, count = _find_lines(around, slot, wanted)
+    gap, _, _ = _contact(around, slot, count, wanted)
+    _note_gaps(robots, slot, gap, 0.0, count > walls)
+    robots[slot, BLOCKED] = gap <= MARGIN
+    if gap > MARGIN:
+        return wanted
+    start = pose_of(robots, slot)
+    reached = _avoid(around, slot, count, wanted, sweep)
+    if _is_same(reached, start):
+        reached = start
+        _reject(robots, slot, wanted, count == walls)
+    gap, _, _ = _contact(around, slot, count, reached)
+    offset = math.hypot(reached[0] - wanted[0], reached[1] - wanted[1])
+    _note_gaps(robots, slot, gap, offset, count > walls)
+    return reached
+
+
+@njit_cached
+def is_touching(around: Any, slot: Any) -> Any:
+    """Return whether something solid is as close as after a contact."""
+    robots = around.robots
+    if min(robots[slot, WALL_GAP], robots[slot, ROBOT_GAP]) > TOUCH_RANGE:
+        return False
+    pose = pose_of(robots, slot)
+    walls, count = _find_lines(around, slot, pose)
+    gap, _, _ = _contact(around, slot, count, pose)
+    _note_gaps(robots, slot, gap, 0.0, count > walls)
+    return gap <= TOUCH_RANGE
+
+
+@njit_inline
+def _contact(around: Any, slot: Any, count: Any, pose: Any) -> Any:
+    robots = around.robots
+    half_size = (robots[slot, HALF_LENGTH], robots[slot, HALF_WIDTH])
+    return find_contact(around.lines, count, pose, half_size)
+
+
+@njit_inline
+def _note_gaps(robots: Any, slot: Any, gap: Any, offset: Any, has_robots: Any) -> Any:
+    """Update the known gaps by that to lines found ``offset`` m away."""
+    robots[slot, WALL_GAP] = min(gap, _WALL_RANGE - offset)
+    if has_robots:
+        robots[slot, ROBOT_GAP] = min(gap, robots[slot, ROBOT_GAP])
+
+
+@njit_inline
+def _reject(robots: Any, slot: Any, wanted: Any, by_walls: Any) -> Any:
+    """Note a move that failed; a robot in the way may be gone at the next one."""
+    for i in range(3):
+        robots[slot, REJECTED + i] = robots[slot, X + i] if by_walls else np.nan
+        robots[slot, REJECTED + 3 + i] = wanted[i]
+
+
+@njit_inline
+def _is_same(one: Any, other: Any) -> Any:
     """Return whether two poses differ by no more than rounding."""
-    difference = abs(one.x - other.x) + abs(one.y - other.y) + abs(one.yaw - other.yaw)
-    return difference < 1e-9
+    difference = abs(one[0] - other[0]) + abs(one[1] - other[1])
+    return difference + abs(one[2] - other[2]) < 1e-9
+
+
+@njit_cached
+def _find_lines(around: Any, slot: Any, pose: Any) -> Any:
+    """Find the lines near a pose; robots farther away set the gap to robots.
+
+    Returns:
+        The number of walls, which come first, and that of all lines.
+    """
+    robots, grid = around.robots, around.grid
+    x, y, _ = pose
+    radius, floor = robots[slot, RADIUS], int(robots[slot, FLOOR])
+    walls = find_walls(around.walls, floor, (x, y), radius + _WALL_RANGE, around.lines)
+    count, nearest = walls, _ROBOT_RANGE
+    reach = _ROBOT_RANGE + radius + grid.limits[MAX_RADIUS] + grid.limits[SLACK]
+    for row in range(_cell(y - reach), _cell(y + reach) + 1):
+        for column in range(_cell(x - reach), _cell(x + reach) + 1):
+            other = grid.heads[bucket_of(grid, column, row)]
+            while other >= 0:
+                is_here = (
+                    grid.places[other, COLUMN] == column
+                    and grid.places[other, ROW] == row
+                )
+                if is_here and other != slot:
+                    dx, dy = robots[other, X] - x, robots[other, Y] - y
+                    gap = math.hypot(dx, dy) - (robots[other, RADIUS] + radius)
+                    if gap < _OUTLINE_RANGE:
+                        _add_outline(around, other, count)
+                        count += 4
+                    else:
+                        nearest = min(nearest, gap)
+                other = grid.places[other, NEXT]
+    robots[slot, ROBOT_GAP] = nearest
+    return walls, count
+
+
+@njit_inline
+def _cell(place: Any) -> Any:
+    return math.floor(place / CELL)
+
+
+@njit_inline
+def _add_outline(around: Any, other: Any, count: Any) -> Any:
+    """Add the four sides of another robot to the lines; they rank after all walls."""
+    robots, lines = around.robots, around.lines
+    x, y, yaw = pose_of(robots, other)
+    length, width = robots[other, HALF_LENGTH], robots[other, HALF_WIDTH]
+    c, s = math.cos(yaw), math.sin(yaw)
+    rank = len(around.walls.lines) + 4 * robots[other, NUMBER]
+    corner_x, corner_y = length * c - width * s + x, length * s + width * c + y
+    for side in range(4):
+        if side % 2 == 0:
+            length = -length
+        else:
+            width = -width
+        next_x, next_y = length * c - width * s + x, length * s + width * c + y
+        row = count + side
+        lines[row, MIDDLE_X] = (corner_x + next_x) / 2
+        lines[row, MIDDLE_Y] = (corner_y + next_y) / 2
+        lines[row, HALF_X] = (next_x - corner_x) / 2
+        lines[row, HALF_Y] = (next_y - corner_y) / 2
+        lines[row, RANK] = rank + side
+        corner_x, corner_y = next_x, next_y
+
+
+@njit_inline
+def _avoid(around: Any, slot: Any, count: Any, wanted: Any, sweep: Any) -> Any:
+    """Return the pose to take instead of a wanted pose that is not free."""
+    x, y, yaw = wanted
+    start = pose_of(around.robots, slot)
+    start_x, start_y, start_yaw = start
+    start_gap, _, _ = _contact(around, slot, count, start)
+    # A robot nearer than ``CONTACT_GAP`` slides on; it is not pushed back first.
+    clearance = max(2 * MARGIN, min(CONTACT_GAP, start_gap))
+    # Without the turn second: beside a wall it may be the turn that is blocked.
+    for target in (wanted, (x, y, start_yaw)):
+        is_free, freed = _push_out(around, slot, count, target, clearance)
+        moved = math.hypot(freed[0] - start_x, freed[1] - start_y)
+        if is_free and moved <= MAX_DISPLACEMENT_RATIO * sweep:
+            return freed
+    turned = (start_x, start_y, yaw)
+    if _contact(around, slot, count, turned)[0] > MARGIN:
+        return turned
+    # A robot that was placed inside an obstacle may leave it.
+    return wanted if _contact(around, slot, count, wanted)[0] > start_gap else start
+
+
+@njit_inline
+def _push_out(around: Any, slot: Any, count: Any, pose: Any, clearance: Any) -> Any:
+    """Push a pose out of all lines; return whether that succeeds, and the pose."""
+    for _ in range(_MAX_PUSHES):
+        gap, away_x, away_y = _contact(around, slot, count, pose)
+        if gap > MARGIN:
+            return True, pose
+        push = clearance - gap
+        pose = (pose[0] + push * away_x, pose[1] + push * away_y, pose[2])
+    return False, pose

@@ -13,14 +13,28 @@ collision test, as clearance and as penetration depth.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Final
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2
+from radarsim.jit import njit_cached, njit_inline
 
-MARGIN = 1e-6  # m; a smaller gap counts as contact; far above rounding errors
+MARGIN: Final = 1e-6  # m; a smaller gap counts as contact; far above rounding errors
 NO_SEGMENTS: Floats = np.zeros((0, 2, 2))
 NO_SEGMENTS.setflags(write=False)
+
+
+# Columns of a table of lines: middle, vector from the middle to the second end, m, map
+# frame; of lines at the same distance the one of lowest rank counts.
+MIDDLE_X, MIDDLE_Y, HALF_X, HALF_Y, RANK = range(5)
+
+
+def line_table(segments: Floats) -> Floats:
+    """Return segments, (S, 2, 2), as a table of lines, (S, 5), ranked as they come."""
+    first, second = segments[:, 0], segments[:, 1]
+    ranks = np.arange(len(segments))
+    return np.column_stack([(first + second) / 2, (second - first) / 2, ranks])
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,35 +100,57 @@ class Footprint:
         Returns:
             The contact with the smallest gap; of equal ones, that of the first segment.
         """
-        if not len(segments):
-            return Contact(math.inf)
-        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        middle = (segments[:, 0] + segments[:, 1]) / 2 - (pose.x, pose.y)
-        half = (segments[:, 1] - segments[:, 0]) / 2
-        to_local = np.array([[c, -s], [s, c]])
-        middle, half = middle @ to_local, half @ to_local
-        gaps = self._gaps(middle, half)
-        nearest = int(gaps.max(axis=0).argmin())
-        axis = int(gaps[:, nearest].argmax())
-        x, y = _axis(axis, half[nearest])
-        toward = x * middle[nearest, 0] + y * middle[nearest, 1]
-        x, y = (-x, -y) if toward > 0 else (x, y)
-        return Contact(float(gaps[axis, nearest]), c * x - s * y, s * x + c * y)
-
-    def _gaps(self, middle: Floats, half: Floats) -> Floats:
-        """Return the gaps of the projections on x, y and the normals, (3, S) m."""
-        x, y = self.length / 2, self.width / 2
-        extent = np.abs(half)
-        along = np.abs(middle) - extent - (x, y)
-        across = np.abs(middle[:, 0] * half[:, 1] - middle[:, 1] * half[:, 0])
-        across -= x * extent[:, 1] + y * extent[:, 0]
-        across /= np.hypot(half[:, 0], half[:, 1])
-        return np.stack([along[:, 0], along[:, 1], across])
+        lines = line_table(segments)
+        place = (float(pose.x), float(pose.y), float(pose.yaw))
+        half_size = (self.length / 2, self.width / 2)
+        return Contact(*find_contact(lines, len(segments), place, half_size))
 
 
-def _axis(axis: int, half: Floats) -> tuple[float, float]:
-    """Return the unit vector of one of the three axes, footprint frame."""
-    if axis < 2:
-        return (1.0, 0.0) if axis == 0 else (0.0, 1.0)
-    length = math.hypot(half[0], half[1])
-    return float(half[1]) / length, -float(half[0]) / length
+@njit_cached
+def find_contact(lines: Any, count: Any, pose: Any, half_size: Any) -> Any:
+    """Find the contact of a rectangle with the first ``count`` of some lines.
+
+    Args:
+        lines: (L, 5) table of lines.
+        count: How many of them there are.
+        pose: x, y and yaw of the rectangle, m, rad, map frame.
+        half_size: Half its length and half its width, m.
+
+    Returns:
+        The gap, m, and x and y of the unit vector away from the line.
+    """
+    x, y, yaw = pose
+    length, width = half_size
+    c, s = math.cos(yaw), math.sin(yaw)
+    gap, rank, away_x, away_y = np.inf, 0.0, 0.0, 0.0
+    for i in range(count):
+        dx, dy = lines[i, MIDDLE_X] - x, lines[i, MIDDLE_Y] - y
+        middle_x, middle_y = dx * c + dy * s, dy * c - dx * s
+        dx, dy = lines[i, HALF_X], lines[i, HALF_Y]
+        half_x, half_y = dx * c + dy * s, dy * c - dx * s
+        along_x = abs(middle_x) - abs(half_x) - length
+        along_y = abs(middle_y) - abs(half_y) - width
+        if max(along_x, along_y) > gap:
+            continue  # spares the normal, as the gap is the largest of the three
+        across = abs(middle_x * half_y - middle_y * half_x)
+        across -= length * abs(half_y) + width * abs(half_x)
+        across /= math.hypot(half_x, half_y)
+        found = max(along_x, along_y, across)
+        if found < gap or (found == gap and lines[i, RANK] < rank):
+            gap, rank = found, lines[i, RANK]
+            axis_x, axis_y = 1.0, 0.0
+            if along_x < found and along_y == found:
+                axis_x, axis_y = 0.0, 1.0
+            elif along_x < found:
+                axis_x, axis_y = _normal(half_x, half_y)
+            if axis_x * middle_x + axis_y * middle_y > 0:
+                axis_x, axis_y = -axis_x, -axis_y
+            away_x, away_y = c * axis_x - s * axis_y, s * axis_x + c * axis_y
+    return gap, away_x, away_y
+
+
+@njit_inline
+def _normal(x: Any, y: Any) -> Any:
+    """Return the unit vector to the right of a vector."""
+    length = math.hypot(x, y)
+    return y / length, -x / length

@@ -6,18 +6,20 @@ tick. Collisions are not modelled here.
 
 import math
 from dataclasses import dataclass
+from typing import Any, Final
 
-from radarsim.geometry import Pose2, wrap_angle
+from radarsim.jit import njit_inline
 from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 
+_TURN: Final = 2 * math.pi
 
-def advance(
-    pose: Pose2, left: float, right: float, *, track: float, dt: float
-) -> Pose2:
+
+@njit_inline
+def advance(pose: Any, left: Any, right: Any, track: Any, dt: Any) -> Any:
     """Return the pose after one time step along the exact circular arc.
 
     Args:
-        pose: Pose at the start of the step.
+        pose: x, y and yaw at the start of the step, m, rad.
         left: Ground speed of the left wheels, m/s.
         right: Ground speed of the right wheels, m/s.
         track: Effective distance between the wheel pairs, m; wider than the real one
@@ -25,20 +27,51 @@ def advance(
         dt: Time step, s; two half steps give the same pose as one whole step.
 
     Returns:
-        The pose at the end of the step, with its yaw in (-pi, pi].
+        x, y and yaw at the end of the step, the yaw in (-pi, pi].
 
     Source: geometry of an arc; its chord is 2 (distance / turn) sin(turn / 2), and
     points half a turn off the heading at its start.
     """
+    x, y, yaw = pose
     # y points left, so faster right wheels turn the robot counter-clockwise
     turn = (right - left) / track * dt
     half = turn / 2
-    chord = (left + right) / 2 * dt * (math.sin(half) / half if half else 1.0)
-    return Pose2(
-        pose.x + chord * math.cos(pose.yaw + half),
-        pose.y + chord * math.sin(pose.yaw + half),
-        wrap_angle(pose.yaw + turn),
+    chord = (left + right) / 2 * dt * (math.sin(half) / half if half != 0.0 else 1.0)
+    return (
+        x + chord * math.cos(yaw + half),
+        y + chord * math.sin(yaw + half),
+        _wrap(yaw + turn),
     )
+
+
+@njit_inline
+def _wrap(angle: Any) -> Any:
+    """Wrap an angle, rad, to (-pi, pi]; the same bits as ``geometry.wrap_angle``."""
+    # The steps of C's remainder, each of them exact, which numba does not have.
+    size = abs(angle)
+    if size < math.pi:
+        return angle
+    rest = size % _TURN
+    if rest > _TURN - rest:
+        rest -= _TURN
+    elif rest == _TURN - rest:  # half a turn: to the even number of turns
+        rest -= 2.0 * (0.5 * (size - rest) % _TURN)
+    wrapped = math.copysign(1.0, angle) * rest
+    return math.pi if wrapped <= -math.pi else wrapped
+
+
+@njit_inline
+def sweep_rate(left: Any, right: Any, track: Any, radius: Any) -> Any:
+    """Return an upper bound of the speed of a robot's fastest point, m/s.
+
+    Args:
+        left: Ground speed of the left wheels, m/s.
+        right: Ground speed of the right wheels, m/s.
+        track: Effective distance between the wheel pairs, m.
+        radius: Distance of the farthest point from the centre, m.
+    """
+    turn = abs(right - left) / track
+    return abs(left + right) / 2 + turn * radius
 
 
 @dataclass(frozen=True, slots=True)

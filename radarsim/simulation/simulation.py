@@ -20,9 +20,9 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
+from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.range_scanner import load_sensor
@@ -87,8 +87,7 @@ class Simulation:
         self._tracer = tracer_of(scene)
         self._obstacles_by_floor: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
-        self._robots: tuple[Robot, ...] = ()
-        self._spawn_count = 0
+        self._fleet = Fleet()
         self._warm_up()
 
     @property
@@ -119,22 +118,21 @@ class Simulation:
         free = obstacles.nearest_free_pose(
             Footprint(model.length, model.width),
             pose,
-            self._robots,
+            self._fleet.robots,
             within=SEARCH_RADIUS,
             is_open=lambda places: ~self._are_inside_solids(places, height),
         )
         if free is None:
             return None
-        robot = Robot(
+        robot = self._fleet.add(
             self._unique_name(name),
             model,
             free,
             obstacles=obstacles,
             wheel_drive=self.config.wheel_drive(),
         )
-        self._spawn_count += 1
         vehicle = Vehicle(
-            self._spawn_count,
+            robot.number,
             robot,
             self.config,
             seed=self.seed,
@@ -142,19 +140,21 @@ class Simulation:
             gps_origin=self.scene.gps_origin,
         )
         self._vehicles[vehicle.number] = vehicle
-        self._robots = (*self._robots, robot)
         return vehicle
 
     def remove(self, vehicle: Vehicle) -> None:
         """Remove a robot from the simulation."""
         del self._vehicles[vehicle.number]
-        self._robots = tuple(v.robot for v in self._vehicles.values())
+        self._fleet.remove(vehicle.robot)
 
     def step(self) -> None:
         """Advance by one tick of 10 ms."""
         self.ticks += 1
         for vehicle in self._vehicles.values():
-            vehicle.step(TICK, self._robots)
+            vehicle.begin_tick()
+        self._fleet.step(TICK)
+        for vehicle in self._vehicles.values():
+            vehicle.step_items()
 
     def collect_reports(self) -> dict[int, TickOutput]:
         """Take all readings that are due in this tick, by number of the robot."""
@@ -189,17 +189,7 @@ class Simulation:
 
     def boxes(self) -> Boxes:
         """Return the robots as boxes whose ids are the numbers of the vehicles."""
-        rows = []
-        for vehicle in self._vehicles.values():
-            body, model = vehicle.robot.body, vehicle.model
-            floor = body.z - model.origin_height
-            rows.append(
-                (
-                    *(body.x, body.y, body.yaw, floor, floor + model.height),
-                    *(model.length / 2, model.width / 2, vehicle.number),
-                )
-            )
-        return Boxes(np.array(rows, np.float64).reshape(-1, 8))
+        return Boxes(self._fleet.boxes())
 
     def _scan(
         self, due: list[tuple[Vehicle, MountedScanner]], boxes: Boxes
@@ -240,6 +230,8 @@ class Simulation:
         scan_batch(self._tracer, planned, boxes)
         sonar = SonarArray([pose], [sonar_settings()])
         self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
+        self._fleet.step(TICK)
+        self._fleet.touched([])
 
     def _scan_report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
         settings = mounted.scanner.settings
@@ -273,7 +265,7 @@ class Simulation:
         return inside
 
     def _unique_name(self, name: str) -> str:
-        taken = {robot.name for robot in self._robots}
+        taken = {robot.name for robot in self._fleet.robots}
         unique, number = name, 1
         while unique in taken:
             number += 1

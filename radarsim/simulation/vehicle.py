@@ -116,12 +116,14 @@ class Vehicle:
     def _age(self) -> int:
         return self._tick - self._spawn_tick
 
-    def step(self, dt: float, others: tuple[Robot, ...]) -> None:
-        """Drive and measure for one tick of ``dt`` s."""
+    def begin_tick(self) -> None:
+        """Begin a tick, before all robots drive; an empty battery stops the wheels."""
         self._tick += 1
         if not self.alive:
             self.robot.halt()
-        self.robot.step(dt, others)
+
+    def step_items(self) -> None:
+        """Let the items measure what the robot drove in this tick."""
         for item in self._sensor_items.values():
             item.step(self._age)
 

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import load_robot
 from radarsim.robots.collision import CONTACT_GAP
+from radarsim.robots.fleet import Fleet
+from radarsim.robots.fleet_columns import ROBOT_GAP, WALL_GAP
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.robots.skid_steer import WheelDrive
@@ -33,14 +35,16 @@ def wall(*ends: tuple[float, float]) -> Floats:
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
-def robot(obstacles: Obstacles, pose: Pose2) -> Robot:
-    return Robot("R", P3AT, pose, obstacles=obstacles, wheel_drive=WheelDrive(FULL))
+def robot(obstacles: Obstacles, pose: Pose2, fleet: Fleet | None = None) -> Robot:
+    """Add a robot to a fleet, or to one of its own."""
+    fleet, wheel_drive = fleet or Fleet(), WheelDrive(FULL)
+    return fleet.add("R", P3AT, pose, obstacles=obstacles, wheel_drive=wheel_drive)
 
 
 def drive(driven: Robot, left: float, right: float, ticks: int) -> None:
     driven.drive(left, right)
     for _ in range(ticks):
-        driven.step(TICK)
+        driven.fleet.step(TICK)
 
 
 def polygon(driven: Robot) -> shapely.Polygon:
@@ -86,15 +90,14 @@ def test_no_drive_ends_inside_an_obstacle(
 @settings(deadline=None, max_examples=25)
 @given(orders=st.lists(st.lists(st.tuples(speeds, speeds), min_size=4, max_size=4)))
 def test_robots_never_overlap(orders: list[list[tuple[float, float]]]) -> None:
-    obstacles = Obstacles(ring(-1.5, -1.5, 1.5, 1.5))
+    obstacles, fleet = Obstacles(ring(-1.5, -1.5, 1.5, 1.5)), Fleet()
     places = [(-0.7, -0.7), (0.7, -0.7), (-0.7, 0.7), (0.7, 0.7)]
-    robots = tuple(robot(obstacles, Pose2(x, y, x * y)) for x, y in places)
+    robots = [robot(obstacles, Pose2(x, y, x * y), fleet) for x, y in places]
     for order in orders:
         for driven, (left, right) in zip(robots, order, strict=True):
             driven.drive(left, right)
         for _ in range(50):
-            for driven in robots:
-                driven.step(TICK, robots)
+            fleet.step(TICK)
         hulls = [polygon(driven) for driven in robots]
         pairs = [(a, b) for i, a in enumerate(hulls) for b in hulls[:i]]
         assert not any(a.intersects(b) for a, b in pairs)
@@ -198,7 +201,7 @@ def test_thin_wall_is_not_passed_through(thickness: float, speed: float) -> None
 def test_step_of_one_second_passes_through_nothing() -> None:
     driven = robot(Obstacles(wall((0.5, -5), (0.5, 5))), Pose2(0, 0))
     driven.drive(FULL, FULL)
-    driven.step(1.0)
+    driven.fleet.step(1.0)
     assert driven.pose.x < 0.5 - P3AT.length / 2
 
 
@@ -230,14 +233,13 @@ def test_touch_lasts_until_the_robot_backs_off() -> None:
 
 
 def test_robot_that_is_hit_is_touched_and_does_not_move() -> None:
-    nothing = Obstacles()
-    parked, moving = robot(nothing, Pose2(2, 0)), robot(nothing, Pose2(0, 0))
-    both = (parked, moving)
+    nothing, fleet = Obstacles(), Fleet()
+    parked = robot(nothing, Pose2(2, 0), fleet)
+    moving = robot(nothing, Pose2(0, 0), fleet)
     moving.drive(5, 5)
     touched = []
     for _ in range(500):
-        for driven in both:
-            driven.step(TICK, both)
+        fleet.step(TICK)
         touched.append(parked.touched)
     assert not touched[0]
     assert touched[-1]
@@ -250,26 +252,24 @@ def test_robots_that_appear_or_leave_are_noticed() -> None:
     nothing = Obstacles()
     moving = robot(nothing, Pose2(0, 0))
     drive(moving, 5, 5, 10)
-    appeared = (moving, robot(nothing, Pose2(1, 0)))
-    for _ in range(200):
-        moving.step(TICK, appeared)
+    appeared = robot(nothing, Pose2(1, 0), moving.fleet)
+    drive(moving, 5, 5, 200)
     assert moving.touched
     assert moving.pose.x < 1 - P3AT.length
-    alone = (moving,)
-    for _ in range(200):
-        moving.step(TICK, alone)
+    moving.fleet.remove(appeared)
+    drive(moving, 5, 5, 200)
     assert not moving.touched
     assert moving.pose.x > 1
 
 
 def test_robot_approaching_from_afar_is_met_where_it_is() -> None:
-    nothing = Obstacles()
-    robots = (robot(nothing, Pose2(-6, 0)), robot(nothing, Pose2(6, 0, math.pi)))
+    nothing, fleet = Obstacles(), Fleet()
+    starts = (Pose2(-6, 0), Pose2(6, 0, math.pi))
+    robots = [robot(nothing, pose, fleet) for pose in starts]
     for driven in robots:
         driven.drive(FULL, FULL)
     for _ in range(1000):
-        for driven in robots:
-            driven.step(TICK, robots)
+        fleet.step(TICK)
     assert all(driven.touched for driven in robots)
     apart = robots[1].pose.x - robots[0].pose.x
     assert P3AT.length < apart < P3AT.length + 0.02
@@ -291,7 +291,7 @@ def test_robot_placed_inside_a_wall_cannot_go_deeper() -> None:
 
 @settings(deadline=None, max_examples=20)
 @given(obstacles=clutter(), orders=commands)
-def test_cached_gaps_do_not_change_the_motion(
+def test_known_gaps_do_not_change_the_motion(
     obstacles: Obstacles, orders: list[Command]
 ) -> None:
     start = Pose2(0, 0, 0.3)
@@ -305,23 +305,6 @@ def test_cached_gaps_do_not_change_the_motion(
         drive(cached, left, right, ticks)
         uncached.drive(left, right)
         for _ in range(ticks):
-            uncached.step(TICK, (uncached,))  # a tuple of its own each time
+            uncached.fleet.columns[:, [WALL_GAP, ROBOT_GAP]] = 0.0
+            uncached.fleet.step(TICK)
     assert uncached.pose == cached.pose
-
-
-class CountingObstacles(Obstacles):
-    """Obstacles that count how often they are counting."""
-
-    times = 0
-
-    def near(self, x: float, y: float, distance: float) -> Floats:
-        self.times += 1
-        return super().near(x, y, distance)
-
-
-def test_walls_are_rarely_queried_on_open_floor() -> None:
-    counting = CountingObstacles(ring(-50, -50, 50, 50))
-    driven = robot(counting, Pose2(0, 0))
-    drive(driven, FULL, FULL, 1000)
-    assert driven.pose.x > 7.9
-    assert counting.times < 20

@@ -4,6 +4,7 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
+from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Battery, Robot
 from radarsim.robots.skid_steer import WheelDrive
@@ -19,7 +20,7 @@ def robot(
     floor: float = 0.0,
 ) -> Robot:
     """Create a robot on an open floor."""
-    return Robot(
+    return Fleet().add(
         "R1",
         load_robot(class_name),
         pose or Pose2(0, 0),
@@ -30,7 +31,7 @@ def robot(
 
 def run(driven: Robot, seconds: float) -> None:
     for _ in range(round(seconds / TICK)):
-        driven.step(TICK)
+        driven.fleet.step(TICK)
 
 
 def test_robot_stands_until_it_is_driven() -> None:
@@ -145,7 +146,7 @@ def test_long_step_equals_many_short_ones() -> None:
     for driven in (short, long):
         driven.drive(3, 5)
     run(short, 1)
-    long.step(1.0)
+    long.fleet.step(1.0)
     assert long.pose.x == pytest.approx(short.pose.x)
     assert long.pose.y == pytest.approx(short.pose.y)
     assert long.pose.yaw == pytest.approx(short.pose.yaw)
@@ -155,7 +156,7 @@ def test_top_speed_is_never_exceeded() -> None:
     driven = robot()
     assert driven.top_speed >= 0.8
     driven.drive(8.17, 8.17)
-    driven.step(TICK)
+    driven.fleet.step(TICK)
     assert driven.pose.x <= driven.top_speed * TICK
 
 

@@ -6,10 +6,19 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.dialect import DriveUnit
-from radarsim.robots.skid_steer import WheelDrive, advance
+from radarsim.robots import skid_steer
+from radarsim.robots.skid_steer import WheelDrive
 
 speeds = st.floats(-1, 1)
 poses = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3))
+
+
+def advance(
+    pose: Pose2, left: float, right: float, *, track: float, dt: float
+) -> Pose2:
+    start = (float(pose.x), float(pose.y), float(pose.yaw))
+    speeds = (float(left), float(right), track, float(dt))
+    return Pose2(*skid_steer.advance(start, *speeds))
 
 
 def same(one: Pose2, other: Pose2) -> bool:

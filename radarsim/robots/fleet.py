@@ -1,0 +1,182 @@
+"""All robots of a simulation, driven together.
+
+Their state is in columns of arrays, so that one call of machine code advances them all.
+Each robot keeps its row, its slot, as long as it is in the fleet.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.presets.robots import RobotModel
+from radarsim.robots.collision import Surroundings
+from radarsim.robots.fleet_columns import (
+    BOTTOM,
+    FLOOR,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    MAX_DISPLACEMENT_RATIO,
+    NUMBER,
+    RADIUS,
+    ROBOT_GAP,
+    TOP,
+    TOP_SPEED,
+    TRACK,
+    WHEEL_RADIUS,
+    YAW,
+    X,
+    Y,
+    new_columns,
+)
+from radarsim.robots.motion import drive_robots, find_touched
+from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import Robot
+from radarsim.robots.robot_grid import new_robot_grid
+from radarsim.robots.skid_steer import WheelDrive, sweep_rate
+from radarsim.robots.wall_grid import WallTable, wall_table
+
+_FIRST_SLOTS: Final = 8
+_BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
+
+
+class Fleet:
+    """Robots that drive among each other, on one or several floors.
+
+    Attributes:
+        robots: The robots, in the order of spawning, in which they also move.
+        slots: (R,) their slots, int64.
+    """
+
+    def __init__(self) -> None:
+        self.robots: tuple[Robot, ...] = ()
+        self.slots: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._free_slots: list[int] = []
+        self._spawned = 0
+        self._floors: list[Obstacles] = []
+        self._around = _surroundings(new_columns(0), wall_table([]))
+
+    @property
+    def columns(self) -> Floats:
+        """The table of robots, a row for each slot; another array once one is added.
+
+        ``fleet_columns`` numbers its columns. Rows of free slots hold anything.
+        """
+        return self._around.robots
+
+    def add(
+        self,
+        name: str,
+        model: RobotModel,
+        pose: Pose2,
+        *,
+        obstacles: Obstacles,
+        wheel_drive: WheelDrive,
+    ) -> Robot:
+        """Add a robot that stands still.
+
+        Args:
+            name: Name of the robot.
+            model: Robot class.
+            pose: Where it stands, map frame; the fleet does not look for a free place.
+            obstacles: What is on its floor.
+            wheel_drive: Conversion of drive commands to wheel speeds.
+        """
+        slot = self._take_slot(obstacles)
+        robot = Robot(name, model, wheel_drive=wheel_drive, fleet=self, slot=slot)
+        self._spawned += 1
+        self._fill_slot(robot, pose, obstacles)
+        self.robots = (*self.robots, robot)
+        self._update_slots()
+        return robot
+
+    def remove(self, robot: Robot) -> None:
+        """Remove a robot, which goes on alone in a fleet of its own.
+
+        Raises:
+            ValueError: If the robot is not in the fleet.
+        """
+        if robot.fleet is not self:
+            raise ValueError(f"robot {robot.name!r} is not in this fleet")
+        alone, slot = Fleet(), robot.slot
+        alone._take_over(robot)
+        self._free_slots.append(slot)
+        self.robots = tuple(each for each in self.robots if each is not robot)
+        self._update_slots()
+
+    def step(self, dt: float) -> None:
+        """Drive all robots for one time step of ``dt`` s."""
+        drive_robots(self._around, self.slots, dt)
+
+    def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which robots were blocked in the last step, or touch something.
+
+        Args:
+            slots: (K,) their slots.
+        """
+        asked = np.asarray(slots, np.int64)
+        touched: NDArray[np.bool_] = find_touched(self._around, self.slots, asked)
+        return touched
+
+    def boxes(self) -> Floats:
+        """Return the robots as rows of ``raycast.robot_boxes.Boxes``, (R, 8).
+
+        They are in the order of spawning, and their ids are the numbers of the robots.
+        """
+        return self.columns[self.slots[:, None], _BOX_COLUMNS]
+
+    def _take_slot(self, obstacles: Obstacles) -> int:
+        """Return a free slot, and make room for it and for the walls of its floor."""
+        columns, walls = self.columns, self._around.walls
+        if not self._free_slots:
+            count = len(columns)
+            more = new_columns(max(_FIRST_SLOTS, count))
+            columns = np.concatenate([columns, more])
+            self._free_slots = list(range(len(columns) - 1, count - 1, -1))
+        if obstacles not in self._floors:
+            self._floors.append(obstacles)
+            walls = wall_table([floor.segments for floor in self._floors])
+        if columns is not self.columns or walls is not self._around.walls:
+            self._around = _surroundings(columns, walls)
+        return self._free_slots.pop()
+
+    def _fill_slot(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
+        model, row = robot.model, self.columns[robot.slot]
+        row[:] = new_columns(1)
+        radius, floor = robot.footprint.radius, obstacles.floor
+        fastest = robot.wheel_drive.max_spin_rad_s * model.wheel_radius
+        top_speed = MAX_DISPLACEMENT_RATIO * max(
+            sweep_rate(left, fastest, model.track, radius)
+            for left in (fastest, -fastest)
+        )
+        row[[X, Y, YAW]] = pose.x, pose.y, pose.yaw
+        row[[BOTTOM, TOP]] = floor, floor + model.height
+        row[[HALF_LENGTH, HALF_WIDTH]] = model.length / 2, model.width / 2
+        row[[RADIUS, TRACK, WHEEL_RADIUS]] = radius, model.track, model.wheel_radius
+        row[TOP_SPEED] = top_speed
+        row[FLOOR] = self._floors.index(obstacles)
+        row[NUMBER] = self._spawned
+
+    def _take_over(self, robot: Robot) -> None:
+        """Become the fleet of one robot of another fleet."""
+        other, slot = robot.fleet, robot.slot
+        self._floors = list(other._floors)
+        columns = other.columns[slot : slot + 1].copy()
+        self._around = _surroundings(columns, other._around.walls)
+        self._spawned = robot.number
+        self.robots = (robot,)
+        robot.fleet, robot.slot = self, 0
+        self._update_slots()
+
+    def _update_slots(self) -> None:
+        self.slots = np.array([robot.slot for robot in self.robots], np.int64)
+        # A robot that came may be close to any other.
+        self.columns[:, ROBOT_GAP] = 0.0
+
+
+def _surroundings(columns: Floats, walls: WallTable) -> Surroundings:
+    slots = len(columns)
+    room = len(walls.lines) + 4 * slots  # for all walls, and the sides of all robots
+    return Surroundings(columns, walls, new_robot_grid(slots), np.zeros((room, 5)))
