@@ -151,6 +151,10 @@ class Host:
                 self._queue_tick(client, client.vehicle.dialect, output)
         return diagnostics
 
+    def clients_to_send(self) -> list[int]:
+        """Return the numbers of the clients for whom bytes wait, in ascending order."""
+        return [number for number, c in self._clients.items() if len(c.send_queue)]
+
     def take(self, number: int) -> bytes:
         """Return and remove what is to be sent to a client: whole lines, in order."""
         return self._clients[number].send_queue.take()

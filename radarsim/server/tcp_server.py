@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from radarsim.host import Diagnostic, Host
@@ -49,7 +50,7 @@ class Server:
         self._host = host
         self._period = TICK / speed
         self._max_clients = max_clients
-        self._connections: set[Connection] = set()
+        self._connections = ConnectionTable()
         self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
         self._ticking: asyncio.Task[None] | None = None
@@ -72,7 +73,7 @@ class Server:
         """Close the port and all connections at once; never raises."""
         if self._listener is not None:
             self._listener.close()
-        for connection in list(self._connections):
+        for connection in list(self._connections.by_number.values()):
             connection.close()
         if self._ticking is not None:
             self._ticking.cancel()
@@ -109,13 +110,30 @@ class Server:
 
     def tick(self) -> None:
         """Advance simulated time by 10 ms, and send what is due."""
-        found: dict[int, list[Diagnostic]] = {}
+        connections = self._connections.by_number
         for number, diagnostic in self._host.step():
-            found.setdefault(number, []).append(diagnostic)
+            if number in connections:  # the host can have other clients
+                connections[number].log_diagnostics([diagnostic])
         self._turns.advance()
-        for connection in list(self._connections):
-            connection.log_diagnostics(found.get(connection.number, []))
+        for number in self._host.clients_to_send():
+            if number in connections:
+                connections[number].flush()
+        for connection in list(self._connections.held):
             connection.flush()
+
+
+@dataclass(slots=True)
+class ConnectionTable:
+    """The open connections of a server.
+
+    Attributes:
+        by_number: All of them, by number of the client.
+        held: Those that are not read at present, or that end. In a tick only these are
+            looked at, and those for which bytes wait.
+    """
+
+    by_number: dict[int, "Connection"] = field(default_factory=dict)
+    held: set["Connection"] = field(default_factory=set)
 
 
 class Connection(asyncio.BufferedProtocol):
@@ -128,7 +146,7 @@ class Connection(asyncio.BufferedProtocol):
     def __init__(
         self,
         host: Host,
-        connections: set["Connection"],
+        connections: ConnectionTable,
         max_clients: int,
         turns: ReadTurns,
     ) -> None:
@@ -143,16 +161,11 @@ class Connection(asyncio.BufferedProtocol):
         self._sends_no_more = False
         self._logged_kinds: set[str] = set()
 
-    @property
-    def number(self) -> int:
-        """The number of the client at the host."""
-        return self._number
-
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet the client, or refuse it if there are too many."""
         assert isinstance(transport, asyncio.Transport)
         self.peer = peer_name(transport)
-        if len(self._connections) >= self._max_clients:
+        if len(self._connections.by_number) >= self._max_clients:
             log.warning(
                 "%s: refused: there are %d clients", self.peer, self._max_clients
             )
@@ -161,7 +174,7 @@ class Connection(asyncio.BufferedProtocol):
         configure_socket(transport)
         self._transport = transport
         self._number = self._host.connect()
-        self._connections.add(self)
+        self._connections.by_number[self._number] = self
         log.info("%s: connected", self.peer)
         self.flush()
 
@@ -183,6 +196,7 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport is None:
             return False
         self._sends_no_more = True
+        self._connections.held.add(self)
         asyncio.get_running_loop().call_later(CLOSE_GRACE, self._transport.abort)
         self.flush(only_replies=True)
         return True  # the transport stays open for the replies
@@ -244,8 +258,10 @@ class Connection(asyncio.BufferedProtocol):
         """Stop reading while commands of the client wait, or it waits for its turn."""
         if self._host.is_busy(self._number) or self._allowance.exhausted:
             transport.pause_reading()
+            self._connections.held.add(self)
         else:
             transport.resume_reading()
+            self._connections.held.discard(self)
 
     def _disconnect(self, reason: str) -> None:
         dropped = self._host.dropped_readings(self._number)
@@ -256,7 +272,8 @@ class Connection(asyncio.BufferedProtocol):
     def _forget(self) -> None:
         self._transport = None
         self._allowance.closed = True
-        self._connections.discard(self)
+        self._connections.held.discard(self)
+        del self._connections.by_number[self._number]
         self._host.disconnect(self._number)
 
 

@@ -83,6 +83,19 @@ def test_client_is_greeted_once_and_at_once(host: Host) -> None:
     assert b"Gametype" not in host.take(number)
 
 
+def test_only_clients_with_bytes_are_to_be_sent_something(host: Host) -> None:
+    silent, asking, driving = connected(host), connected(host), connected(host)
+    assert host.clients_to_send() == []
+    host.receive(asking, b"GETSTARTPOSES\r\n")
+    assert host.clients_to_send() == [asking]
+    host.receive(driving, INIT)
+    run_ticks(host, 10)
+    assert host.clients_to_send() == [asking, driving]
+    for number in (silent, asking, driving):
+        host.take(number)
+    assert host.clients_to_send() == []
+
+
 def test_start_poses_are_sent_at_once_without_a_robot(host: Host) -> None:
     number = connected(host)
     assert host.receive(number, b"GETSTARTPOSES\r\n") == []

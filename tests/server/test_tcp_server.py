@@ -5,6 +5,7 @@ import logging
 import re
 import socket
 import struct
+from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
@@ -16,8 +17,14 @@ from radarsim.errors import ServerError
 from radarsim.geometry import Pose3
 from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene, StartPose
+from radarsim.server.open_files import raise_file_limit
 from radarsim.server.read_turns import ReadTurns
-from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server
+from radarsim.server.tcp_server import (
+    MAX_CLIENTS,
+    Connection,
+    ConnectionTable,
+    Server,
+)
 from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
@@ -463,6 +470,46 @@ async def test_client_is_refused_when_there_are_too_many(
                 await asyncio.sleep(0.01)  # until the server has noticed that it left
 
 
+@pytest.mark.slow
+async def test_server_takes_a_thousand_clients(empty_room: Scene) -> None:
+    raise_file_limit(3000)  # both ends of the connections are in this process
+    async with serving(Host(empty_room), speed=1) as running_server:
+        peers = [await running_server.peer() for _ in range(MAX_CLIENTS)]
+        assert {await peer.line() for peer in peers} == {GREETING}
+        assert await _greeting_or_end(await running_server.peer()) == b""
+
+
+async def test_only_connections_with_something_to_do_are_looked_at(
+    running_server: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silent, driver = await running_server.peer(), await running_server.driver()
+    flushed: Counter[Connection] = Counter()
+    flush = Connection.flush
+
+    def count(connection: Connection, *, only_replies: bool = False) -> None:
+        flushed[connection] += 1
+        flush(connection, only_replies=only_replies)
+
+    monkeypatch.setattr(Connection, "flush", count)
+    assert_every_scan_came(await driver.scans(3))
+    assert len(flushed) == 1
+    await silent.send(b"GETSTARTPOSES\r\n" * 50)  # as many as 20 in a tick
+    for _ in range(50):
+        assert await silent.until(b"NFO {StartPoses") == STARTS
+    assert len(flushed) == 2
+
+
+async def test_clients_of_the_host_without_a_connection_are_left_alone(
+    running_server: RunningServer,
+) -> None:
+    host = running_server.host
+    number = host.connect()
+    host.receive(number, INIT + b"BOGUS\r\n" * 30)
+    driver = await running_server.driver(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
+    assert_every_scan_came(await driver.scans(3))
+    assert host.take(number).startswith(GREETING)
+
+
 async def test_taken_port_is_an_error_of_one_line(
     running_server: RunningServer,
 ) -> None:
@@ -539,7 +586,7 @@ async def test_wait_failed_raises_the_error_of_a_tick(empty_room: Scene) -> None
 
 
 def test_refused_connection_ignores_all_events(empty_room: Scene) -> None:
-    connection = Connection(Host(empty_room), set(), 0, ReadTurns())
+    connection = Connection(Host(empty_room), ConnectionTable(), 0, ReadTurns())
     connection.get_buffer(-1)[:6] = b"INIT\r\n"
     connection.buffer_updated(6)
     connection.flush()
