@@ -7,7 +7,6 @@ import re
 from typing import Final
 
 from radarsim.scene.mesh_files import (
-    MAX_SURFACES,
     MAX_TRIANGLES,
     MeshBudget,
     MeshError,
@@ -45,22 +44,6 @@ def check_stl(content: bytes, budget: MeshBudget) -> None:
     elif len(content) > _STL_HEADER:
         expected = f"expected a file of {size} bytes, not of {len(content)}"
         raise MeshError(f"{count} triangles in the header, {expected}")
-
-
-def check_obj(content: bytes, budget: MeshBudget) -> None:
-    """Check an OBJ file.
-
-    Raises:
-        MeshError: If it is too long, or has too many faces or pieces.
-    """
-    budget.take(len(content), "bytes of text")
-    budget.take(content.count(b"\nf"), "triangles")
-    current: dict[bytes, bytes] = {}
-    pieces: set[tuple[bytes, ...]] = set()
-    for match in re.finditer(rb"(?m)^[ \t]*(o|usemtl)[ \t]+([^\n]*)", content):
-        current[match[1]] = match[2]
-        pieces.add((current.get(b"o", b""), current.get(b"usemtl", b"")))
-    expect_at_most(len(pieces), MAX_SURFACES, "objects and materials")
 
 
 def check_ply(content: bytes, budget: MeshBudget) -> None:

@@ -1,15 +1,14 @@
 """Read triangles and material names from mesh files.
 
-trimesh parses the formats; it is imported at the first file, because the import takes
-longer than everything else that loading a map of primitives does. It gets bytes and
-never a path, and only files whose counts have been checked: files that a mesh file
+trimesh parses all formats but OBJ; it is imported at the first file, because the import
+takes longer than everything else that loading a map of primitives does. It gets bytes
+and never a path, and only files whose counts have been checked: files that a mesh file
 refers to are read on its behalf, and only from inside of the map's folder. These are
 the buffers of a glTF file: textures do not matter here, and of an OBJ file's material
 library only the names do, which the OBJ file itself contains.
 """
 
 import io
-import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,8 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.scene.gltf import reduce_gltf
 from radarsim.scene.mesh_files import MeshBudget, MeshError, MeshFiles
-from radarsim.scene.mesh_headers import check_obj, check_ply, check_stl
+from radarsim.scene.mesh_headers import check_ply, check_stl
+from radarsim.scene.obj import read_obj
 from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.scene.topology import (
     count_degenerate,
@@ -32,10 +32,8 @@ from radarsim.scene.topology import (
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 _OPTIONS: dict[str, dict[str, Any]] = {
-    ".obj": {"split_objects": True},
     ".ply": {"skip_materials": True},
 }
-_MATERIAL_LIBRARY = "names.mtl"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +75,7 @@ def read_surfaces(
         raise MeshError(f"{path.name!r}, expected one of {list(SUFFIXES)}")
     files = MeshFiles(path.parent, folder, budget or MeshBudget())
     try:
-        scene = _parse(_prepare(files.read(path), suffix, files), suffix, files)
-        surfaces = [_surface(scene, node) for node in scene.graph.nodes_geometry]
+        surfaces = _read(files.read(path), suffix, files)
     except MeshError as error:
         raise MeshError(f"{path.name!r}: {error}") from error
     except MemoryError as error:
@@ -87,10 +84,9 @@ def read_surfaces(
         file_type = suffix[1:].upper()
         text = f"{path.name!r}: cannot be read as {file_type}: {_reason(error)}"
         raise MeshError(text) from error
-    with_faces = [surface for surface in surfaces if surface is not None]
-    if not with_faces:
+    if not surfaces:
         raise MeshError(f"{path.name!r}: no triangles")
-    return with_faces
+    return surfaces
 
 
 def join_volume(surfaces: list[Surface]) -> Mesh:
@@ -140,28 +136,25 @@ def _weld(surfaces: list[Surface]) -> Mesh:
     return concatenate(closed)
 
 
+def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
+    """Read the surfaces in the content of a file."""
+    if suffix == ".obj":
+        return [Surface(*piece) for piece in read_obj(content, files.budget)]
+    scene = _parse(_prepare(content, suffix, files), suffix, files)
+    surfaces = (_surface(scene, node) for node in scene.graph.nodes_geometry)
+    return [surface for surface in surfaces if surface is not None]
+
+
 def _prepare(content: bytes, suffix: str, files: MeshFiles) -> bytes:
     """Check a file's counts, and drop what does not matter here."""
     match suffix:
         case ".glb" | ".gltf":
             return reduce_gltf(content, suffix, files)
-        case ".obj":
-            check_obj(content, files.budget)
-            return _name_materials(content, files)
         case ".ply":
             check_ply(content, files.budget)
         case _:
             check_stl(content, files.budget)
     return content
-
-
-def _name_materials(content: bytes, files: MeshFiles) -> bytes:
-    """Give an OBJ file a virtual library of its materials' names."""
-    text = re.sub(r"(?m)^[ \t]*mtllib.*$", "", content.decode("utf-8", "replace"))
-    names = dict.fromkeys(re.findall(r"(?m)^[ \t]*usemtl[ \t]+(.*\S)", text))
-    library = "".join(f"newmtl {name}\nKd 1 1 1\n" for name in names)
-    files.add(_MATERIAL_LIBRARY, library.encode())
-    return f"mtllib {_MATERIAL_LIBRARY}\n{text}".encode()
 
 
 def _parse(content: bytes, suffix: str, files: Any) -> Any:

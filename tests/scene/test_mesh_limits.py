@@ -16,6 +16,7 @@ from radarsim.scene.mesh_files import (
     MeshError,
 )
 from radarsim.scene.meshes import read_surfaces
+from radarsim.scene.obj import MAX_CHANGES
 
 CORNERS = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
 PLY = """\
@@ -264,9 +265,15 @@ def test_large_file_is_refused_unread(tmp_path: Path) -> None:
         ),
         pytest.param(
             "a.obj",
-            "\nf" * (MAX_TRIANGLES + 1),
+            f"v 0 0 0\nf{' 1' * (MAX_TRIANGLES + 3)}\n",
             f"{MAX_TRIANGLES + 1} triangles",
-            id="faces of an OBJ",
+            id="corners of a polygon of an OBJ",
+        ),
+        pytest.param(
+            "a.obj",
+            "v 0 0 0\n" + "usemtl a\nf 1 1 1\n" * (MAX_CHANGES + 1),
+            f"{MAX_CHANGES + 1} changes of object or material",
+            id="changes of material of an OBJ",
         ),
         pytest.param("a.obj", " " * (MAX_TEXT_BYTES + 1), "bytes of text", id="text"),
         pytest.param("a.obj", "\n" * 2_000_000, "no triangles", id="empty lines"),
