@@ -169,10 +169,9 @@ class EchoLine(SensorReport):
         numbers: tuple[float, ...] = ()
         if self.echoes is not None:
             fields, numbers = self.echoes.fields(dialect), self.echoes.numbers()
-        has_time = self._has_time(dialect)
-        time = (self.time,) if has_time else ()
-        line = build_template(EchoLine, dialect, has_time, (self.name, fields))
-        return line, (*time, self.line, self.lines, *numbers), NO_SERIES
+        fixed = (self.name, fields)
+        line = build_template(EchoLine, dialect, math.isnan(self.time), fixed)
+        return line, (self.time, self.line, self.lines, *numbers), NO_SERIES
 
 
 def _parse_echo(word: str) -> tuple[str, list[float]]:

@@ -29,8 +29,9 @@ Split: TypeAlias = tuple[bytes, tuple[float, ...], Floats]
 FIRST_MARK: Final = 0xC0
 NEAREST, FLOAT32, TRUNCATED = range(3)  # roundings in the mark of a number
 WHOLE: Final = "\xf0"  # marks a whole number
-SERIES: Final = "\xf1"  # before a mark: numbers with commas between them
-LINE_END: Final = "\xf2"
+SKIPPED: Final = "\xf1"  # marks a number that is not written
+SERIES: Final = "\xf2"  # marks the length of the series, before the mark of its numbers
+LINE_END: Final = "\xf3"
 NO_SERIES: Final[Floats] = np.zeros(0)
 
 _ROUNDINGS: Final = (Rounding.NEAREST, Rounding.FLOAT32, Rounding.TRUNCATED)
@@ -40,7 +41,7 @@ _FORMATS: Final = {
     for decimals in range(1, 16)
 }
 _MARKS: Final = {number_format: mark for mark, number_format in _FORMATS.items()}
-_MARK: Final = re.compile(f"{SERIES}?[{chr(FIRST_MARK)}-{WHOLE}]")
+_MARK: Final = re.compile(f"{SERIES}?[{chr(FIRST_MARK)}-{SKIPPED}]")
 
 
 class PeriodicReport:
@@ -52,7 +53,7 @@ class PeriodicReport:
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers in their order, and its series.
 
-        The series, if there is one, comes after the numbers.
+        The length of the series, if there is one, is the last of the numbers.
 
         Raises:
             ValueError: If a number that is part of the template is not finite.
@@ -68,7 +69,7 @@ class PeriodicReport:
 
 
 def template(verb: str, fields: Fields) -> bytes:
-    """Return the template of a line; values contain marks and ``reduce_text``."""
+    """Return the template of a line; values are of marks and of ``reduce_text``."""
     return f"{Message(verb, tuple(fields)).encode()}{LINE_END}".encode("latin-1")
 
 
@@ -87,7 +88,7 @@ def fill(line: bytes, numbers: Iterable[float], series: Floats) -> str:
 
     Args:
         line: Template of the line.
-        numbers: Numbers in their order.
+        numbers: Numbers in their order, last the length of the series.
         series: (N,) numbers of the series; empty if the line has none.
 
     Raises:
@@ -97,10 +98,13 @@ def fill(line: bytes, numbers: Iterable[float], series: Floats) -> str:
 
     def write(match: re.Match[str]) -> str:
         mark = match[0]
+        number = next(rest)
+        if mark == SKIPPED:
+            return ""
         if mark == WHOLE:
-            return str(int(next(rest)))
+            return str(int(number))
         if mark[0] == SERIES:
             return format_ranges(series, _FORMATS[mark[1]])
-        return _FORMATS[mark].format(next(rest))
+        return _FORMATS[mark].format(number)
 
     return _MARK.sub(write, line.decode("latin-1").removesuffix(LINE_END))

@@ -21,17 +21,20 @@ from radarsim.protocol.line_template import (
     NEAREST,
     NO_SERIES,
     SERIES,
+    SKIPPED,
     TRUNCATED,
-    WHOLE,
     PeriodicReport,
 )
 from radarsim.protocol.numbers import LARGEST
 from radarsim.protocol.reports import Report, Status, to_bytes
 
-_WHOLE, _SERIES, _LINE_END = ord(WHOLE), ord(SERIES), ord(LINE_END)
-_REFUSED = LINE_END.encode("latin-1")  # template of a line that the kernel leaves out
-_CR, _LF, _COMMA, _MINUS, _POINT, _ZERO = b"\r\n,-.0"
-_POWERS = 10.0 ** np.arange(16)
+_SKIPPED, _SERIES, _LINE_END = ord(SKIPPED), ord(SERIES), ord(LINE_END)
+_LEFT_OUT = LINE_END.encode("latin-1")  # template of a line that its report writes
+_CR, _LF, _COMMA, _MINUS, _POINT = b"\r\n,-."
+_ZERO = np.uint64(ord("0"))
+_POWERS = 10.0 ** np.arange(17)
+_WHOLE_POWERS = _POWERS.astype(np.uint64)
+_TEN = np.uint64(10)
 _MOST_DECIMALS = 6
 _LONGEST_NUMBER = 20  # sign, ten digits, point, six decimals, comma; a line end is less
 _SPLITTER = 2.0**27 + 1.0  # of a double into two halves of its digits
@@ -46,22 +49,22 @@ def encode_lines(reports: Sequence[tuple[Report, Dialect]]) -> list[bytes]:
     Raises:
         ValueError: If a number is not finite or does not fit into 32 bits.
     """
+    if not reports:
+        return []
     templates: list[bytes] = []
     numbers: list[float] = []
-    arrays = [NO_SERIES]
+    series = [NO_SERIES]
+    # A loop that keeps nothing else: what it kept would be looked at by the collector.
     for report, dialect in reports:
         if isinstance(report, PeriodicReport):
-            line, its_numbers, series = report.split(dialect)
+            line, its_numbers, its_series = report.split(dialect)
             templates.append(line)
             numbers += its_numbers
-            if len(series):
-                numbers.append(len(series))
-                arrays.append(series)
+            if its_series is not NO_SERIES:
+                series.append(its_series)
         else:
-            templates.append(_REFUSED)
-    data, ends = _write(
-        b"".join(templates), numbers, np.concatenate(arrays), len(reports)
-    )
+            templates.append(_LEFT_OUT)
+    data, ends = _write(templates, numbers, series)
     lines = [data[start:end] for start, end in zip([0, *ends], ends, strict=False)]
     if all(lines):
         return lines
@@ -77,15 +80,15 @@ def warm_up() -> None:
 
 
 def _write(
-    templates: bytes, numbers: list[float], series: Floats, count: int
+    templates: Sequence[bytes], numbers: Sequence[float], series: Sequence[Floats]
 ) -> tuple[bytes, list[int]]:
     """Return the lines after each other, and the end of each; empty if refused."""
-    most = len(templates) + count + _LONGEST_NUMBER * (len(numbers) + len(series))
-    out, ends = np.zeros(most, np.uint8), np.zeros(count, np.int64)
-    codes = np.frombuffer(templates, np.uint8)
-    write_lines(codes, np.array(numbers, np.float64), series, out, ends)
-    end: list[int] = ends.tolist()
-    return out[: end[-1] if end else 0].tobytes(), end
+    codes = np.frombuffer(b"".join(templates), np.uint8)
+    values, entries = np.array(numbers, np.float64), np.concatenate(series)
+    most = len(codes) + len(templates) + _LONGEST_NUMBER * (len(values) + len(entries))
+    out, ends = np.zeros(most, np.uint8), np.zeros(len(templates), np.int64)
+    write_lines(codes, values, entries, out, ends)
+    return out[: ends[-1]].tobytes(), ends.tolist()
 
 
 @njit_cached
@@ -100,8 +103,7 @@ def write_lines(
 
     Args:
         codes: Templates of the lines.
-        numbers: Numbers of the lines, in the order of their marks; for a series, its
-            length.
+        numbers: Numbers of the lines, in the order of their marks.
         series: Series of the lines, after each other.
         out: For the lines, after each other.
         ends: For the end of each line in ``out``. A line that is not written because of
@@ -119,6 +121,8 @@ def write_lines(
             ends[line] = start = at
             line += 1
             is_refused = False
+        elif code == _SKIPPED:
+            number += 1
         elif code == _SERIES:
             count = int(numbers[number])
             number += 1
@@ -213,22 +217,27 @@ def _scale(size: float, scale: float) -> int:
 @njit_inline
 def _write_digits(scaled: int, decimals: int, out: NDArray[np.uint8], at: int) -> int:
     """Write a scaled number with its point at a place; return the place after it."""
+    rest = np.uint64(scaled)  # whose division is faster
     digits = decimals + 1
-    limit = int(_POWERS[digits])
-    while scaled >= limit:
-        limit *= 10
+    while rest >= _WHOLE_POWERS[digits]:
         digits += 1
     end = at + digits + (decimals > 0)
     place = end
     for _ in range(decimals):
         place -= 1
-        out[place] = _ZERO + scaled % 10
-        scaled //= 10
+        rest = _write_last_digit(rest, out, place)
     if decimals:
         place -= 1
         out[place] = _POINT
     while place > at:
         place -= 1
-        out[place] = _ZERO + scaled % 10
-        scaled //= 10
+        rest = _write_last_digit(rest, out, place)
     return end
+
+
+@njit_inline
+def _write_last_digit(number: np.uint64, out: NDArray[np.uint8], at: int) -> np.uint64:
+    """Write the last digit of a number; return the number without it."""
+    rest = number // _TEN
+    out[at] = _ZERO + (number - rest * _TEN)
+    return rest

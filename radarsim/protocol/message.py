@@ -212,10 +212,19 @@ def angles_on_wire(pose: Pose3) -> Triple:
     return flip_axes((pose.roll, pose.pitch, pose.yaw))
 
 
-def wrapped_angles_on_wire(pose: Pose3) -> Triple:
-    """Return roll, pitch, yaw in the frame of the wire, rad, each in (-pi, pi]."""
-    roll, pitch, yaw = angles_on_wire(pose)
-    return (wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw))
+def wrapped_pose_on_wire(pose: Pose3) -> tuple[float, ...]:
+    """Return x, y, z, m, and roll, pitch, yaw, rad, in the frame of the wire.
+
+    The angles are in (-pi, pi]. Wrapping those that are would take most of the time.
+    """
+    roll, pitch, yaw = pose.roll, 0.0 - pose.pitch, 0.0 - pose.yaw
+    if not -math.pi < roll <= math.pi:
+        roll = wrap_angle(roll)
+    if not -math.pi < pitch <= math.pi:
+        pitch = wrap_angle(pitch)
+    if not -math.pi < yaw <= math.pi:
+        yaw = wrap_angle(yaw)
+    return (pose.x, 0.0 - pose.y, 0.0 - pose.z, roll, pitch, yaw)
 
 
 def parse_triple(text: str, *, largest: float = LARGEST) -> Triple:

@@ -28,9 +28,8 @@ from radarsim.protocol.message import (
     Message,
     decode_message,
     parse_flipped,
-    position_on_wire,
-    wrapped_angles_on_wire,
     wrapped_pose,
+    wrapped_pose_on_wire,
 )
 from radarsim.protocol.numbers import parse_flag, parse_number
 from radarsim.protocol.robot_reports import (
@@ -146,12 +145,9 @@ class StartPoses:
             ValueError: If a number is not finite.
         """
         join = dialect.start_pose.join
+        numbers = [(name, wrapped_pose_on_wire(pose)) for name, pose in self.poses]
         poses = _fitting(
-            [
-                f"{name} {join(position_on_wire(pose))}"
-                f" {join(wrapped_angles_on_wire(pose))}"
-                for name, pose in self.poses
-            ]
+            [f"{name} {join(row[:3])} {join(row[3:])}" for name, row in numbers]
         )
         count = f"NFO {{StartPoses {len(poses)}}}"
         return f"{count} {{{' '.join(poses)}}}" if poses else count

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isnan
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
@@ -19,6 +20,7 @@ from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
     NO_SERIES,
     SERIES,
+    SKIPPED,
     WHOLE,
     Fields,
     PeriodicReport,
@@ -31,9 +33,8 @@ from radarsim.protocol.message import (
     Message,
     parse_flipped,
     parse_triple,
-    position_on_wire,
-    wrapped_angles_on_wire,
     wrapped_pose,
+    wrapped_pose_on_wire,
 )
 from radarsim.protocol.numbers import (
     NumberFormat,
@@ -83,44 +84,33 @@ class SensorReport(PeriodicReport, ABC):
             ValueError: If a number among them is not finite.
         """
 
-    def _split(
-        self,
-        dialect: Dialect,
-        fixed: Hashable,
-        numbers: tuple[float, ...],
-        series: Floats = NO_SERIES,
-    ) -> Split:
-        """Return what ``split`` returns, with the time if it is reported."""
-        if self._has_time(dialect):
-            line = _find_template(type(self), dialect, True, fixed)
-            return line, (self.time, *numbers), series
-        return _find_template(type(self), dialect, False, fixed), numbers, series
-
-    def _has_time(self, _: Dialect) -> bool:
-        return not math.isnan(self.time)
+    @staticmethod
+    def has_time(_: Dialect) -> bool:
+        """Return whether the lines of a dialect have a time stamp."""
+        return True
 
 
 def build_template(
-    report: type[SensorReport], dialect: Dialect, has_time: bool, fixed: Hashable
+    report: type[SensorReport], dialect: Dialect, is_unstamped: bool, fixed: Hashable
 ) -> bytes:
-    """Return the template of a report's line.
+    """Return the template of a report's line; the first number is the time.
 
     Args:
         report: Class of the report.
         dialect: Dialect of the line.
-        has_time: Whether the line has a time stamp.
+        is_unstamped: Whether the time is NaN.
         fixed: What ``fields`` of the class take.
 
     Raises:
         ValueError: If a number in ``fixed`` is not finite.
     """
     fields = (("Type", report.sensor_type), *report.fields(dialect, fixed))
-    if has_time:
-        fields = (("Time", marks(dialect.time)), *fields)
-    return template("SEN", fields)
+    if is_unstamped or not report.has_time(dialect):
+        return template(f"SEN{SKIPPED}", fields)
+    return template("SEN", (("Time", marks(dialect.time)), *fields))
 
 
-_find_template = lru_cache(MOST_TEMPLATES)(build_template)
+find_template = lru_cache(MOST_TEMPLATES)(build_template)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,8 +156,12 @@ class RangeScan(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        fixed = (self.name, self.resolution, self.fov, not len(self.ranges))
-        return self._split(dialect, fixed, (), self.ranges)
+        count = len(self.ranges)
+        fixed = (self.name, self.resolution, self.fov, not count)
+        line = find_template(RangeScan, dialect, isnan(self.time), fixed)
+        if not count:
+            return line, (self.time,), NO_SERIES
+        return line, (self.time, count), self.ranges
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +185,8 @@ class GroundTruth(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        numbers = position_on_wire(self.pose) + wrapped_angles_on_wire(self.pose)
-        return self._split(dialect, self.name, numbers)
+        line = find_template(GroundTruth, dialect, isnan(self.time), self.name)
+        return line, (self.time, *wrapped_pose_on_wire(self.pose)), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,14 +210,16 @@ class Ins(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        angles = wrapped_angles_on_wire(self.pose)
+        line = find_template(Ins, dialect, isnan(self.time), self.name)
+        x, y, z, roll, pitch, yaw = wrapped_pose_on_wire(self.pose)
         if dialect.ins_angles_positive:
-            roll, pitch, yaw = angles
-            angles = (roll % math.tau, pitch % math.tau, yaw % math.tau)
-        return self._split(dialect, self.name, position_on_wire(self.pose) + angles)
+            roll, pitch, yaw = roll % math.tau, pitch % math.tau, yaw % math.tau
+        return line, (self.time, x, y, z, roll, pitch, yaw), NO_SERIES
 
-    def _has_time(self, dialect: Dialect) -> bool:
-        return dialect.ins_has_time and not math.isnan(self.time)
+    @staticmethod
+    def has_time(dialect: Dialect) -> bool:
+        """Return whether the lines of a dialect have a time stamp."""
+        return dialect.ins_has_time
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,11 +245,14 @@ class Odometry(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        numbers = (self.pose.x, 0.0 - self.pose.y, 0.0 - self.pose.yaw)
-        return self._split(dialect, self.name, numbers)
+        line = find_template(Odometry, dialect, isnan(self.time), self.name)
+        pose = self.pose
+        return line, (self.time, pose.x, 0.0 - pose.y, 0.0 - pose.yaw), NO_SERIES
 
-    def _has_time(self, dialect: Dialect) -> bool:
-        return dialect.odometry_has_time and not math.isnan(self.time)
+    @staticmethod
+    def has_time(dialect: Dialect) -> bool:
+        """Return whether the lines of a dialect have a time stamp."""
+        return dialect.odometry_has_time
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +288,8 @@ class Tachometer(SensorReport):
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
         fixed = (self.name, len(self.velocities), len(self.positions))
-        return self._split(dialect, fixed, self.velocities + self.positions)
+        line = find_template(Tachometer, dialect, isnan(self.time), fixed)
+        return line, (self.time, *self.velocities, *self.positions), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,10 +318,13 @@ class Encoder(SensorReport):
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
         names, ticks = _unzip(self.ticks)
-        return self._split(dialect, names, ticks)
+        line = find_template(Encoder, dialect, isnan(self.time), names)
+        return line, (self.time, *ticks), NO_SERIES
 
-    def _has_time(self, dialect: Dialect) -> bool:
-        return dialect.encoder_has_time and not math.isnan(self.time)
+    @staticmethod
+    def has_time(dialect: Dialect) -> bool:
+        """Return whether the lines of a dialect have a time stamp."""
+        return dialect.encoder_has_time
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,7 +352,9 @@ class Touch(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        return self._split(dialect, (self.name, self.touched), ())
+        fixed = (self.name, self.touched)
+        line = find_template(Touch, dialect, isnan(self.time), fixed)
+        return line, (self.time,), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -383,7 +388,8 @@ class Sonar(SensorReport):
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
         names, ranges = _unzip(self.ranges)
-        return self._split(dialect, names, ranges)
+        line = find_template(Sonar, dialect, isnan(self.time), names)
+        return line, (self.time, *ranges), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -433,14 +439,15 @@ class Gps(SensorReport):
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        if self.position is None:
-            return self._split(dialect, (self.name, None), (self.satellites,))
-        latitude, longitude = self.position
-        north, y_degrees, y_minutes = _split_degrees(latitude, "NS", dialect.robot)
-        east, x_degrees, x_minutes = _split_degrees(longitude, "EW", dialect.robot)
-        position = (y_degrees, y_minutes, x_degrees, x_minutes)
-        fixed = (self.name, (north, east))
-        return self._split(dialect, fixed, (*position, self.satellites))
+        letters: tuple[str, str] | None = None
+        position: tuple[float, ...] = ()
+        if self.position is not None:
+            latitude, longitude = self.position
+            north, *y = _split_degrees(latitude, "NS", dialect.robot)
+            east, *x = _split_degrees(longitude, "EW", dialect.robot)
+            letters, position = (north, east), (*y, *x)
+        line = find_template(Gps, dialect, isnan(self.time), (self.name, letters))
+        return line, (self.time, *position, self.satellites), NO_SERIES
 
 
 def _pose_fields(name: str, number_format: NumberFormat) -> Fields:
@@ -485,10 +492,12 @@ def _split_degrees(
         ValueError: If it is not finite.
     """
     degrees, minutes = divmod(abs(angle) * 60, 60)
-    text = minutes_format.format(minutes)
-    if text.startswith("60"):  # rounded up
-        degrees, minutes, text = degrees + 1, 0.0, ""
-    is_negative = angle < 0 and (degrees > 0 or float(text) > 0)
+    written = minutes
+    if not 0.1 < minutes < 59.9:  # it may be written as 0 or 60
+        written = float(minutes_format.format(minutes))
+        if written == 60.0:
+            degrees, minutes = degrees + 1, 0.0
+    is_negative = angle < 0 and (degrees > 0 or written > 0)
     return letters[is_negative], degrees, minutes
 
 
