@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from radarsim.kernel_cache import cache_folder
+from radarsim.os_errors import describe_os_error
 
 logger: Final = logging.getLogger(__name__)
 
@@ -33,10 +34,14 @@ class Compilation:
         observers: Called with what is compiled when it begins, and with None when it
             ends.
         subjects: What was compiled so far.
+        unsaved: Why compiled code could not be kept, if that has happened.
+        on_unsaved: Called when that happens for the first time.
     """
 
     observers: list[Callable[[str | None], object]] = field(default_factory=list)
     subjects: set[str] = field(default_factory=set)
+    unsaved: OSError | None = None
+    on_unsaved: Callable[[OSError], object] = lambda _: None
     _depth: int = 0
 
     @contextmanager
@@ -63,6 +68,14 @@ class Compilation:
         self._depth -= 1
         if self._depth == 0:
             self._tell(None)
+
+    def report_unsaved(self, error: OSError) -> None:
+        """Report that compiled code cannot be kept; the log is told once."""
+        if self.unsaved is None:
+            self.unsaved = error
+            text = "compiled code cannot be kept in %s, see NUMBA_CACHE_DIR: %s"
+            logger.warning(text, cache_folder(), describe_os_error(error))
+            self.on_unsaved(error)
 
     def _tell(self, subject: str | None) -> None:
         for observer in tuple(self.observers):

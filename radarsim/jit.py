@@ -8,26 +8,22 @@ this one, so that they are part of the hash that the name of the cache folder ho
 """
 
 from collections.abc import Callable
-from contextlib import ExitStack
-from functools import partial
-from pathlib import Path
+from contextlib import ExitStack, suppress
 from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
-from numba.core import caching
+from numba.core import ccallback
 from numba.core import event as events
 
 from radarsim.compilation import compilation, subject_of
-from radarsim.kernel_cache import PACKAGE, cache_folder
+from radarsim.kernel_files import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 _njit: Any = numba.njit
-_cfunc: Any = numba.cfunc
+_CFunc: Any = ccallback.CFunc
 _Listener: Any = events.Listener
 _register: Any = events.register
-_CacheLocator: Any = caching._CacheLocator
-_locator_classes: Any = caching.FunctionCache._impl_class._locator_classes
 
 
 class _KernelListener(_Listener):  # type: ignore[misc] # numba has no types
@@ -70,7 +66,7 @@ _register("numba:compile", _KernelListener())
 
 def njit_cached(function: F) -> F:
     """Compile a function when it is first called; division by zero gives inf or nan."""
-    return cast(F, _compiled(_njit, function, nogil=True))
+    return cast(F, _compiled(function, nogil=True))
 
 
 def njit_inline(function: F) -> F:
@@ -80,7 +76,7 @@ def njit_inline(function: F) -> F:
     cost as much as all the rest.
     """
     options = {"nogil": True, "forceinline": True, "_nrt": False}
-    return cast(F, _compiled(_njit, function, **options))
+    return cast(F, _compiled(function, **options))
 
 
 def c_callback(function: Callable[[Any], None]) -> Any:
@@ -94,53 +90,24 @@ def c_predicate(function: Callable[[Any], Any]) -> Any:
 
 
 def _compiled_callback(result: Any, function: Any) -> Any:
-    make = partial(_cfunc, result(types.voidptr))
+    signature = (types.voidptr,), result
+    callback = _CFunc(function, signature, {}, {"error_model": "numpy"})
+    _cache(callback, function)
     with (
         ExitStack() as until_end,
         events.install_listener("numba:run_pass", _PassListener(until_end)),
     ):
-        return _compiled(make, function)
+        callback.compile()
+    return callback
 
 
-def _compiled(make: Any, function: Any, **options: Any) -> Any:
-    options["error_model"] = "numpy"
-    if cache_folder() is not None:
-        try:
-            return make(cache=True, **options)(function)
-        except RuntimeError:  # the function's source is in no file
-            pass
-    return make(**options)(function)
+def _compiled(function: Any, **options: Any) -> Any:
+    dispatcher = _njit(error_model="numpy", **options)(function)
+    _cache(dispatcher, function)
+    return dispatcher
 
 
-class KernelCacheLocator(_CacheLocator):  # type: ignore[misc] # numba has no types
-    """Tells numba where the machine code of a function of this package is cached.
-
-    Unlike numba's own locators it takes no account of the path and the time stamp of
-    the source file: the name of the folder stands for the content of all kernels.
-    """
-
-    def __init__(self, function: Any, path: Path, folder: Path) -> None:
-        self._line = function.__code__.co_firstlineno
-        self._folder = folder / path.parent.name
-
-    @classmethod
-    def from_function(cls, function: Any, source: str) -> "KernelCacheLocator | None":
-        """Return a locator; None for a function that is not of this package."""
-        path = Path(source).absolute()
-        folder = cache_folder() if PACKAGE in path.parents else None
-        return None if folder is None else cls(function, path, folder)
-
-    def get_cache_path(self) -> str:
-        """Return the folder in which the function is cached."""
-        return str(self._folder)
-
-    def get_source_stamp(self) -> str:
-        """Return what has to be equal for cached code to be valid."""
-        return ""
-
-    def get_disambiguator(self) -> str:
-        """Return what tells functions of the same name in a module apart."""
-        return str(self._line)
-
-
-_locator_classes.insert(0, KernelCacheLocator)  # numba asks them in turn
+def _cache(compiled: Any, function: Any) -> None:
+    """Let numba keep what it compiles, if the function is of this package."""
+    with suppress(RuntimeError):
+        compiled._cache = KernelCache(function)

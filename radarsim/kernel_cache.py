@@ -18,12 +18,15 @@ import os
 import shutil
 import sys
 import tempfile
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 PACKAGE: Final = Path(__file__).parent
 PREFIX: Final = "radarsim-"  # prefix of the names of cache folders
+SUFFIX: Final = ".nbc"  # suffix of the names of files of machine code
+COMPLETE: Final = "complete"  # file that is there when all kernels of a server are
 MAX_FOLDERS: Final = 8  # cache folders that are kept, such as those of other branches
 COMPILERS: Final = ("numba", "llvmlite", "numpy")  # their versions count as well
 
@@ -50,14 +53,32 @@ def is_cold() -> bool:
     """Return whether no kernel is cached, so that all have to be compiled."""
     folder = cache_folder()
     try:
-        return folder is None or not any(folder.glob("*/*.nbi"))
+        return folder is None or not any(folder.glob(f"*/*{SUFFIX}"))
     except OSError:  # it may not be read any more
         return True
+
+
+def is_complete() -> bool:
+    """Return whether all that a server needs is cached, as far as is known."""
+    folder = cache_folder()
+    try:
+        return folder is not None and (folder / COMPLETE).is_file()
+    except OSError:
+        return False
+
+
+def mark_complete() -> None:
+    """Note that all that a server needs is cached; without a cache nothing is noted."""
+    folder = cache_folder()
+    if folder is not None:
+        with suppress(OSError):
+            (folder / COMPLETE).touch()
 
 
 def kernel_hash(package: Path) -> str:
     """Return a hash of the modules of a package that import ``jit``, and versions."""
     digest = hashlib.sha256((package / "jit.py").read_bytes())
+    digest.update((package / "kernel_files.py").read_bytes())
     digest.update(" ".join(map(version, COMPILERS)).encode())
     for path in sorted(package.glob("*/*.py")):
         text = path.read_bytes()
@@ -71,16 +92,16 @@ def _parents() -> list[Path]:
     """Return the folders in which cache folders may be, best first."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         return [Path(chosen).absolute()]
-    user = _user_cache().expanduser() / "radarsim"
     # Without a home folder, "~" is left in the path as it is.
+    user = Path(os.path.expanduser(_user_cache())) / "radarsim"  # noqa: PTH111
     return [*([user] if user.is_absolute() else []), PACKAGE / "__pycache__"]
 
 
-def _user_cache() -> Path:
+def _user_cache() -> str:
     if sys.platform == "darwin":
-        return Path("~/Library/Caches")
+        return "~/Library/Caches"
     name = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
-    return Path(os.environ.get(name) or "~/.cache")
+    return os.environ.get(name) or "~/.cache"
 
 
 def _remove_oldest(parent: Path) -> None:

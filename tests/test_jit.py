@@ -11,6 +11,7 @@ import pytest
 
 from radarsim import jit, kernel_cache
 from radarsim.jit import njit_cached, njit_inline
+from radarsim.kernel_files import KernelCache
 
 PACKAGE = Path(jit.__file__).parent
 DECORATORS = {"njit_cached", "njit_inline", "c_callback", "c_predicate"}
@@ -40,6 +41,11 @@ def call(pointer):
     pass
 """
 
+MODULES = (
+    *("jit", "kernel_files", "kernel_cache", "compilation"),
+    *("atomic_write", "os_errors"),
+)
+
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
@@ -48,7 +54,7 @@ def package(tmp_path: Path) -> Path:
     (package / "kernels").mkdir(parents=True)
     for folder in (package, package / "kernels"):
         (folder / "__init__.py").write_text("")
-    for name in ("jit", "kernel_cache", "compilation"):
+    for name in MODULES:
         shutil.copy(PACKAGE / f"{name}.py", package)
     (package / "kernels/outer.py").write_text(KERNEL)
     (package / "kernels/inner.py").write_text(INNER.format(number=1))
@@ -62,7 +68,9 @@ PROGRAM = (
 )
 
 
-def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
+def start(
+    package: Path, *, stderr: int | None = None, **changes: str | None
+) -> "subprocess.Popen[str]":
     environment = {
         "NUMBA_CACHE_DIR": None,
         "PYTHONPATH": str(package.parent),
@@ -76,6 +84,7 @@ def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
             if value is not None and not name.startswith("COVERAGE")
         },
         stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
         cwd=package.parent,
     )
@@ -84,6 +93,10 @@ def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
 def finish(process: "subprocess.Popen[str]") -> tuple[int, bool, str]:
     """Wait; return the kernel's result, whether it was cached, and the folder."""
     output, _ = process.communicate()
+    return results(output)
+
+
+def results(output: str) -> tuple[int, bool, str]:
     numbers, folder = output.splitlines()
     result, hits = numbers.split()
     return int(result), hits == "1", folder
@@ -159,6 +172,24 @@ def test_without_a_users_cache_folder_the_cache_is_in_the_package(
     assert Path(folder).parent == package / "__pycache__"
 
 
+def test_user_without_a_home_folder_has_the_cache_in_the_package(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HOME", "USERPROFILE", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    # As for a user of a container who is in no list of users.
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+    monkeypatch.setattr(kernel_cache, "PACKAGE", package)
+    kernel_cache.cache_folder.cache_clear()
+    try:
+        folder = kernel_cache.cache_folder()
+    finally:
+        kernel_cache.cache_folder.cache_clear()
+    assert folder is not None
+    assert folder.parent == package / "__pycache__"
+
+
 @pytest.mark.slow
 def test_copies_in_different_places_share_the_cache(
     package: Path, tmp_path: Path
@@ -210,12 +241,30 @@ def observed(package: Path) -> tuple[list[list[str | None]], list[str]]:
     return told, run.stderr.splitlines()
 
 
-def test_only_functions_of_the_package_use_its_cache(tmp_path: Path) -> None:
-    path = str(tmp_path / "module.py")
-    assert (
-        jit.KernelCacheLocator.from_function(test_old_cache_folders_are_removed, path)
-        is None
-    )
+def test_only_functions_of_the_package_use_its_cache() -> None:
+    with pytest.raises(RuntimeError, match="no locator"):
+        KernelCache(kernel_modules)
+
+
+def test_code_that_cannot_be_kept_is_used_and_reported_once(package: Path) -> None:
+    cache = package.parent / "cache"
+    folder = Path(run(package, NUMBA_CACHE_DIR=str(cache))[2])
+    shutil.rmtree(folder / "kernels")
+    (folder / "kernels").write_text("")  # where a folder should be
+    process = start(package, NUMBA_CACHE_DIR=str(cache), stderr=subprocess.PIPE)
+    output, errors = process.communicate()
+    assert results(output)[:2] == (2, False)
+    (line,) = errors.splitlines()
+    assert str(folder) in line
+
+
+def test_damaged_files_are_compiled_again(package: Path) -> None:
+    files = [*Path(run(package)[2]).glob(f"*/*{kernel_cache.SUFFIX}")]
+    assert len(files) == 2
+    for path in files:
+        path.write_bytes(path.read_bytes()[:100])
+    assert run(package)[:2] == (2, False)
+    assert run(package)[:2] == (2, True)
 
 
 @pytest.mark.slow
