@@ -12,9 +12,9 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Final
+from typing import Final, NoReturn
 
 INTERRUPTED: Final = 130  # exit codes as shells report them
 TERMINATED: Final = 143
@@ -69,6 +69,17 @@ def raise_on_signals() -> Iterator[None]:
 def set_exit_code_of_sigterm(code: int) -> None:
     """Set what SIGTERM makes of the process: 143 if work is left, 0 if it is done."""
     _exit_codes[signal.SIGTERM] = code
+
+
+def exit_immediately(code: int) -> NoReturn:
+    """End the process at once, though other threads still run, with all output written.
+
+    Threads that compile would crash while Python shuts down.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
 
 
 def ignore_signals() -> None:

@@ -68,9 +68,7 @@ PROGRAM = (
 )
 
 
-def start(
-    package: Path, *, stderr: int | None = None, **changes: str | None
-) -> "subprocess.Popen[str]":
+def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
     environment = {
         "NUMBA_CACHE_DIR": None,
         "PYTHONPATH": str(package.parent),
@@ -84,7 +82,7 @@ def start(
             if value is not None and not name.startswith("COVERAGE")
         },
         stdout=subprocess.PIPE,
-        stderr=stderr,
+        stderr=subprocess.PIPE,
         text=True,
         cwd=package.parent,
     )
@@ -251,7 +249,7 @@ def test_code_that_cannot_be_kept_is_used_and_reported_once(package: Path) -> No
     folder = Path(run(package, NUMBA_CACHE_DIR=str(cache))[2])
     shutil.rmtree(folder / "kernels")
     (folder / "kernels").write_text("")  # where a folder should be
-    process = start(package, NUMBA_CACHE_DIR=str(cache), stderr=subprocess.PIPE)
+    process = start(package, NUMBA_CACHE_DIR=str(cache))
     output, errors = process.communicate()
     assert results(output)[:2] == (2, False)
     (line,) = errors.splitlines()

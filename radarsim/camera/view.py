@@ -1,12 +1,16 @@
 """Where the camera is, apart from what draws its pictures."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
-from radarsim.raycast.robot_boxes import Boxes
-from radarsim.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from radarsim.raycast.robot_boxes import Boxes
+    from radarsim.simulation.simulation import Simulation
 
 MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
 
@@ -26,7 +30,7 @@ class View:
     carrier_id: int = -1
 
     @classmethod
-    def of(cls, simulation: Simulation) -> "View":
+    def of(cls, simulation: Simulation) -> View:
         """Return the view of the robot that has been in a simulation for longest.
 
         Without robots it is that of a P3AT at the first start of the map.

@@ -66,7 +66,7 @@ def _root(
 
 
 app.command()(with_compile_progress(demo))
-app.command()(with_compile_progress(serve))
+app.command()(serve)
 app.command()(with_compile_progress(check))
 app.command()(new)
 app.command()(with_compile_progress(scan))

@@ -28,19 +28,23 @@ def with_compile_progress(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
-        with compile_progress():
+        with compile_progress(at_start=True):
             return command(*args, **kwargs)
 
     return run
 
 
 @contextmanager
-def compile_progress() -> Iterator[None]:
+def compile_progress(*, at_start: bool = False) -> Iterator[None]:
     """Tell on stderr when something is compiled: nothing if all of it is cached.
 
     On a terminal a line with the seconds so far is shown as long as it takes, else a
     line is printed at the beginning, one for each part of the program that has to be
-    compiled. It comes before numba is imported, if nothing is cached.
+    compiled.
+
+    Args:
+        at_start: Whether the first line comes at once if nothing is cached, before
+            numba is imported: for what compiles in this thread.
     """
     if sys.stderr.isatty():
         display: _LiveLine | _PlainLine = _LiveLine()
@@ -49,7 +53,7 @@ def compile_progress() -> Iterator[None]:
     observers = display.update, _SignalGuard().update
     compilation.observers.extend(observers)
     try:
-        if is_cold():
+        if at_start and is_cold():
             for observer in observers:
                 observer(ENGINE)
         yield

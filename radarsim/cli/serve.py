@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.options import (
     DEFAULT_MAX_CLIENTS,
     DEFAULT_PORT,
@@ -23,7 +24,7 @@ from radarsim.cli.options import (
 )
 from radarsim.cli.output import program_name, start_log
 from radarsim.errors import PortUnavailable, PresetError, ServerError
-from radarsim.signal_handlers import set_exit_code_of_sigterm
+from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
     from radarsim.host import Host
@@ -92,7 +93,7 @@ def serve(
     ] = False,
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
-    _check_ports(host, port, image_port)  # before imports that may compile for long
+    _check_ports(host, port, image_port)  # before imports that take long
     from radarsim.protocol.dialect import get_dialect
     from radarsim.server.tcp_server import Server
     from radarsim.server.tcp_server import serve as serve_until_signal
@@ -105,7 +106,7 @@ def serve(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    simulated = load_host(map_, config, seed=seed)
+    simulated = load_host(map_, config, seed=seed, begins=False)
     images = None if image_port is None else make_image_server(simulated, image_port)
 
     def announce_all(address: tuple[str, int]) -> None:
@@ -116,8 +117,10 @@ def serve(
     most = _permitted_clients(max_clients)
     server = Server(simulated, speed=speed, max_clients=most)
     serving = serve_until_signal(server, host, port, announce_all, images)
-    with _cure_of_port(image_port):
+    with _cure_of_port(image_port), compile_progress():
         code = asyncio.run(serving)
+    if server.is_loading:
+        exit_immediately(code)
     raise typer.Exit(code)
 
 
@@ -169,13 +172,16 @@ def _cure_of_port(image_port: int | None) -> Iterator[None]:
         raise ServerError(f"{error}; {option} 0 takes a free one") from None
 
 
-def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
+def load_host(
+    map_: str, config: SimulationConfig, *, seed: int, begins: bool = True
+) -> Host:
     """Load a map and create the server's host.
 
     Args:
         map_: Name of a map, or path of a map file.
         config: Dialect and settings of items.
         seed: Seed of the simulation.
+        begins: Whether the simulation begins at once.
 
     Raises:
         MapError: If the map is wrong.
@@ -188,7 +194,7 @@ def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
         config.check()
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
-    return Host(load_map(map_), config=config, seed=seed)
+    return Host(load_map(map_), config=config, seed=seed, begins=begins)
 
 
 def make_image_server(host: Host, port: int) -> ImageServer:
@@ -201,10 +207,8 @@ def make_image_server(host: Host, port: int) -> ImageServer:
     from radarsim.server.image_server import ImageServer
     from radarsim.server.picture_process import PictureProcess
 
-    simulation = host.simulation
-    image_type = simulation.config.dialect.image_type
-    pictures = PictureProcess(simulation.scene, image_type)
-    return ImageServer(simulation, pictures, port=port)
+    pictures = PictureProcess(host.scene, host.config.dialect.image_type)
+    return ImageServer(pictures, port=port)
 
 
 def load_served_host(

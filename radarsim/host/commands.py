@@ -1,8 +1,10 @@
 """Execute the commands of clients, one line at a time."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError
 from radarsim.geometry import Pose2
@@ -23,10 +25,13 @@ from radarsim.protocol.commands import (
     parse_switch,
 )
 from radarsim.protocol.reports import Report, StartPoses, to_bytes
+from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import Simulation
-from radarsim.simulation.vehicle import Vehicle
 from radarsim.suggestions import expected_one_of
+
+if TYPE_CHECKING:
+    from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.vehicle import Vehicle
 
 RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
 Question: TypeAlias = GetStartPoses | GetGeo | GetConf
@@ -67,17 +72,30 @@ class CommandHandler:
     """Executes commands.
 
     Attributes:
-        simulation: The simulation that the commands act on.
+        has_begun: Whether there is a simulation to act on. Before, INIT waits for it.
     """
 
-    def __init__(self, simulation: Simulation, config: SimulationConfig) -> None:
-        self.simulation = simulation
+    def __init__(self, scene: Scene, config: SimulationConfig) -> None:
+        self.has_begun = False
+        self._scene = scene
+        self._simulation: Simulation | None = None
         self._config = config
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
         self._next_spawn = 0  # the first tick that may have one
         self._classes = {name.casefold(): name for name in robot_names()}
         self._reply_lines: dict[tuple[str | None, ...], bytes] = {}
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that the commands act on, once it has begun."""
+        assert self._simulation is not None
+        return self._simulation
+
+    def begin(self, simulation: Simulation) -> None:
+        """Let robots be spawned in a simulation."""
+        self._simulation = simulation
+        self.has_begun = True
 
     def handle(self, client: Client, line: str) -> Handled:
         """Execute the command in a line."""
@@ -116,6 +134,8 @@ class CommandHandler:
     def _is_too_early(self, client: Client) -> bool:
         # The intervals of sensors start at the spawn: robots of one tick would be due
         # together for ever, and all their scans would fall into the same ticks.
+        if not self.has_begun:
+            return True
         now = self.simulation.ticks
         full = self._last_spawn == now and self._spawn_count >= SPAWNS_PER_TICK
         return full or now < max(self._next_spawn, client.next_spawn)
@@ -169,7 +189,7 @@ class CommandHandler:
 
     def _report(self, vehicle: Vehicle | None, question: Question) -> Report | None:
         if vehicle is None or isinstance(question, GetStartPoses):
-            starts = self.simulation.scene.starts
+            starts = self._scene.starts
             return StartPoses(tuple((start.name, start.pose) for start in starts))
         item_type, name = question.type, question.name
         if isinstance(question, GetGeo):
@@ -218,10 +238,10 @@ class CommandHandler:
     def _requested_pose(self, command: Init) -> tuple[Pose2, Diagnostic | None]:
         """Return the requested pose; the origin for an unknown start."""
         if command.start is not None:
-            start = self.simulation.scene.start(command.start)
+            start = self._scene.start(command.start)
             if start is None:
                 # A client can send any text: it is cut for the log.
-                names = [start.name for start in self.simulation.scene.starts]
+                names = [start.name for start in self._scene.starts]
                 text = f"start {expected_one_of(command.start, names)}"
                 text += "; taken as the origin"
                 return Pose2(0.0, 0.0), Diagnostic("start", text)

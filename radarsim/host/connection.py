@@ -1,14 +1,19 @@
 """The state of one connection, and diagnostics of what its client sends."""
 
+from __future__ import annotations
+
 from collections import deque
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import COMMANDS, ParsedCommand
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.send_queue import SendQueue
-from radarsim.simulation.vehicle import Vehicle
 from radarsim.suggestions import expected_one_of
+
+if TYPE_CHECKING:
+    from radarsim.simulation.vehicle import Vehicle
 
 
 @dataclass(slots=True)
@@ -47,13 +52,13 @@ class Diagnostic:
     text: str
 
     @classmethod
-    def of_malformed(cls, line: str, error: MalformedMessage) -> "Diagnostic":
+    def of_malformed(cls, line: str, error: MalformedMessage) -> Diagnostic:
         """Describe a line that is not a command; the kind is that of its verb."""
         verb = line.partition("{")[0].strip().upper()
         return cls(f"malformed {verb if verb in COMMANDS else 'line'}", str(error))
 
     @classmethod
-    def of_unknown_fields(cls, parsed: ParsedCommand) -> "Diagnostic | None":
+    def of_unknown_fields(cls, parsed: ParsedCommand) -> Diagnostic | None:
         """Describe the fields that a command does not have; None without any."""
         if not parsed.unknown_keys:
             return None
@@ -63,7 +68,7 @@ class Diagnostic:
         text = f"{verb} field {expected_one_of(unknown, keys) if keys else none}"
         return cls(f"{verb} fields", text)
 
-    def then(self, consequence: "Diagnostic") -> "Diagnostic":
+    def then(self, consequence: Diagnostic) -> Diagnostic:
         """Join with the diagnostic of what this one has led to."""
         return Diagnostic(
             f"{self.kind}, {consequence.kind}", f"{self.text}; {consequence.text}"

@@ -19,22 +19,30 @@ of a tick for all clients together; what exceeds a limit waits for the next tick
 once. Commands that wait are executed in turns, one of each client, and cannot use up
 the work that is reserved for those that arrive: a flood delays no one else. How the
 bytes of a client are split into packets changes nothing.
+Rule 5: a host can be there before its simulation, which takes a second to load and half
+a minute to compile. It greets clients and answers what they ask before they have a
+robot; INIT waits. Simulated time begins with the simulation.
+
+Imports no compiled code before there is a simulation.
 """
+
+from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
-from radarsim.host.echo_reports import echo_lines
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.line_writer import warm_up
 from radarsim.protocol.reports import Greeting, Report, to_bytes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
+
+if TYPE_CHECKING:
+    from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 # Units of work of all clients together in a tick: for commands on arrival, and for
@@ -44,11 +52,7 @@ WAITING_WORK = 60
 
 
 class Host:
-    """A server without its sockets.
-
-    Attributes:
-        simulation: The simulation that all clients share.
-    """
+    """A server without its sockets."""
 
     def __init__(
         self,
@@ -56,6 +60,7 @@ class Host:
         *,
         config: SimulationConfig | None = None,
         seed: int = 0,
+        begins: bool = True,
         conditions: SimulationConfig | None = None,
     ) -> None:
         """Create a simulation of a scene, without robots and clients.
@@ -64,6 +69,8 @@ class Host:
             scene: From ``load_map``.
             config: Dialect, drive unit and item settings; None for the defaults.
             seed: Seed of all random numbers.
+            begins: Whether there is a simulation from now on; else ``make_simulation``
+                makes it, and it begins with ``begin``.
             conditions: Deprecated name of ``config``.
 
         Raises:
@@ -77,14 +84,47 @@ class Host:
             )
         config = config or conditions or SimulationConfig()
         config.check()
+        self._scene, self._config, self._seed = scene, config, seed
         self._dialect = config.dialect
-        self.simulation = Simulation(scene, config=config, seed=seed)
-        warm_up()
-        self._commands = CommandHandler(self.simulation, config)
+        self._commands = CommandHandler(scene, config)
         self._clients: dict[int, Client] = {}
         self._last_number = 0
         self._arrival_work = ARRIVAL_WORK
         self._last_served = 0  # number of the client whose waiting command was last
+        if begins:
+            self.begin(self.make_simulation())
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is simulated."""
+        return self._scene
+
+    @property
+    def config(self) -> SimulationConfig:
+        """Configuration of all robots."""
+        return self._config
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a simulation, whose time passes."""
+        return self._commands.has_begun
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that all clients share, once it has begun."""
+        return self._commands.simulation
+
+    def make_simulation(self) -> Simulation:
+        """Load or compile the engine, and create a simulation; in any thread."""
+        from radarsim.protocol.line_writer import warm_up  # noqa: PLC0415
+        from radarsim.simulation.simulation import Simulation  # noqa: PLC0415
+
+        warm_up()
+        return Simulation(self._scene, config=self._config, seed=self._seed)
+
+    def begin(self, simulation: Simulation) -> None:
+        """Begin a simulation that ``make_simulation`` has made."""
+        self._commands.begin(simulation)
 
     def connect(self) -> int:
         """Add a client, and greet it.
@@ -95,7 +135,7 @@ class Host:
         self._last_number += 1
         client = Client(command_budget=COMMANDS_PER_TICK)
         self._clients[self._last_number] = client
-        greeting = Greeting(self.simulation.scene.level)
+        greeting = Greeting(self._scene.level)
         client.replies.append(to_bytes([greeting.encode(self._dialect)]))
         self._queue_replies(client)
         return self._last_number
@@ -136,6 +176,8 @@ class Host:
     def step(self) -> list[tuple[int, Diagnostic]]:
         """Advance by 10 ms, and queue everything that is due for the clients.
 
+        Before the simulation has begun only commands are executed, and no time passes.
+
         Returns:
             Numbers of clients with diagnostics of commands that had waited.
         """
@@ -143,6 +185,8 @@ class Host:
             client.command_budget = COMMANDS_PER_TICK
         self._arrival_work = ARRIVAL_WORK
         diagnostics = self._handle_waiting()
+        if not self.has_begun:
+            return diagnostics
         self.simulation.step()
         outputs = self.simulation.collect_reports()
         for client in self._clients.values():
@@ -229,6 +273,8 @@ class Host:
     def _queue_echoes(
         self, client: Client, dialect: Dialect, scans: Iterable[ScanEchoes]
     ) -> None:
+        from radarsim.host.echo_reports import echo_lines  # noqa: PLC0415
+
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
         for scan in scans:

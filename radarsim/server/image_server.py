@@ -16,16 +16,20 @@ Rule 4: some viewers wait for a picture before they send anything. One that is s
 for ``SILENCE`` after it has connected gets a picture unasked.
 """
 
+from __future__ import annotations
+
 import asyncio
 import logging
 from collections.abc import Set as AbstractSet
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from radarsim.camera.view import View
 from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
 from radarsim.server.lifecycle import configure_socket, listen, peer_name
-from radarsim.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")
 
@@ -62,22 +66,20 @@ class PictureSource(Protocol):
 class ImageServer:
     """Serves pictures of a simulation.
 
+    Viewers can connect before the simulation has begun; they wait for their pictures.
+
     Attributes:
         address: Host and port that it listens on, once started.
     """
 
-    def __init__(
-        self, simulation: Simulation, pictures: PictureSource, *, port: int = 5003
-    ) -> None:
+    def __init__(self, pictures: PictureSource, *, port: int = 5003) -> None:
         """Create a server that does not listen yet.
 
         Args:
-            simulation: What is seen in the pictures.
-            pictures: Draws the pictures; started and stopped with the server.
+            pictures: Draws the pictures; started and stopped by the server.
             port: Port to listen on; 0 for a free one.
         """
         self.address = ("", 0)
-        self._simulation = simulation
         self._pictures = pictures
         self._port = port
         self._viewers: set[Viewer] = set()
@@ -98,8 +100,15 @@ class ImageServer:
         self._listener, self.address = await listen(
             lambda: Viewer(self._viewers, self._requested), address, self._port
         )
+
+    async def begin(self, simulation: Simulation) -> None:
+        """Draw pictures for viewers that wait.
+
+        Args:
+            simulation: What is seen in the pictures.
+        """
         await self._pictures.start()
-        self._drawing = asyncio.create_task(self._draw_forever())
+        self._drawing = asyncio.create_task(self._draw_forever(simulation))
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
@@ -116,15 +125,15 @@ class ImageServer:
         for viewer in list(self._viewers):
             viewer.close()
 
-    async def _draw_forever(self) -> None:
+    async def _draw_forever(self, simulation: Simulation) -> None:
         """Draw while viewers wait; close the port if that is not possible any more."""
         try:
-            await self._serve_forever()
+            await self._serve_forever(simulation)
         except ServerError as error:
             log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
             self._close()
 
-    async def _serve_forever(self) -> None:
+    async def _serve_forever(self, simulation: Simulation) -> None:
         loop = asyncio.get_running_loop()
         while True:
             await self._requested.wait()
@@ -132,12 +141,11 @@ class ImageServer:
             due = loop.time() + INTERVAL
             waiting = [viewer for viewer in self._viewers if viewer.waits]
             if waiting:
-                await self._serve(waiting)
+                await self._serve(waiting, View.of(simulation))
                 await asyncio.sleep(due - loop.time())
 
-    async def _serve(self, viewers: "list[Viewer]") -> None:
+    async def _serve(self, viewers: list[Viewer], view: View) -> None:
         """Draw one picture, and send it to viewers."""
-        view = View.of(self._simulation)
         regions = {viewer.region for viewer in viewers if viewer.region is not None}
         pictures = await self._pictures.draw(view, regions)
         for viewer in viewers:
@@ -153,7 +161,7 @@ class Viewer(asyncio.BufferedProtocol):
         region: The part of a picture that it waits for; None for no request.
     """
 
-    def __init__(self, viewers: "set[Viewer]", requested: asyncio.Event) -> None:
+    def __init__(self, viewers: set[Viewer], requested: asyncio.Event) -> None:
         """Create the protocol of a connection.
 
         Args:

@@ -5,6 +5,8 @@ every now and then. Where the processors are busy it may have to wait while it d
 ticks would wait with it.
 """
 
+from __future__ import annotations
+
 import asyncio
 import os
 import sys
@@ -12,14 +14,16 @@ from collections.abc import Set as AbstractSet
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
-from radarsim.camera.encoding import encode
-from radarsim.camera.renderer import Renderer
-from radarsim.camera.view import View
 from radarsim.errors import ServerError
-from radarsim.protocol.images import ImageType, Region
-from radarsim.scene.scene import Scene
 from radarsim.worker_pool import worker_pool
+
+if TYPE_CHECKING:
+    from radarsim.camera.renderer import Renderer
+    from radarsim.camera.view import View
+    from radarsim.protocol.images import ImageType, Region
+    from radarsim.scene.scene import Scene
 
 NICENESS = 10  # ticks of the server go first
 
@@ -74,10 +78,14 @@ class _Painter:
         """Read the scene, once."""
         if sys.platform != "win32":
             os.nice(NICENESS)
+        from radarsim.camera.renderer import Renderer  # noqa: PLC0415 - imports much
+
         cls._renderer, cls._image_type = Renderer(scene), image_type
 
     @classmethod
     def draw(cls, view: View, regions: AbstractSet[Region]) -> dict[Region, bytes]:
         """Draw a picture, and encode regions of it."""
+        from radarsim.camera.encoding import encode  # noqa: PLC0415
+
         pixels = cls._renderer.render(view)
         return {each: encode(pixels, each, cls._image_type) for each in regions}

@@ -1,5 +1,7 @@
 """A TCP server: one connection a client, and simulated time paced by the wall clock."""
 
+from __future__ import annotations
+
 import asyncio
 import logging
 from collections.abc import Callable
@@ -7,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from radarsim.host import Diagnostic, Host
+from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.lifecycle import (
     configure_socket,
     exit_code_of_signal,
@@ -18,6 +21,7 @@ from radarsim.simulation.config import TICK
 
 if TYPE_CHECKING:
     from radarsim.server.image_server import ImageServer
+    from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")
 
@@ -48,6 +52,7 @@ class Server:
         """
         self.address = ("", 0)
         self._host = host
+        self._loader = EngineLoader(host)
         self._period = TICK / speed
         self._max_clients = max_clients
         self._connections = ConnectionTable()
@@ -56,7 +61,7 @@ class Server:
         self._ticking: asyncio.Task[None] | None = None
 
     async def start(self, address: str = "127.0.0.1", port: int = 3000) -> None:
-        """Listen, and start simulated time.
+        """Listen, and start simulated time, if the host's simulation has begun.
 
         Args:
             address: Address to listen on.
@@ -71,6 +76,7 @@ class Server:
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
+        self._loader.stop()
         if self._listener is not None:
             self._listener.close()
         for connection in list(self._connections.by_number.values()):
@@ -89,10 +95,31 @@ class Server:
         if self._ticking is not None:
             await asyncio.shield(self._ticking)
 
-    def _connection(self) -> "Connection":
+    async def begin(self) -> Simulation:
+        """Load the engine while clients are greeted, and start simulated time.
+
+        Returns:
+            The simulation, which is there at once if it has begun already.
+
+        Raises:
+            EngineError: If Embree cannot be loaded.
+        """
+        if not self._host.has_begun:
+            self._host.begin(await self._loader.load())
+        return self._host.simulation
+
+    @property
+    def is_loading(self) -> bool:
+        """Whether a thread loads the engine; it ends by itself or with the process."""
+        return self._loader.is_running
+
+    def _connection(self) -> Connection:
         return Connection(self._host, self._connections, self._max_clients, self._turns)
 
     async def _tick_forever(self) -> None:
+        while not self._host.has_begun:  # ticks without time, for what is asked
+            await asyncio.sleep(TICK)
+            self.tick()
         loop = asyncio.get_running_loop()
         due = next_log = loop.time()
         lost = 0.0
@@ -109,7 +136,7 @@ class Server:
             self.tick()
 
     def tick(self) -> None:
-        """Advance simulated time by 10 ms, and send what is due."""
+        """Advance simulated time by 10 ms, if it has begun, and send what is due."""
         connections = self._connections.by_number
         for number, diagnostic in self._host.step():
             if number in connections:  # the host can have other clients
@@ -282,7 +309,7 @@ async def serve(
     address: str,
     port: int,
     announce: Callable[[tuple[str, int]], None],
-    images: "ImageServer | None" = None,
+    images: ImageServer | None = None,
 ) -> int:
     """Serve until a signal comes.
 
@@ -300,19 +327,33 @@ async def serve(
         ServerError: If it cannot listen.
     """
     with exit_code_of_signal() as exit_code:
+        pending: set[asyncio.Future[Any]] = {exit_code}
         try:
             await server.start(address, port)
             if images is not None:
                 await images.start(address)
             announce(server.address)
-            failure = asyncio.ensure_future(server.wait_failed())
-            futures: set[asyncio.Future[Any]] = {exit_code, failure}
-            await asyncio.wait(futures, return_when=asyncio.FIRST_COMPLETED)
-            if failure.done():
-                failure.result()
-            failure.cancel()
+            pending |= {
+                asyncio.ensure_future(_begin(server, images)),
+                asyncio.ensure_future(server.wait_failed()),
+            }
+            while not exit_code.done():
+                done, pending = await asyncio.wait(
+                    pending, return_when=asyncio.FIRST_COMPLETED
+                )
+                for future in done:
+                    future.result()  # raises the error that ended it
             return exit_code.result()
         finally:
+            for future in pending:
+                future.cancel()
             if images is not None:
                 await images.stop()
             await server.stop()
+
+
+async def _begin(server: Server, images: ImageServer | None) -> None:
+    """Load the engine, and draw pictures from then on."""
+    simulation = await server.begin()
+    if images is not None:
+        await images.begin(simulation)

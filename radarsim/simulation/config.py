@@ -1,11 +1,15 @@
 """Configuration of a simulation, and its clock of whole ticks.
 
 Simulated time is counted in ticks of 10 ms, so that sums of steps do not drift.
+
+Imports no compiled code before a scanner is created.
 """
+
+from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from radarsim.errors import PresetError
 from radarsim.presets.items import (
@@ -20,8 +24,10 @@ from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
 from radarsim.robots.skid_steer import WheelDrive
 from radarsim.sensors.proprioceptive import InsNoise
-from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.suggestions import expected_one_of
+
+if TYPE_CHECKING:
+    from radarsim.sensors.range_scanner import RangeScanner
 
 TICK: Final = 0.01  # s
 DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
@@ -70,7 +76,7 @@ class SimulationConfig:
 
     def _check_item(self, item: Item) -> None:
         if item.type == "RangeScanner":
-            self.scanner(item)
+            self.scanner_settings(item)
         elif item.type == "INS":
             InsNoise.from_settings(self.settings(item))
         elif item.type == "Sonar":
@@ -116,6 +122,8 @@ class SimulationConfig:
         Raises:
             PresetError: If a setting is unknown or out of range.
         """
+        from radarsim.sensors.range_scanner import RangeScanner  # noqa: PLC0415
+
         if item.sensor is None:
             raise ValueError(
                 f"item {item.name!r}: type {item.type}, expected a scanner"

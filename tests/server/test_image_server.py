@@ -117,8 +117,9 @@ async def serving(
     simulation: Simulation, pictures: PictureSource | None = None
 ) -> AsyncIterator[RunningServer]:
     pictures = pictures or InlinePictures(simulation)
-    server = ImageServer(simulation, pictures, port=0)
+    server = ImageServer(pictures, port=0)
     await server.start()
+    await server.begin(simulation)
     running = RunningServer(simulation, server)
     try:
         yield running
@@ -348,7 +349,7 @@ async def test_taken_port_is_an_error_that_names_it(empty_room: Scene) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         simulation = Simulation(empty_room)
-        server = ImageServer(simulation, InlinePictures(simulation), port=port)
+        server = ImageServer(InlinePictures(simulation), port=port)
         with pytest.raises(PortUnavailable, match=f"127.0.0.1:{port}") as caught:
             await server.start()
         await server.stop()
