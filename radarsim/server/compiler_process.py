@@ -25,7 +25,7 @@ COMPILING: Final = "compiling"
 DONE: Final = "done"
 FAILED: Final = "failed"
 # The modules are found where this process has found them.
-_CODE: Final = (
+PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
     "from radarsim.server.compiler_process import main; main()"
 )
@@ -78,7 +78,7 @@ def _start() -> "subprocess.Popen[str]":
     """
     try:
         return subprocess.Popen(
-            [sys.executable, "-c", _CODE, *sys.path],
+            [sys.executable, "-c", PROGRAM, *sys.path],
             stdin=subprocess.PIPE,  # closed when this process ends, however it ends
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -28,10 +28,15 @@ log = logging.getLogger("radarsim.server")
 class EngineLoader:
     """Makes the simulation of a host in a thread, once."""
 
-    def __init__(self, host: Host) -> None:
-        """Describe what is not started yet."""
+    def __init__(self, host: Host, compiler: CompilerProcess | None = None) -> None:
+        """Describe what is not started yet.
+
+        Args:
+            host: The host whose simulation is made.
+            compiler: Compiles what is not cached; None for one that does.
+        """
         self._host = host
-        self._compiler = CompilerProcess()
+        self._compiler = compiler or CompilerProcess()
         self._thread: threading.Thread | None = None
         self._stopped = False
 

@@ -75,7 +75,7 @@ def test_without_a_cache_it_is_told_before_anything_is_imported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(module, "is_cold", lambda: True)
-    with compile_progress():
+    with compile_progress(at_start=True):
         assert capsys.readouterr() == ("", LINE)
 
 
@@ -110,7 +110,7 @@ def test_without_a_folder_for_the_cache_it_is_not_told_to_happen_once(
 
 def test_program_tells_it_at_once_and_can_be_interrupted(tmp_path: Path) -> None:
     with subprocess.Popen(
-        (sys.executable, "-m", "radarsim", "serve", "empty_room", "--port", "0"),
+        (sys.executable, "-m", "radarsim", "check", "empty_room"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
