@@ -159,8 +159,8 @@ class ConnectionTable:
             looked at, and those for which bytes wait.
     """
 
-    by_number: dict[int, "Connection"] = field(default_factory=dict)
-    held: set["Connection"] = field(default_factory=set)
+    by_number: dict[int, Connection] = field(default_factory=dict)
+    held: set[Connection] = field(default_factory=set)
 
 
 class Connection(asyncio.BufferedProtocol):
