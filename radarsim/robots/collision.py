@@ -48,10 +48,10 @@ from radarsim.robots.footprint import (
 from radarsim.robots.robot_grid import (
     CELL,
     COLUMN,
-    MAX_RADIUS,
     NEXT,
+    REACH,
+    ROBOT_RANGE,
     ROW,
-    SLACK,
     RobotGrid,
     bucket_of,
 )
@@ -61,7 +61,6 @@ CONTACT_GAP: Final = 1e-3  # m left between the robot and what it runs into
 TOUCH_RANGE: Final = 2e-3  # m; anything closer touches the robot
 
 _WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
-_ROBOT_RANGE: Final = 4.0  # m between two robots' circles, likewise
 _OUTLINE_RANGE: Final = 0.1  # m between the circles below which outlines matter
 _MAX_PUSHES: Final = 8  # out of two walls in turn; more would not get out of a wedge
 
@@ -175,10 +174,13 @@ def _find_lines(around: Any, slot: Any, pose: Any) -> Any:
     x, y, _ = pose
     radius, floor = robots[slot, RADIUS], int(robots[slot, FLOOR])
     walls = find_walls(around.walls, floor, (x, y), radius + _WALL_RANGE, around.lines)
-    count, nearest = walls, _ROBOT_RANGE
-    reach = _ROBOT_RANGE + radius + grid.limits[MAX_RADIUS] + grid.limits[SLACK]
-    for row in range(_cell(y - reach), _cell(y + reach) + 1):
-        for column in range(_cell(x - reach), _cell(x + reach) + 1):
+    count, nearest = walls, ROBOT_RANGE
+    reach, cell = radius + grid.limits[REACH], grid.limits[CELL]
+    first, last = math.floor((x - reach) / cell), math.floor((x + reach) / cell)
+    for row in range(
+        math.floor((y - reach) / cell), math.floor((y + reach) / cell) + 1
+    ):
+        for column in range(first, last + 1):
             other = grid.heads[bucket_of(grid, column, row)]
             while other >= 0:
                 is_here = (
@@ -196,11 +198,6 @@ def _find_lines(around: Any, slot: Any, pose: Any) -> Any:
                 other = grid.places[other, NEXT]
     robots[slot, ROBOT_GAP] = nearest
     return walls, count
-
-
-@njit_inline
-def _cell(place: Any) -> Any:
-    return math.floor(place / CELL)
 
 
 @njit_inline

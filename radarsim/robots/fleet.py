@@ -33,6 +33,14 @@ from radarsim.robots.fleet_columns import (
 )
 from radarsim.robots.motion import drive_robots, find_touched
 from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.odometry import (
+    ODOMETRY_COLUMNS,
+    POSE_LEFT,
+    POSE_RIGHT,
+    SEPARATION,
+    SLOT,
+    WheelOdometry,
+)
 from radarsim.robots.robot import Robot
 from radarsim.robots.robot_grid import new_robot_grid
 from radarsim.robots.skid_steer import WheelDrive, sweep_rate
@@ -48,11 +56,14 @@ class Fleet:
     Attributes:
         robots: The robots, in the order of spawning, in which they also move.
         slots: (R,) their slots, int64.
+        odometry: (M, 7) table of the odometry of robots that have one.
     """
 
     def __init__(self) -> None:
         self.robots: tuple[Robot, ...] = ()
         self.slots: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.odometry: Floats = np.zeros((0, ODOMETRY_COLUMNS))
+        self._odometries: list[WheelOdometry] = []
         self._free_slots: list[int] = []
         self._spawned = 0
         self._floors: list[Obstacles] = []
@@ -92,6 +103,17 @@ class Fleet:
         self._update_slots()
         return robot
 
+    def add_odometry(self, robot: Robot) -> WheelOdometry:
+        """Integrate the turns of a robot's wheels from now on."""
+        numbers = np.zeros((1, ODOMETRY_COLUMNS))
+        numbers[0, SLOT] = robot.slot
+        numbers[0, SEPARATION] = robot.model.wheel_separation
+        numbers[0, [POSE_LEFT, POSE_RIGHT]] = robot.side_angles
+        odometry = WheelOdometry(robot, len(self.odometry))
+        self.odometry = np.concatenate([self.odometry, numbers])
+        self._odometries.append(odometry)
+        return odometry
+
     def remove(self, robot: Robot) -> None:
         """Remove a robot, which goes on alone in a fleet of its own.
 
@@ -102,13 +124,14 @@ class Fleet:
             raise ValueError(f"robot {robot.name!r} is not in this fleet")
         alone, slot = Fleet(), robot.slot
         alone._take_over(robot)
+        self._keep_odometries([o for o in self._odometries if o.robot is not robot])
         self._free_slots.append(slot)
         self.robots = tuple(each for each in self.robots if each is not robot)
         self._update_slots()
 
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
-        drive_robots(self._around, self.slots, dt)
+        drive_robots(self._around, self.slots, self.odometry, dt)
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which robots were blocked in the last step, or touch something.
@@ -167,8 +190,17 @@ class Fleet:
         self._around = _surroundings(columns, other._around.walls)
         self._spawned = robot.number
         self.robots = (robot,)
+        self.odometry = other.odometry
+        self._keep_odometries([o for o in other._odometries if o.robot is robot])
+        self.odometry[:, SLOT] = 0.0
         robot.fleet, robot.slot = self, 0
         self._update_slots()
+
+    def _keep_odometries(self, kept: list[WheelOdometry]) -> None:
+        self.odometry = self.odometry[[odometry.row for odometry in kept]]
+        self._odometries = kept
+        for row, odometry in enumerate(kept):
+            odometry.row = row
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)

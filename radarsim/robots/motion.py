@@ -26,6 +26,7 @@ from radarsim.robots.fleet_columns import (
     pose_of,
 )
 from radarsim.robots.footprint import MARGIN
+from radarsim.robots.odometry import integrate_odometry
 from radarsim.robots.robot_grid import MAX_SPEED, enter_robots
 from radarsim.robots.skid_steer import advance, sweep_rate
 
@@ -35,12 +36,13 @@ _MAX_SWEEP: Final = (
 
 
 @njit_cached
-def drive_robots(around: Any, order: Any, dt: Any) -> Any:
+def drive_robots(around: Any, order: Any, odometry: Any, dt: Any) -> Any:
     """Drive all robots for one time step.
 
     Args:
         around: The ``Surroundings``.
         order: (R,) slots of the robots, in the order in which they move.
+        odometry: (M, 7) table of the odometry of some of them.
         dt: Time step, s.
     """
     robots = around.robots
@@ -62,6 +64,7 @@ def drive_robots(around: Any, order: Any, dt: Any) -> Any:
         for _ in range(parts):
             wanted = advance(pose_of(robots, slot), left, right, track, dt / parts)
             _move(around, slot, wanted, sweep / parts, dt / parts)
+    integrate_odometry(odometry, robots)
 
 
 @njit_inline

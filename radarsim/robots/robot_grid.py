@@ -15,9 +15,12 @@ from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 from radarsim.robots.fleet_columns import RADIUS, TOP_SPEED, X, Y
 
-CELL: Final = 2.0  # m
+ROBOT_RANGE: Final = 4.0  # m between the circles of two robots that find each other
 COLUMN, ROW, NEXT = range(3)  # columns of ``places``
-SLACK, MAX_RADIUS, MAX_SPEED = range(3)  # items of ``limits``
+CELL, REACH, MAX_SPEED = range(3)  # items of ``limits``
+
+_MIN_CELL: Final = 2.0  # m
+_CELLS_IN_REACH: Final = 3
 
 
 class RobotGrid(NamedTuple):
@@ -29,8 +32,8 @@ class RobotGrid(NamedTuple):
         heads: (B,) slot of the first robot of each bucket of cells; -1 for none.
         places: (N, 3) column and row of each robot's cell, and the slot of the next
             robot in the same bucket; -1 for none.
-        limits: (3,) m that robots may have moved since they were entered; the largest
-            radius, m; the highest top speed, m/s.
+        limits: (3,) size of a cell, m; how far cells are searched on each axis, beyond
+            the radius of the robot that searches, m; the highest top speed, m/s.
     """
 
     heads: NDArray[np.int64]
@@ -65,16 +68,18 @@ def enter_robots(grid: Any, robots: Any, order: Any, dt: Any) -> Any:
         grid.heads[bucket] = -1
     radius = speed = 0.0
     for i in range(len(order)):
+        radius = max(radius, robots[order[i], RADIUS])
+        speed = max(speed, robots[order[i], TOP_SPEED])
+    reach = ROBOT_RANGE + radius + speed * dt  # they move before they are searched
+    cell = max(_MIN_CELL, reach / _CELLS_IN_REACH)
+    grid.limits[CELL], grid.limits[REACH] = cell, reach
+    grid.limits[MAX_SPEED] = speed
+    for i in range(len(order)):
         slot = order[i]
-        radius = max(radius, robots[slot, RADIUS])
-        speed = max(speed, robots[slot, TOP_SPEED])
-        column = math.floor(robots[slot, X] / CELL)
-        row = math.floor(robots[slot, Y] / CELL)
+        column = math.floor(robots[slot, X] / cell)
+        row = math.floor(robots[slot, Y] / cell)
         bucket = bucket_of(grid, column, row)
         grid.places[slot, COLUMN] = column
         grid.places[slot, ROW] = row
         grid.places[slot, NEXT] = grid.heads[bucket]
         grid.heads[bucket] = slot
-    grid.limits[SLACK] = speed * dt
-    grid.limits[MAX_RADIUS] = radius
-    grid.limits[MAX_SPEED] = speed

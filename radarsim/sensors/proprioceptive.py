@@ -1,7 +1,8 @@
-"""Sensors of the robot's own motion: INS, odometry, tachometer and encoder.
+"""Sensors of the robot's own motion: INS, tachometer and encoder.
 
 They convert true poses and true wheel angles to readings. Ground truth needs no code
-here: it is the pose of the robot's body. The simulation calls the sensors when they are
+here, since it is the pose of the robot's body, nor does odometry, which the fleet
+integrates as robots drive. The simulation calls the sensors when they are
 due; they know neither the clock nor the robot.
 """
 
@@ -13,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from radarsim.errors import PresetError
-from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.geometry import Floats, Pose3
 from radarsim.suggestions import expected_one_of
 
 INS_DRIFT_INTERVAL = 0.2  # s of simulated time between two updates of the drift
@@ -118,44 +119,6 @@ def _motion(start: Pose3, end: Pose3) -> Floats:
     motion = np.subtract(end.numbers(), start.numbers())
     motion[3:] = [math.remainder(angle, 2 * math.pi) for angle in motion[3:]]
     return motion
-
-
-class Odometry:
-    """Wheel odometry: the pose if the wheels never slipped.
-
-    Attributes:
-        pose: Pose relative to the spawn pose, m and rad; the yaw is not wrapped.
-    """
-
-    def __init__(self, *, wheel_radius: float, wheel_separation: float) -> None:
-        self.pose = Pose2(0.0, 0.0)
-        self._radius = wheel_radius
-        self._separation = wheel_separation
-        self._left = self._right = 0.0
-
-    def update(self, left: float, right: float) -> None:
-        """Advance the pose to new wheel angles, rad since the spawn.
-
-        The motion since the last update is one circular arc, which is exact as long as
-        the wheel speeds are constant in between.
-        """
-        left_distance = self._radius * (left - self._left)
-        right_distance = self._radius * (right - self._right)
-        turn = (right_distance - left_distance) / self._separation
-        half = turn / 2
-        chord = (left_distance + right_distance) / 2
-        chord *= math.sin(half) / half if half else 1
-        heading = self.pose.yaw + half
-        self.pose = Pose2(
-            self.pose.x + chord * math.cos(heading),
-            self.pose.y + chord * math.sin(heading),
-            self.pose.yaw + turn,
-        )
-        self._left, self._right = left, right
-
-    def reset(self) -> None:
-        """Make the pose of the last update the new origin."""
-        self.pose = Pose2(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,6 @@ from radarsim.sensors.proprioceptive import (
     Encoder,
     Ins,
     InsNoise,
-    Odometry,
     Tachometer,
     encoded_wheels,
 )
@@ -126,14 +125,7 @@ class OdometryItem(_StatelessItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        model = mounting.robot.model
-        self._odometry = Odometry(
-            wheel_radius=model.wheel_radius, wheel_separation=model.wheel_separation
-        )
-
-    def step(self, age: int) -> None:  # noqa: ARG002 - the same for all items
-        """Integrate the turns of the wheels, whose speeds are constant in a tick."""
-        self._odometry.update(*self.robot.side_angles)
+        self._odometry = mounting.robot.fleet.add_odometry(mounting.robot)
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""

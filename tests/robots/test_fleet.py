@@ -1,18 +1,24 @@
 """A fleet moves its robots as the reference in plain Python does, one by one."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.motion import ReferenceRobot
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
+from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
+from radarsim.robots.footprint import RANK, line_table
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.robots.skid_steer import WheelDrive
+from radarsim.robots.wall_grid import find_walls, wall_table
 
 TICK = 0.01
 MODELS = [load_robot(name) for name in ("P3AT", "P2DX", "P2AT")]
@@ -47,7 +53,7 @@ def references(fleet: Fleet, around: Obstacles) -> tuple[ReferenceRobot, ...]:
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(
     lines=walls,
     start=st.lists(starts, min_size=1, max_size=5),
@@ -61,6 +67,7 @@ def test_robots_move_as_in_plain_python(
     around, fleet = obstacles([*lines, *room(3)]), Fleet()
     for i, place in enumerate(start):
         add(fleet, around, Pose2(*place), model=i % len(MODELS))
+    odometry = [fleet.add_odometry(robot) for robot in fleet.robots]
     expected = references(fleet, around)
     for number, left, right, ticks in commands:
         robot, reference = (
@@ -76,5 +83,116 @@ def test_robots_move_as_in_plain_python(
                 each.step(TICK, expected)
         assert [each.pose for each in fleet.robots] == [e.pose for e in expected]
         assert [e.side_angles for e in fleet.robots] == [e.angles for e in expected]
+        assert [each.pose for each in odometry] == [e.odometry for e in expected]
         touched = fleet.touched(fleet.slots).tolist()
         assert touched == [each.touched for each in expected]
+
+
+@settings(deadline=None, max_examples=15)
+@given(lines=walls, x=places, y=places, reach=st.floats(0.1, 3))
+def test_walls_of_the_grid_are_those_within_reach(
+    lines: list[tuple[float, ...]], x: float, y: float, reach: float
+) -> None:
+    around = obstacles([*lines, *room(40), (-40, -40, 40, 39)])
+    table = wall_table([around.segments])
+    near = np.zeros((len(around.segments), 5))
+    count = find_walls(table, 0, (x, y), reach, near)
+    found = near[near[:count, RANK].argsort()]
+    assert np.array_equal(
+        found, line_table(around.segments)[found[:, RANK].astype(int)]
+    )
+    assert set(map(bytes, around.near(x, y, reach - 1e-9))) <= {
+        bytes(around.segments[int(rank)]) for rank in found[:, RANK]
+    }
+
+
+def test_slots_stay_and_are_used_again() -> None:
+    nothing, fleet = obstacles([]), Fleet()
+    robots = [add(fleet, nothing, Pose2(2.0 * i, 0.0)) for i in range(20)]
+    slots = [robot.slot for robot in robots]
+    assert sorted(slots) == list(range(20))
+    fleet.remove(robots[3])
+    late = add(fleet, nothing, Pose2(6.0, 1.0))
+    assert late.slot == slots[3]
+    assert late.number == 21
+    assert [robot.slot for robot in robots[4:]] == slots[4:]
+    assert fleet.robots == (*robots[:3], *robots[4:], late)
+    assert fleet.slots.tolist() == [robot.slot for robot in fleet.robots]
+    assert late.pose == Pose2(6.0, 1.0)
+    assert robots[3].pose == Pose2(6.0, 0.0)
+
+
+def test_robot_goes_on_alone_once_it_is_removed() -> None:
+    fleet = Fleet()
+    wall = obstacles([(1, -5, 1, 5)])
+    leaving = add(fleet, wall, Pose2(0, 0))
+    add(fleet, wall, Pose2(-2, 0)).drive(FULL, FULL)
+    leaving.drive(FULL, FULL)
+    fleet.remove(leaving)
+    for _ in range(100):
+        fleet.step(TICK)
+    assert leaving.pose == Pose2(0, 0)
+    assert not leaving.touched
+    for _ in range(100):
+        leaving.fleet.step(TICK)
+    assert leaving.touched
+    with pytest.raises(ValueError, match="'R' is not in this fleet"):
+        fleet.remove(leaving)
+
+
+def test_walls_of_another_floor_are_passed() -> None:
+    fleet = Fleet()
+    below = add(fleet, obstacles([(1, -5, 1, 5)]), Pose2(0, 0))
+    above = add(fleet, obstacles([(2, -5, 2, 5)], floor=3.0), Pose2(0, 2))
+    for robot in (below, above):
+        robot.drive(FULL, FULL)
+    for _ in range(400):
+        fleet.step(TICK)
+    assert below.pose.x == pytest.approx(1 - P3AT.length / 2 - CONTACT_GAP)
+    assert above.pose.x == pytest.approx(2 - P3AT.length / 2 - CONTACT_GAP)
+    assert below.body.z == P3AT.origin_height
+    assert above.body.z == 3 + P3AT.origin_height
+
+
+def test_robots_meet_also_far_from_the_origin() -> None:
+    nothing, fleet = obstacles([]), Fleet()
+    parked = add(fleet, nothing, Pose2(-70_002.0, 1e6))
+    moving = add(fleet, nothing, Pose2(-70_000.0, 1e6, math.pi))
+    moving.drive(FULL, FULL)
+    for _ in range(400):
+        fleet.step(TICK)
+    assert fleet.touched([moving.slot, parked.slot]).tolist() == [True, True]
+    apart = moving.pose.x - parked.pose.x
+    assert apart == pytest.approx(P3AT.length + CONTACT_GAP, abs=1e-6)
+
+
+def test_boxes_are_those_of_the_robots_in_their_order() -> None:
+    fleet, upstairs = Fleet(), obstacles([], floor=3.0)
+    assert fleet.boxes().shape == (0, 8)
+    first = add(fleet, obstacles([]), Pose2(1, 2, 3))
+    second = add(fleet, upstairs, Pose2(4, 5, 0.5), model=1)
+    small, size = second.model, (P3AT.length / 2, P3AT.width / 2)
+    assert fleet.boxes().tolist() == [
+        [1, 2, 3, 0, P3AT.height, *size, 1],
+        [4, 5, 0.5, 3, 3 + small.height, small.length / 2, small.width / 2, 2],
+    ]
+    fleet.remove(first)
+    assert fleet.boxes()[:, 7].tolist() == [2]
+
+
+def test_many_robots_in_a_crowd_never_overlap() -> None:
+    fleet, around = Fleet(), obstacles(room(4))
+    robots = [
+        add(fleet, around, Pose2(x, y, x + y), model=int(x + y) % 2)
+        for x in range(-3, 4)
+        for y in range(-3, 4)
+    ]
+    for i, robot in enumerate(robots):
+        robot.drive(5.0 + i % 3, 6.0 - i % 5)
+    for _ in range(300):
+        fleet.step(TICK)
+    hulls = [shapely.Polygon(r.footprint.outline(r.pose)[:, 0]) for r in robots]
+    tree = shapely.STRtree(hulls)
+    pairs = tree.query(hulls, predicate="intersects")
+    assert (pairs[0] == pairs[1]).all()
+    assert fleet.touched(fleet.slots).sum() > 10

@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import PresetError
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.rng import generator_for
 from radarsim.sensors.proprioceptive import (
     ENCODER_RESOLUTION,
     Encoder,
     Ins,
     InsNoise,
-    Odometry,
     Tachometer,
     encoded_wheels,
 )
@@ -190,48 +189,6 @@ def test_invalid_settings_are_rejected(settings: dict[str, Any], message: str) -
     with pytest.raises(PresetError) as caught:
         InsNoise.from_settings(settings)
     assert str(caught.value) == message
-
-
-def odometry() -> Odometry:
-    return Odometry(wheel_radius=0.1, wheel_separation=0.4)
-
-
-def test_odometry_of_a_quarter_turn_to_the_left() -> None:
-    wheels = odometry()
-    wheels.update(0, 2 * math.pi)
-    turn = 0.1 * 2 * math.pi / 0.4
-    assert wheels.pose.yaw == pytest.approx(turn)
-    assert wheels.pose.x == pytest.approx(0.2 * math.sin(turn))
-    assert wheels.pose.y == pytest.approx(0.2 * (1 - math.cos(turn)))
-
-
-@given(left=angles, right=angles, parts=st.integers(2, 9))
-def test_odometry_integrates_an_arc_exactly(
-    left: float, right: float, parts: int
-) -> None:
-    whole, piecewise = odometry(), odometry()
-    whole.update(left, right)
-    for k in range(1, parts + 1):
-        piecewise.update(left * k / parts, right * k / parts)
-    for name in ("x", "y", "yaw"):
-        expected = getattr(whole.pose, name)
-        assert getattr(piecewise.pose, name) == pytest.approx(expected, abs=1e-9)
-
-
-def test_odometry_does_not_wrap_its_angle() -> None:
-    wheels = odometry()
-    wheels.update(-40, 40)
-    assert wheels.pose.yaw == pytest.approx(20)
-
-
-def test_odometry_restarts_at_a_reset() -> None:
-    wheels = odometry()
-    wheels.update(3, 4)
-    wheels.reset()
-    assert wheels.pose == Pose2(0, 0)
-    wheels.update(13, 14)
-    assert wheels.pose.x == pytest.approx(1)
-    assert wheels.pose.y == pytest.approx(0)
 
 
 def test_tachometer_averages_since_its_last_reading() -> None:

@@ -30,6 +30,7 @@ class ReferenceRobot:
     spins: tuple[float, float] = (0.0, 0.0)  # rad/s
     angles: tuple[float, float] = (0.0, 0.0)  # rad
     top_speed: float = 0.0
+    odometry: Pose2 = field(default_factory=lambda: Pose2(0.0, 0.0))
     footprint: Footprint = field(init=False)
     resolver: "CollisionResolver" = field(init=False)
 
@@ -46,7 +47,9 @@ class ReferenceRobot:
         if not left and not right:
             self.resolver.rest(others)
             return
-        self.angles = (self.angles[0] + left * dt, self.angles[1] + right * dt)
+        before = self.angles
+        self.angles = (before[0] + left * dt, before[1] + right * dt)
+        self._integrate(self.angles[0] - before[0], self.angles[1] - before[1])
         left, right = left * self.model.wheel_radius, right * self.model.wheel_radius
         turn = abs(right - left) / self.model.track
         sweep = (abs(left + right) / 2 + turn * self.footprint.radius) * dt
@@ -58,6 +61,20 @@ class ReferenceRobot:
             self.pose = self.resolver.move(
                 wanted, others, sweep=sweep / parts, dt=dt / parts
             )
+
+    def _integrate(self, left: float, right: float) -> None:
+        left *= self.model.wheel_radius
+        right *= self.model.wheel_radius
+        turn = (right - left) / self.model.wheel_separation
+        half = turn / 2
+        chord = (left + right) / 2
+        chord *= math.sin(half) / half if half else 1
+        heading = self.odometry.yaw + half
+        self.odometry = Pose2(
+            self.odometry.x + chord * math.cos(heading),
+            self.odometry.y + chord * math.sin(heading),
+            self.odometry.yaw + turn,
+        )
 
 
 def advance(
