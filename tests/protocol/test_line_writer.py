@@ -33,30 +33,25 @@ DIALECTS = [COMPAT, COMPAT.of_generation("ut2004"), UDK]
 
 # Where rounding is hard: halves of a decimal and their neighbours, halves in binary,
 # numbers of single precision, zeros of both signs, and the ends of what is written.
-DECIMALS = st.builds(
-    lambda n, digits: n / 10**digits, st.integers(-(10**9), 10**9), st.integers(0, 7)
+DECIMALS = st.tuples(st.integers(-(10**9), 10**9), st.integers(0, 7)).map(
+    lambda pair: pair[0] / 10 ** pair[1]
 )
-HALVES = st.builds(
-    lambda n, digits: (n + 0.5) / 10**digits,
-    st.integers(-(10**7), 10**7),
-    st.integers(0, 6),
+HALVES = st.tuples(st.integers(-(10**7), 10**7), st.integers(0, 6)).map(
+    lambda pair: (pair[0] + 0.5) / 10 ** pair[1]
 )
-NEIGHBOURS = st.builds(
-    lambda half, towards: float(np.nextafter(half, towards)),
-    HALVES,
-    st.sampled_from([-math.inf, math.inf]),
-)
-BINARY = st.builds(math.ldexp, st.integers(-(2**20), 2**20), st.integers(-20, 10))
 NUMBERS = st.one_of(
-    *(DECIMALS, HALVES, NEIGHBOURS, BINARY),
+    DECIMALS,
+    HALVES,
+    HALVES.map(lambda half: math.nextafter(half, math.inf)),
+    HALVES.map(lambda half: math.nextafter(half, -math.inf)),
+    st.integers(-(2**20), 2**20).map(lambda n: n / 2**10),
     st.floats(-100, 100, width=32),
-    st.floats(-100, 100),
     st.floats(-(2.0**31), 2.0**31, exclude_min=True, exclude_max=True),
     st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 0.99999994]),
 )
-NAMES = st.text(max_size=5) | st.sampled_from(["Lidar 1 ", "Straße", "\xf2\xc2"])
+NAMES = st.sampled_from(["Radar", "", "Lidar 1 ", "Straße", "\xf2\xc2"])
 POSES = st.builds(Pose3, *[NUMBERS] * 6)
-VECTORS = st.lists(NUMBERS, max_size=4).map(tuple)
+VECTORS = st.lists(NUMBERS, max_size=2).map(tuple)
 WHOLE = st.integers(-400, 400) | st.integers(2**31 - 1, 2**80)
 
 
@@ -66,7 +61,7 @@ def arrays(elements: st.SearchStrategy[float], count: int) -> st.SearchStrategy[
     )
 
 
-ECHOES = st.integers(1, 4).flatmap(
+ECHOES = st.integers(1, 2).flatmap(
     lambda count: st.builds(
         TargetEchoes,
         *(NAMES, NAMES, NUMBERS | st.just(math.inf), NUMBERS),
@@ -86,16 +81,16 @@ REPORTS = st.one_of(
     st.builds(Ins, TIMES, NAMES, POSES),
     st.builds(Odometry, TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
     st.builds(Tachometer, TIMES, NAMES, VECTORS, VECTORS),
-    st.builds(Encoder, TIMES, st.lists(st.tuples(NAMES, WHOLE)).map(tuple)),
+    st.builds(Encoder, TIMES, st.lists(st.tuples(NAMES, WHOLE), max_size=2).map(tuple)),
     st.builds(Touch, TIMES, NAMES, st.booleans()),
-    st.builds(Sonar, TIMES, st.lists(st.tuples(NAMES, NUMBERS)).map(tuple)),
+    st.builds(Sonar, TIMES, st.lists(st.tuples(NAMES, NUMBERS), max_size=2).map(tuple)),
     st.builds(Gps, TIMES, NAMES, st.none() | st.tuples(NUMBERS, NUMBERS), WHOLE),
     st.builds(Greeting, NAMES),
 )
 
 
 @given(
-    reports=st.lists(st.tuples(REPORTS, st.sampled_from(DIALECTS)), max_size=6),
+    reports=st.lists(st.tuples(REPORTS, st.sampled_from(DIALECTS)), max_size=2),
 )
 @example(reports=[(Sonar(1.0, (("S1", -0.99999994),)), UDK)])
 def test_lines_equal_those_that_the_reports_encode(
@@ -105,22 +100,22 @@ def test_lines_equal_those_that_the_reports_encode(
     assert encode_lines(reports) == expected
 
 
-@given(
-    values=st.lists(NUMBERS, min_size=1),
-    decimals=st.integers(1, 9),
-    rounding=st.sampled_from(list(Rounding)),
-)
-@example(values=[0.125, 0.375, -2.675, 2.675], decimals=2, rounding=Rounding.NEAREST)
-@example(values=[1.00005, 0.03125, 0.00005], decimals=4, rounding=Rounding.NEAREST)
-def test_series_have_the_digits_of_each_number(
-    values: list[float], decimals: int, rounding: Rounding
+@pytest.mark.parametrize("rounding", list(Rounding))
+@pytest.mark.parametrize("decimals", [1, 2, 4, 6, 9])
+def test_numbers_around_halves_have_the_digits_of_each_number(
+    decimals: int, rounding: Rounding
 ) -> None:
     form = NumberFormat(decimals, rounding)
-    dialect = replace(COMPAT, ranges=form)
-    scan = RangeScan(math.nan, "radar", 0.1, 0.2, np.array(values))
-    (line,) = encode_lines([(scan, dialect)])
+    sizes = 10.0 ** np.random.default_rng(decimals).uniform(0, 15, 1000)
+    halves = (np.floor(sizes) + 0.5) / 10**decimals
+    near = [halves, np.nextafter(halves, 0), np.nextafter(halves, np.inf)]
+    exact = np.arange(-300, 300) / 64
+    values = np.concatenate([*near, -halves, halves.astype(np.float32), exact])
+    values = values[np.abs(values) < 2**31]
+    scan = RangeScan(math.nan, "radar", 0.1, 0.2, values)
+    (line,) = encode_lines([(scan, replace(COMPAT, ranges=form))])
     texts = line.decode().partition("{Range ")[2].removesuffix("}\r\n").split(",")
-    assert texts == [form.format(value) for value in values]
+    assert texts == [form.format(value) for value in values.tolist()]
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
