@@ -6,10 +6,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import Final, ParamSpec, TypeVar
 
-from radarsim.cli.output import print_message
+from radarsim.cli.output import log_line_contexts, print_message
 from radarsim.compilation import ENGINE, compilation, describe
 from radarsim.kernel_cache import is_cold
 from radarsim.signal_handlers import exit_immediately_on_signals
@@ -50,6 +50,7 @@ def compile_progress(*, at_start: bool = False) -> Iterator[None]:
         display: _LiveLine | _PlainLine = _LiveLine()
     else:
         display = _PlainLine()
+    log_line_contexts.append(display.hidden)
     observers = display.update, _SignalGuard().update
     compilation.observers.extend(observers)
     try:
@@ -58,6 +59,7 @@ def compile_progress(*, at_start: bool = False) -> Iterator[None]:
                 observer(ENGINE)
         yield
     finally:
+        log_line_contexts.remove(display.hidden)
         for observer in observers:
             compilation.observers.remove(observer)
             observer(None)
@@ -72,10 +74,10 @@ def compile_now(*, maps: bool = False) -> None:
         maps: Whether to compile what maps are made with as well.
     """
     from radarsim.exploration.exploration import warm_up
+    from radarsim.host import Host
     from radarsim.scene.map_file import load_map
-    from radarsim.simulation.simulation import Simulation
 
-    Simulation(load_map("empty_room"))
+    Host(load_map("empty_room"))
     if maps:
         warm_up()
 
@@ -109,6 +111,10 @@ class _PlainLine:
             self._printed.add(subject)
             print_message(describe(subject))
 
+    def hidden(self) -> AbstractContextManager[None]:
+        """Hide nothing: a printed line stays."""
+        return nullcontext()
+
 
 class _LiveLine:
     """A line on a terminal that counts seconds, drawn by a thread of its own.
@@ -121,27 +127,35 @@ class _LiveLine:
         self._stream = sys.stderr
         self._began = time.monotonic()
         self._lock = threading.Lock()
-        self._hidden: threading.Event | None = None
+        self._end: threading.Event | None = None
         self._subject = ENGINE
 
     def update(self, subject: str | None) -> None:
         """Show or erase the line."""
         with self._lock:
             self._subject = subject or self._subject
-            if subject is not None and self._hidden is None:
-                self._hidden = threading.Event()
+            if subject is not None and self._end is None:
+                self._end = threading.Event()
                 threading.Thread(
-                    target=self._draw, args=(self._hidden,), daemon=True
+                    target=self._draw, args=(self._end,), daemon=True
                 ).start()
-            elif subject is None and self._hidden is not None:
-                self._hidden.set()
-                self._hidden = None
+            elif subject is None and self._end is not None:
+                self._end.set()
+                self._end = None
                 self._write(_ERASE)
 
-    def _draw(self, hidden: threading.Event) -> None:
-        while not hidden.wait(_INTERVAL):
+    @contextmanager
+    def hidden(self) -> Iterator[None]:
+        """Hide the line while another one is written."""
+        with self._lock:
+            if self._end is not None:
+                self._write(_ERASE)
+            yield
+
+    def _draw(self, end: threading.Event) -> None:
+        while not end.wait(_INTERVAL):
             with self._lock:
-                if not hidden.is_set():
+                if not end.is_set():
                     self._write(f"{_ERASE}{self._text()}")
 
     def _text(self) -> str:

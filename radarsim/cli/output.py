@@ -7,12 +7,17 @@ import logging
 import shlex
 import shutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
+from typing import Final, TextIO
 
 import typer
 
 from radarsim.printable_text import escape_lines, escape_unprintable
+
+# Within these a line of the log is written: they hide what is shown in its place.
+log_line_contexts: Final[list[Callable[[], AbstractContextManager[None]]]] = []
 
 
 def print_lines(lines: Iterable[object]) -> None:
@@ -47,9 +52,18 @@ def start_log(level: int, form: str) -> None:
         level: Lowest level that is written.
         form: Format of a line, as ``logging.Formatter`` takes it.
     """
-    handler = logging.StreamHandler()
+    handler = _LogHandler()
     handler.setFormatter(_PrintableFormatter(form))
     logging.basicConfig(handlers=[handler], level=level)
+
+
+class _LogHandler(logging.StreamHandler[TextIO]):
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a line where no progress is shown."""
+        with ExitStack() as until_written:
+            for context in log_line_contexts:
+                until_written.enter_context(context())
+            super().emit(record)
 
 
 class _PrintableFormatter(logging.Formatter):

@@ -1,6 +1,7 @@
 """What the user sees while the ray engine is compiled."""
 
 import io
+import logging
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 
 from radarsim.cli import compile_progress as module
 from radarsim.cli.compile_progress import compile_progress, with_compile_progress
+from radarsim.cli.output import start_log
 from radarsim.compilation import ENGINE, compilation, describe
 
 LINE = "radarsim: compiling the ray engine, once on this machine\n"
@@ -98,6 +100,20 @@ def test_terminal_counts_seconds_in_one_line_that_vanishes(
     assert max(map(len, lines)) < columns
     assert "\n" not in shown
     assert terminal.getvalue() == shown  # no thread goes on
+
+
+@pytest.mark.usefixtures("cached")
+def test_lines_of_the_log_are_written_in_place_of_the_progress(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    start_log(logging.WARNING, "%(message)s")
+    with compile_progress(), compilation.running():
+        wait_until(lambda: "compiling" in terminal.getvalue())
+        logging.getLogger("radarsim.server").warning("late")
+    assert "\r\x1b[Klate\n" in terminal.getvalue()
 
 
 def test_without_a_folder_for_the_cache_it_is_not_told_to_happen_once(
