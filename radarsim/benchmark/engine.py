@@ -21,7 +21,6 @@ from radarsim.benchmark.scenes import (
     hall_of_mirrors,
 )
 from radarsim.benchmark.timing import BenchmarkRow, compare, measure
-from radarsim.geometry import Pose3
 from radarsim.plants.scenes import leaf_scene
 from radarsim.raycast.embree import FirstHits, Mesh
 from radarsim.raycast.rays import Rays
@@ -30,8 +29,8 @@ from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
-from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
+from radarsim.sensors.scan_plan import ScanRequest
 
 BATCH = 100
 # Upper limits of the ratio to a raw first-hit call, for the foliage wall.
@@ -67,20 +66,9 @@ def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]
     plans = [radar.plan(tracer, pose, rng) for _ in range(BATCH)]
     yield (
         f"{BATCH} scans of 361 beams",
-        lambda: plan_and_scan(scene, [(radar, pose, rng)] * BATCH),
+        partial(scan_batch, tracer, [ScanRequest(radar, pose, rng)] * BATCH),
         Rays.concatenate([plan.rays for plan in plans]),
     )
-
-
-def plan_and_scan(
-    scene: Scene, requests: list[tuple[RangeScanner, Pose3, np.random.Generator]]
-) -> list[Scan]:
-    """Take many scans in one cast, as the simulation does."""
-    tracer = tracer_of(scene)
-    planned = [
-        (scanner, scanner.plan(tracer, pose, rng)) for scanner, pose, rng in requests
-    ]
-    return scan_batch(tracer, planned)
 
 
 def against_open3d(seconds: float) -> Iterator[BenchmarkRow]:

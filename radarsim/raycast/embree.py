@@ -48,6 +48,7 @@ from radarsim.raycast.crossings import TINY
 from radarsim.raycast.embree_library import open_library
 from radarsim.raycast.intersect import (
     CORNERS_BYTES,
+    SceneHandle,
     on_nearby_primitive,
     on_primitive,
     pointer,
@@ -91,33 +92,6 @@ class Mesh(NamedTuple):
 
     vertices: ArrayLike
     faces: ArrayLike
-
-
-class SceneHandle(NamedTuple):
-    """What queries need of an ``EmbreeScene``; valid as long as that exists.
-
-    Attributes:
-        intersect: Address of ``rtcIntersect1``.
-        point_query: Address of ``rtcPointQuery``.
-        on_nearby: Address of ``on_nearby_primitive``.
-        scenes: (S + 1, 4) the addresses of Embree's scene, of the corners of its
-            triangles, and of the indices of the parts that these belong to; and where
-            the triangles begin in ``sliced``. The first row is that of the whole scene,
-            the others are those of its slices.
-        heights: (S + 1,) m, z of each slice; nan for the whole scene.
-        sliced: The indices in the whole scene of all slices' triangles.
-        radius: m, of a sphere around the origin that contains everything.
-        margin: m by which the boxes are wider than their triangles.
-    """
-
-    intersect: np.uint64
-    point_query: np.uint64
-    on_nearby: np.uint64
-    scenes: NDArray[np.uint64]
-    heights: Floats
-    sliced: NDArray[np.int64]
-    radius: float
-    margin: float
 
 
 class _Hierarchy:

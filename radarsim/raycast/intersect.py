@@ -75,6 +75,33 @@ CROSSING_BYTES: Final = 16
 ALIGNMENT: Final = 64  # bytes; Embree wants 16, and a cache line has 64
 
 
+class SceneHandle(NamedTuple):
+    """What queries need of an ``EmbreeScene``; valid as long as that exists.
+
+    Attributes:
+        intersect: Address of ``rtcIntersect1``.
+        point_query: Address of ``rtcPointQuery``.
+        on_nearby: Address of ``on_nearby_primitive``.
+        scenes: (S + 1, 4) the addresses of Embree's scene, of the corners of its
+            triangles, and of the indices of the parts that these belong to; and where
+            the triangles begin in ``sliced``. The first row is that of the whole scene,
+            the others are those of its slices.
+        heights: (S + 1,) m, z of each slice; nan for the whole scene.
+        sliced: The indices in the whole scene of all slices' triangles.
+        radius: m, of a sphere around the origin that contains everything.
+        margin: m by which the boxes are wider than their triangles.
+    """
+
+    intersect: np.uint64
+    point_query: np.uint64
+    on_nearby: np.uint64
+    scenes: NDArray[np.uint64]
+    heights: Floats
+    sliced: NDArray[np.int64]
+    radius: float
+    margin: float
+
+
 class Interval(NamedTuple):
     """The part of a line to be searched.
 
@@ -418,7 +445,16 @@ def on_nearby_primitive(call: Any) -> Any:
 
 
 @njit_cached
-def is_opaque_nearby(handle: Any, roles: Any, point: Any, radius: Any) -> Any:
+def new_query_buffer() -> Any:
+    """Allocate the buffer of a point query: all of it, the query, and the fields."""
+    buffer = _aligned(QUERY_BUFFER_SIZE)
+    return buffer, buffer.view(np.float32), buffer[QUERY_FIELDS_WORD // 2 :]
+
+
+@njit_inline
+def is_opaque_nearby(
+    handle: Any, roles: Any, point: Any, radius: Any, work: Any
+) -> Any:
     """Return whether something opaque may be within a radius around a point.
 
     The boxes around triangles count instead of the triangles: False is certain, and
@@ -429,13 +465,14 @@ def is_opaque_nearby(handle: Any, roles: Any, point: Any, radius: Any) -> Any:
         roles: (P,) uint8.
         point: (3,) m, relative to the scene's centre.
         radius: m.
+        work: From ``new_query_buffer``.
     """
-    buffer = _aligned(QUERY_BUFFER_SIZE)
-    query, fields = buffer.view(np.float32), buffer[QUERY_FIELDS_WORD // 2 :]
+    buffer, query, fields = work
     for axis in range(3):
         query[axis] = point[axis]
     query[RADIUS_WORD] = radius
     fields[0], fields[1] = handle.scenes[0, 2], np.uint64(roles.ctypes.data)
+    fields[2] = 0
     address = np.uint64(buffer.ctypes.data)
     _call_point_query(
         handle.point_query, handle.scenes[0, 0], address, handle.on_nearby

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
-from radarsim.raycast.propagate import MaterialTable
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
+from radarsim.raycast.traced_scene import MaterialTable
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 

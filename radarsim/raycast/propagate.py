@@ -29,7 +29,13 @@ from radarsim.raycast.attenuation import (
     start_ray,
     update_winding,
 )
-from radarsim.raycast.crossings import sort_crossings
+from radarsim.raycast.box_index import (
+    BoxIndex,
+    index_boxes_around,
+    intersect_boxes,
+    new_box_index,
+)
+from radarsim.raycast.crossings import CROSSING, sort_crossings
 from radarsim.raycast.intersect import (
     Interval,
     RayBuffer,
@@ -40,7 +46,7 @@ from radarsim.raycast.intersect import (
 )
 from radarsim.raycast.rays import is_valid_ray
 from radarsim.raycast.reflection import end_before_mirror, incidence_of, reflect
-from radarsim.raycast.robot_boxes import intersect_boxes
+from radarsim.raycast.traced_scene import unpack_scene
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 # The first window is as long as the path on which the densest volume takes all power,
@@ -48,64 +54,6 @@ UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 FIRST_WINDOW: Final = 1.4
 WINDOW_GROWTH: Final = 4.0
 RANGE_TOLERANCE: Final = 1e-9  # m; a surface this far beyond the range is within
-
-
-class MaterialTable(NamedTuple):
-    """The parts of a scene as each class of rays experiences them.
-
-    C is the number of ray classes, P of parts, V of volumes.
-
-    Attributes:
-        density: (C, P) power lost per metre inside.
-        sheet_loss: (C, P) power lost per crossed surface; nan for a volume.
-        absorption: (C, P) power that an opaque surface absorbs.
-        mirror: (C, P) uint8, whether an opaque surface is a mirror.
-        air: (C,) power lost per metre everywhere.
-        max_reflections: (C,) how many mirrors reflect a ray.
-        max_density: (C,) the greatest density of the volumes, or its equivalent for
-            sheets; 0 if there are neither.
-        forward_roles: (C, P) uint8, what a ray does with the parts ahead of it:
-            ``IGNORE``, ``COLLECT`` or stop at an ``OPAQUE`` one.
-        backward_roles: (C, P) uint8, the same behind its start, where only volumes
-            matter.
-        volume: (V,) int32, the parts that are penetrable volumes.
-        low: (V + 1, 3) m, the lower corners of their bounding boxes; the last row is
-            that of all volumes together.
-        high: (V + 1, 3) m, the upper corners, likewise.
-    """
-
-    density: Floats
-    sheet_loss: Floats
-    absorption: Floats
-    mirror: NDArray[np.uint8]
-    air: Floats
-    max_reflections: NDArray[np.int64]
-    max_density: Floats
-    forward_roles: NDArray[np.uint8]
-    backward_roles: NDArray[np.uint8]
-    volume: NDArray[np.int32]
-    low: Floats
-    high: Floats
-
-
-class TracedScene(NamedTuple):
-    """A scene as ``trace_rays`` takes it.
-
-    Attributes:
-        handle: The ``SceneHandle`` of the Embree scene and its slices.
-        centre: (3,) m, map frame, the origin of all other coordinates.
-        materials: The table of its materials for the classes of the rays.
-        triangles: (T, 9) m, the corners of all triangles.
-        boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
-        unsliced: (2,) updated by ``select_scene``.
-    """
-
-    handle: Any
-    centre: Floats
-    materials: MaterialTable
-    triangles: Floats
-    boxes: Floats
-    unsliced: Floats
 
 
 class Workspace(NamedTuple):
@@ -116,12 +64,14 @@ class Workspace(NamedTuple):
         state: The state of the ray.
         origin: (3,) m, the start of the segment.
         direction: (3,) the unit vector of the segment.
+        box_index: The boxes by direction.
     """
 
     buffer: RayBuffer
     state: RayState
     origin: Floats
     direction: Floats
+    box_index: BoxIndex
 
 
 class RayStatus(NamedTuple):
@@ -294,7 +244,8 @@ def _trace_segment(
         if needed > state.crossings.size:
             return progress, SegmentEnd(0, 0.0, -1), needed
     t, box = intersect_boxes(
-        scene.boxes, ray.carrier_id, work.origin, work.direction, max_range
+        *(work.box_index, scene.boxes, ray.carrier_id),
+        *(work.origin, work.direction, max_range),
     )
     # Boxes are numbered after the parts.
     limit = SegmentEnd(0, t, state.winding.size + box if box >= 0 else -1)
@@ -368,13 +319,23 @@ def _write_trace(traces: Any, i: Any, end: Any) -> None:
 
 
 @njit_cached
-def trace_rays(scene: Any, rays: Any, crossings: Any, events: Any, traces: Any) -> Any:
+def trace_rays(
+    words: Any,
+    boxes: Any,
+    rays: Any,
+    unsliced: Any,
+    max_crossings: Any,
+    events: Any,
+    traces: Any,
+) -> Any:
     """Trace rays one after the other.
 
     Args:
-        scene: The ``TracedScene``.
+        words: The words of the ``PackedScene``.
+        boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
         rays: The ``RayColumns``.
-        crossings: Room for the crossings of one segment.
+        unsliced: (2,) updated by ``select_scene``.
+        max_crossings: How many crossings of one segment there is room for.
         events: As in ``RayState``.
         traces: The ``TraceColumns`` to be filled.
 
@@ -382,10 +343,15 @@ def trace_rays(scene: Any, rays: Any, crossings: Any, events: Any, traces: Any) 
         0; or the number of surfaces on a segment that has more than there is room for;
         or, for an invalid ray, -1 minus its index.
     """
+    scene = unpack_scene(words, boxes, unsliced)
+    crossings = np.zeros(max_crossings, CROSSING)
     state = new_ray_state(scene.materials.density.shape[1], crossings, events)
     buffer = new_ray_buffer(scene.handle, crossings)
-    work = Workspace(buffer, state, np.zeros(3), np.zeros(3))
+    index, grouped = new_box_index(len(boxes)), 0
+    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index)
     for i in range(len(rays.origins)):
+        if i == grouped:
+            grouped = index_boxes_around(index, scene, rays.origins, i)
         code = _trace_ray(i, scene, rays, work, traces)
         if code:
             return code

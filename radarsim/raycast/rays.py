@@ -1,8 +1,8 @@
 """Input and output of the ray tracer: arrays with one row per ray."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from typing import Any, Final, NamedTuple, NoReturn
 
 import numpy as np
@@ -100,6 +100,8 @@ class Rays:
     @classmethod
     def concatenate(cls, batches: "Sequence[Rays]") -> "Rays":
         """Join one or more batches in order."""
+        if len(batches) == 1:
+            return batches[0]
         classes = batches[0].ray_classes
         if any(batch.ray_classes != classes for batch in batches):
             every = (each for batch in batches for each in batch.ray_classes)
@@ -116,6 +118,18 @@ class Rays:
         indices = [ray_classes.index(each) for each in self.ray_classes]
         class_index = np.array(indices, np.uint8)[self.class_index]
         return replace(self, class_index=class_index, ray_classes=ray_classes)
+
+    def rows(self, start: int, end: int) -> "Rays":
+        """Return views of consecutive rays."""
+        return Rays(
+            self.origins[start:end],
+            self.directions[start:end],
+            self.max_range[start:end],
+            self.power[start:end],
+            self.class_index[start:end],
+            self.carrier_id[start:end],
+            self.ray_classes,
+        )
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Return the rays in the given rows."""
@@ -148,10 +162,18 @@ class Traces:
 
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
         """Split the traces of concatenated batches, given the batches' sizes."""
-        edges = np.cumsum([0, *sizes]).tolist()
-        columns: list[Any] = [getattr(self, field.name) for field in fields(self)[:-1]]
+        if len(sizes) == 1:
+            return [self]
+        edges = [0, *accumulate(sizes)]
         return [
-            Traces(*[*(column[start:end] for column in columns), events])
+            Traces(
+                self.ranges[start:end],
+                self.outcomes[start:end],
+                self.parts[start:end],
+                self.power[start:end],
+                self.incidence[start:end],
+                events,
+            )
             for (start, end), events in zip(
                 pairwise(edges), self._split_events(edges), strict=True
             )
@@ -195,24 +217,32 @@ def columns_of(rays: Rays) -> RayColumns:
         EngineError: If the shape or dtype of a column is not that of ``Rays``.
     """
     n = len(rays.origins)
-    columns: list[Any] = []
-    for name, shape, dtype in (
-        ("origins", (n, 3), np.float64),
-        ("directions", (n, 3), np.float64),
-        ("max_range", (n,), np.float64),
-        ("power", (n,), np.float64),
-        ("class_index", (n,), np.uint8),
-        ("carrier_id", (n,), np.int64),
-    ):
-        array = getattr(rays, name)
-        if array.shape != shape:
-            raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
-        if array.dtype != dtype:
-            raise EngineError(f"{name} of {array.dtype}, expected {np.dtype(dtype)}")
-        # The layout is part of an array's type: another would compile everything anew.
-        plain = array.flags.c_contiguous and array.flags.writeable
-        columns.append(array if plain else array.copy())
-    return RayColumns(*columns)
+    vectors, numbers = (n, 3), (n,)
+    return RayColumns(
+        _plain("origins", rays.origins, vectors, _FLOAT),
+        _plain("directions", rays.directions, vectors, _FLOAT),
+        _plain("max_range", rays.max_range, numbers, _FLOAT),
+        _plain("power", rays.power, numbers, _FLOAT),
+        _plain("class_index", rays.class_index, numbers, _UINT8),
+        _plain("carrier_id", rays.carrier_id, numbers, _INT),
+    )
+
+
+_FLOAT, _UINT8, _INT = np.dtype(np.float64), np.dtype(np.uint8), np.dtype(np.int64)
+
+
+def _plain(
+    name: str, array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> NDArray[Any]:
+    """Return a column, copied if it is not contiguous and writeable.
+
+    The layout is part of an array's type: another would compile everything anew.
+    """
+    if array.shape != shape:
+        raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
+    if array.dtype != dtype:
+        raise EngineError(f"{name} of {array.dtype}, expected {dtype}")
+    return array if array.flags.carray else array.copy()
 
 
 @njit_inline

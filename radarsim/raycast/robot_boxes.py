@@ -1,6 +1,6 @@
 """Upright boxes that stop every ray: robots, which move while the scene is fixed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -28,6 +28,9 @@ class Boxes:
     """
 
     rows: Floats
+    _tables: dict[bytes, Floats] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         rows = np.asarray(self.rows, np.float64)
@@ -40,19 +43,18 @@ class Boxes:
             )
         object.__setattr__(self, "rows", rows)
 
-    def is_any_near(self, point: Floats, radius: float, carrier_id: int) -> bool:
-        """Return whether a box other than the carrier may be within ``radius`` m."""
-        x, y, _, _, _, length, width, box_id = self.rows.T
-        distance = np.hypot(x - point[0], y - point[1])
-        near = distance <= radius + np.hypot(length, width)
-        return bool((near & (box_id != carrier_id)).any())
-
     def table(self, centre: Floats) -> Floats:
-        """Return the table that ``intersect_boxes`` reads.
+        """Return the table that kernels read; it is computed once.
 
         Args:
             centre: (3,) m, the origin of its coordinates.
         """
+        key = centre.tobytes()
+        if key not in self._tables:
+            self._tables[key] = self._tabulate(centre)
+        return self._tables[key]
+
+    def _tabulate(self, centre: Floats) -> Floats:
         x, y, yaw, low, high, length, width, box_id = self.rows.T
         middle = x - centre[0], y - centre[1], (low + high) / 2 - centre[2]
         half = length, width, (high - low) / 2
@@ -71,34 +73,35 @@ def _intersect_slab(start: Any, slope: Any, half: Any) -> Any:
 
 
 @njit_inline
-def intersect_boxes(
-    boxes: Any, carrier_id: Any, origin: Any, direction: Any, max_range: Any
-) -> Any:
-    """Find the nearest surface of all boxes but the carrier's.
+def intersect_box(boxes: Any, i: Any, origin: Any, direction: Any) -> Any:
+    """Return the distance at which a ray meets a box, m; -1 if it does not.
 
     A ray that starts in a box hits it from within.
-
-    Returns:
-        The distance, m, at most ``max_range``; and the box's id, -1 for none.
     """
-    nearest, box_id = max_range, np.int64(-1)
     ex, ey = direction[0], direction[1]
+    dx, dy = origin[0] - boxes[i, X], origin[1] - boxes[i, Y]
+    # Most boxes are too far beside the ray: reject them by their circles first.
+    if abs(ex * dy - ey * dx) > boxes[i, FOOTPRINT_RADIUS]:
+        return -1.0
+    c, s = boxes[i, COS], boxes[i, SIN]
+    ahead = _intersect_slab(c * dx + s * dy, c * ex + s * ey, boxes[i, LENGTH])
+    beside = _intersect_slab(c * dy - s * dx, c * ey - s * ex, boxes[i, WIDTH])
+    above = _intersect_slab(origin[2] - boxes[i, Z], direction[2], boxes[i, HEIGHT])
+    near = max(ahead[0], beside[0], above[0])
+    far = min(ahead[1], beside[1], above[1])
+    t = near if near >= 0.0 else far
+    return t if near <= far and t >= 0.0 else -1.0
+
+
+@njit_inline
+def is_box_near(boxes: Any, carrier_id: Any, point: Any, radius: Any) -> Any:
+    """Return whether a box other than the carrier's may be within ``radius`` m."""
     for i in range(len(boxes)):
-        dx, dy = origin[0] - boxes[i, X], origin[1] - boxes[i, Y]
-        # Most boxes are too far beside the ray: reject them by their circles first.
-        distance = abs(ex * dy - ey * dx)
-        if distance > boxes[i, FOOTPRINT_RADIUS] or boxes[i, BOX_ID] == carrier_id:
-            continue
-        c, s = boxes[i, COS], boxes[i, SIN]
-        ahead = _intersect_slab(c * dx + s * dy, c * ex + s * ey, boxes[i, LENGTH])
-        beside = _intersect_slab(c * dy - s * dx, c * ey - s * ex, boxes[i, WIDTH])
-        above = _intersect_slab(origin[2] - boxes[i, Z], direction[2], boxes[i, HEIGHT])
-        near = max(ahead[0], beside[0], above[0])
-        far = min(ahead[1], beside[1], above[1])
-        t = near if near >= 0.0 else far
-        if near <= far and 0.0 <= t <= nearest:
-            nearest, box_id = t, np.int64(boxes[i, BOX_ID])
-    return nearest, box_id
+        dx, dy = point[0] - boxes[i, X], point[1] - boxes[i, Y]
+        reach = radius + boxes[i, FOOTPRINT_RADIUS]
+        if dx * dx + dy * dy <= reach * reach and boxes[i, BOX_ID] != carrier_id:
+            return True
+    return False
 
 
 @njit_inline

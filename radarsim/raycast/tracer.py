@@ -22,24 +22,19 @@ from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.attenuation import EVENT, EventKind
-from radarsim.raycast.crossings import CROSSING
+from radarsim.raycast.clearance import find_clear
 from radarsim.raycast.embree import EmbreeScene, Mesh
-from radarsim.raycast.intersect import is_opaque_nearby
 from radarsim.raycast.material_table import (
     centre_of,
     find_volumes,
     material_table,
 )
-from radarsim.raycast.propagate import (
-    MaterialTable,
-    TraceColumns,
-    TracedScene,
-    trace_rays,
-)
+from radarsim.raycast.propagate import TraceColumns, trace_rays
 from radarsim.raycast.rays import (
     DEFAULT_CLASSES,
     Event,
@@ -50,11 +45,14 @@ from radarsim.raycast.rays import (
     reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
+from radarsim.raycast.traced_scene import MaterialTable, PackedScene, pack_scene
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
 
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
+EMPTY: Final = np.zeros(0)
+NO_EVENTS: Final = np.zeros(0, EVENT)
 
 
 class Tracer:
@@ -89,6 +87,7 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._tables: dict[tuple[RayClass, ...], MaterialTable] = {}
+        self._packed: dict[tuple[RayClass, ...], PackedScene] = {}
         self._scene = EmbreeScene(
             [Mesh(part.vertices - self._centre, part.faces) for part in parts]
         )
@@ -132,32 +131,33 @@ class Tracer:
         self._events_per_ray = max(self._events_per_ray, most)
         return traces
 
-    def is_clear(
+    def find_clear(
         self,
-        point: Floats,
+        points: Floats,
         radius: float,
         medium: int,
         boxes: Boxes | None,
-        carrier_id: int,
-    ) -> bool:
-        """Return whether there is certainly nothing opaque near a point.
+        carrier_ids: NDArray[np.int64],
+    ) -> NDArray[np.bool_]:
+        """Return around which points there is certainly nothing opaque.
 
         Args:
-            point: (3,) m, map frame.
+            points: (N, 3 or more) m, map frame; only the first three columns count.
             radius: m.
             medium: ``RADAR`` or ``LASER``.
             boxes: The robots.
-            carrier_id: Id of a box that does not count; -1 for none.
+            carrier_ids: (N,) id of the box that does not count for each point; -1 for
+                none.
 
         Returns:
-            False also if something is only a little farther away.
+            (N,); False also where something is only a little farther away.
         """
-        if boxes is not None and boxes.is_any_near(point, radius, carrier_id):
-            return False
-        handle = self._scene.handle
-        roles = self._table_for(DEFAULT_CLASSES).forward_roles[medium]
-        point = point - self._centre
-        return not is_opaque_nearby(handle, roles, point, radius + handle.margin)
+        packed = self._packed_for(DEFAULT_CLASSES)
+        table = self._table_of(boxes)
+        clear: NDArray[np.bool_] = find_clear(
+            packed.words, table, medium, points, radius, carrier_ids
+        )
+        return clear
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
         """Trace rays and return the events of each, in order.
@@ -186,38 +186,46 @@ class Tracer:
             self._tables[ray_classes] = table
         return table
 
+    def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> PackedScene:
+        """Return the scene for kernels; packed anew after a slice was added."""
+        packed, handle = self._packed.get(ray_classes), self._scene.handle
+        if packed is None or packed.handle is not handle:
+            table = self._table_for(ray_classes)
+            packed = pack_scene(handle, self._centre, table, self._scene.triangles)
+            self._packed[ray_classes] = packed
+        return packed
+
+    def _table_of(self, boxes: Boxes | None) -> Floats:
+        return NO_BOXES if boxes is None else boxes.table(self._centre)
+
     def _trace(
         self, rays: Rays, boxes: Boxes | None, max_events: int, *, incidence: bool
     ) -> Traces:
         """Trace rays; all of them again with more memory if it was too little."""
         columns = columns_of(rays)
         n = len(rays.origins)
-        scene = TracedScene(
-            self._scene.handle,
-            self._centre,
-            self._table_for(rays.ray_classes),
-            self._scene.triangles,
-            NO_BOXES if boxes is None else boxes.table(self._centre),
-            np.zeros(2),
-        )
+        packed, table = self._packed_for(rays.ray_classes), self._table_of(boxes)
         while True:
+            unsliced = np.zeros(2)
             traces = TraceColumns(
                 np.zeros(n),
                 np.zeros(n, np.uint8),
                 np.zeros(n, np.int64),
                 np.zeros(n),
-                np.zeros(n if incidence else 0),
+                np.zeros(n) if incidence else EMPTY,
             )
-            events = np.zeros(max_events + 1 if max_events else 0, EVENT)
-            crossings = np.zeros(self._max_crossings, CROSSING)
-            needed = trace_rays(scene, columns, crossings, events, traces)
+            events = np.zeros(max_events + 1, EVENT) if max_events else NO_EVENTS
+            needed = trace_rays(
+                *(packed.words, table, columns, unsliced),
+                *(self._max_crossings, events, traces),
+            )
             count = int(events[-1]["ray"]) if max_events else 0
             if needed < 0:
                 reject_ray(rays, -1 - int(needed))
             if needed == 0 and count <= max_events:
-                height, unsliced = scene.unsliced.tolist()
-                if unsliced:
-                    self._scene.count_unsliced(height, int(unsliced))
+                height, rays_there = unsliced.tolist()
+                if rays_there:
+                    self._scene.count_unsliced(height, int(rays_there))
                 return Traces(*traces, events[:count])
             self._max_crossings = max(self._max_crossings, 2 * int(needed))
             max_events = max(max_events, count)

@@ -23,66 +23,78 @@ for the cone, what it proposes in section 7.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose3
-from radarsim.jit import njit_cached
+from radarsim.geometry import Floats
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.divergence import (
     METRES_PER_UNIT,
     offset_angle,
     two_way_deviation,
 )
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import LASER, RADAR, RayClass
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
 
 Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]
 
+EMPTY: Final = np.zeros(0)
 RIGHT, CENTRE, LEFT = -1, 0, 1
 CENTRE_TOLERANCE: Final = 1e-9  # rad off the middle of a beam
 
 
-@dataclass(frozen=True, slots=True)
-class BeamRays:
-    """The rays of one scan, beam by beam.
-
-    Attributes:
-        origins: (M, 3) m, map frame.
-        directions: (M, 3) unit vectors, map frame.
-    """
-
-    origins: Floats
-    directions: Floats
-
-
-class SampledRays(NamedTuple):
-    """The rays of one scan, sensor frame.
-
-    Attributes:
-        nodes: (M,) node of its beam that each ray is.
-        sides: (M,) side of its beam: -1 right, 0 centre, 1 left.
-        directions: (K, N, 3) unit vectors of all nodes of all beams.
-    """
-
-    nodes: Nodes
-    sides: Sides
-    directions: Floats
-
-
 class NodeTable(NamedTuple):
-    """Starts and directions of all nodes of all beams, sensor frame.
+    """All nodes of all beams, sensor frame.
 
     Attributes:
         directions: (K, N, 3) unit vectors.
         starts: (K, N, 3) m, or (1, N, 3) if all nodes of a beam start at one point.
+        edges: (K - 1,) between 0 and 1, the random numbers from which on the next node
+            is drawn.
+        sides: (K,) int8, the side of its beam on which each node is.
     """
 
     directions: Floats
     starts: Floats
+    edges: Floats
+    sides: Sides
+
+
+class AimedRays(NamedTuple):
+    """The rays of J scans with M rays each, scan by scan and beam by beam.
+
+    Attributes:
+        nodes: (J * M,) node of its beam that each ray is.
+        sides: (J * M,) side of its beam: -1 right, 0 centre, 1 left.
+        origins: (J * M, 3) m, map frame.
+        directions: (J * M, 3) unit vectors, map frame.
+    """
+
+    nodes: Nodes
+    sides: Sides
+    origins: Floats
+    directions: Floats
+
+    @classmethod
+    def empty(cls, count: int) -> "AimedRays":
+        """Allocate a number of rays, to be filled."""
+        nodes, sides = np.zeros(count, np.int16), np.zeros(count, np.int8)
+        return cls(nodes, sides, np.zeros((count, 3)), np.zeros((count, 3)))
+
+    def rows(self, start: int, end: int) -> "AimedRays":
+        """Return views of some of the rays."""
+        return AimedRays(
+            self.nodes[start:end],
+            self.sides[start:end],
+            self.origins[start:end],
+            self.directions[start:end],
+        )
 
 
 class BeamPattern:
@@ -98,120 +110,236 @@ class BeamPattern:
 
     def __init__(self, settings: SensorSettings) -> None:
         self.angles = beam_angles(settings)
-        self._offsets, self.weights = _nodes(settings)
+        offsets, self.weights = _nodes(settings)
         self._deviations = _random_deviations(settings)
-        self._starts = _starts(settings, self.angles)
-        self._directions = node_directions(self.angles, self._offsets)
-        self._node_sides = _sides(self._offsets)
+        starts = _starts(settings, self.angles)
+        sides = _sides(offsets)
         # Three rays may differ in their starts only, not in their angles.
         if settings.side_mode != "cone" and len(self.weights) == 3:
-            self._node_sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
-        self.radius = float(np.linalg.norm(self._starts, axis=2).max())
+            sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
         # The last edge is 1 but for rounding; without it no draw can lie beyond it.
-        self._edges = np.cumsum(self.weights)[:-1]
+        edges = np.cumsum(self.weights)[:-1]
+        directions = node_directions(self.angles, offsets)
+        self._table = NodeTable(directions, starts, edges, sides)
+        self.radius = float(np.linalg.norm(starts, axis=2).max())
         traces_all = settings.combines_rays or settings.incidence_weights
         self.rays = len(self.weights) if traces_all else 1
         self.is_random = self._deviations is not None or self.rays < len(self.weights)
-        beams = len(self.angles)
-        self._all_nodes = np.tile(np.arange(self.rays, dtype=np.int16), beams)
+        self.rays_per_scan = len(self.angles) * self.rays
 
-    def sample(self, rng: np.random.Generator | None) -> SampledRays:
-        """Sample the rays of one scan; ``rng`` is unused if ``is_random`` is False."""
-        if self._deviations is not None and rng is not None:
-            return self._sample_random(rng, self._deviations)
-        if self.rays == len(self.weights) or rng is None:
-            nodes = self._all_nodes
+    def draw(self, rng: np.random.Generator | None) -> Floats:
+        """Draw the random numbers of one scan; ``rng`` is unused if it needs none.
+
+        Returns:
+            (N,) 0 to 1, which select a node of each beam; or (K, N, 2), the angles of
+            random rays to the left and up, in standard deviations; or nothing.
+        """
+        if not self.is_random or rng is None:
+            return EMPTY
+        if self._deviations is None:
+            return rng.random(len(self.angles))
+        return rng.standard_normal((self.rays, len(self.angles), 2))
+
+    def aim(
+        self, poses: Floats, draws: Sequence[Floats], rays: AimedRays | None = None
+    ) -> AimedRays:
+        """Aim the rays of scans.
+
+        Args:
+            poses: (J, 6) x, y, z, roll, pitch, yaw of the sensor in each, map frame.
+            draws: What ``draw`` returned for each.
+            rays: To be filled; None for new ones.
+        """
+        if rays is None:
+            rays = AimedRays.empty(len(poses) * self.rays_per_scan)
+        if self._deviations is not None:
+            for i, draw in enumerate(draws):
+                first = i * self.rays_per_scan
+                some = rays.rows(first, first + self.rays_per_scan)
+                self._aim_random(poses[i : i + 1], draw * self._deviations, some)
+        elif self.is_random:
+            chances = draws[0] if len(draws) == 1 else np.concatenate(draws)
+            aim_scans(self._table, poses, chances, DRAWN, rays)
         else:
-            nodes = self._draw_nodes(rng)
-        return SampledRays(nodes, self._node_sides.take(nodes), self._directions)
+            aim_scans(self._table, poses, EMPTY, ALL, rays)
+        return rays
 
-    def _draw_nodes(self, rng: np.random.Generator) -> Nodes:
-        chance = rng.random(len(self.angles))
-        if len(self._edges) > 2:
-            return np.searchsorted(self._edges, chance, side="right").astype(np.int16)
-        # The same as the search, for beams of three rays: two comparisons.
-        nodes: Nodes = (chance >= self._edges[0]).astype(np.int16)
-        for edge in self._edges[1:]:
-            nodes += chance >= edge
-        return nodes
+    def aim_nodes(self, poses: Floats, nodes: Nodes) -> AimedRays:
+        """Aim given nodes.
 
-    def _sample_random(
-        self, rng: np.random.Generator, deviations: Floats
-    ) -> SampledRays:
-        """Draw the angles of random rays, as many for each beam as are traced."""
-        offsets = rng.standard_normal((self.rays, len(self.angles), 2)) * deviations
-        sides = _sides(offsets).T.ravel()
-        return SampledRays(
-            self._all_nodes, sides, node_directions(self.angles, offsets)
-        )
+        Args:
+            poses: (J, 6) as in ``aim``.
+            nodes: (J * M,) node of its beam that each ray is.
+        """
+        rays = AimedRays.empty(len(nodes))
+        rays.nodes[:] = nodes
+        aim_scans(self._table, poses, EMPTY, GIVEN, rays)
+        return rays
 
-    def replace_by_centre(
-        self, sampled: SampledRays, rows: NDArray[np.int64]
-    ) -> SampledRays:
-        """Replace side rays of three-ray beams by the centre ray."""
-        nodes, sides = sampled.nodes.copy(), sampled.sides.copy()
-        nodes[rows] = 1  # the middle one of three
-        sides[rows] = CENTRE
-        return SampledRays(nodes, sides, sampled.directions)
+    def aim_side(self, poses: Floats, side: int) -> AimedRays:
+        """Aim one ray of each beam.
 
-    def one_side(self, side: int) -> SampledRays:
-        """Return one ray of each beam, on one side of three.
+        Args:
+            poses: (J, 6) as in ``aim``.
+            side: -1 for the right one of three, 0 for the centre, 1 for the left one.
 
         Raises:
             ValueError: If the beams do not have three rays.
         """
-        matching = np.flatnonzero(self._node_sides == side)
+        matching = np.flatnonzero(self._table.sides == side)
         if self._deviations is not None or len(matching) != 1 or len(self.weights) > 3:
             raise ValueError(f"ray {side}, expected a beam of three rays")
-        nodes = np.full(len(self.angles), matching[0], np.int16)
-        return SampledRays(nodes, self._node_sides[nodes], self._directions)
+        count = len(poses) * len(self.angles)
+        return self.aim_nodes(poses, np.full(count, matching[0], np.int16))
 
-    def aim(self, pose: Pose3, sampled: SampledRays) -> BeamRays:
-        """Transform the rays of a scan to the map frame.
+    def _aim_random(self, pose: Floats, offsets: Floats, rays: AimedRays) -> None:
+        """Aim random rays, of which each scan has its own."""
+        directions = node_directions(self.angles, offsets)
+        aim_scans(self._table._replace(directions=directions), pose, EMPTY, ALL, rays)
+        rays.sides[:] = _sides(offsets).T.ravel()
+
+
+class RayTemplate:
+    """The rays of a sensor before they are aimed.
+
+    Most scans are as long as others before, and what they have in common is shared.
+    """
+
+    def __init__(self, settings: SensorSettings) -> None:
+        self._limits = settings.max_range, settings.penetration_power
+        self._ray_class = ray_class_of(settings)
+        self._rays = self._allocate(0)
+
+    def rays_from(
+        self, aimed: "AimedRays", carrier_ids: NDArray[np.int64] | None
+    ) -> Rays:
+        """Return aimed rays with range, power and class of the sensor's rays.
 
         Args:
-            pose: Pose of the sensor, map frame.
-            sampled: Rays sampled by this pattern.
+            aimed: M rays.
+            carrier_ids: (M,) the box that carries the sensor; None for none.
         """
-        origins, directions = np.zeros((2, len(sampled.nodes), 3))
-        table = NodeTable(sampled.directions, self._starts)
-        position, rotation = pose.position(), pose.rotation()
-        _aim(table, sampled.nodes, position, rotation, origins, directions)
-        return BeamRays(origins, directions)
+        n = len(aimed.nodes)
+        if n > len(self._rays.power):
+            self._rays = self._allocate(n)
+        rays = self._rays
+        return Rays(
+            aimed.origins,
+            aimed.directions,
+            rays.max_range[:n],
+            rays.power[:n],
+            rays.class_index[:n],
+            rays.carrier_id[:n] if carrier_ids is None else carrier_ids,
+            rays.ray_classes,
+        )
+
+    def _allocate(self, count: int) -> Rays:
+        nowhere, (max_range, power) = np.zeros((count, 3)), self._limits
+        rays = Rays.uniform(nowhere, nowhere, max_range=max_range, power=power)
+        return replace(rays, ray_classes=(self._ray_class,))
+
+
+@lru_cache(maxsize=64)
+def template_of(settings: SensorSettings) -> RayTemplate:
+    """Return the template of a sensor's rays; sensors of equal settings share it."""
+    return RayTemplate(settings)
+
+
+@lru_cache(maxsize=64)
+def pattern_of(settings: SensorSettings) -> BeamPattern:
+    """Return the beams of a sensor; sensors of equal settings share them."""
+    return BeamPattern(settings)
+
+
+# Which nodes `aim_scans` aims: those that the random numbers select, all of each beam,
+# or those that are given.
+DRAWN, ALL, GIVEN = range(3)
+
+
+@njit_inline
+def _node_of(edges: Any, chance: Any) -> Any:
+    """Return the node that a random number selects: how many edges it has reached."""
+    low, high = 0, len(edges)
+    while low < high:
+        middle = (low + high) // 2
+        if edges[middle] <= chance:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+class Frame(NamedTuple):
+    """The frame of a sensor in the map frame.
+
+    Attributes:
+        position: (3,) m.
+        rotation: (3, 3) from the sensor frame to the map frame.
+    """
+
+    position: Floats
+    rotation: Floats
+
+
+@njit_inline
+def _fill_frame(poses: Any, scan: Any, frame: Any) -> None:
+    """Set a frame to a pose; see ``geometry.rotation_matrix``, which it equals."""
+    cr, sr = np.cos(poses[scan, 3]), np.sin(poses[scan, 3])
+    cp, sp = np.cos(poses[scan, 4]), np.sin(poses[scan, 4])
+    cy, sy = np.cos(poses[scan, 5]), np.sin(poses[scan, 5])
+    rotation = frame.rotation
+    rotation[0, 0], rotation[1, 0], rotation[2, 0] = cy * cp, sy * cp, -sp
+    rotation[0, 1] = cy * sp * sr - sy * cr
+    rotation[1, 1] = sy * sp * sr + cy * cr
+    rotation[2, 1], rotation[2, 2] = cp * sr, cp * cr
+    rotation[0, 2] = cy * sp * cr + sy * sr
+    rotation[1, 2] = sy * sp * cr - cy * sr
+    for axis in range(3):
+        frame.position[axis] = poses[scan, axis]
+
+
+@njit_inline
+def _aim_ray(table: Any, frame: Any, beam: Any, rays: Any, i: Any) -> None:
+    """Transform ray ``i`` of a beam, whose node is known, to the map frame."""
+    node = np.int64(rays.nodes[i])
+    rays.sides[i] = table.sides[node]
+    starts, directions = table.starts, table.directions
+    first = node if starts.shape[0] > 1 else 0
+    sx, sy, sz = starts[first, beam, 0], starts[first, beam, 1], starts[first, beam, 2]
+    dx, dy = directions[node, beam, 0], directions[node, beam, 1]
+    dz = directions[node, beam, 2]
+    for row in range(3):
+        x, y, z = frame.rotation[row, 0], frame.rotation[row, 1], frame.rotation[row, 2]
+        # The sums begin with 0.0, so that none of them is -0.0.
+        rays.origins[i, row] = frame.position[row] + (0.0 + x * sx + y * sy + z * sz)
+        rays.directions[i, row] = 0.0 + x * dx + y * dy + z * dz
 
 
 @njit_cached
-def _aim(
-    table: Any,
-    nodes: Any,
-    position: Any,
-    rotation: Any,
-    origins: Any,
-    directions: Any,
-) -> None:
-    """Transform rays from the sensor frame to the map frame.
+def aim_scans(table: Any, poses: Any, chances: Any, choice: Any, rays: Any) -> None:
+    """Select the rays of scans, and transform them to the map frame.
 
     Args:
         table: NodeTable of the beams.
-        nodes: (M,) node of each ray, as many for each beam.
-        position: (3,) position of the sensor, m.
-        rotation: (3, 3) from the sensor frame to the map frame.
-        origins: (M, 3) to be filled.
-        directions: (M, 3) to be filled.
+        poses: (J, 6) x, y, z, roll, pitch, yaw of the sensor in each scan, map frame.
+        chances: (J * N,) random numbers from 0 to 1; empty unless ``DRAWN``.
+        choice: ``DRAWN``, ``ALL`` or ``GIVEN``.
+        rays: AimedRays to be filled, as many for each beam; its nodes are read if they
+            are ``GIVEN``.
     """
-    rays_per_beam = len(nodes) // table.directions.shape[1]
-    separate_starts = table.starts.shape[0] > 1
-    for i in range(len(nodes)):
-        beam, node = i // rays_per_beam, nodes[i]
-        start_node = node if separate_starts else 0
-        for row in range(3):
-            start, direction = 0.0, 0.0
-            for column in range(3):
-                turn = rotation[row, column]
-                start += turn * table.starts[start_node, beam, column]
-                direction += turn * table.directions[node, beam, column]
-            origins[i, row] = position[row] + start
-            directions[i, row] = direction
+    beams, frame = table.directions.shape[1], Frame(np.zeros(3), np.zeros((3, 3)))
+    rays_per_beam = len(rays.nodes) // max(len(poses) * beams, 1)
+    i = 0
+    for scan in range(len(poses)):
+        _fill_frame(poses, scan, frame)
+        for beam in range(beams):
+            for ray in range(rays_per_beam):
+                if choice == DRAWN:
+                    rays.nodes[i] = _node_of(table.edges, chances[i])
+                elif choice == ALL:
+                    rays.nodes[i] = ray
+                _aim_ray(table, frame, beam, rays, i)
+                i += 1
 
 
 def ray_class_of(settings: SensorSettings) -> RayClass:

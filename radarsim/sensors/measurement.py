@@ -25,6 +25,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
+from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, Sides
 from radarsim.sensors.echo_extraction import (
     SPENT,
@@ -48,6 +49,24 @@ MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGES
 Rows = NDArray[np.int64]
 
 
+class Draws(NamedTuple):
+    """The random numbers of one scan; empty columns where it needs none.
+
+    Attributes:
+        beams: What ``BeamPattern.draw`` returned.
+        ray: (N,) 0 to 1, which select one ray of each beam after tracing.
+        range_error: (N,) errors of the ranges, in standard deviations.
+        rain: (2, N), which decide where rain shows, and how strongly.
+        events: Whether tracing must record the events along the rays.
+    """
+
+    beams: Floats
+    ray: Floats
+    range_error: Floats
+    rain: Floats
+    events: bool
+
+
 class PlannedScan(NamedTuple):
     """A scan whose rays are chosen but not yet traced.
 
@@ -56,12 +75,7 @@ class PlannedScan(NamedTuple):
         pose: Pose of the sensor, map frame.
         sides: (M,) side of its beam on which each ray is.
         rays: The M rays, as many for each beam.
-        ray_draw: (N,) 0 to 1, random numbers that select one ray of each beam after
-            tracing; empty if none is selected.
-        range_error: (N,) errors of the ranges, in standard deviations; empty for none.
-        rain_draw: (2, N) random numbers that decide where rain shows, and how strongly;
-            empty where no rain falls.
-        events: Whether tracing must record the events along the rays.
+        draws: The random numbers that are used after tracing.
         incidence: Whether tracing must record the angles of incidence.
     """
 
@@ -69,11 +83,13 @@ class PlannedScan(NamedTuple):
     pose: Pose3
     sides: Sides
     rays: Rays
-    ray_draw: Floats
-    range_error: Floats
-    rain_draw: Floats
-    events: bool
+    draws: Draws
     incidence: bool
+
+    @property
+    def events(self) -> bool:
+        """Whether tracing must record the events along the rays."""
+        return self.draws.events
 
 
 class ScanBuilder:
@@ -103,30 +119,33 @@ class ScanBuilder:
         )
         self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
         self.is_random = self.selects_ray or self.is_noisy
+        self._resolution = math.radians(settings.resolution_deg)
         self._shares = np.tile(pattern.weights, len(pattern.angles))
 
-    def build(self, plan: PlannedScan, traces: Traces) -> Scan:
+    def build(
+        self, plan: PlannedScan, traces: Traces, scene: Scene | None = None
+    ) -> Scan:
         """Build a scan from its traced rays.
 
         Args:
             plan: A scan planned by this scanner.
             traces: Its traced rays, with events and incidence if the plan asks for
                 them.
+            scene: The scene, if no robots are in it.
         """
         rows = self._select_rays(plan, traces)
         if plan.events:
-            return self._build_from_events(plan, traces, rows)
+            return self._build_from_events(plan, traces, rows, scene)
         outcomes, ranges = traces.outcomes, traces.ranges
         if rows is None:
             ranges = ranges.copy()
         else:
             outcomes, ranges = outcomes[rows], ranges[rows]
-        self._add_errors(ranges, plan.range_error)
+        self._add_errors(ranges, plan.draws.range_error)
         if self._settings.spent_reads != "range":
             ranges[outcomes == Outcome.SPENT] = self._spent_range()
-        return self._scan(
-            plan, ranges, rows, partial(self._end_echoes, plan, traces, rows)
-        )
+        find_echoes = partial(self._end_echoes, plan, traces, rows)
+        return self._scan(plan, ranges, rows, find_echoes, scene)
 
     def _spent_range(self) -> float:
         return 0.0 if self._settings.spent_reads == "zero" else math.inf
@@ -145,12 +164,16 @@ class ScanBuilder:
         empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam met anything
         chances[empty] = weights[empty]
         edges = np.cumsum(chances, axis=1)
-        drawn = plan.ray_draw * edges[:, -1]
+        drawn = plan.draws.ray * edges[:, -1]
         node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
         return np.asarray(np.arange(len(node)) * per_beam + node)
 
     def _build_from_events(
-        self, plan: PlannedScan, traces: Traces, rows: Rows | None
+        self,
+        plan: PlannedScan,
+        traces: Traces,
+        rows: Rows | None,
+        scene: Scene | None,
     ) -> Scan:
         settings = self._settings
         columns = self._all_echoes(plan, traces, rows)
@@ -168,7 +191,8 @@ class ScanBuilder:
             ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
         if settings.return_mode != "all":
             columns = columns.take(selected[found])
-        return self._scan(plan, ranges, rays, partial(self._echoes, plan, columns))
+        find_echoes = partial(self._echoes, plan, columns)
+        return self._scan(plan, ranges, rays, find_echoes, scene)
 
     def _all_echoes(
         self, plan: PlannedScan, traces: Traces, rows: Rows | None
@@ -183,14 +207,14 @@ class ScanBuilder:
         columns = extract_echoes(
             traces, weights, self._pattern.rays, densities, settings
         )
-        if plan.rain_draw.size:
+        if plan.draws.rain.size:
             stand_ins = self._middle_rows() if rows is None else rows
             speckle = find_speckle(
-                plan.tracer, traces.events, stand_ins, plan.rain_draw, settings
+                plan.tracer, traces.events, stand_ins, plan.draws.rain, settings
             )
             columns = add_rain(columns, speckle, stand_ins)
         columns = merge_echoes(columns, settings.range_resolution)
-        error = plan.range_error[columns.beam] if self.is_noisy else None
+        error = plan.draws.range_error[columns.beam] if self.is_noisy else None
         self._add_errors(columns.t, error)
         return columns
 
@@ -224,6 +248,7 @@ class ScanBuilder:
         ranges: Floats,
         rows: Rows | None,
         find_echoes: Callable[[], Echoes],
+        scene: Scene | None,
     ) -> Scan:
         rays, sides = plan.rays, plan.sides
         if rows is not None:
@@ -236,9 +261,10 @@ class ScanBuilder:
             rays=sides if self._settings.has_side_rays else None,
             range_min=self._settings.min_range,
             range_max=self._settings.max_range,
-            resolution=math.radians(self._settings.resolution_deg),
+            resolution=self._resolution,
             cast=rays,
             find_echoes=find_echoes,
+            scene=scene,
         )
 
     def _echoes(self, plan: PlannedScan, columns: EchoColumns) -> Echoes:
@@ -262,6 +288,6 @@ class ScanBuilder:
         columns = extract_ray_ends(traces, rows, self._settings.penetration_power)
         if self._settings.spent_reads == "nothing":
             columns = columns.take(columns.kind != SPENT)
-        error = plan.range_error[columns.beam] if self.is_noisy else None
+        error = plan.draws.range_error[columns.beam] if self.is_noisy else None
         self._add_errors(columns.t, error)
         return self._echoes(plan, columns)

@@ -1,33 +1,25 @@
-"""Range scanners: radars and lasers, which differ only in their settings.
-
-A scan is taken in three steps, so that many scans can be traced together: ``plan``
-draws and aims the rays, a ``Tracer`` traces them, ``read`` builds the scan.
-``RangeScanner.scan`` does all three for one scan, ``scan_batch`` for many.
-"""
+"""Range scanners: radars and lasers, which differ only in their settings."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import BeamPattern, SampledRays, Sides, ray_class_of
-from radarsim.sensors.measurement import PlannedScan, ScanBuilder
+from radarsim.sensors.beams import EMPTY, Sides, pattern_of, template_of
+from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import ScanArrays, scan_poses
+from radarsim.sensors.scan_batch import ScanArrays, scan_batch, scan_poses
+from radarsim.sensors.scan_plan import ScanRequest, plan_scans
 
-EMPTY: Final = np.zeros(0)
 NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
 
@@ -40,24 +32,21 @@ class RangeScanner:
         settings: All its settings.
         angles: (N,) directions of its beams, rad, counter-clockwise from the right.
         rays_per_scan: Number of rays that are traced for one scan.
+        pattern: Its beams.
+        template: Its rays before they are aimed.
+        medium: ``RADAR`` or ``LASER``.
+        needs_incidence: Whether tracing must record the angles of incidence.
     """
 
     def __init__(self, name: str, settings: SensorSettings) -> None:
         self.name = name
         self.settings = settings
-        self._pattern = BeamPattern(settings)
-        self.angles = self._pattern.angles
-        self._medium = RADAR if settings.medium == "radar" else LASER
-        self._builder = ScanBuilder(name, settings, self._pattern)
-        self.rays_per_scan = len(self.angles) * self._pattern.rays
-        nowhere = np.zeros((self.rays_per_scan, 3))
-        self._template = Rays.uniform(
-            nowhere,
-            nowhere,
-            max_range=settings.max_range,
-            power=settings.penetration_power,
-        )
-        self._ray_classes = (ray_class_of(settings),)
+        self.pattern, self.template = pattern_of(settings), template_of(settings)
+        self.angles = self.pattern.angles
+        self.rays_per_scan = self.pattern.rays_per_scan
+        self.medium = RADAR if settings.medium == "radar" else LASER
+        self._builder = ScanBuilder(name, settings, self.pattern)
+        self.needs_incidence = self._builder.needs_incidence
 
     def __repr__(self) -> str:
         settings = self.settings
@@ -104,10 +93,8 @@ class RangeScanner:
         Raises:
             ValueError: If the pose is invalid, or an rng is needed and missing.
         """
-        tracer = tracer_of(scene)
-        plan = self.plan(tracer, sensor_pose(scene, pose), rng)
-        traces = tracer.trace(plan.rays, events=plan.events, incidence=plan.incidence)
-        return replace(self.read(plan, traces), scene=scene)
+        request = ScanRequest(self, sensor_pose(scene, pose), rng)
+        return scan_batch(tracer_of(scene), [request], scene=scene)[0]
 
     def scan_many(
         self,
@@ -138,14 +125,10 @@ class RangeScanner:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> PlannedScan:
-        """Draw the rays of one scan and aim them.
-
-        Which random numbers are drawn depends on the scene only in whether it rains
-        there, so that moving robots do not change the numbers drawn next.
+        """Draw the rays of one scan and aim them; see ``plan_scans``.
 
         Args:
-            tracer: Tracer of the scene; it finds side rays that start behind an opaque
-                surface, which the centre ray replaces.
+            tracer: Tracer of the scene.
             pose: Pose of the sensor, map frame.
             rng: Source of randomness.
             boxes: Boxes of the robots.
@@ -154,36 +137,34 @@ class RangeScanner:
         Raises:
             ValueError: If an rng is needed and missing.
         """
-        builder = self._builder
-        is_raining = tracer.has_rain and self._medium == RADAR
-        is_random = self._pattern.is_random or builder.is_random or is_raining
+        request = ScanRequest(self, pose, rng, carrier_id)
+        (group,) = plan_scans(tracer, [request], boxes)
+        return group.plans[0]
+
+    def draw(self, rng: np.random.Generator | None, *, is_raining: bool) -> Draws:
+        """Draw the random numbers of one scan.
+
+        Args:
+            rng: Source of randomness.
+            is_raining: Whether it rains anywhere in the scene.
+
+        Raises:
+            ValueError: If an rng is needed and missing.
+        """
+        builder, beams = self._builder, len(self.angles)
+        is_raining = is_raining and self.medium == RADAR
+        is_random = self.pattern.is_random or builder.is_random or is_raining
         if is_random and not isinstance(rng, np.random.Generator):
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
-        sampled = self._pattern.sample(rng)
-        ray_draw, range_error, rain_draw = EMPTY, EMPTY, NO_RAIN
-        if rng is not None and builder.selects_ray:
-            ray_draw = rng.random(len(self.angles))
-        if rng is not None and builder.is_noisy:
-            range_error = rng.standard_normal(len(self.angles))
-        if rng is not None and is_raining:
-            rain_draw = rng.standard_exponential((2, len(self.angles)))
-        position, radius = pose.position(), self._pattern.radius
-        if radius and not tracer.is_clear(
-            position, radius, self._medium, boxes, carrier_id
-        ):
-            hidden = self._hidden_rays(tracer, pose, sampled, boxes, carrier_id)
-            sampled = self._pattern.replace_by_centre(sampled, hidden)
-        rays = self._rays(pose, sampled, carrier_id)
-        return PlannedScan(
-            tracer,
-            pose,
-            sampled.sides,
-            rays,
-            ray_draw,
-            range_error,
-            rain_draw,
+        if rng is None or not is_random:
+            return Draws(EMPTY, EMPTY, EMPTY, NO_RAIN, builder.needs_events)
+        # In this order, which the numbers that follow depend on.
+        return Draws(
+            self.pattern.draw(rng),
+            rng.random(beams) if builder.selects_ray else EMPTY,
+            rng.standard_normal(beams) if builder.is_noisy else EMPTY,
+            rng.standard_exponential((2, beams)) if is_raining else NO_RAIN,
             builder.needs_events or is_raining,
-            builder.needs_incidence,
         )
 
     def aim_one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
@@ -196,59 +177,21 @@ class RangeScanner:
         Raises:
             ValueError: If the beams do not have three rays.
         """
-        sampled = self._pattern.one_side(side)
-        return sampled.sides, self._rays(pose, sampled, -1)
+        aimed = self.pattern.aim_side(np.array([pose.numbers()]), side)
+        return aimed.sides, self.template.rays_from(aimed, None)
 
-    def read(self, plan: PlannedScan, traces: Traces) -> Scan:
+    def read(
+        self, plan: PlannedScan, traces: Traces, scene: Scene | None = None
+    ) -> Scan:
         """Build a scan from its traced rays.
 
         Args:
             plan: A scan planned by this scanner.
             traces: Its traced rays, with events and incidence if the plan asks for
                 them.
+            scene: The scene, if no robots are in it.
         """
-        return self._builder.build(plan, traces)
-
-    def _rays(self, pose: Pose3, sampled: SampledRays, carrier_id: int) -> Rays:
-        beams = self._pattern.aim(pose, sampled)
-        template, n = self._template, len(sampled.nodes)
-        if n < len(template.max_range):
-            template = template.take(np.arange(n))
-        carrier_ids = template.carrier_id if carrier_id < 0 else np.full(n, carrier_id)
-        return Rays(
-            beams.origins,
-            beams.directions,
-            template.max_range,
-            template.power,
-            template.class_index,
-            carrier_ids,
-            self._ray_classes,
-        )
-
-    def _hidden_rays(
-        self,
-        tracer: Tracer,
-        pose: Pose3,
-        sampled: SampledRays,
-        boxes: Boxes | None,
-        carrier_id: int,
-    ) -> NDArray[np.int64]:
-        """Return the indices of side rays that start behind an opaque surface."""
-        starts = self._pattern.aim(pose, sampled).origins
-        offset = starts - pose.position()
-        length = np.linalg.norm(offset, axis=1)
-        moved = np.flatnonzero(length > 0)
-        rays = Rays.uniform(
-            np.broadcast_to(pose.position(), (len(moved), 3)),
-            offset[moved] / length[moved, None],
-            max_range=0.0,
-            medium=self._medium,
-            carrier_id=carrier_id,
-        )
-        traces = tracer.trace(replace(rays, max_range=length[moved]), boxes)
-        blocked = traces.outcomes != Outcome.NOTHING
-        hidden: NDArray[np.int64] = moved[blocked]
-        return hidden
+        return self._builder.build(plan, traces, scene)
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:

@@ -5,7 +5,7 @@ same order. Tracing needs neither random numbers nor Python's lock: for many pos
 are traced in threads, a chunk of scans at a time, while those of the next are drawn.
 """
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -14,12 +14,12 @@ import numpy as np
 
 from radarsim.cpu_count import process_cpu_count
 from radarsim.geometry import Floats, Pose3
-from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
+from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import Sides
-from radarsim.sensors.measurement import PlannedScan
 from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_plan import ScanGroup, ScanRequest, plan_scans
 
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
@@ -47,36 +47,59 @@ class ScanArrays(NamedTuple):
 
 def scan_batch(
     tracer: Tracer,
-    planned: Sequence[tuple["RangeScanner", PlannedScan]],
+    requests: Sequence[ScanRequest],
     boxes: Boxes | None = None,
+    *,
+    scene: Scene | None = None,
 ) -> list[Scan]:
-    """Trace planned scans together and build them.
-
-    Scans that need events or incidence are traced apart from the others, for which
-    recording these would cost time.
+    """Take many scans at once.
 
     Args:
-        tracer: Tracer of the scene for which the scans are planned.
-        planned: Each scanner with its plan.
+        tracer: Tracer of the scene.
+        requests: The scans.
         boxes: Boxes of the robots.
+        scene: The scene, if the scans shall know it.
 
     Returns:
-        The scans in the same order.
+        The scans in the same order; each is that which its sensor would take alone, if
+        all were taken one after the other.
+
+    Raises:
+        ValueError: If an rng is needed and missing.
     """
-    groups: defaultdict[tuple[bool, bool], list[int]] = defaultdict(list)
-    for i, (_, plan) in enumerate(planned):
-        groups[plan.events, plan.incidence].append(i)
+    groups = plan_scans(tracer, requests, boxes)
+    return trace_groups(tracer, requests, groups, boxes, scene=scene)
+
+
+def trace_groups(
+    tracer: Tracer,
+    requests: Sequence[ScanRequest],
+    groups: Sequence[ScanGroup],
+    boxes: Boxes | None = None,
+    *,
+    scene: Scene | None = None,
+) -> list[Scan]:
+    """Trace planned scans, and build them.
+
+    Args:
+        tracer: Tracer of the scene.
+        requests: The scans.
+        groups: What ``plan_scans`` returned for them.
+        boxes: Boxes of the robots.
+        scene: The scene, if the scans shall know it.
+
+    Returns:
+        The scans in the order of the requests.
+    """
     scans: dict[int, Scan] = {}
-    for (events, incidence), members in groups.items():
-        batches = [planned[i][1].rays for i in members]
+    for group in groups:
         traces = tracer.trace(
-            Rays.concatenate(batches), boxes, events=events, incidence=incidence
+            group.rays, boxes, events=group.events, incidence=group.incidence
         )
-        pieces = traces.split([len(rays.max_range) for rays in batches])
-        for i, piece in zip(members, pieces, strict=True):
-            scanner, plan = planned[i]
-            scans[i] = scanner.read(plan, piece)
-    return [scans[i] for i in range(len(planned))]
+        pieces = traces.split([len(plan.sides) for plan in group.plans])
+        for i, plan, piece in zip(group.indices, group.plans, pieces, strict=True):
+            scans[i] = requests[i].scanner.read(plan, piece, scene)
+    return [scans[i] for i in range(len(requests))]
 
 
 def scan_poses(
@@ -124,9 +147,11 @@ def _scans(
     pending: deque[Future[list[Scan]]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         for start in range(0, len(poses), step):
-            chunk = poses[start : start + step]
-            planned = [(scanner, scanner.plan(tracer, pose, rng)) for pose in chunk]
-            pending.append(pool.submit(scan_batch, tracer, planned))
+            requests = [
+                ScanRequest(scanner, pose, rng) for pose in poses[start : start + step]
+            ]
+            groups = plan_scans(tracer, requests)
+            pending.append(pool.submit(trace_groups, tracer, requests, groups))
             if len(pending) > workers:
                 yield from pending.popleft().result()
         for future in pending:

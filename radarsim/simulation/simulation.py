@@ -28,6 +28,7 @@ from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
+from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.config import TICK, SimulationConfig, seconds
 from radarsim.simulation.ray_items import RayItem, read_together
@@ -195,15 +196,15 @@ class Simulation:
         self, due: list[tuple[Vehicle, MountedScanner]], boxes: Boxes
     ) -> list[Scan]:
         """Take all scans in one batch."""
-        planned = []
+        requests = []
         for vehicle, mounted in due:
             scanner = mounted.scanner
             if vehicle.has_echoes_enabled(mounted.item):
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
-            plan = scanner.plan(self._tracer, pose, mounted.rng, boxes, vehicle.number)
-            planned.append((scanner, plan))
-        return scan_batch(self._tracer, planned, boxes)
+            request = ScanRequest(scanner, pose, mounted.rng, vehicle.number)
+            requests.append(request)
+        return scan_batch(self._tracer, requests, boxes)
 
     def _cast(
         self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
@@ -223,11 +224,11 @@ class Simulation:
         settings = {"incidence_weights": True, "ray_choice": "together"}
         together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
         rng, boxes = generator_for(0, "warm-up"), self.boxes()
-        planned = [
-            (scanner, scanner.plan(self._tracer, pose, rng, boxes, carrier_id=0))
+        requests = [
+            ScanRequest(scanner, pose, rng, 0)
             for scanner in (radar, radar.with_all_echoes, together)
         ]
-        scan_batch(self._tracer, planned, boxes)
+        scan_batch(self._tracer, requests, boxes)
         sonar = SonarArray([pose], [sonar_settings()])
         self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
         self._fleet.step(TICK)

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.geometry import Floats
 from radarsim.raycast.rays import LASER, RADAR
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
@@ -12,6 +13,18 @@ from radarsim.scene.shapes import box
 
 WALL, LEAF = Material("wall"), Material("leaf", density=1.0)
 ROOM = Part("room", WALL, *box(10, 10, 10))
+
+
+def is_clear(
+    tracer: Tracer,
+    place: Floats,
+    radius: float,
+    medium: int = RADAR,
+    boxes: Boxes | None = None,
+    carrier_id: int = -1,
+) -> bool:
+    carriers = np.array([carrier_id])
+    return bool(tracer.find_clear(place[None], radius, medium, boxes, carriers)[0])
 
 
 def bush(x: float) -> Part:
@@ -25,28 +38,42 @@ def test_point_is_clear_if_no_wall_is_within_the_radius(
 ) -> None:
     tracer = Tracer([ROOM])
     gap = min(abs(5 - abs(x)), 5 - abs(y), 5)
-    is_clear = tracer.is_clear(np.array([x, y, 0.0]), radius, RADAR, None, -1)
+    clear = is_clear(tracer, np.array([x, y, 0.0]), radius)
     if gap < radius:
-        assert not is_clear
+        assert not clear
     elif gap > radius + 1e-3:
-        assert is_clear
+        assert clear
 
 
-@pytest.mark.parametrize(("medium", "is_clear"), [(RADAR, True), (LASER, False)])
-def test_foliage_is_opaque_only_to_lasers(medium: int, is_clear: bool) -> None:
+@pytest.mark.parametrize(("medium", "clear"), [(RADAR, True), (LASER, False)])
+def test_foliage_is_opaque_only_to_lasers(medium: int, clear: bool) -> None:
     tracer = Tracer([ROOM, bush(1)])
     place = np.array([0.45, 0.0, 0.0])
-    assert tracer.is_clear(place, 0.1, medium, None, -1) is is_clear
+    assert is_clear(tracer, place, 0.1, medium) is clear
 
 
 def test_other_robots_are_opaque_and_the_carrier_is_not() -> None:
     tracer = Tracer([ROOM])
     boxes = Boxes(np.array([[1.0, 0, 0, -1, 1, 0.3, 0.2, 7]]))
     place = np.array([0.6, 0.0, 0.0])
-    assert not tracer.is_clear(place, 0.1, RADAR, boxes, -1)
-    assert tracer.is_clear(place, 0.1, RADAR, boxes, 7)
-    assert tracer.is_clear(place - 2.0, 0.1, RADAR, boxes, -1)
+    assert not is_clear(tracer, place, 0.1, boxes=boxes)
+    assert is_clear(tracer, place, 0.1, boxes=boxes, carrier_id=7)
+    assert is_clear(tracer, place - 2.0, 0.1, boxes=boxes)
 
 
 def test_every_point_of_an_empty_scene_is_clear() -> None:
-    assert Tracer([]).is_clear(np.zeros(3), 5.0, RADAR, None, -1)
+    assert is_clear(Tracer([]), np.zeros(3), 5.0)
+
+
+def test_points_are_tested_together_as_alone() -> None:
+    tracer = Tracer([ROOM, bush(1)])
+    boxes = Boxes(np.array([[1.0, 0, 0, -1, 1, 0.3, 0.2, 7]]))
+    rng = np.random.Generator(np.random.PCG64(1))
+    places, carriers = rng.uniform(-6, 6, (200, 3)), rng.choice([-1, 7], 200)
+    together = tracer.find_clear(places, 0.4, LASER, boxes, carriers)
+    alone = [
+        is_clear(tracer, place, 0.4, LASER, boxes, carrier)
+        for place, carrier in zip(places, carriers.tolist(), strict=True)
+    ]
+    assert together.tolist() == alone
+    assert 0 < sum(alone) < len(alone)

@@ -12,24 +12,30 @@ from radarsim.presets.divergence import offset_units, two_way_deviation
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
-from radarsim.sensors.beams import (
-    BeamPattern,
-    BeamRays,
-    SampledRays,
-    Sides,
-    beam_angles,
-)
+from radarsim.sensors.beams import AimedRays, BeamPattern, Sides, beam_angles
 
-HERE = Pose3(1.0, -2.0, 0.5)
+ORIGIN, HERE = Pose3(0.0, 0.0, 0.0), Pose3(1.0, -2.0, 0.5)
 
 
-def aim(settings: SensorSettings, pose: Pose3, side: int) -> BeamRays:
-    pattern = BeamPattern(settings)
-    return pattern.aim(pose, pattern.one_side(side))
+def rows(*poses: Pose3) -> Floats:
+    return np.array([pose.numbers() for pose in poses], np.float64)
+
+
+def aim(settings: SensorSettings, pose: Pose3, side: int) -> AimedRays:
+    return BeamPattern(settings).aim_side(rows(pose), side)
+
+
+def sample(
+    pattern: BeamPattern,
+    rng: np.random.Generator | None = None,
+    pose: Pose3 = ORIGIN,
+) -> AimedRays:
+    """Aim the rays of one scan."""
+    return pattern.aim(rows(pose), [pattern.draw(rng)])
 
 
 def draw_sides(settings: SensorSettings, rng: np.random.Generator) -> Sides:
-    return BeamPattern(settings).sample(rng).sides
+    return sample(BeamPattern(settings), rng).sides
 
 
 def test_beams_run_counter_clockwise_from_the_right() -> None:
@@ -110,9 +116,9 @@ def test_tilted_sensor_scans_its_own_plane() -> None:
 CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 
 
-def cone_offsets(pattern: BeamPattern, drawn: SampledRays, beam: int) -> Floats:
+def cone_offsets(pattern: BeamPattern, drawn: AimedRays, beam: int) -> Floats:
     """Return how far each ray of one beam is off it, (K, 2) rad to the left and up."""
-    directions = drawn.directions[:, beam]
+    directions = drawn.directions.reshape(len(pattern.angles), -1, 3)[beam]
     across = np.arctan2(directions[:, 1], directions[:, 0]) - pattern.angles[beam]
     return np.column_stack([across, np.arcsin(directions[:, 2])])
 
@@ -141,7 +147,7 @@ def test_nodes_across_are_those_of_gauss_hermite_quadrature(
 ) -> None:
     cone = {**CONE, "beamwidth_el_deg": 0, "cone_rays": count}
     pattern = BeamPattern(load_settings("radar", **cone, ray_choice="together"))
-    offsets = cone_offsets(pattern, pattern.sample(None), 40) / math.radians(4)
+    offsets = cone_offsets(pattern, sample(pattern), 40) / math.radians(4)
     assert offsets[:, 0] == pytest.approx(nodes, abs=6e-5)
     assert offsets[:, 1] == pytest.approx(np.zeros(count))
     assert pattern.weights == pytest.approx(weights, abs=6e-5)
@@ -151,7 +157,7 @@ def test_cone_with_two_widths_has_a_grid_of_nodes() -> None:
     settings = load_settings("radar", **CONE, cone_rays=12, ray_choice="together")
     pattern = BeamPattern(settings)
     assert settings.cone_grid == (4, 3)
-    offsets = cone_offsets(pattern, pattern.sample(None), 100)
+    offsets = cone_offsets(pattern, sample(pattern), 100)
     assert len(np.unique(offsets[:, 0].round(9))) == 4
     assert len(np.unique(offsets[:, 1].round(9))) == 3
     variance = pattern.weights @ offsets**2
@@ -172,7 +178,7 @@ def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
         "radar", **CONE, cone_rays=500, cone_sampling="random", ray_choice="together"
     )
     pattern = BeamPattern(settings)
-    drawn = pattern.sample(generator_for(3, "cone"))
+    drawn = sample(pattern, generator_for(3, "cone"))
     offsets = np.concatenate(
         [cone_offsets(pattern, drawn, i) for i in range(0, 181, 9)]
     )
@@ -188,16 +194,16 @@ def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
 def test_random_cone_draws_one_ray_per_beam() -> None:
     settings = load_settings("radar", **CONE, cone_rays=500, cone_sampling="random")
     pattern = BeamPattern(settings)
-    drawn = pattern.sample(generator_for(3, "cone"))
+    drawn = sample(pattern, generator_for(3, "cone"))
     assert pattern.rays == 1
-    assert drawn.directions.shape == (1, 181, 3)
+    assert drawn.directions.shape == (181, 3)
     assert set(drawn.sides.tolist()) == {-1, 1}
 
 
 def test_side_of_a_cone_ray_follows_its_offset() -> None:
     settings = load_settings("radar", **CONE, cone_rays=9, ray_choice="together")
     pattern = BeamPattern(settings)
-    drawn = pattern.sample(None)
+    drawn = sample(pattern)
     offsets = cone_offsets(pattern, drawn, 0)[:, 0]
     assert drawn.sides[:9].tolist() == np.sign(offsets.round(9)).tolist()
     assert sorted(drawn.sides[:9].tolist()) == [-1] * 3 + [0] * 3 + [1] * 3
@@ -206,10 +212,36 @@ def test_side_of_a_cone_ray_follows_its_offset() -> None:
 def test_cone_nodes_are_drawn_by_their_weights() -> None:
     settings = load_settings("radar", fov_deg=359, resolution_deg=0.01, **CONE)
     pattern = BeamPattern(settings)
-    nodes = pattern.sample(generator_for(1, "nodes")).nodes
+    nodes = sample(pattern, generator_for(1, "nodes")).nodes
     for node, wanted in enumerate(pattern.weights.tolist()):
         error = math.sqrt(wanted * (1 - wanted) / len(nodes))
         assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
+
+
+@given(*[st.floats(-10, 10)] * 6)
+def test_rays_are_turned_and_moved_by_the_pose_exactly(*numbers: float) -> None:
+    pattern = BeamPattern(load_settings("radar", fov_deg=4, ray_choice="together"))
+    pose = Pose3(*numbers)
+    moved, own = sample(pattern, pose=pose), sample(pattern)
+    turn, place = pose.rotation(), pose.position()
+    for i in range(len(own.nodes)):
+        for axis, (x, y, z) in enumerate(turn.tolist()):
+            dx, dy, dz = own.directions[i].tolist()
+            sx, sy, sz = own.origins[i].tolist()
+            assert moved.directions[i, axis] == x * dx + y * dy + z * dz
+            assert moved.origins[i, axis] == place[axis] + (x * sx + y * sy + z * sz)
+
+
+def test_scans_are_aimed_together_as_alone() -> None:
+    pattern = BeamPattern(load_settings("radar", side_offset_uu=50))
+    poses = [Pose3(i, -i, 0.1 * i, 0.1 * i, -0.2, i) for i in range(5)]
+    draws = [pattern.draw(generator_for(i)) for i in range(5)]
+    together = pattern.aim(rows(*poses), draws)
+    for i, (pose, draw) in enumerate(zip(poses, draws, strict=True)):
+        alone = pattern.aim(rows(pose), [draw])
+        mine = together.rows(i * len(draw), (i + 1) * len(draw))
+        for column, expected in zip(mine, alone, strict=True):
+            np.testing.assert_array_equal(column, expected)
 
 
 def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
@@ -226,19 +258,16 @@ def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
         for settings in (cone, three)
     )
     assert one.weights == pytest.approx(other.weights)
-    directions = [
-        pattern.aim(HERE, pattern.sample(None)).directions for pattern in (one, other)
-    ]
+    directions = [sample(pattern, pose=HERE).directions for pattern in (one, other)]
     assert directions[0] == pytest.approx(directions[1])
 
 
 def test_rays_of_a_beam_are_consecutive() -> None:
     pattern = BeamPattern(load_settings("radar", ray_choice="together"))
-    drawn = pattern.sample(None)
-    assert drawn.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
-    rays = pattern.aim(HERE, drawn)
+    rays = sample(pattern, pose=HERE)
+    assert rays.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
     for node, side in enumerate((-1, 0, 1)):
-        alone = pattern.aim(HERE, pattern.one_side(side))
+        alone = pattern.aim_side(rows(HERE), side)
         assert rays.origins[node::3].tolist() == alone.origins.tolist()
         assert rays.directions[node::3].tolist() == alone.directions.tolist()
 
@@ -252,7 +281,7 @@ def test_rays_of_a_beam_are_consecutive() -> None:
 )
 def test_cone_has_no_side_rays_to_select(settings: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="ray -1, expected a beam of three rays"):
-        BeamPattern(load_settings("radar", **settings)).one_side(-1)
+        BeamPattern(load_settings("radar", **settings)).aim_side(rows(HERE), -1)
 
 
 def test_laser_has_one_ray_whatever_its_settings() -> None:
@@ -279,6 +308,6 @@ def test_every_direction_is_a_unit_vector(
         ray_choice="together",
     )
     pattern = BeamPattern(settings)
-    drawn = pattern.sample(generator_for(seed, "any"))
-    directions = pattern.aim(Pose3(0, 0, 0, 0.1, pitch, 1.0), drawn).directions
+    pose = Pose3(0, 0, 0, 0.1, pitch, 1.0)
+    directions = sample(pattern, generator_for(seed, "any"), pose).directions
     assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(16), abs=1e-12)

@@ -16,6 +16,7 @@ from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan_batch import scan_batch
+from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")
@@ -446,11 +447,11 @@ def test_batched_scans_equal_single_scans(foliage_room: Scene) -> None:
         radar(incidence_weights=True, return_mode="strongest"),
         radarsim.load_sensor("laser"),
     ]
-    planned = [
-        (scanner, scanner.plan(tracer, pose, generator_for(i)))
+    requests = [
+        ScanRequest(scanner, pose, generator_for(i))
         for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True))
     ]
-    together = scan_batch(tracer, planned)
+    together = scan_batch(tracer, requests)
     for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True)):
         alone = scanner.scan(foliage_room, pose, generator_for(i))
         assert together[i].to_dict() == alone.to_dict()
