@@ -25,7 +25,7 @@ from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.raycast.robot_boxes import BOX_ID, FOOTPRINT_RADIUS, X, Y, intersect_box
 
-SECTORS: Final = 512
+SECTORS: Final = 256
 # A box that covers more sectors is listed once, as one that any ray may meet.
 MAX_SPAN: Final = SECTORS // 8
 MIN_BOXES: Final = 8  # fewer are tried one by one
@@ -43,28 +43,21 @@ class BoxIndex(NamedTuple):
     Attributes:
         place: (3,) x and y of the middle of the group of rays, m, and the square of its
             radius; negative while there is none.
-        spans: (B, 2) int32, the first sector of each box, and how many it covers; 0 for
-            a box that any ray may meet.
-        starts: (SECTORS + 2,) int32, where the boxes of each sector start in
-            ``members``, and then those that any ray may meet.
-        members: (M,) int32, indices of boxes, sector by sector.
+        heads: (SECTORS + 1,) int32, the first link of each sector's list, and that of
+            the list of boxes that any ray may meet; -1 for an empty list.
+        links: (L, 2) int32, the index of a box, and the next link; -1 for none.
     """
 
     place: Floats
-    spans: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    members: NDArray[np.int32]
+    heads: NDArray[np.int32]
+    links: NDArray[np.int32]
 
 
 @njit_cached
 def new_box_index(count: int) -> BoxIndex:
     """Allocate an empty index for a number of boxes."""
-    return BoxIndex(
-        np.full(3, -1.0),
-        np.zeros((count, 2), np.int32),
-        np.zeros(SECTORS + 2, np.int32),
-        np.zeros(count * MAX_SPAN, np.int32),
-    )
+    links = np.zeros((count * MAX_SPAN, 2), np.int32)
+    return BoxIndex(np.full(3, -1.0), np.zeros(SECTORS + 1, np.int32), links)
 
 
 @njit_inline
@@ -76,13 +69,15 @@ def _sector(x: Any, y: Any) -> Any:
 
 
 @njit_inline
-def _set_span(index: Any, i: Any, dx: Any, dy: Any, radius: Any) -> None:
-    """Store the sectors that a circle covers, seen from the origin."""
-    spans, square = index.spans, dx * dx + dy * dy - radius * radius
-    spans[i, 0], spans[i, 1] = SECTORS, 0
+def _span(dx: Any, dy: Any, radius: Any) -> Any:
+    """Return the first sector that a circle covers, seen from the origin, and how many.
+
+    One that covers too many is in the list after those of the sectors.
+    """
+    square = dx * dx + dy * dy - radius * radius
     # Not from within, or nearly so; and not where numbers overflow.
     if not 0.01 * radius * radius < square < MAX_SQUARE:
-        return
+        return SECTORS, 1
     # Both tangents to the circle, and one sector more on either side.
     tangent = np.sqrt(square)
     first = _sector(dx * tangent + dy * radius, dy * tangent - dx * radius) - 1
@@ -90,45 +85,39 @@ def _set_span(index: Any, i: Any, dx: Any, dy: Any, radius: Any) -> None:
     count = last - first + 1
     if count <= 0:
         count += SECTORS
-    if count <= MAX_SPAN:
-        spans[i, 0], spans[i, 1] = first, count
+    return (first, count) if count <= MAX_SPAN else (SECTORS, 1)
 
 
 @njit_inline
 def _index_boxes(index: Any, boxes: Any, radius: Any) -> None:
     """Sort the boxes for rays that start within ``radius`` m of the index' place."""
-    starts, spans = index.starts, index.spans
-    for sector in range(SECTORS + 2):
-        starts[sector] = 0
+    heads, links, link = index.heads, index.links, 0
+    for sector in range(SECTORS + 1):
+        heads[sector] = -1
     for i in range(len(boxes)):
         dx, dy = boxes[i, X] - index.place[0], boxes[i, Y] - index.place[1]
-        _set_span(index, i, dx, dy, boxes[i, FOOTPRINT_RADIUS] + radius)
-        starts[SECTORS] += spans[i, 1] == 0
-        for k in range(spans[i, 1]):
-            starts[(spans[i, 0] + k) % SECTORS] += 1
-    # From numbers to ends; each box that is listed moves its sector's end to the start.
-    for sector in range(SECTORS + 1):
-        starts[sector + 1] += starts[sector]
-    for i in range(len(boxes)):
-        for k in range(max(spans[i, 1], 1)):
-            sector = (spans[i, 0] + k) % SECTORS if spans[i, 1] else SECTORS
-            starts[sector] -= 1
-            index.members[starts[sector]] = i
+        first, count = _span(dx, dy, boxes[i, FOOTPRINT_RADIUS] + radius)
+        for k in range(first, first + count):
+            sector = k if first == SECTORS else k & (SECTORS - 1)
+            links[link, 0], links[link, 1] = i, heads[sector]
+            heads[sector] = link
+            link += 1
 
 
 @njit_inline
-def index_boxes_around(index: Any, scene: Any, origins: Any, first: Any) -> Any:
+def index_boxes_around(index: Any, scene: Any, rays: Any, first: Any) -> Any:
     """Sort the boxes for the rays from one row on that start close together.
 
     Args:
         index: From ``new_box_index``.
         scene: The ``TracedScene``.
-        origins: (N, 3) m, map frame, the starts of all rays.
+        rays: The ``RayColumns``.
         first: The first row.
 
     Returns:
         The row after the last of these rays.
     """
+    origins = rays.origins
     x, y = origins[first, 0], origins[first, 1]
     end, widest = first + 1, 0.0
     while end < len(origins):
@@ -174,19 +163,23 @@ def intersect_boxes(
     Returns:
         The distance, m, at most ``max_range``; and the box's id, -1 for none.
     """
-    count, first, here, rest = len(boxes), 0, 0, 0
     is_indexed = index.place[2] >= 0.0 and _is_indexed(index, origin, direction)
+    # Follow the list of the ray's sector, and then that of boxes in all directions; or
+    # count down all boxes.
+    is_last = not is_indexed
+    k: Any = len(boxes) - 1
     if is_indexed:
-        sector = _sector(direction[0], direction[1])
-        first = index.starts[sector]
-        here = index.starts[sector + 1] - first
-        rest = index.starts[SECTORS] - here
-        count = here + index.starts[SECTORS + 1] - index.starts[SECTORS]
-    nearest, found = max_range, -1
-    for k in range(count):
-        i = k
+        k = np.int64(index.heads[_sector(direction[0], direction[1])])
+    nearest = max_range
+    found: Any = -1
+    while k >= 0 or not is_last:
+        if k < 0:
+            is_last, k = True, np.int64(index.heads[SECTORS])
+            continue
+        i: Any = k
+        k -= 1
         if is_indexed:
-            i = index.members[first + k if k < here else rest + k]
+            k, i = np.int64(index.links[i, 1]), np.int64(index.links[i, 0])
         if boxes[i, BOX_ID] == carrier_id:
             continue
         t = intersect_box(boxes, i, origin, direction)

@@ -44,7 +44,7 @@ from radarsim.raycast.intersect import (
     new_ray_buffer,
     select_scene,
 )
-from radarsim.raycast.rays import is_valid_ray
+from radarsim.raycast.rays import RayColumns, is_valid_ray
 from radarsim.raycast.reflection import end_before_mirror, incidence_of, reflect
 from radarsim.raycast.traced_scene import unpack_scene
 
@@ -322,27 +322,28 @@ def _write_trace(traces: Any, i: Any, end: Any) -> None:
 def trace_rays(
     words: Any,
     boxes: Any,
-    rays: Any,
     unsliced: Any,
     max_crossings: Any,
     events: Any,
-    traces: Any,
+    *columns: Any,
 ) -> Any:
     """Trace rays one after the other.
+
+    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
 
     Args:
         words: The words of the ``PackedScene``.
         boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
-        rays: The ``RayColumns``.
         unsliced: (2,) updated by ``select_scene``.
         max_crossings: How many crossings of one segment there is room for.
         events: As in ``RayState``.
-        traces: The ``TraceColumns`` to be filled.
+        columns: The ``RayColumns``, and then the ``TraceColumns`` to be filled.
 
     Returns:
         0; or the number of surfaces on a segment that has more than there is room for;
         or, for an invalid ray, -1 minus its index.
     """
+    rays, traces = RayColumns(*columns[:6]), TraceColumns(*columns[6:])
     scene = unpack_scene(words, boxes, unsliced)
     crossings = np.zeros(max_crossings, CROSSING)
     state = new_ray_state(scene.materials.density.shape[1], crossings, events)
@@ -351,7 +352,7 @@ def trace_rays(
     work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index)
     for i in range(len(rays.origins)):
         if i == grouped:
-            grouped = index_boxes_around(index, scene, rays.origins, i)
+            grouped = index_boxes_around(index, scene, rays, i)
         code = _trace_ray(i, scene, rays, work, traces)
         if code:
             return code

@@ -160,20 +160,24 @@ class Traces:
     incidence: Floats
     events: NDArray[np.void]
 
+    def rows(self, start: int, end: int) -> "Traces":
+        """Return views of consecutive traces, without their events."""
+        return Traces(
+            self.ranges[start:end],
+            self.outcomes[start:end],
+            self.parts[start:end],
+            self.power[start:end],
+            self.incidence[start:end],
+            self.events[:0],
+        )
+
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
         """Split the traces of concatenated batches, given the batches' sizes."""
         if len(sizes) == 1:
             return [self]
         edges = [0, *accumulate(sizes)]
         return [
-            Traces(
-                self.ranges[start:end],
-                self.outcomes[start:end],
-                self.parts[start:end],
-                self.power[start:end],
-                self.incidence[start:end],
-                events,
-            )
+            replace(self.rows(start, end), events=events)
             for (start, end), events in zip(
                 pairwise(edges), self._split_events(edges), strict=True
             )

@@ -56,11 +56,14 @@ class Boxes:
 
     def _tabulate(self, centre: Floats) -> Floats:
         x, y, yaw, low, high, length, width, box_id = self.rows.T
-        middle = x - centre[0], y - centre[1], (low + high) / 2 - centre[2]
-        half = length, width, (high - low) / 2
-        radius = np.hypot(length, width)
-        columns = (*middle, np.cos(yaw), np.sin(yaw), *half, radius, box_id)
-        return np.column_stack(columns)
+        table = np.zeros((len(x), 10))
+        table[:, X], table[:, Y] = x - centre[0], y - centre[1]
+        table[:, Z], table[:, HEIGHT] = (low + high) / 2 - centre[2], (high - low) / 2
+        table[:, COS], table[:, SIN] = np.cos(yaw), np.sin(yaw)
+        table[:, LENGTH], table[:, WIDTH] = length, width
+        table[:, FOOTPRINT_RADIUS] = np.hypot(length, width)
+        table[:, BOX_ID] = box_id
+        return table
 
 
 @njit_inline

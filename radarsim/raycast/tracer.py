@@ -216,8 +216,9 @@ class Tracer:
             )
             events = np.zeros(max_events + 1, EVENT) if max_events else NO_EVENTS
             needed = trace_rays(
-                *(packed.words, table, columns, unsliced),
-                *(self._max_crossings, events, traces),
+                *(packed.words, table, unsliced, self._max_crossings, events),
+                *columns,
+                *traces,
             )
             count = int(events[-1]["ray"]) if max_events else 0
             if needed < 0:

@@ -45,6 +45,7 @@ Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]
 
 EMPTY: Final = np.zeros(0)
+NO_CHANCES: Final = np.zeros((1, 0))
 RIGHT, CENTRE, LEFT = -1, 0, 1
 CENTRE_TOLERANCE: Final = 1e-9  # rad off the middle of a beam
 
@@ -158,10 +159,10 @@ class BeamPattern:
                 some = rays.rows(first, first + self.rays_per_scan)
                 self._aim_random(poses[i : i + 1], draw * self._deviations, some)
         elif self.is_random:
-            chances = draws[0] if len(draws) == 1 else np.concatenate(draws)
-            aim_scans(self._table, poses, chances, DRAWN, rays)
+            chances = draws[0][None] if len(draws) == 1 else np.stack(draws)
+            aim_scans(poses, DRAWN, chances, *self._table, *rays)
         else:
-            aim_scans(self._table, poses, EMPTY, ALL, rays)
+            aim_scans(poses, ALL, NO_CHANCES, *self._table, *rays)
         return rays
 
     def aim_nodes(self, poses: Floats, nodes: Nodes) -> AimedRays:
@@ -173,7 +174,7 @@ class BeamPattern:
         """
         rays = AimedRays.empty(len(nodes))
         rays.nodes[:] = nodes
-        aim_scans(self._table, poses, EMPTY, GIVEN, rays)
+        aim_scans(poses, GIVEN, NO_CHANCES, *self._table, *rays)
         return rays
 
     def aim_side(self, poses: Floats, side: int) -> AimedRays:
@@ -195,7 +196,8 @@ class BeamPattern:
     def _aim_random(self, pose: Floats, offsets: Floats, rays: AimedRays) -> None:
         """Aim random rays, of which each scan has its own."""
         directions = node_directions(self.angles, offsets)
-        aim_scans(self._table._replace(directions=directions), pose, EMPTY, ALL, rays)
+        table = self._table._replace(directions=directions)
+        aim_scans(pose, ALL, NO_CHANCES, *table, *rays)
         rays.sides[:] = _sides(offsets).T.ravel()
 
 
@@ -315,31 +317,49 @@ def _aim_ray(table: Any, frame: Any, beam: Any, rays: Any, i: Any) -> None:
         rays.directions[i, row] = 0.0 + x * dx + y * dy + z * dz
 
 
+@njit_inline
+def _aim_scan(table: Any, frame: Any, choice: Any, chances: Any, rays: Any) -> None:
+    """Aim the rays of one scan; arguments as in ``aim_scans``.
+
+    The loop is here and not there, where it would count references to the arrays.
+    """
+    beams, i = table.directions.shape[1], 0
+    rays_per_beam = len(rays.nodes) // max(beams, 1)
+    for beam in range(beams):
+        for ray in range(rays_per_beam):
+            if choice == DRAWN:
+                rays.nodes[i] = _node_of(table.edges, chances[i])
+            elif choice == ALL:
+                rays.nodes[i] = ray
+            _aim_ray(table, frame, beam, rays, i)
+            i += 1
+
+
 @njit_cached
-def aim_scans(table: Any, poses: Any, chances: Any, choice: Any, rays: Any) -> None:
+def aim_scans(poses: Any, choice: Any, chances: Any, *columns: Any) -> None:
     """Select the rays of scans, and transform them to the map frame.
 
+    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
+
     Args:
-        table: NodeTable of the beams.
         poses: (J, 6) x, y, z, roll, pitch, yaw of the sensor in each scan, map frame.
-        chances: (J * N,) random numbers from 0 to 1; empty unless ``DRAWN``.
         choice: ``DRAWN``, ``ALL`` or ``GIVEN``.
-        rays: AimedRays to be filled, as many for each beam; its nodes are read if they
-            are ``GIVEN``.
+        chances: (J, N) random numbers from 0 to 1; not read unless ``DRAWN``.
+        columns: The NodeTable, and then the AimedRays to be filled, as many for each
+            beam; its nodes are read if they are ``GIVEN``.
     """
-    beams, frame = table.directions.shape[1], Frame(np.zeros(3), np.zeros((3, 3)))
-    rays_per_beam = len(rays.nodes) // max(len(poses) * beams, 1)
-    i = 0
+    table, rays = NodeTable(*columns[:4]), AimedRays(*columns[4:])
+    frame, each = Frame(np.zeros(3), np.zeros((3, 3))), len(rays.nodes) // len(poses)
     for scan in range(len(poses)):
+        some = slice(scan * each, (scan + 1) * each)
         _fill_frame(poses, scan, frame)
-        for beam in range(beams):
-            for ray in range(rays_per_beam):
-                if choice == DRAWN:
-                    rays.nodes[i] = _node_of(table.edges, chances[i])
-                elif choice == ALL:
-                    rays.nodes[i] = ray
-                _aim_ray(table, frame, beam, rays, i)
-                i += 1
+        own = AimedRays(
+            rays.nodes[some],
+            rays.sides[some],
+            rays.origins[some],
+            rays.directions[some],
+        )
+        _aim_scan(table, frame, choice, chances[scan if choice == DRAWN else 0], own)
 
 
 def ray_class_of(settings: SensorSettings) -> RayClass:

@@ -74,7 +74,8 @@ class PlannedScan(NamedTuple):
         tracer: Tracer of the scene.
         pose: Pose of the sensor, map frame.
         sides: (M,) side of its beam on which each ray is.
-        rays: The M rays, as many for each beam.
+        batch: Rays, among which are the M rays of the scan, as many for each beam.
+        first: The first of them.
         draws: The random numbers that are used after tracing.
         incidence: Whether tracing must record the angles of incidence.
     """
@@ -82,9 +83,15 @@ class PlannedScan(NamedTuple):
     tracer: Tracer
     pose: Pose3
     sides: Sides
-    rays: Rays
+    batch: Rays
+    first: int
     draws: Draws
     incidence: bool
+
+    @property
+    def rays(self) -> Rays:
+        """The M rays."""
+        return self.batch.rows(self.first, self.first + len(self.sides))
 
     @property
     def events(self) -> bool:
@@ -133,18 +140,37 @@ class ScanBuilder:
                 them.
             scene: The scene, if no robots are in it.
         """
+        if not plan.events:
+            return self.build_from_ends(plan, traces, 0, scene)
         rows = self._select_rays(plan, traces)
-        if plan.events:
-            return self._build_from_events(plan, traces, rows, scene)
-        outcomes, ranges = traces.outcomes, traces.ranges
-        if rows is None:
-            ranges = ranges.copy()
+        return self._build_from_events(plan, traces, rows, scene)
+
+    def build_from_ends(
+        self,
+        plan: PlannedScan,
+        traces: Traces,
+        first: int = 0,
+        scene: Scene | None = None,
+    ) -> Scan:
+        """Build a scan from where its rays ended, for which no events are needed.
+
+        Args:
+            plan: A scan planned by this scanner.
+            traces: Traced rays, among them those of the scan.
+            first: The first of them.
+            scene: The scene, if no robots are in it.
+        """
+        end = first + len(plan.sides)
+        outcomes, rows = traces.outcomes[first:end], None
+        if self.selects_ray:
+            rows = self._select_rays(plan, traces.rows(first, end))
+            outcomes, ranges = outcomes[rows], traces.ranges[first:end][rows]
         else:
-            outcomes, ranges = outcomes[rows], ranges[rows]
+            ranges = traces.ranges[first:end].copy()
         self._add_errors(ranges, plan.draws.range_error)
         if self._settings.spent_reads != "range":
             ranges[outcomes == Outcome.SPENT] = self._spent_range()
-        find_echoes = partial(self._end_echoes, plan, traces, rows)
+        find_echoes = partial(self._end_echoes, plan, traces, first, rows)
         return self._scan(plan, ranges, rows, find_echoes, scene)
 
     def _spent_range(self) -> float:
@@ -250,9 +276,7 @@ class ScanBuilder:
         find_echoes: Callable[[], Echoes],
         scene: Scene | None,
     ) -> Scan:
-        rays, sides = plan.rays, plan.sides
-        if rows is not None:
-            rays, sides = rays.take(rows), sides[rows]
+        sides = plan.sides if rows is None else plan.sides[rows]
         return Scan(
             sensor=self._name,
             pose=plan.pose,
@@ -262,7 +286,7 @@ class ScanBuilder:
             range_min=self._settings.min_range,
             range_max=self._settings.max_range,
             resolution=self._resolution,
-            cast=rays,
+            find_cast=partial(_cast, plan, rows),
             find_echoes=find_echoes,
             scene=scene,
         )
@@ -281,13 +305,19 @@ class ScanBuilder:
         )
 
     def _end_echoes(
-        self, plan: PlannedScan, traces: Traces, rows: Rows | None
+        self, plan: PlannedScan, traces: Traces, first: int, rows: Rows | None
     ) -> Echoes:
         """Return the echoes at the ends of the rays, for which no events are needed."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
-        columns = extract_ray_ends(traces, rows, self._settings.penetration_power)
+        own = traces.rows(first, first + len(plan.sides))
+        columns = extract_ray_ends(own, rows, self._settings.penetration_power)
         if self._settings.spent_reads == "nothing":
             columns = columns.take(columns.kind != SPENT)
         error = plan.draws.range_error[columns.beam] if self.is_noisy else None
         self._add_errors(columns.t, error)
         return self._echoes(plan, columns)
+
+
+def _cast(plan: PlannedScan, rows: Rows | None) -> Rays:
+    """Return the rays in some rows of a plan; None for all of them."""
+    return plan.rays if rows is None else plan.rays.take(rows)

@@ -34,6 +34,7 @@ class RangeScanner:
         rays_per_scan: Number of rays that are traced for one scan.
         pattern: Its beams.
         template: Its rays before they are aimed.
+        builder: What builds its scans.
         medium: ``RADAR`` or ``LASER``.
         needs_incidence: Whether tracing must record the angles of incidence.
     """
@@ -45,8 +46,8 @@ class RangeScanner:
         self.angles = self.pattern.angles
         self.rays_per_scan = self.pattern.rays_per_scan
         self.medium = RADAR if settings.medium == "radar" else LASER
-        self._builder = ScanBuilder(name, settings, self.pattern)
-        self.needs_incidence = self._builder.needs_incidence
+        self.builder = ScanBuilder(name, settings, self.pattern)
+        self.needs_incidence = self.builder.needs_incidence
 
     def __repr__(self) -> str:
         settings = self.settings
@@ -151,7 +152,7 @@ class RangeScanner:
         Raises:
             ValueError: If an rng is needed and missing.
         """
-        builder, beams = self._builder, len(self.angles)
+        builder, beams = self.builder, len(self.angles)
         is_raining = is_raining and self.medium == RADAR
         is_random = self.pattern.is_random or builder.is_random or is_raining
         if is_random and not isinstance(rng, np.random.Generator):
@@ -180,18 +181,15 @@ class RangeScanner:
         aimed = self.pattern.aim_side(np.array([pose.numbers()]), side)
         return aimed.sides, self.template.rays_from(aimed, None)
 
-    def read(
-        self, plan: PlannedScan, traces: Traces, scene: Scene | None = None
-    ) -> Scan:
+    def read(self, plan: PlannedScan, traces: Traces) -> Scan:
         """Build a scan from its traced rays.
 
         Args:
             plan: A scan planned by this scanner.
             traces: Its traced rays, with events and incidence if the plan asks for
                 them.
-            scene: The scene, if no robots are in it.
         """
-        return self._builder.build(plan, traces, scene)
+        return self.builder.build(plan, traces)
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:

@@ -31,7 +31,7 @@ class Scan:
         range_min: Minimum range of the sensor, m; shorter ranges are not removed.
         range_max: Maximum range of the sensor, m.
         resolution: Angle between neighbouring beams, rad.
-        cast: The N rays that gave the ranges; for a beam without range one of its rays.
+        find_cast: Computes ``cast`` on demand.
         find_echoes: Computes ``echoes`` on demand.
         scene: The map; None for a scan of a simulation with its robots.
     """
@@ -44,7 +44,7 @@ class Scan:
     range_min: float
     range_max: float
     resolution: float
-    cast: Rays
+    find_cast: Callable[[], Rays]
     find_echoes: Callable[[], Echoes]
     scene: Scene | None = None
 
@@ -80,6 +80,11 @@ class Scan:
             raise ValueError("scan without a map, expected one from RangeScanner.scan")
         axes: Axes = load_plotting().plot_scan(self.scene, self, ax)
         return axes
+
+    @property
+    def cast(self) -> Rays:
+        """The N rays that gave the ranges; for a beam without range one of its rays."""
+        return self.find_cast()
 
     @property
     def echoes(self) -> Echoes:

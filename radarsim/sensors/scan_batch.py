@@ -8,6 +8,7 @@ are traced in threads, a chunk of scans at a time, while those of the next are d
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import accumulate
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -96,9 +97,16 @@ def trace_groups(
         traces = tracer.trace(
             group.rays, boxes, events=group.events, incidence=group.incidence
         )
-        pieces = traces.split([len(plan.sides) for plan in group.plans])
-        for i, plan, piece in zip(group.indices, group.plans, pieces, strict=True):
-            scans[i] = requests[i].scanner.read(plan, piece, scene)
+        sizes = [len(plan.sides) for plan in group.plans]
+        if group.events:
+            pieces = traces.split(sizes)
+            for i, plan, piece in zip(group.indices, group.plans, pieces, strict=True):
+                scans[i] = requests[i].scanner.builder.build(plan, piece, scene)
+        else:
+            starts = accumulate(sizes, initial=0)
+            for i, plan, first in zip(group.indices, group.plans, starts, strict=False):
+                builder = requests[i].scanner.builder
+                scans[i] = builder.build_from_ends(plan, traces, first, scene)
     return [scans[i] for i in range(len(requests))]
 
 

@@ -122,8 +122,9 @@ def _plan_group(
                 tracer,
                 requests[i].pose,
                 batch.sides[start:end],
-                # Not of the joined rays, whose classes are those of all sensors.
-                batch.rays.rows(start, end),
+                # Not the joined rays, whose classes are those of all sensors.
+                batch.rays,
+                start,
                 draws[i],
                 scanner.needs_incidence,
             )

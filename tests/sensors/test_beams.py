@@ -218,8 +218,10 @@ def test_cone_nodes_are_drawn_by_their_weights() -> None:
         assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
 
 
-@given(*[st.floats(-10, 10)] * 6)
-def test_rays_are_turned_and_moved_by_the_pose_exactly(*numbers: float) -> None:
+@given(st.tuples(*[st.floats(-10, 10)] * 6))
+def test_rays_are_turned_and_moved_by_the_pose_exactly(
+    numbers: tuple[float, ...],
+) -> None:
     pattern = BeamPattern(load_settings("radar", fov_deg=4, ray_choice="together"))
     pose = Pose3(*numbers)
     moved, own = sample(pattern, pose=pose), sample(pattern)
