@@ -15,6 +15,7 @@ from radarsim.geometry import Pose3
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.sensors.scan_batch import scan_batch
+from radarsim.sensors.scan_plan import ScanRequest
 
 PLACE = (-8.0, 0.0, 0.0)
 
@@ -91,8 +92,7 @@ def test_notebooks_show_svg(empty_room: Scene) -> None:
 
 def test_scan_without_a_map_has_no_picture(empty_room: Scene) -> None:
     tracer, laser = tracer_of(empty_room), radarsim.load_sensor("laser")
-    plan = laser.plan(tracer, Pose3(0, 0, 1, 0, 0, 0), None)
-    (scan,) = scan_batch(tracer, [(laser, plan)])
+    (scan,) = scan_batch(tracer, [ScanRequest(laser, Pose3(0, 0, 1, 0, 0, 0))])
     assert scan._repr_html_() is None
     with pytest.raises(ValueError, match="without a map"):
         scan.plot()
