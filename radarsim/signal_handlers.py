@@ -1,4 +1,4 @@
-"""How SIGINT and SIGTERM end the program: at once, or by an exception.
+"""How SIGINT, SIGTERM and SIGHUP end the program: at once, or by an exception.
 
 At once is the default, also while modules are imported and kernels are compiled: an
 exception gets lost in callbacks from C, or ends in a traceback or a crash there. Only
@@ -16,10 +16,13 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Final, NoReturn
 
-INTERRUPTED: Final = 130  # exit codes as shells report them
+HUNG_UP: Final = 129  # exit codes as shells report them
+INTERRUPTED: Final = 130
 TERMINATED: Final = 143
 
 _exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
+if sys.platform != "win32":
+    _exit_codes[int(signal.SIGHUP)] = HUNG_UP  # the terminal was closed
 
 
 @contextmanager
@@ -46,7 +49,7 @@ def signal_handlers(
 
 @contextmanager
 def exit_immediately_on_signals() -> Iterator[None]:
-    """Make SIGINT and SIGTERM end the process at once, without raising an exception.
+    """Make these signals end the process at once, without raising an exception.
 
     Does nothing outside of the main thread, which alone gets signals, nor for signals
     that the parent process has told to be ignored.
@@ -57,7 +60,7 @@ def exit_immediately_on_signals() -> Iterator[None]:
 
 @contextmanager
 def raise_on_signals() -> Iterator[None]:
-    """Make SIGINT and SIGTERM raise SystemExit, so that work can be saved.
+    """Make these signals raise SystemExit, so that work can be saved.
 
     Every signal does, also those that come while work is saved. Does nothing where
     ``exit_immediately_on_signals`` does nothing.
@@ -83,7 +86,7 @@ def exit_immediately(code: int) -> NoReturn:
 
 
 def ignore_signals() -> None:
-    """Ignore SIGINT and SIGTERM, as the process ends by itself.
+    """Ignore these signals, as the process ends by itself.
 
     Python restores the default handlers before the process has ended; a second signal
     would then kill it. Signals that are ignored stay ignored.
@@ -92,15 +95,21 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
+def is_ignored(number: int) -> bool:
+    """Return whether a signal is ignored, as ``nohup`` tells the process to."""
+    return signal.getsignal(number) is signal.SIG_IGN
+
+
 def _heeded_signals() -> list[int]:
     if threading.current_thread() is not threading.main_thread():
         return []
-    return [n for n in _exit_codes if signal.getsignal(n) is not signal.SIG_IGN]
+    return [number for number in _exit_codes if not is_ignored(number)]
 
 
 def _exit_immediately(number: int, _: FrameType | None) -> None:
-    if os.isatty(2):  # a line may be half written there
-        os.write(2, b"\n")
+    with suppress(OSError):  # the terminal is closed
+        if os.isatty(2):  # a line may be half written there
+            os.write(2, b"\n")
     os._exit(_exit_codes[number])
 
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -42,8 +43,13 @@ def worker_pool(
 def _start_worker(
     prepare: Callable[..., None] | None, settings: tuple[Any, ...]
 ) -> None:
-    """Leave Ctrl-C to the main process, which terminates its workers, or is killed."""
+    """Leave Ctrl-C to the main process, which terminates its workers, or is killed.
+
+    The same holds for a terminal that is closed.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform != "win32":
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if prepare is not None:
         prepare(*settings)

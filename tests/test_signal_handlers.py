@@ -15,11 +15,12 @@ from radarsim.signal_handlers import (
     signal_handlers,
 )
 
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CODES = [
     pytest.param("SIGINT", "", 130, id="interrupted"),
     pytest.param("SIGTERM", "", 143, id="told to end"),
     pytest.param("SIGTERM", "set_exit_code_of_sigterm(0)", 0, id="told to end, done"),
+    pytest.param("SIGHUP", "", 129, id="terminal closed"),
 ]
 
 
@@ -81,7 +82,7 @@ print("done")
 """
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_signal_at_the_end_changes_nothing(name: str) -> None:
     assert run(ENDING.format(name=name)) == (0, b"done\n", b"")
 

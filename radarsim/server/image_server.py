@@ -27,6 +27,7 @@ from radarsim.camera.view import View
 from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
 from radarsim.server.lifecycle import configure_socket, listen, peer_name
+from radarsim.server.refusal_log import RefusalLog
 
 if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
@@ -84,6 +85,7 @@ class ImageServer:
         self._port = port
         self._viewers: set[Viewer] = set()
         self._requested = asyncio.Event()
+        self._refusals = RefusalLog("viewers")
         self._listener: asyncio.Server | None = None
         self._drawing: asyncio.Task[None] | None = None
 
@@ -98,7 +100,9 @@ class ImageServer:
                 machine.
         """
         self._listener, self.address = await listen(
-            lambda: Viewer(self._viewers, self._requested), address, self._port
+            lambda: Viewer(self._viewers, self._requested, self._refusals),
+            address,
+            self._port,
         )
 
     async def begin(self, simulation: Simulation) -> None:
@@ -161,17 +165,24 @@ class Viewer(asyncio.BufferedProtocol):
         region: The part of a picture that it waits for; None for no request.
     """
 
-    def __init__(self, viewers: set[Viewer], requested: asyncio.Event) -> None:
+    def __init__(
+        self,
+        viewers: set[Viewer],
+        requested: asyncio.Event,
+        refusals: RefusalLog,
+    ) -> None:
         """Create the protocol of a connection.
 
         Args:
             viewers: All viewers, to which this one adds itself.
             requested: Set when the viewer waits for a picture.
+            refusals: The log of viewers that are refused.
         """
         self.peer = "?"
         self.region: Region | None = None
         self._viewers = viewers
         self._requested = requested
+        self._refusals = refusals
         self._requests = RequestBuffer()
         self._buffer = bytearray(READ_BYTES)
         self._can_write = True
@@ -188,7 +199,7 @@ class Viewer(asyncio.BufferedProtocol):
         assert isinstance(transport, asyncio.Transport)
         self.peer = peer_name(transport)
         if len(self._viewers) >= MAX_VIEWERS:
-            log.warning("%s: refused: there are %d viewers", self.peer, MAX_VIEWERS)
+            self._refusals.add(self.peer, MAX_VIEWERS)
             transport.abort()
             return
         configure_socket(transport)

@@ -4,6 +4,7 @@ import asyncio
 import errno
 import signal
 import socket
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -11,7 +12,12 @@ from typing import Any
 
 from radarsim.errors import PortUnavailable, ServerError
 from radarsim.os_errors import describe_os_error, error_number
-from radarsim.signal_handlers import INTERRUPTED, signal_handlers
+from radarsim.signal_handlers import (
+    HUNG_UP,
+    INTERRUPTED,
+    is_ignored,
+    signal_handlers,
+)
 
 # Connections accepted before others are served, and those that may wait meanwhile.
 ACCEPTED_AT_ONCE = 16
@@ -49,9 +55,11 @@ def exit_code_of_signal() -> Iterator[asyncio.Future[int]]:
 
     Yields:
         The exit code, once the first signal has come: 130 after an interrupt, 0 after
-        a request to terminate.
+        a request to terminate, 129 after the terminal was closed.
     """
     codes: dict[int, int] = {signal.SIGINT: INTERRUPTED, signal.SIGTERM: 0}
+    if sys.platform != "win32" and not is_ignored(signal.SIGHUP):
+        codes[signal.SIGHUP] = HUNG_UP
     exit_code: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
     def end(number: int) -> None:

@@ -17,6 +17,7 @@ from radarsim.server.lifecycle import (
     peer_name,
 )
 from radarsim.server.read_turns import ReadAllowance, ReadTurns
+from radarsim.server.refusal_log import RefusalLog
 from radarsim.simulation.config import TICK
 
 if TYPE_CHECKING:
@@ -157,10 +158,12 @@ class ConnectionTable:
         by_number: All of them, by number of the client.
         held: Those that are not read at present, or that end. In a tick only these are
             looked at, and those for which bytes wait.
+        refusals: The log of those that are refused.
     """
 
     by_number: dict[int, Connection] = field(default_factory=dict)
     held: set[Connection] = field(default_factory=set)
+    refusals: RefusalLog = field(default_factory=lambda: RefusalLog("clients"))
 
 
 class Connection(asyncio.BufferedProtocol):
@@ -193,9 +196,7 @@ class Connection(asyncio.BufferedProtocol):
         assert isinstance(transport, asyncio.Transport)
         self.peer = peer_name(transport)
         if len(self._connections.by_number) >= self._max_clients:
-            log.warning(
-                "%s: refused: there are %d clients", self.peer, self._max_clients
-            )
+            self._connections.refusals.add(self.peer, self._max_clients)
             transport.abort()
             return
         configure_socket(transport)
