@@ -36,11 +36,13 @@ class PictureProcess:
         self._setting = scene, image_type
         self._until_stop = ExitStack()
         self._pool: ProcessPoolExecutor | None = None
+        self._starting: asyncio.Future[None] | None = None
 
     async def start(self) -> None:
         """Start the process, which takes a second until it draws."""
         # The scene is handed over as fast as the process starts to read it.
-        await asyncio.to_thread(self._start)
+        self._starting = asyncio.ensure_future(asyncio.to_thread(self._start))
+        await asyncio.shield(self._starting)
 
     def _start(self) -> None:
         pool = worker_pool(1, _Painter.prepare, *self._setting)
@@ -63,7 +65,9 @@ class PictureProcess:
             raise ServerError("the process that draws pictures has ended") from None
 
     async def stop(self) -> None:
-        """End the process at once."""
+        """End the process at once, also one that is being started."""
+        if self._starting is not None:
+            await asyncio.wait({self._starting})
         self._until_stop.close()
 
 

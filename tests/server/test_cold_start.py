@@ -92,17 +92,14 @@ def test_clients_are_greeted_while_the_engine_is_compiled_and_a_signal_ends_it(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("killed", [False, True])
-def test_robot_is_spawned_when_all_is_compiled(tmp_path: Path, killed: bool) -> None:
+@pytest.mark.timeout(1200)
+def test_robot_is_spawned_when_all_is_compiled(tmp_path: Path) -> None:
     with serving(tmp_path) as process, connect(process) as client:
         client.sendall(INIT)
         wait_for_line(process, LINE)
-        if killed:
-            (compiler,) = children(process)
-            os.kill(compiler, signal.SIGKILL)
-        client.settimeout(500)
+        client.settimeout(1100)
         assert b"{Time 0.10}" in client.recv(1000)
-    assert bool([*tmp_path.glob(f"*/{COMPLETE}")]) is not killed
+    assert [*tmp_path.glob(f"*/{COMPLETE}")]
 
 
 LOADED = """

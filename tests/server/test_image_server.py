@@ -333,6 +333,35 @@ async def test_viewers_beyond_the_limit_are_refused(running: RunningServer) -> N
     assert await again.size() == (160, 120)
 
 
+async def test_viewers_that_come_before_the_simulation_wait_for_it(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room)
+    server = ImageServer(InlinePictures(simulation), port=0)
+    await server.start()
+    viewer = await RunningServer(simulation, server).viewer()
+    try:
+        await viewer.send(b"OK")
+        await asyncio.sleep(0.05)
+        await server.begin(simulation)
+        assert await viewer.size() == (160, 120)
+    finally:
+        viewer.writer.close()
+        await server.stop()
+
+
+async def test_server_stops_before_there_is_a_simulation(empty_room: Scene) -> None:
+    simulation = Simulation(empty_room)
+    server = ImageServer(InlinePictures(simulation), port=0)
+    await server.start()
+    viewer = await RunningServer(simulation, server).viewer()
+    await viewer.send(b"OK")
+    await server.stop()
+    with suppress(ConnectionError):
+        assert await viewer.rest() == b""
+    viewer.writer.close()
+
+
 async def test_server_stops_with_viewers_connected(empty_room: Scene) -> None:
     async with serving(Simulation(empty_room)) as running:
         waiting, silent = await running.viewer(), await running.viewer()

@@ -66,5 +66,17 @@ async def test_stop_ends_the_process(empty_room: Scene) -> None:
     assert {*active_children()} <= others
 
 
+async def test_stop_ends_a_process_that_is_being_started(empty_room: Scene) -> None:
+    others = {*active_children()}
+    process = PictureProcess(empty_room, ImageType.RAW)
+    starting = asyncio.create_task(process.start())
+    await asyncio.sleep(0)
+    starting.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await starting
+    await process.stop()
+    assert {*active_children()} <= others
+
+
 async def test_process_that_was_not_started_can_be_stopped(empty_room: Scene) -> None:
     await PictureProcess(empty_room, ImageType.RAW).stop()
