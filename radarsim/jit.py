@@ -4,7 +4,8 @@ Compiled functions run without Python's global lock. Where the cache is, and whe
 valid, is the matter of ``kernel_cache``.
 
 Rule: constants, and named tuples that kernels take, are defined in modules that import
-this one, so that they are part of the hash that the name of the cache folder holds.
+this one, or that have the comment ``# compiled into kernels``, so that they are part of
+the hash that the name of the cache folder holds.
 """
 
 from collections.abc import Callable

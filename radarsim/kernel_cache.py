@@ -2,9 +2,10 @@
 
 numba checks only whether the module of a cached function has changed, not the modules
 of the functions and constants that were compiled into it. The folder is therefore named
-after a hash of all modules that import ``radarsim.jit``: any edit of a kernel module
-leads to an empty folder. It does not depend on where the package is installed, so that
-all environments of a user that have the same version share it.
+after a hash of all modules that import ``radarsim.jit``, or have the comment that
+their constants are compiled into kernels: any edit of them leads to an empty folder. It
+does not depend on where the package is installed, so that all environments of a user
+that have the same version share it.
 
 The folder is in ``NUMBA_CACHE_DIR`` if that is set, else in the user's cache folder,
 else beside this module. Where none can be written, each process compiles for itself.
@@ -28,6 +29,9 @@ PREFIX: Final = "radarsim-"  # prefix of the names of cache folders
 SUFFIX: Final = ".nbc"  # suffix of the names of files of machine code
 COMPLETE: Final = "complete"  # file that is there when all kernels of a server are
 MAX_FOLDERS: Final = 8  # cache folders that are kept, such as those of other branches
+# What is in each module of which something is compiled into kernels: most import the
+# decorators, others have a comment.
+MARKS: Final = (b"radarsim.jit import", b"# compiled into kernels")
 COMPILERS: Final = ("numba", "llvmlite", "numpy")  # their versions count as well
 
 
@@ -76,16 +80,21 @@ def mark_complete() -> None:
 
 
 def kernel_hash(package: Path) -> str:
-    """Return a hash of the modules of a package that import ``jit``, and versions."""
+    """Return a hash of all that is compiled into kernels of a package, and versions."""
     digest = hashlib.sha256((package / "jit.py").read_bytes())
     digest.update((package / "kernel_files.py").read_bytes())
     digest.update(" ".join(map(version, COMPILERS)).encode())
     for path in sorted(package.glob("*/*.py")):
         text = path.read_bytes()
-        if b"radarsim.jit import" in text:
+        if is_compiled_into_kernels(text):
             digest.update(b"%s %d " % (path.name.encode(), len(text)))
             digest.update(text)
     return digest.hexdigest()[:16]
+
+
+def is_compiled_into_kernels(text: bytes) -> bool:
+    """Return whether something in a module is compiled into kernels, by its text."""
+    return any(mark in text for mark in MARKS)
 
 
 def _parents() -> list[Path]:

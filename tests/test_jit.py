@@ -289,11 +289,29 @@ def test_old_cache_folders_are_removed(
     assert (tmp_path / f"{kernel_cache.PREFIX}0").exists()
 
 
+def test_cache_is_complete_once_that_is_noted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kernel_cache, "cache_folder", lambda: tmp_path)
+    assert not kernel_cache.is_complete()
+    kernel_cache.mark_complete()
+    assert kernel_cache.is_complete()
+
+
+@pytest.mark.parametrize("folder", [None, Path("no") / "folder"])
+def test_cache_that_is_not_there_is_never_complete(
+    monkeypatch: pytest.MonkeyPatch, folder: Path | None
+) -> None:
+    monkeypatch.setattr(kernel_cache, "cache_folder", lambda: folder)
+    kernel_cache.mark_complete()
+    assert not kernel_cache.is_complete()
+
+
 def kernel_modules() -> list[Path]:
     return [
         path
         for path in PACKAGE.glob("*/*.py")
-        if "radarsim.jit import" in path.read_text()
+        if kernel_cache.is_compiled_into_kernels(path.read_bytes())
     ]
 
 

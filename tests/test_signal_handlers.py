@@ -125,3 +125,9 @@ def test_other_threads_leave_signals_alone() -> None:
     thread.start()
     thread.join()
     assert not failures
+
+
+def test_immediate_exit_writes_all_output_and_waits_for_no_thread() -> None:
+    script = "import threading, time\nthreading.Thread(target=time.sleep, args=(600,))"
+    script += ".start()\nprint('last words', end='')\nexit_immediately(130)"
+    assert run(script) == (130, b"last words", b"")

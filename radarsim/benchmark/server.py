@@ -116,13 +116,14 @@ def cold_start(times: int = 2) -> Iterator[BenchmarkRow]:
 
 @contextmanager
 def served(
-    map_: str, *, cache: Path | None = None
+    map_: str, *, cache: Path | None = None, loaded: bool = True
 ) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]:
     """Run the server in its own process, on a free port.
 
     Args:
         map_: Name of a map, or path of a map file.
         cache: Folder of what is compiled; None for the user's.
+        loaded: Whether to wait until the server has loaded its engine.
     """
     environment = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
     process = subprocess.Popen(
@@ -135,7 +136,11 @@ def served(
     assert process.stdout is not None
     try:
         host, port = process.stdout.readline().split()[-1].rsplit(":", 1)
-        yield process, (host, int(port))
+        address = host, int(port)
+        if loaded:
+            with spawn(address, 0) as client:
+                _wait_for_scan(client)
+        yield process, address
     finally:
         process.send_signal(signal.SIGTERM)
         process.stdout.close()
@@ -177,7 +182,7 @@ def _help_seconds() -> float:
 
 def _serve_seconds() -> float:
     start = time.perf_counter()
-    with served("foliage_room"):
+    with served("foliage_room", loaded=False):
         return time.perf_counter() - start
 
 
@@ -185,7 +190,8 @@ def _cold_seconds() -> tuple[float, float]:
     """Return the time until a server listens, and until the first scan comes, s."""
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
-        with served("foliage_room", cache=Path(folder)) as (_, address):
+        cache = Path(folder)
+        with served("foliage_room", cache=cache, loaded=False) as (_, address):
             listening = time.perf_counter() - start
             with spawn(address, 0) as client:
                 _wait_for_scan(client)

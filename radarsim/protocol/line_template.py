@@ -26,6 +26,7 @@ from radarsim.protocol.numbers import NumberFormat, Rounding, format_ranges
 Fields: TypeAlias = Sequence[tuple[str, str]]
 Split: TypeAlias = tuple[bytes, tuple[float, ...], Floats]
 
+# compiled into kernels
 FIRST_MARK: Final = 0xC0
 NEAREST, FLOAT32, TRUNCATED = range(3)  # roundings in the mark of a number
 WHOLE: Final = "\xf0"  # marks a whole number

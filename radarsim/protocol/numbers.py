@@ -18,6 +18,7 @@ from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats
 
 LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
+# compiled into kernels
 LARGEST = 2.0**31  # in reports; the original casts to 32 bit integers
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")

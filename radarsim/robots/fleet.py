@@ -43,8 +43,9 @@ from radarsim.robots.odometry import (
 )
 from radarsim.robots.robot import Robot
 from radarsim.robots.robot_grid import new_robot_grid
-from radarsim.robots.skid_steer import WheelDrive, sweep_rate
+from radarsim.robots.skid_steer import sweep_rate
 from radarsim.robots.wall_grid import WallTable, wall_table
+from radarsim.robots.wheel_drive import WheelDrive
 
 _FIRST_SLOTS: Final = 8
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]

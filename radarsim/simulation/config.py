@@ -22,7 +22,7 @@ from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
-from radarsim.robots.skid_steer import WheelDrive
+from radarsim.robots.wheel_drive import WheelDrive
 from radarsim.sensors.proprioceptive import InsNoise
 from radarsim.suggestions import expected_one_of
 

@@ -17,8 +17,8 @@ from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import RANK, line_table
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
-from radarsim.robots.skid_steer import WheelDrive
 from radarsim.robots.wall_grid import find_walls, wall_table
+from radarsim.robots.wheel_drive import WheelDrive
 
 TICK = 0.01
 MODELS = [load_robot(name) for name in ("P3AT", "P2DX", "P2AT")]

@@ -7,7 +7,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Battery, Robot
-from radarsim.robots.skid_steer import WheelDrive
+from radarsim.robots.wheel_drive import WheelDrive
 
 TICK = 0.01
 
