@@ -144,6 +144,15 @@ class Fleet:
         touched: NDArray[np.bool_] = find_touched(self._around, self.slots, asked)
         return touched
 
+    def near(self, x: float, y: float, distance: float) -> tuple[Robot, ...]:
+        """Return the robots near a place, m, map frame, in the order of spawning.
+
+        They are those of which a corner may be within ``distance`` m.
+        """
+        rows = self.columns[self.slots]
+        gaps = np.hypot(rows[:, X] - x, rows[:, Y] - y) - rows[:, RADIUS]
+        return tuple(self.robots[i] for i in np.flatnonzero(gaps <= distance))
+
     def boxes(self) -> Floats:
         """Return the robots as rows of ``raycast.robot_boxes.Boxes``, (R, 8).
 

@@ -116,10 +116,12 @@ class Simulation:
         model = model.in_dialect(self.config.dialect.name)
         obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
         height = obstacles.floor + model.origin_height
+        footprint = Footprint(model.length, model.width)
+        reach = SEARCH_RADIUS + footprint.radius + 0.1  # a little more than needed
         free = obstacles.nearest_free_pose(
-            Footprint(model.length, model.width),
+            footprint,
             pose,
-            self._fleet.robots,
+            self._fleet.near(pose.x, pose.y, reach),
             within=SEARCH_RADIUS,
             is_open=lambda places: ~self._are_inside_solids(places, height),
         )

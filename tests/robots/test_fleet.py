@@ -196,3 +196,13 @@ def test_many_robots_in_a_crowd_never_overlap() -> None:
     pairs = tree.query(hulls, predicate="intersects")
     assert (pairs[0] == pairs[1]).all()
     assert fleet.touched(fleet.slots).sum() > 10
+
+
+def test_robots_near_a_place_are_those_that_may_reach_into_its_circle() -> None:
+    nothing, fleet = obstacles([]), Fleet()
+    robots = [add(fleet, nothing, Pose2(x, 0.0)) for x in (3.0, -1.0, 0.9, 5.0)]
+    fleet.remove(robots[1])
+    radius = robots[0].footprint.radius
+    assert fleet.near(0.0, 0.0, 3.0 - radius + 0.01) == (robots[0], robots[2])
+    assert fleet.near(0.0, 0.0, 3.0 - radius - 0.01) == (robots[2],)
+    assert fleet.near(9.0, 0.0, 1.0) == ()
