@@ -86,6 +86,11 @@ class Pose3:
 
     def compose(self, inner: "Pose3") -> "Pose3":
         """Transform a pose from the frame of this pose to the frame that this is in."""
+        if not (self.roll or self.pitch or inner.y or any(inner.numbers()[3:])):
+            # A scanner ahead of the centre of a level robot: the same numbers, faster.
+            c, s = math.cos(self.yaw), math.sin(self.yaw)
+            x, y = self.x + c * inner.x, self.y + s * inner.x
+            return Pose3(x, y, self.z + inner.z, 0.0, 0.0, math.atan2(s, c) + 0.0)
         rotation = self.rotation()
         x, y, z = self.position() + rotation @ inner.position()
         roll, pitch, yaw = _roll_pitch_yaw(rotation @ inner.rotation())

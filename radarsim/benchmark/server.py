@@ -144,7 +144,7 @@ def served(
     finally:
         process.send_signal(signal.SIGTERM)
         process.stdout.close()
-        process.wait(timeout=10)
+        process.wait(timeout=MAX_COMPILE_SECONDS)
 
 
 @contextmanager

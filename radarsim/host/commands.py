@@ -73,12 +73,14 @@ class CommandHandler:
 
     Attributes:
         has_begun: Whether there is a simulation to act on. Before, INIT waits for it.
+        clients_by_robot: The client of each robot, by the robot's number.
     """
 
     def __init__(self, scene: Scene, config: SimulationConfig) -> None:
         self.has_begun = False
         self._scene = scene
         self._simulation: Simulation | None = None
+        self.clients_by_robot: dict[int, Client] = {}
         self._config = config
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
@@ -119,6 +121,7 @@ class CommandHandler:
         """Remove the robot of a client, if it has one."""
         if client.vehicle is not None:
             self.simulation.remove(client.vehicle)
+            del self.clients_by_robot[client.vehicle.number]
             client.vehicle = None
 
     def _work_of(self, client: Client, command: Command) -> int:
@@ -216,6 +219,7 @@ class CommandHandler:
             text = f"INIT at {place}, expected a free place within 1 m"
             failure = Diagnostic("no place", text)
         else:
+            self.clients_by_robot[client.vehicle.number] = client
             pose = client.vehicle.robot.pose
             if (pose.x, pose.y) == (requested.x, requested.y):
                 return diagnostic

@@ -21,6 +21,7 @@ class Client:
     """One connection.
 
     Attributes:
+        number: Identifies the client within the host.
         lines: Received bytes of a line that is not complete yet.
         pending: Received lines that are not handled yet.
         command_budget: Number of commands that may still be handled in this tick.
@@ -30,6 +31,7 @@ class Client:
         vehicle: The client's robot; None before INIT.
     """
 
+    number: int
     lines: LineBuffer = field(default_factory=LineBuffer)
     pending: deque[str] = field(default_factory=deque)
     command_budget: int = 0

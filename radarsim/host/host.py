@@ -31,18 +31,18 @@ from __future__ import annotations
 import warnings
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
-from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.reports import Greeting, Report, to_bytes
+from radarsim.protocol.reports import Greeting, to_bytes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
-    from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
+    from radarsim.simulation.simulation import Simulation, TickOutput
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 # Units of work of all clients together in a tick: for commands on arrival, and for
@@ -89,6 +89,11 @@ class Host:
         self._commands = CommandHandler(scene, config)
         self._clients: dict[int, Client] = {}
         self._last_number = 0
+        # Clients of whom there is something to do; in a tick no others are looked at.
+        self._waiting: set[int] = set()  # have commands that wait
+        self._spent: set[int] = set()  # have used up some of their commands
+        self._replying: set[int] = set()  # have replies that wait for the next tick
+        self._unsent: set[int] = set()  # have bytes that are to be sent
         self._arrival_work = ARRIVAL_WORK
         self._last_served = 0  # number of the client whose waiting command was last
         if begins:
@@ -133,16 +138,18 @@ class Host:
             The number of the client, for all other calls.
         """
         self._last_number += 1
-        client = Client(command_budget=COMMANDS_PER_TICK)
-        self._clients[self._last_number] = client
+        client = Client(self._last_number, command_budget=COMMANDS_PER_TICK)
+        self._clients[client.number] = client
         greeting = Greeting(self._scene.level)
         client.replies.append(to_bytes([greeting.encode(self._dialect)]))
         self._queue_replies(client)
-        return self._last_number
+        return client.number
 
     def disconnect(self, number: int) -> None:
         """Remove a client and its robot."""
         self._commands.despawn(self._clients.pop(number))
+        for numbers in (self._waiting, self._spent, self._replying, self._unsent):
+            numbers.discard(number)
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         """Execute what a client sent, as far as its budget for this tick allows.
@@ -156,6 +163,8 @@ class Host:
         waits = bool(client.pending)
         client.pending.extend(client.lines.feed(data))
         diagnostics = [] if waits else self._handle_arrived(client)
+        if client.pending:
+            self._waiting.add(number)
         if client.lines.overflow is not None:
             diagnostics.append(Diagnostic("line", str(client.lines.overflow)))
         return diagnostics
@@ -181,33 +190,32 @@ class Host:
         Returns:
             Numbers of clients with diagnostics of commands that had waited.
         """
-        for client in self._clients.values():
-            client.command_budget = COMMANDS_PER_TICK
+        for number in self._spent:
+            self._clients[number].command_budget = COMMANDS_PER_TICK
+        self._spent.clear()
         self._arrival_work = ARRIVAL_WORK
         diagnostics = self._handle_waiting()
         if not self.has_begun:
             return diagnostics
         self.simulation.step()
-        outputs = self.simulation.collect_reports()
-        for client in self._clients.values():
-            if client.vehicle is not None:
-                output = outputs[client.vehicle.number]
-                self._queue_tick(client, client.vehicle.dialect, output)
+        self._queue_outputs(self.simulation.collect_reports())
+        for number in sorted(self._replying):
+            self._queue_replies(self._clients[number])
         return diagnostics
 
     def clients_to_send(self) -> list[int]:
         """Return the numbers of the clients for whom bytes wait, in ascending order."""
-        return [number for number, c in self._clients.items() if len(c.send_queue)]
+        return sorted(self._unsent)
 
     def take(self, number: int) -> bytes:
         """Return and remove what is to be sent to a client: whole lines, in order."""
+        self._unsent.discard(number)
         return self._clients[number].send_queue.take()
 
     def finish(self, number: int) -> bytes:
         """Return the replies that are due to a client that sends no more."""
-        client = self._clients[number]
-        self._queue_replies(client)
-        return client.send_queue.take()
+        self._queue_replies(self._clients[number])
+        return self.take(number)
 
     def unsent_bytes(self, number: int) -> int:
         """Return the number of bytes that are to be sent to a client."""
@@ -231,7 +239,7 @@ class Host:
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""
-        waiting = [number for number, c in self._clients.items() if c.pending]
+        waiting = sorted(self._waiting)
         first = bisect_right(waiting, self._last_served)
         turns = deque(waiting[first:] + waiting[:first])
         work, diagnostics = WAITING_WORK, []
@@ -243,7 +251,9 @@ class Host:
             self._last_served = number
             if handled.diagnostic is not None:
                 diagnostics.append((number, handled.diagnostic))
-            if handled.done and client.pending and client.command_budget:
+            if not client.pending:
+                self._waiting.discard(number)
+            elif handled.done and client.command_budget:
                 turns.append(number)
         return diagnostics
 
@@ -252,37 +262,56 @@ class Host:
         if handled.done:
             client.pending.popleft()
             client.command_budget -= 1
+            self._spent.add(client.number)
             if client.vehicle is None:
                 self._queue_replies(client)
+            elif client.replies:
+                self._replying.add(client.number)
         return handled
 
     def _queue_replies(self, client: Client) -> None:
+        self._replying.discard(client.number)
         for line in client.replies:
             client.send_queue.put(line, keep=True)
+            self._unsent.add(client.number)
         client.replies.clear()
 
-    def _queue_tick(self, client: Client, dialect: Dialect, output: TickOutput) -> None:
-        if output.status is not None:
-            _queue(client, dialect, [output.status])
-        self._queue_replies(client)
-        _queue(client, dialect, output.readings)
-        if output.echoes:
-            self._queue_echoes(client, dialect, output.echoes)
-        _queue(client, dialect, output.scans)
+    def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
+        """Queue what robots report in a tick; all lines are encoded together."""
+        from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
 
-    def _queue_echoes(
-        self, client: Client, dialect: Dialect, scans: Iterable[ScanEchoes]
+        robots = self._commands.clients_by_robot
+        due = [(robots[number], out) for number, out in outputs.items()]
+        reports = [(each, out.dialect) for _, out in due for each in out.reports()]
+        lines = iter(encode_lines(reports))
+        for client, output in due:
+            self._queue_output(client, output, lines)
+
+    def _queue_output(
+        self, client: Client, output: TickOutput, lines: Iterator[bytes]
     ) -> None:
+        """Queue what one robot reports; ``lines`` has the lines of its reports next."""
+        put = partial(client.send_queue.put, keep=False)
+        if output.status is not None:
+            put(next(lines))
+        self._queue_replies(client)
+        for _ in output.readings:
+            put(next(lines))
+        if output.echoes:
+            for line in self._echo_lines(output):
+                put(line)
+        for _ in output.scans:
+            put(next(lines))
+        if client.send_queue:
+            self._unsent.add(client.number)
+
+    def _echo_lines(self, output: TickOutput) -> list[bytes]:
         from radarsim.host.echo_reports import echo_lines  # noqa: PLC0415
 
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
-        for scan in scans:
-            lines = echo_lines(time, scan.scanner, scan.echoes, names)
-            _queue(client, dialect, lines)
-
-
-def _queue(client: Client, dialect: Dialect, reports: Iterable[Report]) -> None:
-    for report in reports:
-        line = to_bytes([report.encode(dialect)])
-        client.send_queue.put(line, keep=False)
+        return [
+            to_bytes([line.encode(output.dialect)])
+            for scan in output.echoes
+            for line in echo_lines(time, scan.scanner, scan.echoes, names)
+        ]

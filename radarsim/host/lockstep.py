@@ -8,7 +8,7 @@ the same run.
 from collections.abc import Callable
 
 from radarsim.host import Host
-from radarsim.simulation.config import TICK
+from radarsim.simulation.clock import TICK
 
 
 class InProcessTransport:

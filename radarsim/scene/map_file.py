@@ -5,6 +5,7 @@ A map is a YAML file with its meshes beside it; `map_schema` defines its keys.
 
 from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from radarsim.errors import MapError
 from radarsim.os_errors import describe_os_error
@@ -13,6 +14,8 @@ from radarsim.scene.scene import Scene
 from radarsim.suggestions import did_you_mean
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import YamlFile, read_yaml
+
+MAX_NAME_LENGTH: Final = 1000  # characters of a path that a message shows whole
 
 
 def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
@@ -35,7 +38,7 @@ def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
 
 def _not_found(name: str) -> str:
     """Return why there is no map of a name, and which one may be meant."""
-    plain = name.isprintable() and len(name) <= 80
+    plain = name.isprintable() and len(name) <= MAX_NAME_LENGTH
     shipped = sorted(shipped_maps())
     expected = f"expected a map file or one of {shipped}"
     reason, stem = "no such file", name.rpartition("@")[0]

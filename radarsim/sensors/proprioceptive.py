@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from radarsim.errors import PresetError
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Pose3
 from radarsim.suggestions import expected_one_of
 
 INS_DRIFT_INTERVAL = 0.2  # s of simulated time between two updates of the drift
@@ -87,8 +87,8 @@ class Ins:
         self._noise = noise or InsNoise()
         self._rng = rng
         largest = np.repeat([self._noise.position_bias, self._noise.angle_bias], 3)
-        self._bias: Floats = rng.uniform(-1.0, 1.0, 6) * largest
-        self._estimate = np.array(sensor.numbers())
+        self._bias: list[float] = (rng.uniform(-1.0, 1.0, 6) * largest).tolist()
+        self._estimate = list(sensor.numbers())
         self._body = body
 
     def drift(self, body: Pose3) -> None:
@@ -97,26 +97,29 @@ class Ins:
         It is due every ``INS_DRIFT_INTERVAL``.
         """
         motion = _motion(self._body, body)
-        scale = np.concatenate([np.full(3, np.linalg.norm(motion[:3])), motion[3:]])
-        error = self._bias + self._noise.sigma * self._rng.standard_normal(6)
-        self._estimate += motion + scale * error
+        distance = float(np.linalg.norm(motion[:3]))
+        scale = (distance, distance, distance, *motion[3:])
+        sigma, draws = self._noise.sigma, self._rng.standard_normal(6).tolist()
+        for i in range(6):
+            error = self._bias[i] + sigma * draws[i]
+            self._estimate[i] += motion[i] + scale[i] * error
         self._body = body
 
     def reading(self, body: Pose3) -> Pose3:
         """Return the estimated pose, map frame; its angles are not wrapped."""
-        estimate = self._estimate + _motion(self._body, body)
-        return Pose3.from_numbers(estimate.tolist())
+        motion = _motion(self._body, body)
+        return Pose3(*(a + b for a, b in zip(self._estimate, motion, strict=True)))
 
     def overwrite(self, pose: Pose3, body: Pose3) -> None:
         """Set the estimate, which also removes the bias."""
-        self._estimate = np.array(pose.numbers())
-        self._bias = np.zeros(6)
+        self._estimate = list(pose.numbers())
+        self._bias = [0.0] * 6
         self._body = body
 
 
-def _motion(start: Pose3, end: Pose3) -> Floats:
-    """Return the translation and the wrapped rotations between two poses, (6,)."""
-    motion = np.subtract(end.numbers(), start.numbers())
+def _motion(start: Pose3, end: Pose3) -> list[float]:
+    """Return the translation and the wrapped rotations between two poses, 6 numbers."""
+    motion = [b - a for a, b in zip(start.numbers(), end.numbers(), strict=True)]
     motion[3:] = [math.remainder(angle, 2 * math.pi) for angle in motion[3:]]
     return motion
 

@@ -18,7 +18,7 @@ from radarsim.server.lifecycle import (
 )
 from radarsim.server.read_turns import ReadAllowance, ReadTurns
 from radarsim.server.refusal_log import RefusalLog
-from radarsim.simulation.config import TICK
+from radarsim.simulation.clock import TICK
 
 if TYPE_CHECKING:
     from radarsim.server.image_server import ImageServer

@@ -1,6 +1,4 @@
-"""Configuration of a simulation, and its clock of whole ticks.
-
-Simulated time is counted in ticks of 10 ms, so that sums of steps do not drift.
+"""Configuration of a simulation.
 
 Imports no compiled code before a scanner is created.
 """
@@ -29,18 +27,7 @@ from radarsim.suggestions import expected_one_of
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-TICK: Final = 0.01  # s
 DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
-
-
-def seconds(ticks: int) -> float:
-    """Return the time of a tick, s."""
-    return ticks / 100
-
-
-def ticks_of(interval: float) -> int:
-    """Return the number of ticks nearest to an interval in s, at least one."""
-    return max(1, round(interval / TICK))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,24 +15,17 @@ from radarsim.presets.robots import Item
 from radarsim.protocol import reports
 from radarsim.robots.robot import Robot
 from radarsim.sensors.proprioceptive import (
-    INS_DRIFT_INTERVAL,
     Encoder,
     Ins,
     InsNoise,
     Tachometer,
     encoded_wheels,
 )
-from radarsim.simulation.config import SimulationConfig, ticks_of
-
-DRAW_TICKS = ticks_of(INS_DRIFT_INTERVAL)
+from radarsim.simulation.config import SimulationConfig
 
 
 class SensorItem(Protocol):
     """An item that gives readings."""
-
-    def step(self, age: int) -> None:
-        """Advance by one tick; ``age`` counts ticks since the spawn."""
-        ...
 
     def read(self, time: float) -> reports.Report:
         """Return a reading at a simulated time in s."""
@@ -69,9 +62,6 @@ class _StatelessItem:
         self.name = mounting.item.name
         self.robot = mounting.robot
 
-    def step(self, age: int) -> None:
-        """Do nothing."""
-
     def reset(self) -> None:
         """Do nothing."""
 
@@ -106,10 +96,9 @@ class InsItem(_StatelessItem):
             InsNoise.from_settings(settings),
         )
 
-    def step(self, age: int) -> None:
-        """Draw the drift when it is due."""
-        if age % DRAW_TICKS == 0:
-            self._ins.drift(self.robot.body)
+    def drift(self) -> None:
+        """Draw the drift since the last call; due every ``INS_DRIFT_INTERVAL``."""
+        self._ins.drift(self.robot.body)
 
     def read(self, time: float) -> reports.Report:
         """Return a reading."""

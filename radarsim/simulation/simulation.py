@@ -1,10 +1,12 @@
 """All robots of one scene, stepped together.
 
 In each tick all robots drive, in the order of spawning, and then all readings that are
-due are taken. The rays of all scans of a tick are cast together.
+due are taken. The rays of all scans of a tick are cast together. A robot that has
+nothing due costs nothing but its motion.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
+from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
@@ -25,16 +28,20 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
+from radarsim.sensors.proprioceptive import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import scan_batch
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
-from radarsim.simulation.config import TICK, SimulationConfig, seconds
+from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
+from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.items import InsItem
 from radarsim.simulation.ray_items import RayItem, read_together
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
+DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
 NOTHING: Final = Boxes(np.zeros((0, 8)))
 
 
@@ -60,12 +67,21 @@ class TickOutput:
         readings: Readings of all items but scanners, poses first.
         echoes: Echoes of the scans of scanners whose echoes are switched on.
         scans: Scans.
+        dialect: The dialect of the robot's lines.
     """
 
     status: Status | None
     readings: tuple[Report, ...]
     echoes: tuple[ScanEchoes, ...]
     scans: tuple[RangeScan, ...]
+    dialect: Dialect
+
+    def reports(self) -> Iterator[Report]:
+        """Yield all reports but the echoes, in the order of their lines."""
+        if self.status is not None:
+            yield self.status
+        yield from self.readings
+        yield from self.scans
 
 
 class Simulation:
@@ -75,7 +91,6 @@ class Simulation:
         scene: The scene.
         config: Configuration of all robots.
         seed: Seed of all random numbers.
-        ticks: Number of ticks since the start.
     """
 
     def __init__(
@@ -84,17 +99,29 @@ class Simulation:
         self.scene = scene
         self.config = config or SimulationConfig()
         self.seed = seed
-        self.ticks = 0
+        self._clock = Clock()
         self._tracer = tracer_of(scene)
         self._obstacles_by_floor: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
         self._fleet = Fleet()
+        self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
+        self._reporting: Schedule[Vehicle] = Schedule(self._clock)
+        self._drifting: Schedule[InsItem] = Schedule(self._clock)
         self._warm_up()
 
     @property
     def time(self) -> float:
         """Simulated time, s."""
-        return seconds(self.ticks)
+        return self._clock.time
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks since the start."""
+        return self._clock.ticks
+
+    @ticks.setter
+    def ticks(self, ticks: int) -> None:
+        self._clock.ticks = ticks
 
     @property
     def vehicles(self) -> tuple[Vehicle, ...]:
@@ -139,41 +166,53 @@ class Simulation:
             robot,
             self.config,
             seed=self.seed,
-            tick=self.ticks,
+            schedule=self._reporting,
             gps_origin=self.scene.gps_origin,
         )
         self._vehicles[vehicle.number] = vehicle
+        if vehicle.battery.runs_out:
+            self._mortal[vehicle] = None
+        for ins in vehicle.ins_items:
+            self._drifting.add(ins, DRIFT_TICKS)
         return vehicle
 
     def remove(self, vehicle: Vehicle) -> None:
         """Remove a robot from the simulation."""
         del self._vehicles[vehicle.number]
         self._fleet.remove(vehicle.robot)
+        self._mortal.pop(vehicle, None)
+        self._reporting.remove(vehicle)
+        for ins in vehicle.ins_items:
+            self._drifting.remove(ins)
 
     def step(self) -> None:
         """Advance by one tick of 10 ms."""
-        self.ticks += 1
-        for vehicle in self._vehicles.values():
-            vehicle.begin_tick()
+        self._clock.ticks += 1
+        for vehicle in self._mortal:
+            if not vehicle.alive:
+                vehicle.robot.halt()
         self._fleet.step(TICK)
-        for vehicle in self._vehicles.values():
-            vehicle.step_items()
+        for ins in self._drifting.due():
+            ins.drift()
 
     def collect_reports(self) -> dict[int, TickOutput]:
-        """Take all readings that are due in this tick, by number of the robot."""
+        """Take all readings that are due in this tick.
+
+        Returns:
+            What each robot reports, by its number; robots without a report are missing.
+        """
+        reporting = self._reporting.due()
         due = [
             (vehicle, mounted)
-            for vehicle in self._vehicles.values()
+            for vehicle in reporting
             for mounted in vehicle.due_scanners()
         ]
         ray_items = [
-            (vehicle, item)
-            for vehicle in self._vehicles.values()
-            for item in vehicle.due_ray_items()
+            (vehicle, item) for vehicle in reporting for item in vehicle.due_ray_items()
         ]
         boxes = self.boxes() if due or ray_items else NOTHING
-        scans: dict[int, list[RangeScan]] = {n: [] for n in self._vehicles}
-        echoes: dict[int, list[ScanEchoes]] = {n: [] for n in self._vehicles}
+        scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
+        echoes: dict[int, list[ScanEchoes]] = {v.number: [] for v in reporting}
         for (vehicle, mounted), scan in zip(due, self._scan(due, boxes), strict=True):
             scans[vehicle.number].append(self._scan_report(mounted, scan))
             if vehicle.has_echoes_enabled(mounted.item):
@@ -181,13 +220,14 @@ class Simulation:
                 echoes[vehicle.number].append(found)
         cast = self._cast(ray_items, boxes)
         return {
-            number: TickOutput(
+            vehicle.number: TickOutput(
                 vehicle.status(),
-                (*vehicle.readings(), *cast[number]),
-                tuple(echoes[number]),
-                tuple(scans[number]),
+                (*vehicle.readings(), *cast[vehicle.number]),
+                tuple(echoes[vehicle.number]),
+                tuple(scans[vehicle.number]),
+                vehicle.dialect,
             )
-            for number, vehicle in self._vehicles.items()
+            for vehicle in reporting
         }
 
     def boxes(self) -> Boxes:

@@ -1,5 +1,7 @@
 """A robot with its battery and its items."""
 
+import math
+from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +12,8 @@ from radarsim.protocol.reports import Report, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.config import (
-    DEFAULT_INTERVAL,
-    SimulationConfig,
-    seconds,
-    ticks_of,
-)
+from radarsim.simulation.clock import Schedule, seconds, ticks_of
+from radarsim.simulation.config import DEFAULT_INTERVAL, SimulationConfig
 from radarsim.simulation.items import (
     SENSOR_ITEMS,
     InsItem,
@@ -43,8 +41,10 @@ class Vehicle:
     Attributes:
         number: Identifies the robot within the simulation.
         robot: The body that drives.
+        spawn_tick: Tick of the spawn, from which all its intervals are counted.
         battery: Remaining time of operation.
         scanners: Range scanners, in mounting order.
+        ins_items: Inertial navigation systems, which drift.
         dialect: The dialect of its lines.
     """
 
@@ -55,17 +55,18 @@ class Vehicle:
         config: SimulationConfig,
         *,
         seed: int,
-        tick: int,
+        schedule: "Schedule[Vehicle]",
         gps_origin: tuple[float, float],
     ) -> None:
-        """Create a vehicle.
+        """Create a vehicle; this tick is that of its spawn.
 
         Args:
             number: Identifies the robot within the simulation.
             robot: The body that drives.
             config: Configuration of the simulation.
             seed: Seed of the simulation.
-            tick: Tick of the spawn.
+            schedule: The vehicle adds itself for the ticks in which it has something to
+                report.
             gps_origin: Latitude and longitude of the map's origin, degrees.
         """
         self.number = number
@@ -73,8 +74,10 @@ class Vehicle:
         dialect = config.dialect.of_generation(robot.model.generation)
         self.dialect = dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
-        self._spawn_tick = tick
-        self._tick = tick
+        self._empty_age = _empty_age(self.battery)
+        self._schedule = schedule
+        self._clock = schedule.clock
+        self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
         self._with_echoes: set[str] = set()
         self._interval_ticks: dict[str, int] = {}
@@ -87,7 +90,7 @@ class Vehicle:
         for item in robot.model.items:
             rng = generator_for(seed, robot.name, item.name)
             self._interval_ticks[item.name] = ticks_of(config.interval(item))
-            mounting = Mounting(item, robot, rng, config, seconds(tick))
+            mounting = Mounting(item, robot, rng, config, self._clock.time)
             if item.type == "RangeScanner":
                 scanners.append(MountedScanner(item, config.scanner(item), rng))
             elif item.type == "GPS":
@@ -101,6 +104,10 @@ class Vehicle:
             (item for item in robot.model.items if item.name in self._sensor_items),
             key=lambda item: order.index(item.type),
         )
+        items = self._sensor_items.values()
+        self.ins_items = tuple(i for i in items if isinstance(i, InsItem))
+        for interval in sorted({STATUS_TICKS, *self._interval_ticks.values()}):
+            schedule.add(self, interval)
 
     @property
     def model(self) -> RobotModel:
@@ -110,29 +117,19 @@ class Vehicle:
     @property
     def alive(self) -> bool:
         """Whether the battery is not empty."""
-        return not self.battery.is_empty(seconds(self._age))
+        return self._age < self._empty_age
 
     @property
     def _age(self) -> int:
-        return self._tick - self._spawn_tick
-
-    def begin_tick(self) -> None:
-        """Begin a tick, before all robots drive; an empty battery stops the wheels."""
-        self._tick += 1
-        if not self.alive:
-            self.robot.halt()
-
-    def step_items(self) -> None:
-        """Let the items measure what the robot drove in this tick."""
-        for item in self._sensor_items.values():
-            item.step(self._age)
+        """Ticks since the spawn."""
+        return self._clock.ticks - self.spawn_tick
 
     def status(self) -> Status | None:
         """Return the status of the robot; None when it is not due."""
         if self._age % STATUS_TICKS:
             return None
         left = self.battery.seconds_left(seconds(self._age))
-        return Status(seconds(self._tick), left, self.robot.light)
+        return Status(self._clock.time, left, self.robot.light)
 
     def readings(self) -> list[Report]:
         """Return the readings that are due, poses first; none with an empty battery.
@@ -141,7 +138,7 @@ class Vehicle:
         """
         if not self.alive:
             return []
-        time = seconds(self._tick)
+        time = self._clock.time
         due = [item for item in self._reading_order if self._is_due(item)]
         reports = [self._sensor_items[item.name].read(time) for item in due]
         return join_encoders(reports) if self.dialect.joins_encoders else reports
@@ -171,6 +168,7 @@ class Vehicle:
         """Scan once more in the next tick; do nothing if the item is not a scanner."""
         if item.type == "RangeScanner":
             self._requested_scans.add(item.name)
+            self._schedule.request(self)
 
     def reset(self, item: Item) -> None:
         """Let an item count from zero again, if it counts."""
@@ -196,3 +194,11 @@ class Vehicle:
 
     def _is_due(self, item: Item) -> bool:
         return self._age % self._interval_ticks[item.name] == 0
+
+
+def _empty_age(battery: Battery) -> float:
+    """Return after how many ticks a battery is empty; inf if it never is."""
+    if not battery.runs_out:
+        return math.inf
+    ages = range(ticks_of(battery.life) + 1)
+    return bisect_left(ages, True, key=lambda age: battery.is_empty(seconds(age)))

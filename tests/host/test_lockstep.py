@@ -5,7 +5,7 @@ import pytest
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import TICK
+from radarsim.simulation.clock import TICK
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
 

@@ -19,7 +19,8 @@ from radarsim.navigation.runner import NavigationStep, Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.scene.scene import Scene
-from radarsim.simulation.config import TICK, SimulationConfig
+from radarsim.simulation.clock import TICK
+from radarsim.simulation.config import SimulationConfig
 
 GOAL = (-5.5, 0.5)  # from RobotStart1 of the empty room, nothing is in the way
 SCANS = b"{Type RangeScanner}"

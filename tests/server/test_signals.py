@@ -139,8 +139,8 @@ def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
         assert line.startswith("radarsim: images on 127.0.0.1:")
         address = ("127.0.0.1", int(line.rpartition(":")[2]))
         with (
-            socket.create_connection(address, 60) as viewer,
-            socket.create_connection(address, 60) as deaf,
+            socket.create_connection(address, 240) as viewer,
+            socket.create_connection(address, 240) as deaf,
         ):
             deaf.sendall(b"OK" * 1000)
             viewer.sendall(b"OKOKOK")

@@ -7,7 +7,8 @@ from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.robots.wheel_drive import WheelDrive
-from radarsim.simulation.config import TICK, SimulationConfig, seconds, ticks_of
+from radarsim.simulation.clock import TICK, seconds, ticks_of
+from radarsim.simulation.config import SimulationConfig
 
 
 def item(name: str, class_name: str = "P3AT") -> Item:

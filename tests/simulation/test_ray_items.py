@@ -1,6 +1,7 @@
 """Sonars, GPS and encoders of the older robots, in a scene."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,7 +36,8 @@ def readings(simulation: Simulation, vehicle: Vehicle, ticks: int) -> list[Repor
     read: list[Report] = []
     for _ in range(ticks):
         simulation.step()
-        read += simulation.collect_reports()[vehicle.number].readings
+        output = simulation.collect_reports().get(vehicle.number)
+        read += output.readings if output else ()
     return read
 
 
@@ -157,8 +159,6 @@ def test_robots_of_the_original_have_neither_sonars_nor_gps(empty_room: Scene) -
 
 
 def test_empty_battery_silences_sonars_and_gps(empty_room: Scene) -> None:
-    simulation, vehicle = spawned(
-        empty_room, Pose2(-8, 0), config=SimulationConfig(UDK)
-    )
-    vehicle.battery = type(vehicle.battery)(0.0, True)
+    config = SimulationConfig(replace(UDK, battery_start=0.0))
+    simulation, vehicle = spawned(empty_room, Pose2(-8, 0), config=config)
     assert readings(simulation, vehicle, 40) == []
