@@ -31,6 +31,7 @@ so that Embree handles no numbers larger than the scene's.
 """
 
 import ctypes
+import math
 import weakref
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -60,6 +61,7 @@ from radarsim.raycast.intersect import (
 RELATIVE_MARGIN: Final = 2e-6
 
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
+_BLOCK: Final = 100_000  # triangles of which intermediate results fit into memory
 
 
 @c_callback
@@ -137,13 +139,11 @@ class EmbreeScene:
             EngineError: If Embree cannot be opened, or a mesh is invalid.
         """
         library = open_library()
-        corners = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
-        counts = [len(rows) for rows in corners]
-        self.triangles = np.concatenate([np.zeros((0, 9)), *corners])
-        del corners  # a second copy; a million triangles take 72 MB
+        checked = [_checked(index, mesh) for index, mesh in enumerate(meshes)]
+        counts = [len(faces) for _, faces in checked]
+        self.triangles = _triangles(checked, sum(counts))
         owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
-        x, y, z = self.triangles.reshape(-1, 3).T
-        radius = float(np.sqrt((x**2 + y**2 + z**2).max(initial=0.0)))
+        radius = _radius(self.triangles)
         margin = RELATIVE_MARGIN * radius
         whole = _Hierarchy(self.triangles, owners, margin)
         self._hierarchies = [whole]
@@ -232,8 +232,8 @@ class FirstHits:
         return found
 
 
-def _checked(index: int, mesh: Mesh) -> Floats:
-    """Return the corners of a mesh's triangles, (F, 9) m."""
+def _checked(index: int, mesh: Mesh) -> tuple[Floats, NDArray[Any]]:
+    """Return the vertices, tiny numbers set to 0, and the faces of a mesh."""
     vertices = np.asarray(mesh.vertices, np.float64)
     faces = np.asarray(mesh.faces)
     for name, array in (("vertices", vertices), ("faces", faces)):
@@ -254,9 +254,27 @@ def _checked(index: int, mesh: Mesh) -> Floats:
             f"face indices {faces.min()} to {faces.max()}, expected 0 to"
             f" {len(vertices) - 1}, in mesh {index}"
         )
-    vertices = np.where(np.abs(vertices) < TINY, 0.0, vertices)
-    corners: Floats = vertices[faces].reshape(-1, 9)
-    return corners
+    return np.where(np.abs(vertices) < TINY, 0.0, vertices), faces
+
+
+def _triangles(meshes: Sequence[tuple[Floats, NDArray[Any]]], count: int) -> Floats:
+    """Return the corners of all triangles, (T, 9) m, mesh after mesh."""
+    triangles = np.zeros((count, 9))
+    end = 0
+    for vertices, faces in meshes:
+        start, end = end, end + len(faces)
+        for i, corner in enumerate(faces.T):  # all at once would take the memory twice
+            triangles[start:end, 3 * i : 3 * i + 3] = vertices[corner]
+    return triangles
+
+
+def _radius(triangles: Floats) -> float:
+    """Return the radius of the sphere around the origin that contains (T, 9) m."""
+    square = 0.0
+    for start in range(0, len(triangles), _BLOCK):
+        x, y, z = triangles[start : start + _BLOCK].reshape(-1, 3).T
+        square = max(square, (x**2 + y**2 + z**2).max())
+    return math.sqrt(square)
 
 
 def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.raycast.traced_scene import MaterialTable
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
+from radarsim.scene.scene import Part, bounds_of
 
 # Sheets that a ray crosses in a metre of leaves: an estimate, which only decides how
 # far ahead a ray searches at first.
@@ -51,11 +51,8 @@ def _reflects_sound(material: Material) -> bool:
 
 def centre_of(parts: Sequence[Part]) -> Floats:
     """Return the centre of the bounding box of all parts, (3,) m."""
-    corners = [part.vertices[part.faces].reshape(-1, 3) for part in parts]
-    points = np.concatenate([np.zeros((0, 3)), *corners])
-    if not len(points):
-        return np.zeros(3)
-    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
+    low, high = bounds_of(parts)
+    return np.asarray((low + high) / 2)
 
 
 class Volumes(NamedTuple):
@@ -150,9 +147,4 @@ def _bounds(part: Part) -> Floats:
             f"{part.object_name!r} of {part.material.name!r} has open edges,"
             " expected a closed volume or a material with sheet_loss"
         )
-    is_used = np.zeros(len(part.vertices), bool)
-    is_used[part.faces] = True
-    points = part.vertices[is_used]
-    return np.array(
-        [points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)]
-    )
+    return part.bounds

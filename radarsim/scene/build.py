@@ -1,10 +1,13 @@
-"""Build materials and parts from the entries of a map file."""
+"""Build materials and parts from the entries of a map file.
+
+What reads meshes is imported at the first mesh, since numba takes long to be imported.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -26,10 +29,12 @@ from radarsim.scene.mesh_files import (
     MeshError,
     find_inside,
 )
-from radarsim.scene.meshes import Surface, join_surfaces, join_volume, read_surfaces
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, box, cylinder, sphere
 from radarsim.suggestions import expected_one_of
+
+if TYPE_CHECKING:
+    from radarsim.scene.meshes import Surface
 
 LIMITS: Final = {
     "objects": MAX_OBJECTS,
@@ -193,7 +198,9 @@ class PartBuilder:
             for material, (vertices, faces) in self._joined[key]
         ]
 
-    def _read(self, mesh: str) -> list[Surface]:
+    def _read(self, mesh: str) -> list["Surface"]:
+        from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415 - see above
+
         if mesh not in self._surfaces:
             try:
                 path = find_inside(self._folder, self._folder, mesh)
@@ -207,7 +214,7 @@ class PartBuilder:
 
 
 def _join_groups(
-    mesh: str, groups: dict[str, list[Surface]], materials: Mapping[str, Material]
+    mesh: str, groups: dict[str, list["Surface"]], materials: Mapping[str, Material]
 ) -> list[_Piece]:
     """Join the surfaces of each material into one mesh, in the unit of the file."""
     pieces: list[_Piece] = []
@@ -232,8 +239,10 @@ def _build_primitive(entry: ObjectEntry) -> Mesh:
     return sphere(entry.sphere or 0.0)
 
 
-def _join(material: Material, surfaces: list[Surface]) -> Mesh:
+def _join(material: Material, surfaces: list["Surface"]) -> Mesh:
     """Join the surfaces of one material into one mesh."""
+    from radarsim.scene.meshes import join_surfaces, join_volume  # noqa: PLC0415
+
     may_be_open = not material.penetrable or material.sheet_loss is not None
     try:
         vertices, faces = (join_surfaces if may_be_open else join_volume)(surfaces)
@@ -247,8 +256,8 @@ def _join(material: Material, surfaces: list[Surface]) -> Mesh:
 
 
 def _group_by_material(
-    entry: ObjectEntry, surfaces: list[Surface]
-) -> dict[str, list[Surface]]:
+    entry: ObjectEntry, surfaces: list["Surface"]
+) -> dict[str, list["Surface"]]:
     """Group surfaces by the map's material that each is made of."""
     if entry.material is not None:
         return {entry.material: surfaces}

@@ -6,7 +6,7 @@ from typing import Final
 
 from radarsim.validation import short_repr
 
-MAX_TRIANGLES: Final = 2_000_000
+MAX_TRIANGLES: Final = 4_000_000
 MAX_FILE_BYTES: Final = 256 * 1024 * 1024
 MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # parsers of text take 20 times its size
 MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material

@@ -17,17 +17,13 @@ from typing import Any
 import numpy as np
 
 from radarsim.geometry import Floats
+from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.gltf import reduce_gltf
 from radarsim.scene.mesh_files import MeshBudget, MeshError, MeshFiles
 from radarsim.scene.mesh_headers import check_ply, check_stl
 from radarsim.scene.obj import read_obj
 from radarsim.scene.shapes import Faces, Mesh, concatenate
-from radarsim.scene.topology import (
-    count_degenerate,
-    count_open_edges,
-    orient_outward,
-    weld_vertices,
-)
+from radarsim.scene.topology import count_degenerate, orient_outward
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -42,8 +38,8 @@ class Surface:
 
     Attributes:
         material: The name of its material in the file, if it has one.
-        vertices: (V, 3) in the file's unit.
-        faces: (F, 3) vertex indices.
+        vertices: (V, 3) in the file's unit, none at the position of another.
+        faces: (F, 3) vertex indices, all different in a face.
     """
 
     material: str | None
@@ -113,24 +109,23 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
     try:
         return _weld(surfaces)
     except MeshError:
-        return concatenate([weld_vertices(*surface.mesh) for surface in surfaces])
+        return concatenate([surface.mesh for surface in surfaces])
 
 
 def _weld(surfaces: list[Surface]) -> Mesh:
     closed: list[Mesh] = []
     remaining: list[Mesh] = []
     for surface in surfaces:
-        vertices, faces = weld_vertices(*surface.mesh)
-        oriented = orient_outward(vertices, faces)
+        oriented = orient_outward(*surface.mesh)
         if oriented is None:
-            remaining.append((vertices, faces))
+            remaining.append(surface.mesh)
         else:
-            closed.append((vertices, oriented))
+            closed.append((surface.vertices, oriented))
     if remaining:
         vertices, faces = weld_vertices(*concatenate(remaining))
         oriented = orient_outward(vertices, faces)
         if oriented is None:
-            count = count_open_edges(faces)
+            count = connect_faces(faces).open_edges
             raise MeshError(f"not closed: {count} edges have no partner")
         closed.append((vertices, oriented))
     return concatenate(closed)
@@ -189,7 +184,7 @@ def _surface(scene: Any, node: str) -> Surface | None:
     """Return a node's triangles; None for points and lines."""
     matrix, name = scene.graph[node]
     geometry = scene.geometry[name]
-    faces = np.asarray(getattr(geometry, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    faces = np.asarray(getattr(geometry, "faces", ())).reshape(-1, 3)
     if not len(faces):
         return None
     matrix = np.array(matrix, dtype=np.float64)
@@ -205,4 +200,4 @@ def _surface(scene: Any, node: str) -> Surface | None:
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirroring inverts the orientation
         faces = faces[:, ::-1]
     material = getattr(getattr(geometry.visual, "material", None), "name", None)
-    return Surface(material or None, vertices, faces.astype(np.int32))
+    return Surface(material or None, *weld_vertices(vertices, faces))

@@ -1,7 +1,7 @@
 """The scene: parts with their materials, and the poses where robots start."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -12,7 +12,6 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.late_plotting import load_plotting
 from radarsim.scene.material import Material
 from radarsim.scene.shapes import Faces
-from radarsim.scene.topology import is_closed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,15 +66,21 @@ class Part:
         return f"<Part {name}: {self.material.name}, {count} triangles>"
 
     @cached_property
-    def closed(self) -> bool:
-        """Whether the surfaces enclose a volume, so that inside and outside exist."""
-        return is_closed(self.faces)
+    def bounds(self) -> Floats:
+        """The smallest and largest x, y, z of its faces, (2, 3) m; inf without any."""
+        is_used = np.zeros(len(self.vertices), np.bool_)
+        for corners in self.faces.T:  # at once, the indices would take twice the memory
+            is_used[corners] = True
+        used = self.vertices if is_used.all() else self.vertices[is_used]
+        lows = used.min(axis=0, initial=np.inf)
+        return np.stack([lows, used.max(axis=0, initial=-np.inf)])
 
     @cached_property
-    def bounds(self) -> Floats:
-        """The smallest and largest x, y, z of vertices that have faces, (2, 3) m."""
-        used = self.vertices[self.faces.ravel()]
-        return np.array([used.min(axis=0), used.max(axis=0)])
+    def closed(self) -> bool:
+        """Whether the surfaces enclose a volume, so that inside and outside exist."""
+        from radarsim.scene.topology import is_closed  # noqa: PLC0415 - numba is slow
+
+        return is_closed(self.faces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +157,7 @@ class Scene:
     @cached_property
     def bounds(self) -> Floats:
         """The smallest and largest x, y, z of all parts, (2, 3) m; 0 without parts."""
-        boxes = [part.bounds for part in self.parts if part.faces.size]
-        if not boxes:
-            return np.zeros((2, 3))
-        lows, highs = np.stack(boxes, axis=1)
-        return np.stack([lows.min(axis=0), highs.max(axis=0)])
+        return bounds_of(self.parts)
 
     @property
     def triangles(self) -> int:
@@ -177,3 +178,12 @@ class Scene:
         wanted = name.casefold()
         matches = (start for start in self.starts if start.name.casefold() == wanted)
         return next(matches, None)
+
+
+def bounds_of(parts: Iterable[Part]) -> Floats:
+    """Return the smallest and largest x, y, z of parts, (2, 3) m; 0 without faces."""
+    boxes = [part.bounds for part in parts if part.faces.size]
+    if not boxes:
+        return np.zeros((2, 3))
+    lows, highs = np.stack(boxes, axis=1)
+    return np.stack([lows.min(axis=0), highs.max(axis=0)])

@@ -68,6 +68,8 @@ def cylinder(radius: float, height: float) -> Mesh:
 
 def concatenate(meshes: Sequence[Mesh]) -> Mesh:
     """Join one or more meshes into one; no vertices are shared."""
+    if len(meshes) == 1:
+        return meshes[0]
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
     shifted = [
         faces + offset for (_, faces), offset in zip(meshes, offsets, strict=True)

@@ -18,64 +18,32 @@ corners in opposite orientations; where the two sides of a sheet are triangulate
 differently, the volume of the whole component shows it.
 """
 
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.scene.face_passes import (
+    Connections,
+    Labels,
+    Sizes,
+    connect_faces,
+    measure_components,
+)
 from radarsim.scene.shapes import Faces
 
 FLATNESS = 1e-9  # volume over (area times size); rounding errors are far below
 
-Labels: TypeAlias = NDArray[np.int32]
 _Booleans: TypeAlias = NDArray[np.bool_]
-_Integers: TypeAlias = NDArray[np.int64]
-
-
-def weld_vertices(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Merge vertices at exactly equal positions.
-
-    Drops vertices without faces, and faces that lose a corner by the merging.
-
-    Args:
-        vertices: (V, 3) m.
-        faces: (F, 3) vertex indices.
-    """
-    used = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)))
-    positions = vertices[used] + 0.0  # -0.0 and 0.0 are one position
-    # np.unique finds equal rows too, but takes four times as long.
-    order = np.lexsort(positions.T[::-1])
-    positions = positions[order]
-    is_first = np.ones(len(used), dtype=bool)
-    is_first[1:] = (positions[1:] != positions[:-1]).any(axis=1)
-    merged = positions[is_first]
-    targets = np.zeros(len(vertices), dtype=np.int32)
-    targets[used[order]] = np.cumsum(is_first) - 1
-    renamed = targets[faces]
-    a, b, c = renamed.T
-    return merged, renamed[(a != b) & (b != c) & (c != a)]
-
-
-def count_open_edges(faces: Faces) -> int:
-    """Count the edges of (F, 3) faces that are not used equally in both directions."""
-    return _count_open(_half_edges(faces))
 
 
 def is_closed(faces: Faces) -> bool:
-    """Return whether (F, 3) faces, if there are any, enclose a volume."""
-    return count_open_edges(faces) == 0
-
-
-def label_components(faces: Faces) -> Labels:
-    """Label the connected components of (F, 3) faces.
+    """Return whether (F, 3) faces, if there are any, enclose a volume.
 
     Vertices at equal positions must be merged, see `weld_vertices`.
-
-    Returns:
-        (F,) the component of each face, from 0.
     """
-    return _label(_half_edges(faces))
+    return connect_faces(faces).open_edges == 0
 
 
 def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
@@ -93,14 +61,14 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     Returns:
         The faces, or None if the surface is not closed, or has only one side.
     """
-    half_edges = _half_edges(faces)
-    if _count_open(half_edges) == 0:
-        return _flip_inverted_components(vertices, faces, _label(half_edges))
-    consistent = _orient_consistently(faces)
-    if consistent is None:
+    connections = connect_faces(faces)
+    if connections.open_edges == 0:
+        return _flip_inverted_components(vertices, faces, connections)
+    if connections.unpaired_edges or connections.has_one_side:
         return None
-    labels = label_components(consistent)
-    return _flip(consistent, (_volumes(vertices, consistent, labels) < 0)[labels])
+    consistent = _flip(faces, connections.flipped)
+    volumes, *_ = _measure(vertices, consistent, connections)
+    return _flip(consistent, (volumes < 0)[connections.labels])
 
 
 def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
@@ -135,144 +103,82 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
         being a wall inside of a volume; and how many of the others belong to flat
         components.
     """
-    cancelled = _cancelled(faces)
-    hull = faces[~cancelled]
-    labels = label_components(hull)
-    lows, highs = _bounding_boxes(vertices, hull, labels)
-    flat = _is_flat(vertices[hull] - lows[labels][:, None], labels, highs - lows)
-    walls = faces[cancelled]
-    groups, firsts, sizes = np.unique(
-        label_components(walls), return_index=True, return_counts=True
-    )
+    connections = connect_faces(faces)
+    walls = faces[:0]
+    if connections.may_coincide:
+        cancelled = _cancelled(faces)
+        faces, walls = faces[~cancelled], faces[cancelled]
+        connections = connect_faces(faces)
+    sizes = _measure(vertices, faces, connections)
+    # As seen from the components' own corners, since volumes far away are inexact.
+    sizes = measure_components(vertices, faces, connections.labels, sizes.lows)
+    flat = np.count_nonzero(_is_flat(sizes)[connections.labels])
+    wall_labels = connect_faces(walls).labels
+    firsts, counts = _first_faces(wall_labels), np.bincount(wall_labels)
     degenerate = 0
-    for group in groups:
-        point = vertices[walls[firsts[group]]].mean(axis=0)
-        candidates = ((lows <= point) & (point <= highs)).all(axis=1)
-        if not encloses(vertices, hull[candidates[labels]], point):
-            degenerate += int(sizes[group])
-    return degenerate // 2, int(np.count_nonzero(flat[labels]))
+    for point, count in zip(vertices[walls[firsts]].mean(axis=1), counts, strict=True):
+        around = ((sizes.lows <= point) & (point <= sizes.highs)).all(axis=1)
+        if not _enclose(vertices, faces, around, connections, point):
+            degenerate += int(count)
+    return degenerate // 2, int(flat)
 
 
-class _HalfEdges(NamedTuple):
-    """The edges of F faces, three of each.
-
-    Attributes:
-        edges: (3F,) index of the edge, which is the same in both directions.
-        directions: (3F,) 1 or -1.
-        owners: (3F,) index of the face.
-    """
-
-    edges: _Integers
-    directions: _Integers
-    owners: _Integers
-
-
-def _half_edges(faces: Faces) -> _HalfEdges:
-    starts = faces.astype(np.int64)
-    ends = np.roll(starts, -1, axis=1)
-    low, high = np.minimum(starts, ends).ravel(), np.maximum(starts, ends).ravel()
-    size = int(high.max(initial=0)) + 1
-    _, edges = np.unique(low * size + high, return_inverse=True)
-    directions = np.where(starts < ends, 1, -1).ravel()
-    return _HalfEdges(edges.ravel(), directions, np.repeat(np.arange(len(faces)), 3))
-
-
-def _count_open(half_edges: _HalfEdges) -> int:
-    sums = np.bincount(half_edges.edges, weights=half_edges.directions)
-    return int(np.count_nonzero(sums))
-
-
-def _label(half_edges: _HalfEdges) -> Labels:
-    order = np.argsort(half_edges.edges, kind="stable")
-    edges, owners = half_edges.edges[order], half_edges.owners[order]
-    same = edges[1:] == edges[:-1]
-    return _connect(len(order) // 3, owners[:-1][same], owners[1:][same])
-
-
-def _connect(count: int, first: _Integers, second: _Integers) -> Labels:
-    """Label the connected components of ``count`` nodes, joined in pairs."""
-    from scipy.sparse import coo_array  # noqa: PLC0415 - slow; only meshes need it
-    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
-
-    graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
-
-
-def _orient_consistently(faces: Faces) -> Faces | None:
-    """Flip faces until neighbours agree; None if edges are open or it can't be done.
-
-    Each face is two nodes of a graph, as it is and flipped. Two neighbours that agree
-    join like with like, two that disagree join unlike. A face that is connected to its
-    own flipped copy lies on a surface with one side, such as a Möbius strip.
-    """
-    edges, directions, owners = _half_edges(faces)
-    if np.any(np.bincount(edges) != 2):
-        return None
-    order = np.argsort(edges, kind="stable").reshape(-1, 2)
-    first, second = owners[order].T
-    agree = directions[order].sum(axis=1) == 0
-    count = len(faces)
-    labels = _connect(
-        2 * count,
-        np.concatenate([first, first + count]),
-        np.concatenate(
-            [
-                np.where(agree, second, second + count),
-                np.where(agree, second + count, second),
-            ]
-        ),
-    )
-    as_is, flipped = labels[:count], labels[count:]
-    return None if np.any(as_is == flipped) else _flip(faces, as_is > flipped)
-
-
-def _flip_inverted_components(vertices: Floats, faces: Faces, labels: Labels) -> Faces:
+def _flip_inverted_components(
+    vertices: Floats, faces: Faces, connections: Connections
+) -> Faces:
     """Flip all if the whole is inside out, then components that are no cavities."""
-    volumes = _volumes(vertices, faces, labels)
+    volumes, _, lows, highs = _measure(vertices, faces, connections)
     if volumes.sum() < 0:
         faces, volumes = faces[:, ::-1], -volumes
-    lows, highs = _bounding_boxes(vertices, faces, labels)
+    inner = np.flatnonzero(volumes < 0)
+    points = vertices[faces[_first_faces(connections.labels)[inner]]].mean(axis=1)
     inverted = np.zeros(len(volumes), dtype=bool)
-    for index in np.flatnonzero(volumes < 0):
+    for index, point in zip(inner, points, strict=True):
         around = (lows <= lows[index]).all(axis=1) & (highs >= highs[index]).all(axis=1)
-        hull = faces[(around & (volumes > 0))[labels]]
-        inner = vertices[faces[labels == index][0]].mean(axis=0)
-        inverted[index] = not encloses(vertices, hull, inner)
-    return _flip(faces, inverted[labels])
+        around &= volumes > 0
+        inverted[index] = not _enclose(vertices, faces, around, connections, point)
+    return _flip(faces, inverted[connections.labels])
+
+
+def _enclose(
+    vertices: Floats,
+    faces: Faces,
+    around: _Booleans,
+    connections: Connections,
+    point: Floats,
+) -> bool:
+    """Return whether the components that are marked enclose a point together."""
+    if not around.any():
+        return False
+    return encloses(vertices, faces[around[connections.labels]], point)
+
+
+def _first_faces(labels: Labels) -> NDArray[np.intp]:
+    """Return the index of each component's first face, (C,)."""
+    return np.flatnonzero(np.diff(np.maximum.accumulate(labels), prepend=-1))
 
 
 def _flip(faces: Faces, which: _Booleans) -> Faces:
+    """Return faces, those flipped that are marked."""
+    if not which.any():
+        return np.ascontiguousarray(faces)
     flipped = faces.copy()
     flipped[which] = faces[which][:, ::-1]
     return flipped
 
 
-def _volumes(vertices: Floats, faces: Faces, labels: Labels) -> Floats:
-    """Return the signed volume of each component, m³; negative if it is inside out."""
+def _measure(vertices: Floats, faces: Faces, connections: Connections) -> Sizes:
+    """Measure components, with volumes as seen from the middle of the mesh."""
     centre = vertices.mean(axis=0) if len(vertices) else np.zeros(3)
-    return _volumes_below(vertices[faces] - centre, labels)
+    origins = np.tile(centre, (connections.components, 1))
+    return measure_components(vertices, faces, connections.labels, origins)
 
 
-def _volumes_below(corners: Floats, labels: Labels) -> Floats:
-    """Sum the volumes between the origin and faces, (F, 3, 3) m, per component."""
-    a, b, c = (corners[:, i] for i in range(3))
-    sixths: Floats = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
-    return np.bincount(labels, weights=sixths).astype(np.float64)
-
-
-def _bounding_boxes(
-    vertices: Floats, faces: Faces, labels: Labels
-) -> tuple[Floats, Floats]:
-    """Return the smallest and the largest x, y, z of each component, (C, 3) m each."""
-    count = int(labels.max(initial=-1)) + 1
-    if count == 0:
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    order = np.argsort(labels, kind="stable")
-    firsts = np.searchsorted(labels[order], np.arange(count))
-    a, b, c = (vertices[corner] for corner in faces[order].T)
-    lows = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), firsts)
-    highs = np.maximum.reduceat(np.maximum(np.maximum(a, b), c), firsts)
-    return lows, highs
+def _is_flat(sizes: Sizes) -> _Booleans:
+    """Return which components enclose no volume, (C,)."""
+    diagonals = np.linalg.norm(sizes.highs - sizes.lows, axis=1)
+    flat: _Booleans = np.abs(sizes.volumes) <= FLATNESS * sizes.areas * diagonals
+    return flat
 
 
 def _cancelled(faces: Faces) -> _Booleans:
@@ -289,19 +195,3 @@ def _cancelled(faces: Faces) -> _Booleans:
     sums = np.bincount(indices, weights=np.where(forward, 1, -1))
     cancelled: _Booleans = sums[indices] == 0
     return cancelled
-
-
-def _is_flat(corners: Floats, labels: Labels, extents: Floats) -> _Booleans:
-    """Return which components enclose no volume, (C,).
-
-    Args:
-        corners: (F, 3, 3) m, relative to the low corner of the component's box, since
-            volumes far from the origin are inexact.
-        labels: (F,) the component of each face.
-        extents: (C, 3) m, of the components' boxes.
-    """
-    a, b, c = (corners[:, i] for i in range(3))
-    areas = np.bincount(labels, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-    thinnest = FLATNESS * areas * np.linalg.norm(extents, axis=1)
-    flat: _Booleans = np.abs(_volumes_below(corners, labels)) <= thinnest
-    return flat

@@ -10,8 +10,9 @@ from radarsim.plants.growth import Skeleton, grow
 from radarsim.plants.mesh import ball, bark, tube
 from radarsim.plants.parameters import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.rng import generator_for
+from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.shapes import Faces, concatenate
-from radarsim.scene.topology import is_closed, label_components
+from radarsim.scene.topology import is_closed
 
 FORMS = [
     pytest.param(SHRUB, id="shrub"),
@@ -28,7 +29,7 @@ def volumes(vertices: Floats, faces: Faces) -> Floats:
     """Return the signed volume of each connected component, m³."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     sixths = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
-    return np.bincount(label_components(faces), weights=sixths).astype(np.float64)
+    return np.bincount(connect_faces(faces).labels, weights=sixths).astype(np.float64)
 
 
 @pytest.mark.parametrize("parameters", FORMS)
@@ -103,7 +104,7 @@ def test_bark_is_closed_tubes_oriented_outward(parameters: PlantParameters) -> N
     assert is_closed(faces)
     assert volumes(vertices, faces).min() > 0
     ends = set(range(len(skeleton.points))) - set(skeleton.parents.tolist())
-    assert label_components(faces).max() + 1 == len(ends)
+    assert connect_faces(faces).components == len(ends)
 
 
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -2, 3)])
@@ -131,4 +132,4 @@ def test_concatenated_meshes_share_no_vertices() -> None:
     one = ball(np.zeros(3), 1.0)
     vertices, faces = concatenate([one, one])
     assert len(vertices) == 2 * len(one[0])
-    assert label_components(faces).max() == 1
+    assert connect_faces(faces).components == 2

@@ -9,9 +9,10 @@ from radarsim.plants.parameters import LEAVES, SHRUB, WOOD
 from radarsim.plants.plant import SHAPES, TUFT_RADIUS, make_plant, make_shrubs
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
+from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.scene.topology import is_closed, label_components
+from radarsim.scene.topology import is_closed
 
 
 def test_wood_of_all_shapes_is_the_same() -> None:
@@ -38,7 +39,7 @@ def test_volumes_are_closed_and_a_cloud_has_a_ball_for_each_twig() -> None:
     for shape in ("ball", "cloud"):
         assert is_closed(shrubs[shape].pieces[LEAVES][1])
     _, faces = shrubs["cloud"].pieces[LEAVES]
-    assert label_components(faces).max() + 1 == SHRUB.twigs
+    assert connect_faces(faces).components == SHRUB.twigs
     assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), TUFT_RADIUS)[1])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
+from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.meshes import (
     Surface,
@@ -16,7 +17,7 @@ from radarsim.scene.meshes import (
     read_surfaces,
 )
 from radarsim.scene.shapes import box
-from radarsim.scene.topology import is_closed, label_components
+from radarsim.scene.topology import is_closed
 
 CORNERS, TRIANGLES = box(1, 1, 1)
 
@@ -332,7 +333,8 @@ def test_random_bytes_are_refused(tmp_path: Path, suffix: str) -> None:
 
 
 def surface(faces: Any, at: float = 0.0) -> Surface:
-    return Surface(None, CORNERS + np.array([at, 0, 0]), np.asarray(faces, np.int32))
+    vertices = CORNERS + np.array([at, 0, 0])
+    return Surface(None, *weld_vertices(vertices, np.asarray(faces, np.int32)))
 
 
 def test_open_pieces_are_welded() -> None:
@@ -344,7 +346,7 @@ def test_open_pieces_are_welded() -> None:
 def test_closed_pieces_stay_separate_where_they_touch() -> None:
     pieces = [surface(TRIANGLES), surface(TRIANGLES, at=1.0), surface(TRIANGLES)]
     _, faces = join_volume(pieces)
-    assert label_components(faces).max() == 2
+    assert connect_faces(faces).components == 3
 
 
 def test_open_surface_is_not_a_volume() -> None:

@@ -4,21 +4,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
+from radarsim.scene.face_passes import Labels, connect_faces, weld_vertices
 from radarsim.scene.shapes import Faces, Mesh, box, concatenate, cylinder, sphere
-from radarsim.scene.topology import (
-    count_degenerate,
-    count_open_edges,
-    is_closed,
-    label_components,
-    orient_outward,
-    weld_vertices,
-)
+from radarsim.scene.topology import count_degenerate, is_closed, orient_outward
 
 QUAD = (
     np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]),
     np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
 )
 CUBE = box(1, 1, 1)
+
+
+def count_open_edges(faces: Faces) -> int:
+    return connect_faces(faces).open_edges
+
+
+def label_components(faces: Faces) -> Labels:
+    return connect_faces(faces).labels
 
 
 def stack(*meshes: Mesh) -> Mesh:
