@@ -204,7 +204,8 @@ class PartBuilder:
         if mesh not in self._surfaces:
             try:
                 path = find_inside(self._folder, self._folder, mesh)
-                self._surfaces[mesh] = read_surfaces(path, self._folder, self._budget)
+                surfaces = read_surfaces(path, self._folder, self._budget)
+                self._surfaces[mesh] = [surface.welded() for surface in surfaces]
             except MeshError as error:
                 self._surfaces[mesh] = error
         found = self._surfaces[mesh]

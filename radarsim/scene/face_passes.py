@@ -309,6 +309,19 @@ def _find_root(forest: _Forest, face: Any) -> Any:
     return face, flipped
 
 
+@njit_inline
+def _join(forest: _Forest, face: Any, other: Any, disagree: Any) -> Any:
+    """Join the trees of two faces; return whether they contradict, being of one."""
+    root, is_flipped = _find_root(forest, face)
+    other_root, other_is_flipped = _find_root(forest, other)
+    roots_disagree = disagree ^ is_flipped ^ other_is_flipped
+    if root == other_root:
+        return roots_disagree
+    forest.parents[max(root, other_root)] = min(root, other_root)
+    forest.flips[max(root, other_root)] = roots_disagree
+    return False
+
+
 @njit_cached
 def _unite(faces: Any, sides: _Sides, edges: _Edges, forest: _Forest) -> Any:
     """Unite faces that share edges; return the counts of ``Connections``.
@@ -335,7 +348,7 @@ def _unite(faces: Any, sides: _Sides, edges: _Edges, forest: _Forest) -> Any:
                 continue
             users[high] += 1
             unpaired_edges += int(users[high] == 3) - int(users[high] == 2)
-            disagrees = balance[high] == step
+            disagree = balance[high] == step
             open_edges -= int(balance[high] != 0)
             balance[high] += step
             open_edges += int(balance[high] != 0)
@@ -343,14 +356,7 @@ def _unite(faces: Any, sides: _Sides, edges: _Edges, forest: _Forest) -> Any:
             other, opposite = first // 3, _next(_next(first % 3))
             may_coincide |= users[high] > 2
             may_coincide |= faces[other, opposite] == faces[face, _next(_next(corner))]
-            root, flipped = _find_root(forest, face)
-            other_root, other_flipped = _find_root(forest, other)
-            disagrees ^= flipped ^ other_flipped
-            if root == other_root:
-                has_one_side |= disagrees
-            else:
-                forest.parents[max(root, other_root)] = min(root, other_root)
-                forest.flips[max(root, other_root)] = disagrees
+            has_one_side |= _join(forest, face, other, disagree)
     return open_edges, unpaired_edges, has_one_side, may_coincide
 
 
@@ -383,21 +389,13 @@ def _measure(
             sizes.lows[label, axis] = min(sizes.lows[label, axis], p, q, r)
             sizes.highs[label, axis] = max(sizes.highs[label, axis], p, q, r)
         volume = square = 0.0
-        for axis in range(3):
-            second = _next(axis)
-            third = _next(second)
-            ox, oy, oz = (
-                origins[label, axis],
-                origins[label, second],
-                origins[label, third],
-            )
-            ax, ay, az = (
-                vertices[a, axis] - ox,
-                vertices[a, second] - oy,
-                vertices[a, third] - oz,
-            )
-            by, bz = vertices[b, second] - oy, vertices[b, third] - oz
-            cy, cz = vertices[c, second] - oy, vertices[c, third] - oz
+        for x in range(3):
+            y, z = _next(x), _next(_next(x))
+            ax = vertices[a, x] - origins[label, x]
+            oy, oz = origins[label, y], origins[label, z]
+            ay, az = vertices[a, y] - oy, vertices[a, z] - oz
+            by, bz = vertices[b, y] - oy, vertices[b, z] - oz
+            cy, cz = vertices[c, y] - oy, vertices[c, z] - oz
             volume += ax * (by * cz - bz * cy)
             normal = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
             square += normal * normal

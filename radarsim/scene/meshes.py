@@ -38,8 +38,8 @@ class Surface:
 
     Attributes:
         material: The name of its material in the file, if it has one.
-        vertices: (V, 3) in the file's unit, none at the position of another.
-        faces: (F, 3) vertex indices, all different in a face.
+        vertices: (V, 3) in the file's unit.
+        faces: (F, 3) vertex indices.
     """
 
     material: str | None
@@ -50,6 +50,14 @@ class Surface:
     def mesh(self) -> Mesh:
         """The vertices and the faces."""
         return self.vertices, self.faces
+
+    def welded(self) -> "Surface":
+        """Return the surface with vertices at equal positions merged.
+
+        Drops faces that lose a corner by it, and vertices without faces: of an STL
+        file a sixth of the vertices is left.
+        """
+        return Surface(self.material, *weld_vertices(self.vertices, self.faces))
 
 
 def read_surfaces(
@@ -91,6 +99,9 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
     Surfaces that are closed by themselves stay separate, even where they touch; the
     others are welded together where their vertices coincide.
 
+    Args:
+        surfaces: Each of them welded by itself.
+
     Raises:
         MeshError: If the mesh is open, or parts of it enclose nothing, see `topology`.
     """
@@ -105,7 +116,11 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
 
 
 def join_surfaces(surfaces: list[Surface]) -> Mesh:
-    """Join surfaces into one mesh as they are; closed ones are oriented outward."""
+    """Join surfaces into one mesh as they are; closed ones are oriented outward.
+
+    Args:
+        surfaces: Each of them welded by itself.
+    """
     try:
         return _weld(surfaces)
     except MeshError:
@@ -122,7 +137,9 @@ def _weld(surfaces: list[Surface]) -> Mesh:
         else:
             closed.append((surface.vertices, oriented))
     if remaining:
-        vertices, faces = weld_vertices(*concatenate(remaining))
+        vertices, faces = remaining[0]
+        if len(remaining) > 1:
+            vertices, faces = weld_vertices(*concatenate(remaining))
         oriented = orient_outward(vertices, faces)
         if oriented is None:
             count = connect_faces(faces).open_edges
@@ -200,4 +217,4 @@ def _surface(scene: Any, node: str) -> Surface | None:
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirroring inverts the orientation
         faces = faces[:, ::-1]
     material = getattr(getattr(geometry.visual, "material", None), "name", None)
-    return Surface(material or None, *weld_vertices(vertices, faces))
+    return Surface(material or None, vertices, faces.astype(np.int32))

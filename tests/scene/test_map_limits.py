@@ -74,7 +74,7 @@ def test_starts_are_limited() -> None:
 def test_what_is_too_much_is_told_before_anything_is_built(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("radarsim.scene.build.read_surfaces", None)
+    monkeypatch.setattr("radarsim.scene.meshes.read_surfaces", None)
     starts = "".join(
         f"  - {{name: RobotStart{i}, position: [0, 0, 0]}}\n"
         for i in range(MAX_STARTS + 1)
@@ -168,7 +168,7 @@ def test_each_mesh_file_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
         read.append(path.name)
         return read_surfaces(path, *others)
 
-    monkeypatch.setattr("radarsim.scene.build.read_surfaces", watch)
+    monkeypatch.setattr("radarsim.scene.meshes.read_surfaces", watch)
     mesh = "mesh: meshes/cube.obj, material: stone"
     Path("m.yaml").write_text(
         objects(*(f"name: o{i}, {mesh}" for i in range(20))) + "variants: {a: {}}\n"

@@ -244,9 +244,13 @@ def _meshes() -> Iterator[tuple[str, Callable[[], Files]]]:
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     makers: dict[str, tuple[str, Callable[[], str | bytes]]] = {
         "STL: a large count": ("a.stl", lambda: bytes(80) + b"\xff" * 4 + bytes(50)),
-        "STL: 3 million triangles": (
+        "STL: 3 million triangles in one point": (
             "a.stl",
             lambda: bytes(80) + struct.pack("<I", 3 * 10**6) + bytes(150 * 10**6),
+        ),
+        "STL: 5 million triangles": (
+            "a.stl",
+            lambda: bytes(80) + struct.pack("<I", 5 * 10**6) + bytes(250 * 10**6),
         ),
         "STL: many solids": ("a.stl", lambda: "solid x\nendsolid x\n" * 200_000),
         "STL: no numbers": ("a.stl", lambda: "solid x\n" + "vertex a b c\n" * 300_000),
@@ -302,11 +306,11 @@ def good_meshes() -> dict[str, bytes]:
     """Return a ball in each format."""
     vertices, faces = sphere(1.0)
     return {
-        "a.glb": _glb(vertices, faces),
+        "a.glb": encode_glb(vertices, faces),
         "a.obj": _obj(vertices, faces),
         "a.ply": _ply(vertices, faces),
         "b.ply": _binary_ply(vertices, faces),
-        "a.stl": _stl(vertices, faces),
+        "a.stl": encode_stl(vertices, faces),
         "b.stl": _text_stl(vertices, faces),
     }
 
@@ -344,7 +348,8 @@ class _Broken:
         return files
 
 
-def _glb(vertices: Floats, faces: Faces) -> bytes:
+def encode_glb(vertices: Floats, faces: Faces) -> bytes:
+    """Return a GLB file of one mesh."""
     buffers = vertices.astype("<f4").tobytes(), faces.astype("<u4").tobytes()
     sizes = [len(buffer) for buffer in buffers]
     values = {"componentType": 5125, "count": faces.size, "type": "SCALAR"}
@@ -373,7 +378,8 @@ def _obj(vertices: Floats, faces: Faces) -> bytes:
     return "\n".join(lines).encode()
 
 
-def _stl(vertices: Floats, faces: Faces) -> bytes:
+def encode_stl(vertices: Floats, faces: Faces) -> bytes:
+    """Return a binary STL file."""
     kind = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")]
     triangles = np.zeros(len(faces), dtype=kind)
     triangles["corners"] = vertices[faces]
