@@ -113,44 +113,74 @@ def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
     # As seen from the components' own corners, since volumes far away are inexact.
     sizes = measure_components(vertices, faces, connections.labels, sizes.lows)
     flat = np.count_nonzero(_is_flat(sizes)[connections.labels])
-    wall_labels = connect_faces(walls).labels
-    firsts, counts = _first_faces(wall_labels), np.bincount(wall_labels)
-    degenerate = 0
-    for point, count in zip(vertices[walls[firsts]].mean(axis=1), counts, strict=True):
-        around = ((sizes.lows <= point) & (point <= sizes.highs)).all(axis=1)
-        if not _enclose(vertices, faces, around, connections, point):
-            degenerate += int(count)
-    return degenerate // 2, int(flat)
+    if not len(walls):
+        return 0, int(flat)
+    every = np.ones(connections.components, np.bool_)  # also cavities
+    hulls = _Hulls(vertices, faces, connections.labels, sizes, every)
+    labels = connect_faces(walls).labels
+    points = vertices[walls[_first_faces(labels)]].mean(axis=1)
+    outside = [not hulls.enclose(point, point, point) for point in points]
+    return int(np.bincount(labels)[outside].sum()) // 2, int(flat)
 
 
 def _flip_inverted_components(
     vertices: Floats, faces: Faces, connections: Connections
 ) -> Faces:
     """Flip all if the whole is inside out, then components that are no cavities."""
-    volumes, _, lows, highs = _measure(vertices, faces, connections)
-    if volumes.sum() < 0:
-        faces, volumes = faces[:, ::-1], -volumes
-    inner = np.flatnonzero(volumes < 0)
-    points = vertices[faces[_first_faces(connections.labels)[inner]]].mean(axis=1)
-    inverted = np.zeros(len(volumes), dtype=bool)
-    for index, point in zip(inner, points, strict=True):
-        around = (lows <= lows[index]).all(axis=1) & (highs >= highs[index]).all(axis=1)
-        around &= volumes > 0
-        inverted[index] = not _enclose(vertices, faces, around, connections, point)
-    return _flip(faces, inverted[connections.labels])
+    labels = connections.labels
+    sizes = _measure(vertices, faces, connections)
+    if sizes.volumes.sum() < 0:
+        faces, sizes = faces[:, ::-1], sizes._replace(volumes=-sizes.volumes)
+    inverted = sizes.volumes < 0
+    if inverted.any():
+        hulls = _Hulls(vertices, faces, labels, sizes, sizes.volumes > 0)
+        inner = np.flatnonzero(inverted)
+        points = vertices[faces[_first_faces(labels)[inner]]].mean(axis=1)
+        for index, point in zip(inner, points, strict=True):
+            low, high = sizes.lows[index], sizes.highs[index]
+            inverted[index] = not hulls.enclose(low, high, point)
+    return _flip(faces, inverted[labels])
 
 
-def _enclose(
-    vertices: Floats,
-    faces: Faces,
-    around: _Booleans,
-    connections: Connections,
-    point: Floats,
-) -> bool:
-    """Return whether the components that are marked enclose a point together."""
-    if not around.any():
-        return False
-    return encloses(vertices, faces[around[connections.labels]], point)
+class _Hulls:
+    """Components of a mesh, found by the boxes around them."""
+
+    def __init__(
+        self,
+        vertices: Floats,
+        faces: Faces,
+        labels: Labels,
+        sizes: Sizes,
+        which: _Booleans,
+    ) -> None:
+        from shapely import STRtree, box  # noqa: PLC0415 - slow; seldom needed
+
+        self._hulls = np.flatnonzero(which)
+        self._lows, self._highs = sizes.lows[self._hulls], sizes.highs[self._hulls]
+        self._tree = STRtree(box(*self._lows[:, :2].T, *self._highs[:, :2].T))
+        self._corners = vertices, faces
+        order = np.argsort(labels, kind="stable")
+        firsts = np.searchsorted(labels[order], np.arange(1, len(sizes.volumes)))
+        self._faces = np.split(order, firsts)
+
+    def enclose(self, low: Floats, high: Floats, point: Floats) -> bool:
+        """Return whether a point is in hulls whose boxes contain all of another box.
+
+        Args:
+            low: (3,) m, the other box.
+            high: (3,) m.
+            point: (3,) m, in it.
+        """
+        from shapely import Point  # noqa: PLC0415
+
+        found = self._tree.query(Point(low[:2]))
+        found = found[(self._lows[found] <= low).all(axis=1)]
+        found = found[(self._highs[found] >= high).all(axis=1)]
+        if not len(found):
+            return False
+        chosen = [self._faces[hull] for hull in self._hulls[found]]
+        vertices, faces = self._corners
+        return encloses(vertices, faces[np.sort(np.concatenate(chosen))], point)
 
 
 def _first_faces(labels: Labels) -> NDArray[np.intp]:
