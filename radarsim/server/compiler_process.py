@@ -3,8 +3,8 @@
 It is a process and not a thread, because compiling holds Python's global lock most of
 the time, and clients would wait for their greeting.
 
-It writes lines of a word and a text: ``compiling`` and what, when something begins to
-be compiled; ``done`` when that ends; ``failed`` and why, before it ends with an error.
+It writes a line ``compiling`` when it begins to compile, which it does not if all is in
+the cache, and a line ``failed`` with the reason before it ends with an error.
 """
 
 import os
@@ -22,7 +22,6 @@ from radarsim.kernel_cache import mark_complete
 from radarsim.os_errors import describe_os_error
 
 COMPILING: Final = "compiling"
-DONE: Final = "done"
 FAILED: Final = "failed"
 # The modules are found where this process has found them.
 PROGRAM: Final = (
@@ -53,9 +52,8 @@ class CompilerProcess:
         with self._process, ExitStack() as until_end:
             reason = ""
             for word, text in _words(self._process):
-                until_end.close()
                 if word == COMPILING:
-                    until_end.enter_context(compilation.running(text))
+                    until_end.enter_context(compilation.running())
                 elif word == FAILED:
                     reason = text
             code = self._process.wait()
@@ -130,8 +128,9 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _tell(subject: str | None) -> None:
-    print(DONE if subject is None else f"{COMPILING} {subject}", flush=True)  # noqa: T201
+def _tell(_: str | None) -> None:
+    compilation.observers.remove(_tell)  # once is enough
+    print(COMPILING, flush=True)  # noqa: T201
 
 
 def _fail(error: OSError | MemoryError) -> None:
