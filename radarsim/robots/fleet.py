@@ -24,7 +24,9 @@ from radarsim.robots.fleet_columns import (
     ROBOT_GAP,
     TOP,
     TOP_SPEED,
+    TOUCHED,
     TRACK,
+    UNKNOWN,
     WHEEL_RADIUS,
     YAW,
     X,
@@ -137,11 +139,15 @@ class Fleet:
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which robots were blocked in the last step, or touch something.
 
+        What is found is kept until the next step, also for ``Robot.touched``: it takes
+        much less time to ask for many robots first, and then for each.
+
         Args:
             slots: (K,) their slots.
         """
         asked = np.asarray(slots, np.int64)
-        touched: NDArray[np.bool_] = find_touched(self._around, self.slots, asked)
+        find_touched(self._around, self.slots, asked)
+        touched: NDArray[np.bool_] = self.columns[asked, TOUCHED] == 1.0
         return touched
 
     def near(self, x: float, y: float, distance: float) -> tuple[Robot, ...]:
@@ -214,8 +220,9 @@ class Fleet:
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)
-        # A robot that came may be close to any other.
+        # A robot that came may be close to any other, and one that left was.
         self.columns[:, ROBOT_GAP] = 0.0
+        self.columns[:, TOUCHED] = UNKNOWN
 
 
 def _surroundings(columns: Floats, walls: WallTable) -> Surroundings:

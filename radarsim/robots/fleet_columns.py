@@ -25,7 +25,11 @@ BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, RADIUS = range(16, 21)
 TRACK, WHEEL_RADIUS, TOP_SPEED = range(21, 24)
 # Number of the floor; counts the robots in the order of spawning, from 1 on.
 FLOOR, NUMBER = range(24, 26)
-COLUMNS: Final = 26
+# Whether the robot was blocked or touches something, UNKNOWN until that is asked for.
+TOUCHED: Final = 26
+COLUMNS: Final = 27
+
+UNKNOWN: Final = -1.0
 
 MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
 
@@ -34,6 +38,7 @@ def new_columns(rows: int) -> Floats:
     """Return the table of robots that are not set up, (``rows``, ``COLUMNS``)."""
     columns = np.zeros((rows, COLUMNS))
     columns[:, REJECTED : REJECTED + 6] = np.nan
+    columns[:, TOUCHED] = UNKNOWN
     return columns
 
 

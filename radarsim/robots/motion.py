@@ -7,8 +7,6 @@ before it where they have gone and those after it where they still are.
 import math
 from typing import Any, Final
 
-import numpy as np
-
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.robots.collision import avoid_collision, is_rejected, is_touching
 from radarsim.robots.fleet_columns import (
@@ -19,7 +17,9 @@ from radarsim.robots.fleet_columns import (
     RIGHT_ANGLE,
     RIGHT_SPIN,
     ROBOT_GAP,
+    TOUCHED,
     TRACK,
+    UNKNOWN,
     WALL_GAP,
     WHEEL_RADIUS,
     X,
@@ -49,6 +49,7 @@ def drive_robots(around: Any, order: Any, odometry: Any, dt: Any) -> Any:
     enter_robots(around.grid, robots, order, dt)
     for i in range(len(order)):
         slot = order[i]
+        robots[slot, TOUCHED] = UNKNOWN
         left, right = robots[slot, LEFT_SPIN], robots[slot, RIGHT_SPIN]
         if left == 0.0 and right == 0.0:
             # Others may approach meanwhile: the next move measures the gap anew.
@@ -89,17 +90,17 @@ def _move(around: Any, slot: Any, wanted: Any, sweep: Any, dt: Any) -> Any:
 
 @njit_cached
 def find_touched(around: Any, order: Any, slots: Any) -> Any:
-    """Return which robots were blocked in their last move, or touch something, (K,).
+    """Find which robots were blocked in their last move, or touch something.
 
     Args:
         around: The ``Surroundings``.
         order: (R,) slots of all robots.
         slots: (K,) slots of those that are asked for.
     """
-    enter_robots(around.grid, around.robots, order, 0.0)
-    touched = np.zeros(len(slots), np.bool_)
+    robots = around.robots
+    enter_robots(around.grid, robots, order, 0.0)
     for i in range(len(slots)):
         slot = slots[i]
-        is_blocked = around.robots[slot, BLOCKED] != 0.0
-        touched[i] = is_blocked or is_touching(around, slot)
-    return touched
+        if robots[slot, TOUCHED] == UNKNOWN:
+            is_touched = robots[slot, BLOCKED] != 0.0 or is_touching(around, slot)
+            robots[slot, TOUCHED] = 1.0 if is_touched else 0.0

@@ -14,6 +14,8 @@ from radarsim.robots.fleet_columns import (
     RIGHT_ANGLE,
     RIGHT_SPIN,
     TOP_SPEED,
+    TOUCHED,
+    UNKNOWN,
     YAW,
     X,
     Y,
@@ -103,11 +105,11 @@ class Robot:
 
     @property
     def touched(self) -> bool:
-        """Whether the last step was blocked, or something touches the robot.
-
-        It takes less time to ask the fleet for many robots at once.
-        """
-        return bool(self.fleet.touched([self.slot])[0])
+        """Whether the last step was blocked, or something touches the robot."""
+        known = self.fleet.columns.item(self.slot, TOUCHED)
+        if known == UNKNOWN:
+            return bool(self.fleet.touched([self.slot])[0])
+        return known == 1.0
 
     @property
     def top_speed(self) -> float:

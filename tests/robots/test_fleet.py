@@ -206,3 +206,20 @@ def test_robots_near_a_place_are_those_that_may_reach_into_its_circle() -> None:
     assert fleet.near(0.0, 0.0, 3.0 - radius + 0.01) == (robots[0], robots[2])
     assert fleet.near(0.0, 0.0, 3.0 - radius - 0.01) == (robots[2],)
     assert fleet.near(9.0, 0.0, 1.0) == ()
+
+
+def test_touch_is_found_anew_after_each_step_and_each_change_of_the_fleet() -> None:
+    nothing, fleet = obstacles([]), Fleet()
+    moving = add(fleet, nothing, Pose2(0, 0))
+    assert not moving.touched
+    ahead = add(fleet, nothing, Pose2(P3AT.length + CONTACT_GAP, 0))
+    assert fleet.touched(fleet.slots).tolist() == [True, True]
+    assert moving.touched
+    fleet.remove(ahead)
+    assert not moving.touched
+    assert not ahead.touched
+    late = add(fleet, nothing, Pose2(-P3AT.length - CONTACT_GAP, 0))
+    assert late.touched
+    moving.drive(FULL, FULL)
+    fleet.step(TICK)
+    assert not late.touched
