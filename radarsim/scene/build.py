@@ -31,7 +31,8 @@ from radarsim.scene.mesh_files import (
 )
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, box, cylinder, sphere
-from radarsim.suggestions import expected_one_of
+from radarsim.suggestions import MAX_NAMES, expected_one_of
+from radarsim.validation import short_repr
 
 if TYPE_CHECKING:
     from radarsim.scene.meshes import Surface
@@ -263,19 +264,24 @@ def _group_by_material(
     if entry.material is not None:
         return {entry.material: surfaces}
     given = entry.materials or {}
-    in_file = sorted({surface.material or "" for surface in surfaces})
+    in_file = {surface.material or "" for surface in surfaces}
+    named = sorted(in_file - {""})
     problems: list[Problem] = [
-        (("materials",), f"missing {name!r} of the file")
-        if name
-        else (("materials",), "no names in parts of the file, expected 'material'")
-        for name in in_file
+        (("materials",), f"missing {short_repr(name)} of the file")
+        for name in named
         if name not in given
     ]
+    if "" in in_file - given.keys():
+        text = "no names in parts of the file, expected 'material'"
+        problems.insert(0, (("materials",), text))
+    unknown = [name for name in given if name not in in_file]
     problems += [
-        (("materials", name), expected_one_of(name, [n for n in in_file if n]))
-        for name in given
-        if name not in in_file
+        (("materials", name), expected_one_of(name, named))
+        for name in unknown[:MAX_NAMES]  # to find what is meant takes long
     ]
+    if len(unknown) > MAX_NAMES:
+        text = f"{len(unknown) - MAX_NAMES} more names that are not in the file"
+        problems.append((("materials",), text))
     if problems:
         raise BuildError(problems)
     groups: dict[str, list[Surface]] = {}

@@ -7,6 +7,7 @@ import re
 from typing import Final
 
 from radarsim.scene.mesh_files import (
+    MAX_SURFACES,
     MAX_TRIANGLES,
     MeshBudget,
     MeshError,
@@ -31,8 +32,8 @@ def check_stl(content: bytes, budget: MeshBudget) -> None:
     """Check an STL file.
 
     Raises:
-        MeshError: If it has too many triangles, or its header counts another number
-            than it contains.
+        MeshError: If it has too many triangles or solids, or its header counts another
+            number than it contains.
     """
     count = int.from_bytes(content[80:_STL_HEADER], "little")
     size = _STL_HEADER + _STL_TRIANGLE * count
@@ -41,6 +42,7 @@ def check_stl(content: bytes, budget: MeshBudget) -> None:
     elif content[:256].lstrip()[:5].lower() == b"solid":
         budget.take(len(content), "bytes of text")
         budget.take(content.count(b"endfacet"), "triangles")
+        expect_at_most(content.count(b"endsolid"), MAX_SURFACES, "solids")
     elif len(content) > _STL_HEADER:
         expected = f"expected a file of {size} bytes, not of {len(content)}"
         raise MeshError(f"{count} triangles in the header, {expected}")

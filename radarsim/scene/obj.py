@@ -24,6 +24,7 @@ from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MAX_SURFACES, MeshBudget, expect_at_most
 from radarsim.scene.shapes import Faces
 
+MAX_LINES: Final = 5_000_000  # without blank ones
 MAX_CHANGES: Final = 200_000  # of the object or the material, each with polygons
 
 _COMMENTS: Final = re.compile(rb"#[^\n]*")
@@ -89,7 +90,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Piece]:
         budget: What the file may contain.
 
     Raises:
-        MeshError: If it is too long, or has too many triangles or pieces.
+        MeshError: If it is too long, or has too many lines, triangles or pieces.
         ValueError: If it is broken.
     """
     budget.take(len(content), "bytes of text")
@@ -114,7 +115,9 @@ def _split_lines(content: bytes) -> _Lines:
     """Drop blank lines and blanks before statements, and join continued lines."""
     text = content.removeprefix(_BOM).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = text.replace(b"\\\n", b" ").strip() + b"\n"
-    characters = np.frombuffer(re.sub(rb"\n\s+", b"\n", text), dtype=np.uint8)
+    text = re.sub(rb"\n\s+", b"\n", text)
+    expect_at_most(text.count(b"\n"), MAX_LINES, "lines")
+    characters = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(characters == ord("\n"))
     return _Lines(characters, np.concatenate([[0], ends[:-1] + 1]), ends)
 

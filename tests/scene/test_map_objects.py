@@ -1,5 +1,7 @@
 """Problems of objects in map files."""
 
+from pathlib import Path
+
 import pytest
 from map_texts import objects, problems
 
@@ -301,3 +303,18 @@ def test_number_of_triangles_is_limited(monkeypatch: pytest.MonkeyPatch) -> None
     text = objects(f"name: a, {row}", f"name: b, {row}")
     message = "60 triangles, expected at most 100 in all, 40 more"
     assert problems(text) == [f"m.yaml:8:5: objects.1: {message}"]
+
+
+def test_only_the_first_of_many_unknown_materials_of_a_mesh_are_told() -> None:
+    given = ", ".join(f"Leavez{i}: leaf" for i in range(103))
+    line = f"name: a, mesh: meshes/cube.obj, materials: {{Leaves: leaf, {given}}}"
+    found = problems(objects(line))
+    assert "'Leavez99', expected one of ['Leaves']; did you mean 'Leaves'?" in found[-2]
+    assert found[-1].endswith("1 more problems")
+
+
+def test_name_of_a_material_in_a_message_is_limited(mesh_folder: Path) -> None:
+    text = f"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {'x' * 10_000}\nf 1 2 3\n"
+    (mesh_folder / "meshes" / "long.obj").write_text(text)
+    (found,) = problems(objects("name: a, mesh: meshes/long.obj, materials: {}"))
+    assert len(found) < 200

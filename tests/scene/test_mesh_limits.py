@@ -16,7 +16,7 @@ from radarsim.scene.mesh_files import (
     MeshError,
 )
 from radarsim.scene.meshes import read_surfaces
-from radarsim.scene.obj import MAX_CHANGES
+from radarsim.scene.obj import MAX_CHANGES, MAX_LINES
 
 CORNERS = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
 PLY = """\
@@ -274,6 +274,18 @@ def test_large_file_is_refused_unread(tmp_path: Path) -> None:
             "v 0 0 0\n" + "usemtl a\nf 1 1 1\n" * (MAX_CHANGES + 1),
             f"{MAX_CHANGES + 1} changes of object or material",
             id="changes of material of an OBJ",
+        ),
+        pytest.param(
+            "a.obj",
+            "f\n" * (MAX_LINES + 1),
+            f"{MAX_LINES + 1} lines",
+            id="lines of an OBJ",
+        ),
+        pytest.param(
+            "a.stl",
+            "solid a\nendsolid a\n" * (MAX_SURFACES + 1),
+            f"{MAX_SURFACES + 1} solids",
+            id="solids of an STL in text",
         ),
         pytest.param("a.obj", " " * (MAX_TEXT_BYTES + 1), "bytes of text", id="text"),
         pytest.param("a.obj", "\n" * 2_000_000, "no triangles", id="empty lines"),

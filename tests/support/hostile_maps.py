@@ -145,10 +145,18 @@ def _copies() -> Iterator[tuple[str, Callable[[], Files]]]:
         "missing meshes": [
             f"name: o{i}, mesh: m{i}.stl, material: stone" for i in range(15_000)
         ],
+        "names of materials that no mesh has": [
+            "name: a, mesh: a.stl, materials: {"
+            + ", ".join(f"m{i}: stone" for i in range(20_000))
+            + "}"
+        ],
         "one object of many keys": [", ".join(f"k{i}: 1" for i in range(60_000))],
     }
     for name, lines in many.items():
-        yield name, lambda lines=lines: objects(lines)  # type: ignore[misc]
+        yield (
+            name,
+            lambda lines=lines: objects(lines) | {"a.stl": good_meshes()["a.stl"]},  # type: ignore[misc]
+        )
     texts = {
         "many materials": "version: 1\nmaterials:\n"
         + "".join(f"  m{i}: {{density: 1}}\n" for i in range(30_000)),
@@ -272,6 +280,23 @@ def _meshes() -> Iterator[tuple[str, Callable[[], Files]]]:
                 ).encode()
                 + b"\xff" * 64
             ),
+        ),
+        "STL: many solids with triangles": (
+            "a.stl",
+            lambda: (
+                (
+                    "solid x\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n"
+                    "vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid x\n"
+                )
+                * 20_000
+            ),
+        ),
+        "OBJ: short lines": ("a.obj", lambda: corners + "f\n" * 15_000_000),
+        "OBJ: names": ("a.obj", lambda: corners + "o a\n" * 7_000_000 + "f 1 2 3"),
+        "OBJ: slashes": ("a.obj", lambda: corners + "f 1 2 3" + "/" * 30_000_000),
+        "OBJ: a long material": (
+            "a.obj",
+            lambda: f"{corners}usemtl {'x' * 30_000_000}\nf 1 2 3\n",
         ),
         "OBJ: 20000 materials": (
             "a.obj",
