@@ -90,7 +90,8 @@ class Pose3:
             # A scanner ahead of the centre of a level robot: the same numbers, faster.
             c, s = math.cos(self.yaw), math.sin(self.yaw)
             x, y = self.x + c * inner.x, self.y + s * inner.x
-            return Pose3(x, y, self.z + inner.z, 0.0, 0.0, math.atan2(s, c) + 0.0)
+            z, yaw = float(self.z + inner.z), math.atan2(s, c) + 0.0
+            return Pose3(x, y, z, 0.0, 0.0, yaw)
         rotation = self.rotation()
         x, y, z = self.position() + rotation @ inner.position()
         roll, pitch, yaw = _roll_pitch_yaw(rotation @ inner.rotation())

@@ -40,6 +40,19 @@ def test_composed_pose_transforms_points_like_both_in_turn(
     assert moved == pytest.approx(twice, abs=1e-6)
 
 
+@given(places, lengths, lengths, lengths)
+def test_unturned_pose_is_composed_as_by_matrices_exactly(
+    place: Pose2, height: float, ahead: float, above: float
+) -> None:
+    outer = Pose3(place.x, place.y, height, yaw=place.yaw)
+    inner = Pose3(ahead, 0.0, above)
+    both, turn = outer.compose(inner), outer.rotation()
+    moved = outer.position() + turn @ inner.position()
+    assert both.position().tolist() == moved.tolist()
+    yaw = math.atan2(turn[1, 0], turn[0, 0])
+    assert (both.roll, both.pitch, both.yaw) == (0.0, 0.0, yaw)
+
+
 @given(outer=places, inner=places)
 def test_poses_on_the_floor_compose_like_those_in_space(
     outer: Pose2, inner: Pose2
