@@ -160,7 +160,8 @@ class BeamPattern:
                 some = rays.rows(first, first + self.rays_per_scan)
                 self._aim_random(poses[i : i + 1], draw * self._deviations, some)
         elif self.is_random:
-            chances = draws[0][None] if len(draws) == 1 else np.stack(draws)
+            chances = draws[0] if len(draws) == 1 else np.concatenate(draws)
+            chances = chances.reshape(len(draws), -1)
             aim_scans(poses, DRAWN, chances, *self._table, *rays)
         else:
             aim_scans(poses, ALL, NO_CHANCES, *self._table, *rays)

@@ -8,11 +8,13 @@ import pytest
 
 import radarsim
 from radarsim.geometry import Pose3
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scan_batch import scan_poses
+from radarsim.sensors.scan_batch import scan_batch, scan_poses
+from radarsim.sensors.scan_plan import ScanRequest
 
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "radar": ("radar", {}),
@@ -99,3 +101,46 @@ def test_what_is_no_pose_is_an_error_that_names_it(
 ) -> None:
     with pytest.raises(ValueError, match=r"^poses\[0\]: "):
         load_sensor("laser").scan_many(empty_room, poses)
+
+
+def crowd(count: int) -> tuple[list[Pose3], Boxes]:
+    """Return sensors, and robots around them: their own, beside them, and over them."""
+    rng = np.random.Generator(np.random.PCG64(2))
+    places, yaws = rng.uniform([-8, -4], [8, 4], (count, 2)), rng.uniform(-3, 3, count)
+    tilts = np.where(np.arange(count) % 5 == 0, 0.1, 0.0)
+    poses = [
+        Pose3(x, y, 0.346, tilt, -tilt, yaw)
+        for (x, y), tilt, yaw in zip(
+            places.tolist(), tilts.tolist(), yaws.tolist(), strict=True
+        )
+    ]
+    rows = np.zeros((3 * count, 8))
+    rows[:count, :2] = places - 0.1
+    rows[count : 2 * count, :2] = places + np.array([0.45, 0.0])
+    rows[2 * count :, :2] = rng.uniform([-9, -5], [9, 5], (count, 2))
+    rows[:, 2], rows[:, 7] = rng.uniform(-3, 3, len(rows)), np.arange(len(rows))
+    rows[:, 4:7] = 0.5, 0.31, 0.25
+    return poses, Boxes(rows)
+
+
+@pytest.mark.parametrize("name", list(SENSORS))
+def test_scans_among_robots_are_the_same_together_as_alone(
+    name: str, foliage_room: Scene
+) -> None:
+    preset, settings = SENSORS[name]
+    tracer, (poses, boxes) = tracer_of(foliage_room), crowd(12)
+    sensors = [load_sensor(preset, **settings), load_sensor("laser")]
+
+    def requests() -> list[ScanRequest]:
+        return [
+            ScanRequest(sensors[i % 2], pose, generator_for(i), i)
+            for i, pose in enumerate(poses)
+        ]
+
+    together = scan_batch(tracer, requests(), boxes)
+    for scan, request in zip(together, requests(), strict=True):
+        (alone,) = scan_batch(tracer, [request], boxes)
+        assert scan.to_dict() == alone.to_dict()
+        for column in ("origins", "directions", "power", "carrier_id"):
+            one, other = getattr(scan.cast, column), getattr(alone.cast, column)
+            np.testing.assert_array_equal(one, other)
