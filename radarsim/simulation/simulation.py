@@ -219,6 +219,8 @@ class Simulation:
                 found = ScanEchoes(mounted.item.name, scan.echoes)
                 echoes[vehicle.number].append(found)
         cast = self._cast(ray_items, boxes)
+        # All at once, for their items to read.
+        self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
         return {
             vehicle.number: TickOutput(
                 vehicle.status(),

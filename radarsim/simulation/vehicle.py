@@ -19,6 +19,7 @@ from radarsim.simulation.items import (
     InsItem,
     Mounting,
     SensorItem,
+    TouchItem,
     join_encoders,
 )
 from radarsim.simulation.ray_items import GpsItem, RayItem, SonarItems
@@ -45,6 +46,7 @@ class Vehicle:
         battery: Remaining time of operation.
         scanners: Range scanners, in mounting order.
         ins_items: Inertial navigation systems, which drift.
+        has_touch: Whether it has a touch sensor.
         dialect: The dialect of its lines.
     """
 
@@ -105,6 +107,7 @@ class Vehicle:
             key=lambda item: order.index(item.type),
         )
         items = self._sensor_items.values()
+        self.has_touch = any(isinstance(i, TouchItem) for i in items)
         self.ins_items = tuple(i for i in items if isinstance(i, InsItem))
         for interval in sorted({STATUS_TICKS, *self._interval_ticks.values()}):
             schedule.add(self, interval)
