@@ -13,6 +13,7 @@ from radarsim.benchmark.engine import (
     throughput,
 )
 from radarsim.benchmark.floods import FLOODS, floods, lateness_beside_floods
+from radarsim.benchmark.meshes import RINGS, mesh_maps
 from radarsim.benchmark.robots import driving_robots, growth_of_robots
 from radarsim.benchmark.server import (
     ROBOTS,
@@ -39,6 +40,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "capacity": (lambda: capacity(2.0), len(SWARMS)),
     "floods": (lambda: floods(200), len(FLOODS)),
     "lateness": (lambda: lateness_beside_floods(3, 1.0), 2 * len(FLOODS)),
+    "meshes": (lambda: mesh_maps(RINGS, 5.0), 2),
     "start-up": (start_up, 2),
     "cold start": (cold_start, 6),
 }

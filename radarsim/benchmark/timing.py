@@ -117,4 +117,5 @@ GROUPS = {
     "h": "mirrors, and leaves",
     "i": "clients that flood the server: CPU time of a tick, lateness beside them",
     "j": "many driving robots, Host.step and take",
+    "k": "a map of one closed mesh, made ready for rays, against trimesh and embreex",
 }

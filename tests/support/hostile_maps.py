@@ -331,11 +331,11 @@ def good_meshes() -> dict[str, bytes]:
     """Return a ball in each format."""
     vertices, faces = sphere(1.0)
     return {
-        "a.glb": encode_glb(vertices, faces),
+        "a.glb": _glb(vertices, faces),
         "a.obj": _obj(vertices, faces),
         "a.ply": _ply(vertices, faces),
         "b.ply": _binary_ply(vertices, faces),
-        "a.stl": encode_stl(vertices, faces),
+        "a.stl": _stl(vertices, faces),
         "b.stl": _text_stl(vertices, faces),
     }
 
@@ -373,8 +373,7 @@ class _Broken:
         return files
 
 
-def encode_glb(vertices: Floats, faces: Faces) -> bytes:
-    """Return a GLB file of one mesh."""
+def _glb(vertices: Floats, faces: Faces) -> bytes:
     buffers = vertices.astype("<f4").tobytes(), faces.astype("<u4").tobytes()
     sizes = [len(buffer) for buffer in buffers]
     values = {"componentType": 5125, "count": faces.size, "type": "SCALAR"}
@@ -403,8 +402,7 @@ def _obj(vertices: Floats, faces: Faces) -> bytes:
     return "\n".join(lines).encode()
 
 
-def encode_stl(vertices: Floats, faces: Faces) -> bytes:
-    """Return a binary STL file."""
+def _stl(vertices: Floats, faces: Faces) -> bytes:
     kind = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")]
     triangles = np.zeros(len(faces), dtype=kind)
     triangles["corners"] = vertices[faces]
