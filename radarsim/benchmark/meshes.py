@@ -21,7 +21,7 @@ from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.map_file import load_map
 from radarsim.scene.shapes import Mesh
 
-RINGS: Final = 290  # of the ball that is measured
+RINGS: Final = 410  # of the ball that is measured: 670,760 triangles
 MAP: Final = """\
 version: 1
 objects: [{{name: ball, mesh: {}, material: foliage}}]
