@@ -106,7 +106,8 @@ def serve(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    simulated = load_host(map_, config, seed=seed, begins=False)
+    with compile_progress():  # which maps with meshes do, while they are read
+        simulated = load_host(map_, config, seed=seed, begins=False)
     images = None if image_port is None else make_image_server(simulated, image_port)
 
     def announce_all(address: tuple[str, int]) -> None:
