@@ -3,6 +3,7 @@
 A map is a YAML file with its meshes beside it; `map_schema` defines its keys.
 """
 
+import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -45,8 +46,8 @@ def _not_found(name: str) -> str:
     others: list[str] = []
     try:
         others = [str(path) for path in Path(name).parent.glob("*.yaml")]
-        reason = "a folder" if Path(name).is_dir() else reason
-        Path(name).stat()
+        mode = Path(name).stat().st_mode
+        reason = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
     except (OSError, ValueError) as error:  # too long, or with NUL
         if isinstance(error, PermissionError):
             reason = describe_os_error(error)

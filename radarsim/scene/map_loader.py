@@ -132,6 +132,8 @@ class MapLoader:
         variants = dict(_pairs(data, "variants"))
         if variant not in variants:
             text = expected_one_of(variant, list(variants))
+            if not variants:
+                text = f"{short_repr(variant)}, but the map has no variants"
             self._report(("variants",), [((), text)])
             return
         at = ("variants", variant)

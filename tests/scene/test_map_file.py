@@ -198,3 +198,17 @@ def test_map_of_primitives_does_not_import_trimesh() -> None:
     root = Path(radarsim.__file__).parents[1]
     run = subprocess.run([sys.executable, "-c", code], cwd=root, check=False)
     assert run.returncode == 0
+
+
+def test_path_of_no_regular_file_is_told_as_such(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    with pytest.raises(
+        MapError, match=r"pipe\.yaml: not a regular file, expected a map"
+    ):
+        load_map(pipe)
+
+
+def test_variant_of_a_map_without_any_is_told_as_such() -> None:
+    with pytest.raises(MapError, match="'dust', but the map has no variants"):
+        load_map("empty_room@dust")
