@@ -21,7 +21,7 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import Message
-from radarsim.protocol.numbers import NumberFormat, Rounding, format_ranges
+from radarsim.protocol.numbers import NumberFormat, Rounding
 
 Fields: TypeAlias = Sequence[tuple[str, str]]
 Split: TypeAlias = tuple[bytes, tuple[float, ...], Floats]
@@ -105,7 +105,7 @@ def fill(line: bytes, numbers: Iterable[float], series: Floats) -> str:
         if mark == WHOLE:
             return str(int(number))
         if mark[0] == SERIES:
-            return format_ranges(series, _FORMATS[mark[1]])
+            return _FORMATS[mark[1]].join(series.tolist())
         return _FORMATS[mark].format(number)
 
     return _MARK.sub(write, line.decode("latin-1").removesuffix(LINE_END))

@@ -5,17 +5,14 @@ or commas between the numbers of a vector. ``nan``, ``1e400`` and ``abc`` are re
 so that no such number reaches the simulation.
 """
 
-import functools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum, auto
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.errors import MalformedMessage
-from radarsim.geometry import Floats
 
 LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
 # compiled into kernels
@@ -114,7 +111,7 @@ class NumberFormat:
     """How one kind of number is written; never with an exponent.
 
     Attributes:
-        decimals: Digits after the point, at least 1.
+        decimals: Digits after the point, from 1 to 15.
         rounding: How numbers are rounded to these decimals.
         step: If given, the number is first cut to a whole multiple of it.
     """
@@ -144,62 +141,8 @@ class NumberFormat:
         return ",".join([self.format(value) for value in values])
 
 
-def format_ranges(ranges: Floats, number_format: NumberFormat) -> str:
-    """Write the ranges of a scan, (N,) m, with commas and without blanks.
-
-    Ranges with two decimals below 200 m are looked up in a table, which is eight times
-    as fast as formatting them one by one.
-
-    Raises:
-        ValueError: If a range is not finite or does not fit into 32 bits.
-    """
-    tabulated = number_format in _TABULATED
-    if not tabulated or not np.all((ranges >= 0) & (ranges < _TABLE_END)):
-        return number_format.join(ranges.tolist())
-    if number_format.rounding is Rounding.TRUNCATED:
-        centimetres, ties = _truncated_centimetres(ranges), np.zeros(0, np.int64)
-    else:
-        centimetres, ties = _rounded_centimetres(ranges)
-    texts: list[str] = _table()[centimetres].tolist()
-    for i in ties.tolist():
-        texts[i] = number_format.format(float(ranges[i]))
-    return ",".join(texts)
-
-
 # A whole number of steps may come out just below, since steps are rounded themselves.
 _STEP_TOLERANCE = 1e-5
-
-_TABULATED = frozenset((NumberFormat(2), NumberFormat(2, Rounding.TRUNCATED)))
-_TABLE_END = 200.0  # m
-
-
-@functools.cache
-def _table() -> NDArray[np.object_]:
-    """Write every whole centimetre from 0 to the end of the table."""
-    count = int(_TABLE_END) * 100 + 1
-    return np.array([f"{n // 100}.{n % 100:02d}" for n in range(count)], object)
-
-
-def _rounded_centimetres(
-    ranges: Floats,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the nearest centimetre of each range and the indices of near ties.
-
-    Scaling by 100 rounds, so a tie within its error may fall on the wrong side.
-    """
-    scaled = ranges * 100.0
-    nearest = np.rint(scaled)
-    ties = np.flatnonzero(np.abs(np.abs(scaled - nearest) - 0.5) < 1e-9)
-    return nearest.astype(np.int64), ties
-
-
-def _truncated_centimetres(ranges: Floats) -> NDArray[np.int64]:
-    """Return whole centimetres of each range, cut in float32 as the original does."""
-    single = ranges.astype(np.float32)
-    whole = np.trunc(single)
-    rest = ((single - whole) * np.float32(100.0)).astype(np.int64)
-    centimetres: NDArray[np.int64] = whole.astype(np.int64) * 100 + rest
-    return centimetres
 
 
 def _rounded(value: float, decimals: int) -> str:

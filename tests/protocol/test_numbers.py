@@ -2,7 +2,6 @@ import re
 import struct
 from fractions import Fraction
 
-import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -11,7 +10,6 @@ from radarsim.errors import MalformedMessage
 from radarsim.protocol.numbers import (
     NumberFormat,
     Rounding,
-    format_ranges,
     parse_flag,
     parse_number,
     parse_numbers,
@@ -197,15 +195,3 @@ def test_engine_numbers_are_rounded_from_float32(
 def test_numbers_out_of_range_are_not_formatted(rule: Rounding, value: float) -> None:
     with pytest.raises(ValueError, match="expected less than"):
         NumberFormat(2, rule).format(value)
-
-
-CENTIMETRES = st.integers(0, 21_000).map(lambda n: n / 100)
-HALVES = st.integers(0, 21_000).map(lambda n: n / 100 + 0.005)
-RANGES = st.floats(0, 201) | CENTIMETRES | HALVES | st.floats(-1, 1)
-
-
-@given(values=st.lists(RANGES, max_size=8), rule=st.sampled_from(list(Rounding)))
-def test_format_ranges_formats_each_range(values: list[float], rule: Rounding) -> None:
-    form = NumberFormat(2, rule)
-    text = format_ranges(np.array(values, dtype=np.float64), form)
-    assert text == ",".join(form.format(value) for value in values)
