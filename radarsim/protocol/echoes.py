@@ -19,10 +19,12 @@ from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
     NO_SERIES,
     WHOLE,
+    WHOLE_IN_SERIES,
     Fields,
     Split,
     marks,
     reduce_text,
+    series_marks,
 )
 from radarsim.protocol.message import Message
 from radarsim.protocol.numbers import (
@@ -98,7 +100,8 @@ class TargetEchoes:
     def fields(self, dialect: Dialect) -> Fields:
         """Return the fields in a template, with marks for ``numbers``."""
         plain = marks(dialect.plain)
-        before, after = f"{WHOLE},{marks(dialect.ranges)}", f"{plain},{plain}"
+        before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
+        after = series_marks(dialect.plain, 2)
         echoes = {
             kind: f"{before},{kind.capitalize()},{after}" for kind in set(self.kinds)
         }
@@ -113,14 +116,16 @@ class TargetEchoes:
         )
 
     def numbers(self) -> tuple[float, ...]:
-        """Return the numbers in the order of the marks in ``fields``."""
-        density = min(self.density, LARGEST_DENSITY)
+        """Return the numbers in the order of their marks in ``fields``."""
+        if self.density == math.inf:
+            return (self.transparency,)
+        return (min(self.density, LARGEST_DENSITY), self.transparency)
+
+    def series(self) -> Floats:
+        """Return beam, range, power and strength of each echo, (4 E,)."""
         columns = (self.beams, self.ranges, self.power + 0.0, self.strength + 0.0)
-        return (
-            *(() if self.density == math.inf else (density,)),
-            self.transparency,
-            *np.column_stack(columns).ravel().tolist(),
-        )
+        series: Floats = np.column_stack(columns).ravel()
+        return series
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,17 +166,19 @@ class EchoLine(SensorReport):
         return (("Name", reduce_text(name)), *counts, *echoes)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers, and no series.
+        """Return the template of the line, its numbers, and its series.
 
         The template holds the kinds of all echoes: it is hardly ever the same again.
         """
         fields: Fields = ()
         numbers: tuple[float, ...] = ()
+        series = NO_SERIES
         if self.echoes is not None:
             fields, numbers = self.echoes.fields(dialect), self.echoes.numbers()
+            series = self.echoes.series()
         fixed = (self.name, fields)
         line = build_template(EchoLine, dialect, math.isnan(self.time), fixed)
-        return line, (self.time, self.line, self.lines, *numbers), NO_SERIES
+        return line, (self.time, self.line, self.lines, *numbers), series
 
 
 def _parse_echo(word: str) -> tuple[str, list[float]]:

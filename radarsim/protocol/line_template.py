@@ -4,8 +4,10 @@ Between two readings of an item only numbers in its line change. A template is t
 with a mark for each number, and it is made once for each item and dialect. Lines are
 written from it one by one here, and many at once by the kernel in ``line_writer``.
 
-A line is ASCII; marks are characters from U+00C0. The mark of a number has 16 times its
-rounding and its decimals in its lower six bits.
+A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark are
+
+- 32 if the number is taken from the series of the report, an array, and
+- 8 times its rounding and its decimals; a fourth rounding is for whole numbers.
 
 >>> fill(template("SEN", [("Pose", marks(NumberFormat(2), 3))]), (1, 2, 3), NO_SERIES)
 'SEN {Pose 1.00,2.00,3.00}'
@@ -28,21 +30,22 @@ Split: TypeAlias = tuple[bytes, tuple[float, ...], Floats]
 
 # compiled into kernels
 FIRST_MARK: Final = 0xC0
-NEAREST, FLOAT32, TRUNCATED = range(3)  # roundings in the mark of a number
-WHOLE: Final = "\xf0"  # marks a whole number
-SKIPPED: Final = "\xf1"  # marks a number that is not written
-SERIES: Final = "\xf2"  # marks the length of the series, before the mark of its numbers
-LINE_END: Final = "\xf3"
+IN_SERIES: Final = 32
+NEAREST, FLOAT32, TRUNCATED = range(3)  # roundings in marks
+WHOLE: Final = "\xd8"
+WHOLE_IN_SERIES: Final = "\xf8"
+SKIPPED: Final = "\xd9"  # a number that is not written
+LINE_END: Final = "\xda"
 NO_SERIES: Final[Floats] = np.zeros(0)
 
 _ROUNDINGS: Final = (Rounding.NEAREST, Rounding.FLOAT32, Rounding.TRUNCATED)
 _FORMATS: Final = {
-    chr(FIRST_MARK + 16 * number + decimals): NumberFormat(decimals, rounding)
+    FIRST_MARK + 8 * number + decimals: NumberFormat(decimals, rounding)
     for number, rounding in enumerate(_ROUNDINGS)
-    for decimals in range(1, 16)
+    for decimals in range(1, 8)
 }
 _MARKS: Final = {number_format: mark for mark, number_format in _FORMATS.items()}
-_MARK: Final = re.compile(f"{SERIES}?[{chr(FIRST_MARK)}-{SKIPPED}]")
+_MARK: Final = re.compile(f"[{chr(FIRST_MARK)}-{SKIPPED}\xe0-\xff]")
 
 
 class PeriodicReport:
@@ -52,9 +55,9 @@ class PeriodicReport:
 
     @abstractmethod
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers in their order, and its series.
+        """Return the template of the line, its numbers, and its series.
 
-        The length of the series, if there is one, is the last of the numbers.
+        Both are in the order of their marks, and the series is an array.
 
         Raises:
             ValueError: If a number that is part of the template is not finite.
@@ -81,7 +84,12 @@ def reduce_text(text: str) -> str:
 
 def marks(number_format: NumberFormat, count: int = 1) -> str:
     """Return the marks of numbers with commas between them."""
-    return ",".join([_MARKS[number_format]] * count)
+    return ",".join([chr(_MARKS[number_format])] * count)
+
+
+def series_marks(number_format: NumberFormat, count: int = 1) -> str:
+    """Return the marks of numbers in the series, with commas between them."""
+    return ",".join([chr(_MARKS[number_format] + IN_SERIES)] * count)
 
 
 def fill(line: bytes, numbers: Iterable[float], series: Floats) -> str:
@@ -89,23 +97,20 @@ def fill(line: bytes, numbers: Iterable[float], series: Floats) -> str:
 
     Args:
         line: Template of the line.
-        numbers: Numbers in their order, last the length of the series.
-        series: (N,) numbers of the series; empty if the line has none.
+        numbers: Numbers in the order of their marks.
+        series: (N,) numbers of the series in the order of their marks.
 
     Raises:
         ValueError: If a number is not finite or does not fit into 32 bits.
     """
-    rest = iter(numbers)
+    alone, in_series = iter(numbers), iter(series.tolist())
 
     def write(match: re.Match[str]) -> str:
-        mark = match[0]
-        number = next(rest)
-        if mark == SKIPPED:
+        mark = ord(match[0])
+        number = next(in_series if mark & IN_SERIES else alone)
+        if mark == ord(SKIPPED):
             return ""
-        if mark == WHOLE:
-            return str(int(number))
-        if mark[0] == SERIES:
-            return _FORMATS[mark[1]].join(series.tolist())
-        return _FORMATS[mark].format(number)
+        number_format = _FORMATS.get(mark & ~IN_SERIES)
+        return number_format.format(number) if number_format else str(int(number))
 
     return _MARK.sub(write, line.decode("latin-1").removesuffix(LINE_END))

@@ -17,10 +17,10 @@ from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.protocol.line_template import (
     FIRST_MARK,
     FLOAT32,
+    IN_SERIES,
     LINE_END,
     NEAREST,
     NO_SERIES,
-    SERIES,
     SKIPPED,
     TRUNCATED,
     PeriodicReport,
@@ -28,15 +28,15 @@ from radarsim.protocol.line_template import (
 from radarsim.protocol.numbers import LARGEST
 from radarsim.protocol.reports import Report, Status, to_bytes
 
-_SKIPPED, _SERIES, _LINE_END = ord(SKIPPED), ord(SERIES), ord(LINE_END)
+_SKIPPED, _LINE_END = ord(SKIPPED), ord(LINE_END)
 _LEFT_OUT = LINE_END.encode("latin-1")  # template of a line that its report writes
-_CR, _LF, _COMMA, _MINUS, _POINT = b"\r\n,-."
+_CR, _LF, _MINUS, _POINT = b"\r\n-."
 _ZERO = np.uint64(ord("0"))
 _POWERS = 10.0 ** np.arange(17)
 _WHOLE_POWERS = _POWERS.astype(np.uint64)
 _TEN = np.uint64(10)
 _MOST_DECIMALS = 6
-_LONGEST_NUMBER = 20  # sign, ten digits, point, six decimals, comma; a line end is less
+_LONGEST_NUMBER = 19  # sign, ten digits, point, six decimals; a line end is less
 _SPLITTER = 2.0**27 + 1.0  # of a double into two halves of its digits
 
 
@@ -104,14 +104,13 @@ def write_lines(
     Args:
         codes: Templates of the lines.
         numbers: Numbers of the lines, in the order of their marks.
-        series: Series of the lines, after each other.
+        series: Series of the lines, after each other, in the order of their marks.
         out: For the lines, after each other.
         ends: For the end of each line in ``out``. A line that is not written because of
             one of its numbers ends where it begins.
     """
     at = start = line = number = entry = 0
     is_refused = False
-    count = -1  # of a series whose mark comes next
     for code in codes:
         if code < FIRST_MARK:
             out[at] = code
@@ -123,20 +122,16 @@ def write_lines(
             is_refused = False
         elif code == _SKIPPED:
             number += 1
-        elif code == _SERIES:
-            count = int(numbers[number])
-            number += 1
-        elif count >= 0:
-            end = _write_series(series[entry : entry + count], code, out, at)
-            is_refused |= end == at
-            at = end
-            entry += count
-            count = -1
         else:
-            end = _write_number(numbers[number], code, out, at)
+            if code & IN_SERIES:
+                value = series[entry]
+                entry += 1
+            else:
+                value = numbers[number]
+                number += 1
+            end = _write_number(value, code, out, at)
             is_refused |= end == at
             at = end
-            number += 1
 
 
 @njit_inline
@@ -149,24 +144,11 @@ def _end_line(out: NDArray[np.uint8], start: int, at: int) -> int:
 
 
 @njit_inline
-def _write_series(series: Floats, mark: int, out: NDArray[np.uint8], at: int) -> int:
-    """Write numbers with commas at a place; return as ``_write_number`` does."""
-    start = at
-    for value in series:
-        end = _write_number(value, mark, out, at)
-        if end == at:
-            return start
-        out[end] = _COMMA
-        at = end + 1
-    return at - 1
-
-
-@njit_inline
 def _write_number(value: float, mark: int, out: NDArray[np.uint8], at: int) -> int:
     """Write a number at a place; return the place after it, or the same if refused."""
     if not abs(value) < LARGEST:
         return at
-    rounding, decimals = (mark - FIRST_MARK) >> 4, (mark - FIRST_MARK) & 15
+    rounding, decimals = mark >> 3 & 3, mark & 7
     if decimals > _MOST_DECIMALS:
         return at
     scale = _POWERS[decimals]

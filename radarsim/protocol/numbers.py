@@ -111,7 +111,7 @@ class NumberFormat:
     """How one kind of number is written; never with an exponent.
 
     Attributes:
-        decimals: Digits after the point, from 1 to 15.
+        decimals: Digits after the point, from 1 to 7.
         rounding: How numbers are rounded to these decimals.
         step: If given, the number is first cut to a whole multiple of it.
     """

@@ -19,7 +19,6 @@ from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
     NO_SERIES,
-    SERIES,
     SKIPPED,
     WHOLE,
     Fields,
@@ -27,6 +26,7 @@ from radarsim.protocol.line_template import (
     Split,
     marks,
     reduce_text,
+    series_marks,
     template,
 )
 from radarsim.protocol.message import (
@@ -144,24 +144,21 @@ class RangeScan(SensorReport):
         )
 
     @staticmethod
-    def fields(dialect: Dialect, fixed: tuple[str, float, float, bool]) -> Fields:
+    def fields(dialect: Dialect, fixed: tuple[str, float, float, int]) -> Fields:
         """Return the fields after time and type, without what changes in them."""
-        name, resolution, fov, is_empty = fixed
+        name, resolution, fov, count = fixed
         return (
             ("Name", reduce_text(name)),
             ("Resolution", dialect.angle.format(resolution)),
             ("FOV", dialect.angle.format(fov)),
-            ("Range", "" if is_empty else SERIES + marks(dialect.ranges)),
+            ("Range", series_marks(dialect.ranges, count)),
         )
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        count = len(self.ranges)
-        fixed = (self.name, self.resolution, self.fov, not count)
+        fixed = (self.name, self.resolution, self.fov, len(self.ranges))
         line = find_template(RangeScan, dialect, isnan(self.time), fixed)
-        if not count:
-            return line, (self.time,), NO_SERIES
-        return line, (self.time, count), self.ranges
+        return line, (self.time,), self.ranges
 
 
 @dataclass(frozen=True, slots=True)
