@@ -124,7 +124,7 @@ class TargetEchoes:
     def series(self) -> Floats:
         """Return beam, range, power and strength of each echo, (4 E,)."""
         columns = (self.beams, self.ranges, self.power + 0.0, self.strength + 0.0)
-        series: Floats = np.column_stack(columns).ravel()
+        series: Floats = np.column_stack(columns).astype(np.float64).ravel()
         return series
 
 
