@@ -98,12 +98,13 @@ class TargetEchoes:
         )
 
     def fields(self, dialect: Dialect) -> Fields:
-        """Return the fields in a template, with marks for ``numbers``."""
+        """Return the fields, with marks for ``numbers`` and ``series``."""
         plain = marks(dialect.plain)
         before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
         after = series_marks(dialect.plain, 2)
         echoes = {
-            kind: f"{before},{kind.capitalize()},{after}" for kind in set(self.kinds)
+            kind: f"{before},{reduce_text(kind.capitalize())},{after}"
+            for kind in set(self.kinds)
         }
         return (
             ("Object", _writable(self.object)),
