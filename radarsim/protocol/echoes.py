@@ -21,7 +21,6 @@ from radarsim.protocol.line_template import (
     WHOLE,
     WHOLE_IN_SERIES,
     Fields,
-    Split,
     marks,
     reduce_text,
     series_marks,
@@ -32,7 +31,7 @@ from radarsim.protocol.numbers import (
     parse_list,
     parse_number,
 )
-from radarsim.protocol.sensor_reports import SensorReport, build_template
+from radarsim.protocol.periodic_reports import SensorReport, Split, build_template
 
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.

@@ -1,8 +1,7 @@
-r"""Templates of lines, and the reports whose lines are written from one.
+r"""Templates of lines: lines with a mark for each number.
 
-Between two readings of an item only numbers in its line change. A template is the line
-with a mark for each number, and it is made once for each item and dialect. Lines are
-written from it one by one here, and many at once by the kernel in ``line_writer``.
+Lines are written from their templates one by one here, and many at once by the kernel
+in ``line_writer``.
 
 A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark are
 
@@ -14,19 +13,16 @@ A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark 
 """
 
 import re
-from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import Message
 from radarsim.protocol.numbers import NumberFormat, Rounding
 
 Fields: TypeAlias = Sequence[tuple[str, str]]
-Split: TypeAlias = tuple[bytes, tuple[float, ...], Floats]
 
 # compiled into kernels
 FIRST_MARK: Final = 0xC0
@@ -46,30 +42,6 @@ _FORMATS: Final = {
 }
 _MARKS: Final = {number_format: mark for mark, number_format in _FORMATS.items()}
 _MARK: Final = re.compile(f"[{chr(FIRST_MARK)}-{SKIPPED}\xe0-\xff]")
-
-
-class PeriodicReport:
-    """A report that is sent many times, each time with the same template."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers, and its series.
-
-        Both are in the order of their marks, and the series is an array.
-
-        Raises:
-            ValueError: If a number that is part of the template is not finite.
-        """
-
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        return fill(*self.split(dialect))
 
 
 def template(verb: str, fields: Fields) -> bytes:

@@ -23,9 +23,9 @@ from radarsim.protocol.line_template import (
     NO_SERIES,
     SKIPPED,
     TRUNCATED,
-    PeriodicReport,
 )
 from radarsim.protocol.numbers import LARGEST
+from radarsim.protocol.periodic_reports import PeriodicReport
 from radarsim.protocol.reports import Report, Status, to_bytes
 
 _SKIPPED, _LINE_END = ord(SKIPPED), ord(LINE_END)

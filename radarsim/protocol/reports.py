@@ -19,8 +19,6 @@ from radarsim.protocol.echoes import EchoLine, TargetEchoes
 from radarsim.protocol.line_template import (
     NO_SERIES,
     WHOLE,
-    PeriodicReport,
-    Split,
     marks,
     template,
 )
@@ -32,6 +30,7 @@ from radarsim.protocol.message import (
     wrapped_pose_on_wire,
 )
 from radarsim.protocol.numbers import parse_flag, parse_number
+from radarsim.protocol.periodic_reports import PeriodicReport, SensorReport, Split
 from radarsim.protocol.robot_reports import (
     VEHICLE,
     EncoderConf,
@@ -54,7 +53,6 @@ from radarsim.protocol.sensor_reports import (
     Ins,
     Odometry,
     RangeScan,
-    SensorReport,
     Sonar,
     Tachometer,
     Touch,

@@ -5,12 +5,10 @@ types in any case. A time stamp that a server leaves out is NaN, in both directi
 """
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import isnan
-from typing import Any, ClassVar, Final, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
@@ -19,15 +17,11 @@ from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
     NO_SERIES,
-    SKIPPED,
     WHOLE,
     Fields,
-    PeriodicReport,
-    Split,
     marks,
     reduce_text,
     series_marks,
-    template,
 )
 from radarsim.protocol.message import (
     Message,
@@ -43,74 +37,9 @@ from radarsim.protocol.numbers import (
     parse_number,
     parse_numbers,
 )
-
-MOST_TEMPLATES: Final = 4096  # that are kept; a robot has about ten
+from radarsim.protocol.periodic_reports import SensorReport, Split, find_template
 
 _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorReport(PeriodicReport, ABC):
-    """One reading.
-
-    Attributes:
-        sensor_type: Value of ``Type`` on the wire.
-        time: Simulated time, s; NaN if the line has none.
-    """
-
-    sensor_type: ClassVar[str]
-
-    time: float
-
-    @classmethod
-    @abstractmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-
-    @staticmethod
-    @abstractmethod
-    def fields(dialect: Dialect, fixed: Any) -> Fields:
-        """Return the fields after time and type, without what changes in them.
-
-        Args:
-            dialect: Dialect of the line.
-            fixed: Names, counts and choices that stay the same for many readings.
-
-        Raises:
-            ValueError: If a number among them is not finite.
-        """
-
-    @staticmethod
-    def has_time(_: Dialect) -> bool:
-        """Return whether the lines of a dialect have a time stamp."""
-        return True
-
-
-def build_template(
-    report: type[SensorReport], dialect: Dialect, is_unstamped: bool, fixed: Hashable
-) -> bytes:
-    """Return the template of a report's line; the first number is the time.
-
-    Args:
-        report: Class of the report.
-        dialect: Dialect of the line.
-        is_unstamped: Whether the time is NaN.
-        fixed: What ``fields`` of the class take.
-
-    Raises:
-        ValueError: If a number in ``fixed`` is not finite.
-    """
-    fields = (("Type", report.sensor_type), *report.fields(dialect, fixed))
-    if is_unstamped or not report.has_time(dialect):
-        return template(f"SEN{SKIPPED}", fields)
-    return template("SEN", (("Time", marks(dialect.time)), *fields))
-
-
-find_template = lru_cache(MOST_TEMPLATES)(build_template)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
