@@ -307,11 +307,13 @@ class Host:
 
     def _echo_lines(self, output: TickOutput) -> list[bytes]:
         from radarsim.host.echo_reports import echo_lines  # noqa: PLC0415
+        from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
 
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
-        return [
-            to_bytes([line.encode(output.dialect)])
+        reports = [
+            (line, output.dialect)
             for scan in output.echoes
             for line in echo_lines(time, scan.scanner, scan.echoes, names)
         ]
+        return encode_lines(reports)
