@@ -1,7 +1,8 @@
 """Benchmarks of many robots in one process: group j of the table.
 
 What is measured is a tenth of a second of simulated time: ten times ``Host.step``, and
-``take`` for all clients, in which each robot sends one scan and all its other readings.
+``take`` for the clients that are to be sent something, in which each robot sends one
+scan and all its other readings.
 """
 
 import tempfile
@@ -38,20 +39,20 @@ class DrivingRobots:
     def __init__(self, scene: Scene, robots: int) -> None:
         """Connect clients, and wait until all robots drive."""
         self.host = Host(scene)
-        self._numbers = [self.host.connect() for _ in range(robots)]
-        for robot, number in enumerate(self._numbers):
+        numbers = [self.host.connect() for _ in range(robots)]
+        for robot, number in enumerate(numbers):
             self.host.receive(number, init_line(robot))
         while len(self.host.simulation.vehicles) < robots:
             self.tick()
-        for robot, number in enumerate(self._numbers):
+        for robot, number in enumerate(numbers):
             self.host.receive(number, drive_line(robot))
         for _ in range(SETTLE_TICKS):
             self.tick()
 
     def tick(self) -> None:
-        """Advance by a tick, and take what all clients are sent."""
+        """Advance by a tick, and take what clients are sent, as a server does."""
         self.host.step()
-        for number in self._numbers:
+        for number in self.host.clients_to_send():
             self.host.take(number)
 
     def tenth(self) -> None:
