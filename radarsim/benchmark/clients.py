@@ -30,6 +30,18 @@ def init_line(number: int) -> bytes:
     return f"{text}\r\n".encode()
 
 
+def wait_for_robots(sockets: list[socket.socket], seconds: float) -> None:
+    """Read from clients that have sent INIT until all have robots, or time is up."""
+    with selectors.DefaultSelector() as selector:
+        for sock in sockets:
+            selector.register(sock, selectors.EVENT_READ)
+        end = time.monotonic() + seconds
+        while selector.get_map() and (now := time.monotonic()) < end:
+            for key, _ in selector.select(end - now):
+                if b"STA {" in key.fileobj.recv(65536):  # type: ignore[union-attr]
+                    selector.unregister(key.fileobj)
+
+
 def listen(sockets: list[socket.socket], seconds: float) -> list[float]:
     """Read from all sockets for a while; return the delay of each scan, s.
 

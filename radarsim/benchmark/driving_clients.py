@@ -10,11 +10,11 @@ import json
 import socket
 import sys
 
-from radarsim.benchmark.clients import connect, listen
+from radarsim.benchmark.clients import connect, listen, wait_for_robots
 from radarsim.benchmark.hall import drive_line, init_line
 from radarsim.server.open_files import raise_file_limit
 
-SPAWNS_PER_SECOND = 250  # of which the server is capable
+SPAWN_SECONDS = 30.0  # of which an idle machine needs one for 250 robots
 SETTLE_SECONDS = 0.5  # until a backlog has been read
 MAX_FILES = 4096
 
@@ -37,7 +37,7 @@ def _drive(sockets: list[socket.socket], address: tuple[str, int], count: int) -
     for number in added:
         sockets.append(connect(address))
         sockets[-1].sendall(init_line(number))
-    listen(sockets, SETTLE_SECONDS + len(added) / SPAWNS_PER_SECOND)
+    wait_for_robots([sockets[number] for number in added], SPAWN_SECONDS)
     for number in added:
         sockets[number].sendall(drive_line(number))
     listen(sockets, SETTLE_SECONDS)
