@@ -47,7 +47,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
 
 
 def run_all(report_progress: Callable[[str, int, int], None]) -> list[BenchmarkRow]:
-    """Measure everything; takes some two minutes.
+    """Measure everything; takes a few minutes.
 
     Args:
         report_progress: Called with the name of the next step, the work done and the

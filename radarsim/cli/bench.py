@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def bench(*, as_json: JsonOption = False) -> None:
-    """Measure the engine and the server on this machine, in some two minutes."""
+    """Measure the engine and the server on this machine, in a few minutes."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from radarsim.benchmark.run import run_all
