@@ -4,7 +4,8 @@ import socket
 import sys
 
 host, _, port = sys.argv[1].rpartition(":")
-with socket.create_connection((host, int(port)), 30) as client:
+# At its first start the server compiles its engine while INIT waits.
+with socket.create_connection((host, int(port)), 600) as client:
     lines = client.makefile("rb")
     greeting = lines.readline()
     assert greeting.startswith(b"NFO {Gametype "), greeting
