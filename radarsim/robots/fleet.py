@@ -99,7 +99,14 @@ class Fleet:
             wheel_drive: Conversion of drive commands to wheel speeds.
         """
         slot = self._take_slot(obstacles)
-        robot = Robot(name, model, wheel_drive=wheel_drive, fleet=self, slot=slot)
+        robot = Robot(
+            name,
+            model,
+            wheel_drive=wheel_drive,
+            fleet=self,
+            slot=slot,
+            floor=obstacles.floor,
+        )
         self._spawned += 1
         self._fill_slot(robot, pose, obstacles)
         self.robots = (*self.robots, robot)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.robots.fleet_columns import (
-    BOTTOM,
     LEFT_ANGLE,
     LEFT_SPIN,
     NUMBER,
@@ -18,7 +17,6 @@ from radarsim.robots.fleet_columns import (
     UNKNOWN,
     YAW,
     X,
-    Y,
 )
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.wheel_drive import WheelDrive
@@ -76,7 +74,18 @@ class Robot:
         wheel_drive: WheelDrive,
         fleet: "Fleet",
         slot: int,
+        floor: float,
     ) -> None:
+        """Describe a robot; its fleet fills the slot.
+
+        Args:
+            name: Name given by its client.
+            model: Robot class.
+            wheel_drive: Conversion of drive commands to wheel speeds.
+            fleet: The fleet that drives it.
+            slot: Its row in the columns of the fleet.
+            floor: z of the floor that it stays on, m.
+        """
         self.name = name
         self.model = model
         self.wheel_drive = wheel_drive
@@ -85,6 +94,8 @@ class Robot:
         self.fleet = fleet
         self.slot = slot
         self._normalized = False
+        self._body_height = floor + model.origin_height
+        self._left_wheels = [side == "left" for side in model.wheels]
 
     @property
     def number(self) -> int:
@@ -99,9 +110,8 @@ class Robot:
     @property
     def body(self) -> Pose3:
         """Pose of the body frame, map frame."""
-        row = self.fleet.columns[self.slot]
-        z = row.item(BOTTOM) + self.model.origin_height
-        return Pose3(row.item(X), row.item(Y), z, 0.0, 0.0, row.item(YAW))
+        x, y, yaw = self.fleet.columns[self.slot, X : YAW + 1].tolist()
+        return Pose3(x, y, self._body_height, 0.0, 0.0, yaw)
 
     @property
     def touched(self) -> bool:
@@ -126,7 +136,7 @@ class Robot:
     def wheel_angles(self) -> tuple[float, ...]:
         """Angle that each wheel turned forward since the spawn, rad, in wire order."""
         left, right = self.side_angles
-        return tuple(left if side == "left" else right for side in self.model.wheels)
+        return tuple([left if is_left else right for is_left in self._left_wheels])
 
     def drive(
         self,
