@@ -7,6 +7,7 @@ Where there is no cache, or the process has failed, the thread compiles.
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import threading
 from collections.abc import Callable
@@ -75,6 +76,10 @@ class EngineLoader:
         try:
             self._compile()
             simulation = self._host.make_simulation()
+            # What is there now stays. To look through it takes the garbage collector
+            # some 90 ms, by which scans would be late.
+            gc.collect()
+            gc.freeze()
         except Exception as error:  # noqa: BLE001 - load() raises it
             answer = partial(made.set_exception, error)
         else:

@@ -1,6 +1,7 @@
 """How a server that listens already gets its engine."""
 
 import asyncio
+import gc
 import logging
 import threading
 from collections.abc import Callable
@@ -136,3 +137,12 @@ async def test_error_of_the_engine_is_raised(
     monkeypatch.setattr(host, "make_simulation", fail)
     with pytest.raises(EngineError, match="Embree"):
         await EngineLoader(host, Compiler()).load()
+
+
+async def test_garbage_collections_skip_what_the_engine_is_made_of(host: Host) -> None:
+    gc.unfreeze()
+    try:
+        await EngineLoader(host, Compiler()).load()
+        assert gc.get_freeze_count() > 10_000
+    finally:
+        gc.unfreeze()
