@@ -88,6 +88,14 @@ def _ready(name: str) -> Scene:
     return scene
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _default_hangup() -> Iterator[None]:
+    """Let SIGHUP end programs also where ``nohup`` has started the tests."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.fixture(scope="session")
 def empty_room() -> Scene:
     return _ready("empty_room")

@@ -487,7 +487,8 @@ def test_second_robot_does_not_change_the_first_ones_scans(
         lines: list[str] = []
         for _ in range(50):
             simulation.step()
-            scans_ = simulation.collect_reports()[first.number].scans
+            output = simulation.collect_reports().get(first.number)
+            scans_ = output.scans if output else ()
             lines += [str(scan.ranges[:80].tolist()) for scan in scans_]
         ranges.append(lines)
     assert len(ranges[0]) == 5

@@ -196,7 +196,8 @@ def test_second_robot_does_not_change_the_rain_of_the_first(empty_room: Scene) -
         lines: list[str] = []
         for _ in range(40):
             simulation.step()
-            scans = simulation.collect_reports()[first.number].scans
+            output = simulation.collect_reports().get(first.number)
+            scans = output.scans if output else ()
             lines += [str(scan.ranges.tolist()) for scan in scans]
         ranges.append(lines)
     assert len(ranges[0]) == 4
