@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+from commands import run_in_process
 
 from radarsim.signal_handlers import (
     exit_immediately_on_signals,
@@ -109,6 +110,12 @@ def test_signals_that_are_ignored_stay_ignored() -> None:
     with signal_handlers({signal.SIGTERM: handle}), exit_immediately_on_signals():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
         assert signal.getsignal(signal.SIGTERM) is not handle
+
+
+def test_commands_that_tests_run_in_this_process_leave_signals_alone() -> None:
+    before = [signal.getsignal(number) for number in NUMBERS]
+    assert run_in_process("--version").code == 0
+    assert [signal.getsignal(number) for number in NUMBERS] == before
 
 
 def test_other_threads_leave_signals_alone() -> None:

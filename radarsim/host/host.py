@@ -280,9 +280,11 @@ class Host:
         """Queue what robots report in a tick; all lines are encoded together."""
         from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
 
-        robots = self._commands.clients_by_robot
-        due = [(robots[number], out) for number, out in outputs.items()]
-        reports = [(each, out.dialect) for _, out in due for each in out.reports()]
+        robots = self._commands.clients_by_robot  # others may have been spawned
+        due = [(robots[n], output) for n, output in outputs.items() if n in robots]
+        reports = [
+            (report, output.dialect) for _, output in due for report in output.reports()
+        ]
         lines = iter(encode_lines(reports))
         for client, output in due:
             self._queue_output(client, output, lines)

@@ -223,10 +223,10 @@ class RayTemplate:
             aimed: M rays.
             carrier_ids: (M,) the box that carries the sensor; None for none.
         """
-        n = len(aimed.nodes)
-        if n > len(self._rays.power):
-            self._rays = self._allocate(n)
-        rays = self._rays
+        # Read once: other threads may replace it, also by a shorter one.
+        n, rays = len(aimed.nodes), self._rays
+        if n > len(rays.power):
+            rays = self._rays = self._allocate(n)
         return Rays(
             aimed.origins,
             aimed.directions,

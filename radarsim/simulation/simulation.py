@@ -202,6 +202,8 @@ class Simulation:
             What each robot reports, by its number; robots without a report are missing.
         """
         reporting = self._reporting.due()
+        if not reporting:
+            return {}
         due = [
             (vehicle, mounted)
             for vehicle in reporting
@@ -224,7 +226,7 @@ class Simulation:
         return {
             vehicle.number: TickOutput(
                 vehicle.status(),
-                (*vehicle.readings(), *cast[vehicle.number]),
+                (*vehicle.readings(), *cast.get(vehicle.number, ())),
                 tuple(echoes[vehicle.number]),
                 tuple(scans[vehicle.number]),
                 vehicle.dialect,
@@ -254,7 +256,7 @@ class Simulation:
         self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
     ) -> dict[int, list[Report]]:
         """Take the readings of all sonars and GPS, by number of the robot."""
-        readings: dict[int, list[Report]] = {n: [] for n in self._vehicles}
+        readings: dict[int, list[Report]] = {vehicle.number: [] for vehicle, _ in due}
         items = [item for _, item in due]
         for (vehicle, _), reports in zip(
             due, read_together(items, self.time, self._tracer, boxes), strict=True

@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.geometry import Pose3
+from radarsim.geometry import Pose2, Pose3
 from radarsim.host import Host
 from radarsim.host.commands import (
     CACHED_REPLIES,
@@ -23,7 +23,7 @@ from radarsim.host.commands import (
     SUGGESTION_WORK,
 )
 from radarsim.host.host import COMMANDS_PER_TICK, WAITING_WORK
-from radarsim.presets.robots import robot_names
+from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.reports import GroundTruth, Ins, decode_report
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.config import SimulationConfig
@@ -631,6 +631,19 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     run_ticks(host, FAILED_SPAWN_COOLDOWN)
     assert host.receive(clients[-1], INIT) == []
     assert host.has_robot(clients[-1])
+
+
+def test_robots_without_a_client_drive_unheard(host: Host) -> None:
+    model, place = load_robot("P2AT"), Pose2(0.0, 0.0, 0.0)
+    first = host.simulation.spawn("Alone", model, place)
+    number = spawned(host)
+    assert first is not None
+    first.robot.drive(5.0, 5.0)
+    run_ticks(host, 100)
+    assert first.robot.pose.x > 0.1
+    names = re.findall(rb"{Name (\w+)}", host.take(number))
+    assert names
+    assert b"Sonar" not in names
 
 
 def test_disconnect_removes_the_robot_and_frees_its_name(host: Host) -> None:

@@ -31,7 +31,8 @@ def run_in_process(*arguments: str) -> Run:
     """
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
     code = 0
-    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # ignored by its end
+    before = {number: signal.getsignal(number) for number in numbers}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "2000")
         patch.setattr(sys, "argv", ["radarsim", *arguments])
