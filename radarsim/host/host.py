@@ -31,8 +31,8 @@ from __future__ import annotations
 import warnings
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterator, Mapping
-from functools import partial
+from collections.abc import Mapping
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from radarsim.host.commands import CommandHandler, Handled
@@ -281,29 +281,36 @@ class Host:
         from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
 
         robots = self._commands.clients_by_robot  # others may have been spawned
-        due = [(robots[n], output) for n, output in outputs.items() if n in robots]
-        reports = [
-            (report, output.dialect) for _, output in due for report in output.reports()
-        ]
-        lines = iter(encode_lines(reports))
-        for client, output in due:
-            self._queue_output(client, output, lines)
+        heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
+        reports = [output.reports() for _, output in heard]
+        lines = iter(
+            encode_lines(
+                [
+                    (report, output.dialect)
+                    for (_, output), some in zip(heard, reports, strict=True)
+                    for report in some
+                ]
+            )
+        )
+        for (client, output), some in zip(heard, reports, strict=True):
+            self._queue_output(client, output, list(islice(lines, len(some))))
 
     def _queue_output(
-        self, client: Client, output: TickOutput, lines: Iterator[bytes]
+        self, client: Client, output: TickOutput, lines: list[bytes]
     ) -> None:
-        """Queue what one robot reports; ``lines`` has the lines of its reports next."""
-        put = partial(client.send_queue.put, keep=False)
-        if output.status is not None:
-            put(next(lines))
-        self._queue_replies(client)
-        for _ in output.readings:
-            put(next(lines))
+        """Queue what one robot reports; ``lines`` are those of its reports."""
+        put = client.send_queue.put_readings
+        if client.replies:
+            first = int(output.status is not None)
+            put(lines[:first])
+            lines = lines[first:]
+            self._queue_replies(client)
         if output.echoes:
-            for line in self._echo_lines(output):
-                put(line)
-        for _ in output.scans:
-            put(next(lines))
+            first = len(lines) - len(output.scans)
+            put(lines[:first])
+            lines = lines[first:]
+            put(self._echo_lines(output))
+        put(lines)
         if client.send_queue:
             self._unsent.add(client.number)
 

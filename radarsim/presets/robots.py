@@ -6,7 +6,7 @@ further items follow the inherited ones.
 """
 
 import math
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
@@ -74,7 +74,7 @@ class Item(BaseModel):
             )
         return self
 
-    @property
+    @cached_property
     def mount(self) -> Pose3:
         """Pose of the item in the body frame."""
         return Pose3(*self.position, *(math.radians(a) for a in self.rotation_deg))

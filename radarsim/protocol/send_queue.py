@@ -14,6 +14,7 @@ b'NFO {A b}\r\n'
 """
 
 from collections import deque
+from collections.abc import Sequence
 
 
 class SendQueue:
@@ -56,6 +57,16 @@ class SendQueue:
             self._readings += len(line)
             if self._readings > self.limit:
                 self._drop_readings()
+
+    def put_readings(self, lines: Sequence[bytes]) -> None:
+        """Add many lines that may be dropped, as if they were added one by one."""
+        size = sum(map(len, lines))
+        if self._readings + size > self.limit:
+            for line in lines:
+                self.put(line, keep=False)
+        else:
+            self._lines.extend([(line, False) for line in lines])
+            self._readings += size
 
     def take(self) -> bytes:
         """Remove and return all lines, in order."""

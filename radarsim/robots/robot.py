@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
@@ -17,12 +17,15 @@ from radarsim.robots.fleet_columns import (
     UNKNOWN,
     YAW,
     X,
+    Y,
 )
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.wheel_drive import WheelDrive
 
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
+
+NEVER: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,12 @@ class Robot:
         self.slot = slot
         self._normalized = False
         self._body_height = floor + model.origin_height
-        self._left_wheels = [side == "left" for side in model.wheels]
+        self._wheel_columns = [
+            LEFT_ANGLE if side == "left" else RIGHT_ANGLE for side in model.wheels
+        ]
+        self._read_at = NEVER  # step of the fleet after which these two were read
+        self._body = Pose3(0.0, 0.0, 0.0)
+        self._wheel_angles: tuple[float, ...] = ()
 
     @property
     def number(self) -> int:
@@ -110,8 +118,9 @@ class Robot:
     @property
     def body(self) -> Pose3:
         """Pose of the body frame, map frame."""
-        x, y, yaw = self.fleet.columns[self.slot, X : YAW + 1].tolist()
-        return Pose3(x, y, self._body_height, 0.0, 0.0, yaw)
+        if self._read_at != self.fleet.steps:
+            self._read_columns()
+        return self._body
 
     @property
     def touched(self) -> bool:
@@ -135,8 +144,9 @@ class Robot:
     @property
     def wheel_angles(self) -> tuple[float, ...]:
         """Angle that each wheel turned forward since the spawn, rad, in wire order."""
-        left, right = self.side_angles
-        return tuple([left if is_left else right for is_left in self._left_wheels])
+        if self._read_at != self.fleet.steps:
+            self._read_columns()
+        return self._wheel_angles
 
     def drive(
         self,
@@ -170,6 +180,13 @@ class Robot:
         row = self.fleet.columns[self.slot]
         row[LEFT_SPIN] = spin(left, normalized=self._normalized)
         row[RIGHT_SPIN] = spin(right, normalized=self._normalized)
+
+    def _read_columns(self) -> None:
+        """Read what several items ask for after the same step."""
+        row = self.fleet.columns[self.slot, : RIGHT_ANGLE + 1].tolist()
+        self._body = Pose3(row[X], row[Y], self._body_height, 0.0, 0.0, row[YAW])
+        self._wheel_angles = tuple([row[column] for column in self._wheel_columns])
+        self._read_at = self.fleet.steps
 
     def halt(self) -> None:
         """Stop the wheels."""

@@ -107,8 +107,15 @@ class Ins:
 
     def reading(self, body: Pose3) -> Pose3:
         """Return the estimated pose, map frame; its angles are not wrapped."""
-        motion = _motion(self._body, body)
-        return Pose3(*(a + b for a, b in zip(self._estimate, motion, strict=True)))
+        estimate, motion = self._estimate, _motion(self._body, body)
+        return Pose3(
+            estimate[0] + motion[0],
+            estimate[1] + motion[1],
+            estimate[2] + motion[2],
+            estimate[3] + motion[3],
+            estimate[4] + motion[4],
+            estimate[5] + motion[5],
+        )
 
     def overwrite(self, pose: Pose3, body: Pose3) -> None:
         """Set the estimate, which also removes the bias."""
@@ -119,9 +126,14 @@ class Ins:
 
 def _motion(start: Pose3, end: Pose3) -> list[float]:
     """Return the translation and the wrapped rotations between two poses, 6 numbers."""
-    motion = [b - a for a, b in zip(start.numbers(), end.numbers(), strict=True)]
-    motion[3:] = [math.remainder(angle, 2 * math.pi) for angle in motion[3:]]
-    return motion
+    return [
+        end.x - start.x,
+        end.y - start.y,
+        end.z - start.z,
+        math.remainder(end.roll - start.roll, math.tau),
+        math.remainder(end.pitch - start.pitch, math.tau),
+        math.remainder(end.yaw - start.yaw, math.tau),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +168,11 @@ class Tachometer:
         elapsed = time - self._time
         if elapsed > 1e-6:
             pairs = zip(angles, self._angles, strict=True)
-            self._velocities = tuple((now - then) / elapsed for now, then in pairs)
+            self._velocities = tuple([(now - then) / elapsed for now, then in pairs])
             self._time, self._angles = time, tuple(angles)
         pairs = zip(angles, self._zero, strict=True)
-        return WheelReading(self._velocities, tuple(now - zero for now, zero in pairs))
+        turned = tuple([now - zero for now, zero in pairs])
+        return WheelReading(self._velocities, turned)
 
     def reset(self, angles: Sequence[float]) -> None:
         """Set the zero of the positions."""

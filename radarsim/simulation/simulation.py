@@ -6,7 +6,6 @@ nothing due costs nothing but its motion.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -76,12 +75,10 @@ class TickOutput:
     scans: tuple[RangeScan, ...]
     dialect: Dialect
 
-    def reports(self) -> Iterator[Report]:
-        """Yield all reports but the echoes, in the order of their lines."""
-        if self.status is not None:
-            yield self.status
-        yield from self.readings
-        yield from self.scans
+    def reports(self) -> tuple[Report, ...]:
+        """Return all reports but the echoes, in the order of their lines."""
+        status = () if self.status is None else (self.status,)
+        return (*status, *self.readings, *self.scans)
 
 
 class Simulation:
@@ -204,34 +201,30 @@ class Simulation:
         reporting = self._reporting.due()
         if not reporting:
             return {}
-        due = [
-            (vehicle, mounted)
-            for vehicle in reporting
-            for mounted in vehicle.due_scanners()
-        ]
-        ray_items = [
-            (vehicle, item) for vehicle in reporting for item in vehicle.due_ray_items()
-        ]
-        boxes = self.boxes() if due or ray_items else NOTHING
+        due = [(vehicle, vehicle.due()) for vehicle in reporting]
+        scanners = [(v, mounted) for v, items in due for mounted in items.scanners]
+        ray_items = [(v, item) for v, items in due for item in items.ray_items]
+        boxes = self.boxes() if scanners or ray_items else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
-        echoes: dict[int, list[ScanEchoes]] = {v.number: [] for v in reporting}
-        for (vehicle, mounted), scan in zip(due, self._scan(due, boxes), strict=True):
+        echoes: dict[int, list[ScanEchoes]] = {}
+        taken = self._scan(scanners, boxes)
+        for (vehicle, mounted), scan in zip(scanners, taken, strict=True):
             scans[vehicle.number].append(self._scan_report(mounted, scan))
             if vehicle.has_echoes_enabled(mounted.item):
                 found = ScanEchoes(mounted.item.name, scan.echoes)
-                echoes[vehicle.number].append(found)
+                echoes.setdefault(vehicle.number, []).append(found)
         cast = self._cast(ray_items, boxes)
         # All at once, for their items to read.
         self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
         return {
             vehicle.number: TickOutput(
                 vehicle.status(),
-                (*vehicle.readings(), *cast.get(vehicle.number, ())),
-                tuple(echoes[vehicle.number]),
+                (*vehicle.read(items.items), *cast.get(vehicle.number, ())),
+                tuple(echoes.get(vehicle.number, ())),
                 tuple(scans[vehicle.number]),
                 vehicle.dialect,
             )
-            for vehicle in reporting
+            for vehicle, items in due
         }
 
     def boxes(self) -> Boxes:
@@ -248,8 +241,7 @@ class Simulation:
             if vehicle.has_echoes_enabled(mounted.item):
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
-            request = ScanRequest(scanner, pose, mounted.rng, vehicle.number)
-            requests.append(request)
+            requests.append(ScanRequest(scanner, pose, mounted.rng, vehicle.number))
         return scan_batch(self._tracer, requests, boxes)
 
     def _cast(

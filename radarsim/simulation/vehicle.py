@@ -2,7 +2,9 @@
 
 import math
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -34,6 +36,23 @@ class MountedScanner:
     item: Item
     scanner: RangeScanner
     rng: np.random.Generator
+
+
+class DueItems(NamedTuple):
+    """Items of a robot that are due in the same tick.
+
+    Attributes:
+        items: Items that give readings without casting rays, in the order of readings.
+        ray_items: Sonars and GPS.
+        scanners: Range scanners, in mounting order.
+    """
+
+    items: tuple[SensorItem, ...]
+    ray_items: tuple[RayItem, ...]
+    scanners: tuple[MountedScanner, ...]
+
+
+NOTHING_DUE: Final = DueItems((), (), ())
 
 
 class Vehicle:
@@ -84,6 +103,7 @@ class Vehicle:
         self._with_echoes: set[str] = set()
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
+        self._due_items: dict[frozenset[int], DueItems] = {}
         scanners = []
         ray_items: list[RayItem] = []
         sonars = robot.model.items_of("Sonar")
@@ -109,7 +129,8 @@ class Vehicle:
         items = self._sensor_items.values()
         self.has_touch = any(isinstance(i, TouchItem) for i in items)
         self.ins_items = tuple(i for i in items if isinstance(i, InsItem))
-        for interval in sorted({STATUS_TICKS, *self._interval_ticks.values()}):
+        self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
+        for interval in self._intervals:
             schedule.add(self, interval)
 
     @property
@@ -134,34 +155,31 @@ class Vehicle:
         left = self.battery.seconds_left(seconds(self._age))
         return Status(self._clock.time, left, self.robot.light)
 
-    def readings(self) -> list[Report]:
-        """Return the readings that are due, poses first; none with an empty battery.
+    def due(self) -> DueItems:
+        """Return the items that are due in this tick; none with an empty battery.
 
-        Those of items that cast rays are not among them.
+        A scanner that is due and of which a scan was requested is there twice, since
+        that is an extra one. Requests are forgotten with that.
         """
         if not self.alive:
-            return []
-        time = self._clock.time
-        due = [item for item in self._reading_order if self._is_due(item)]
-        reports = [self._sensor_items[item.name].read(time) for item in due]
-        return join_encoders(reports) if self.dialect.joins_encoders else reports
-
-    def due_ray_items(self) -> list[RayItem]:
-        """Return the items that cast rays and are due."""
-        due = [each for each in self._ray_items if self._is_due(each.item)]
-        return due if due and self.alive else []
-
-    def due_scanners(self) -> list[MountedScanner]:
-        """Return the scanners that are due, then those of requested scans.
-
-        A scanner that is both is there twice, since a requested scan is an extra one.
-        """
-        if not self.alive:
-            return []
-        due = [mounted for mounted in self.scanners if self._is_due(mounted.item)]
+            return NOTHING_DUE
+        age = self._age
+        # Items are selected once for each set of intervals that end together.
+        ended = frozenset([each for each in self._intervals if age % each == 0])
+        due = self._due_items.get(ended)
+        if due is None:
+            due = self._due_items[ended] = self._select_items(ended)
+        if not self._requested_scans:
+            return due
         requested = [m for m in self.scanners if m.item.name in self._requested_scans]
         self._requested_scans.clear()
-        return due + requested
+        return due._replace(scanners=(*due.scanners, *requested))
+
+    def read(self, items: Sequence[SensorItem]) -> list[Report]:
+        """Return the readings of items that are due, in their order."""
+        time = self._clock.time
+        reports = [item.read(time) for item in items]
+        return join_encoders(reports) if self.dialect.joins_encoders else reports
 
     def sensor_pose(self, item: Item) -> Pose3:
         """Return the pose of an item in the map frame."""
@@ -195,8 +213,14 @@ class Vehicle:
         if isinstance(ins, InsItem):
             ins.overwrite(pose)
 
-    def _is_due(self, item: Item) -> bool:
-        return self._age % self._interval_ticks[item.name] == 0
+    def _select_items(self, intervals: frozenset[int]) -> DueItems:
+        due = {name for name, each in self._interval_ticks.items() if each in intervals}
+        names = [item.name for item in self._reading_order if item.name in due]
+        return DueItems(
+            tuple([self._sensor_items[name] for name in names]),
+            tuple([each for each in self._ray_items if each.item.name in due]),
+            tuple([each for each in self.scanners if each.item.name in due]),
+        )
 
 
 def _empty_age(battery: Battery) -> float:
