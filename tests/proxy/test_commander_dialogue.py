@@ -209,7 +209,7 @@ def with_proxy(world: World, listener: TrafficObserver) -> Iterator[None]:
         yield
     finally:
         world.run(proxy.stop())
-        listener.finish()
+        assert listener.finish(600)  # it may have to compile the mapper
 
 
 def play(world: World) -> Dialogue:

@@ -189,7 +189,7 @@ def test_all_data_is_processed_by_the_end(
     with listening(slow_consumer) as listener:
         listener.add_data(1, "client", b"INIT {ClassName P3AT}\r\nGARB{\r\n")
         send(listener, *[scan_line(k) for k in range(100)])
-        assert listener.finish()
+        assert listener.finish(600)
     assert slow_consumer.times == [*range(100)]
     assert listener.error is None
     assert listener.dropped == 0
@@ -203,7 +203,7 @@ def test_one_of_several_robots_is_observed(
         for k in range(50):
             send(listener, scan_line(k), number=2)
             send(listener, scan_line(100 + k), number=3)
-        assert listener.finish()
+        assert listener.finish(600)
     assert slow_consumer.times == [*range(50)]
 
 
@@ -218,7 +218,7 @@ def test_hanging_consumer_costs_scans_and_no_time(
         assert time.monotonic() - began < 1
         assert not listener.finish(timeout=0.05)
         slow_consumer.go.set()
-        assert listener.finish()
+        assert listener.finish(600)
     assert 1980 <= listener.dropped <= 1990
     assert slow_consumer.times[-10:] == [*range(1990, 2000)]
 
@@ -229,7 +229,7 @@ def test_error_of_a_consumer_is_kept_and_logged(
     slow_consumer.fails_at = 3.0
     with listening(slow_consumer) as listener:
         send(listener, *[scan_line(k) for k in range(10)])
-        assert listener.finish()
+        assert listener.finish(600)
         send(listener, scan_line(11))
     assert slow_consumer.times == [0, 1, 2, 3]
     assert isinstance(listener.error, ValueError)
