@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import COMMANDS, ParsedCommand
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.framing import LineBuffer, is_http_request
 from radarsim.protocol.send_queue import SendQueue
 from radarsim.suggestions import expected_one_of
 
@@ -29,6 +29,8 @@ class Client:
         send_queue: Lines that are not sent yet.
         replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
+        has_spoken: Whether its first line has come.
+        speaks_http: Whether that line began a request of a web browser.
     """
 
     number: int
@@ -39,6 +41,28 @@ class Client:
     send_queue: SendQueue = field(default_factory=SendQueue)
     replies: list[bytes] = field(default_factory=list)
     vehicle: Vehicle | None = None
+    has_spoken: bool = False
+    speaks_http: bool = False
+
+    def feed(self, data: bytes) -> None:
+        """Add what was received to the lines that wait to be handled.
+
+        Nothing of what a web browser sends is added.
+        """
+        lines = self.lines.feed(data)
+        if lines and not self.has_spoken:
+            self.has_spoken = True
+            self.speaks_http = is_http_request(lines[0])  # for ever
+        if not self.speaks_http:
+            self.pending.extend(lines)
+
+    def close_reason(self) -> str:
+        """Return why the connection is to be closed; empty if it is not."""
+        if self.speaks_http:
+            return "an HTTP request, expected commands"
+        if self.lines.overflow is not None or self.send_queue.overflowed:
+            return "endless line or unread answers"
+        return ""
 
 
 @dataclass(frozen=True, slots=True)

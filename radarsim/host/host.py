@@ -161,7 +161,7 @@ class Host:
         if client.lines.overflow is not None:
             return []
         waits = bool(client.pending)
-        client.pending.extend(client.lines.feed(data))
+        client.feed(data)
         diagnostics = [] if waits else self._handle_arrived(client)
         if client.pending:
             self._waiting.add(number)
@@ -178,9 +178,15 @@ class Host:
         return self._clients[number].vehicle is not None
 
     def must_close(self, number: int) -> bool:
-        """Return whether a client sent an endless line, or reads too few replies."""
-        client = self._clients[number]
-        return client.lines.overflow is not None or client.send_queue.overflowed
+        """Return whether a client is to be disconnected; see ``close_reason``."""
+        return bool(self.close_reason(number))
+
+    def close_reason(self, number: int) -> str:
+        """Return why a client is to be disconnected; empty if it is not.
+
+        It sent an endless line or an HTTP request, or it reads too few replies.
+        """
+        return self._clients[number].close_reason()
 
     def step(self) -> list[tuple[int, Diagnostic]]:
         """Advance by 10 ms, and queue everything that is due for the clients.

@@ -7,6 +7,21 @@ from radarsim.errors import LineTooLong
 _BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
 # With the blank lines after it, of which there can be thousands in one packet.
 _LINE_END = re.compile(rb"[\r\n][%b]*" % re.escape(_BLANKS))
+_HTTP_REQUEST = re.compile(r"[A-Z]+ \S+ HTTP/\d")
+
+
+def is_http_request(line: str) -> bool:
+    """Return whether a line begins a request of a web browser.
+
+    Any page that a user visits can make a browser send one to any port, with lines of
+    the page's choice after it.
+
+    >>> is_http_request("POST / HTTP/1.1")
+    True
+    >>> is_http_request("DRIVE {Left 1} {Right 1}")
+    False
+    """
+    return _HTTP_REQUEST.match(line) is not None
 
 
 class LineBuffer:

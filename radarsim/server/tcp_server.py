@@ -252,8 +252,8 @@ class Connection(asyncio.BufferedProtocol):
         transport = self._transport
         if transport is None:
             return
-        if self._host.must_close(self._number):
-            log.warning("%s: closed: endless line or unread answers", self.peer)
+        if reason := self._host.close_reason(self._number):
+            log.warning("%s: closed: %s", self.peer, reason)
             self.close()
             return
         if self._sends_no_more:

@@ -727,6 +727,33 @@ def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
     assert host.take(number) == b""
 
 
+@pytest.mark.parametrize(
+    "request_line", [b"POST / HTTP/1.1", b"GET /a?b HTTP/1.0", b"OPTIONS * HTTP/2"]
+)
+@pytest.mark.parametrize("cut", [0, 3, 20, 60])
+def test_http_request_is_closed_and_nothing_after_it_is_executed(
+    host: Host, request_line: bytes, cut: int
+) -> None:
+    number = connected(host)
+    data = request_line + b"\r\nHost: a\r\n\r\n" + INIT + b"GETSTARTPOSES\r\n"
+    assert host.receive(number, data[:cut]) + host.receive(number, data[cut:]) == []
+    assert host.must_close(number)
+    assert "HTTP" in host.close_reason(number)
+    host.receive(number, INIT)
+    run_ticks(host, 20)
+    assert host.take(number) == b""
+    assert host.simulation.vehicles == ()
+
+
+def test_http_request_after_a_command_is_one_bad_line(host: Host) -> None:
+    number = spawned(host)
+    diagnostics = host.receive(number, b"GET / HTTP/1.1\r\nGETGEO {Type Robot}\r\n")
+    assert len(diagnostics) == 1
+    host.step()
+    assert host.take(number) == GEO
+    assert not host.must_close(number)
+
+
 def test_incomplete_command_waits_for_the_rest(host: Host) -> None:
     number = connected(host)
     host.receive(number, b"GETSTAR")

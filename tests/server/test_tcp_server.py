@@ -274,6 +274,23 @@ async def test_endless_line_closes_only_its_connection(
     assert "closed: endless line or unread answers" in caplog.text
 
 
+async def test_request_of_a_web_page_is_closed_and_drives_no_robot(
+    running_server: RunningServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    other, page = await running_server.driver(), await running_server.peer()
+    assert await page.line() == GREETING
+    await page.send(
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1:3000\r\nOrigin: http://a.example\r\n\r\n"
+        b"INIT {ClassName P3AT} {Location 0,0,0}\r\nDRIVE {Left 3} {Right 3}\r\n"
+    )
+    with suppress(ConnectionError):
+        assert await page.rest() == b""
+    assert_every_scan_came(await other.scans(5))
+    assert running_server.robots == 1
+    (line,) = [record for record in caplog.messages if "HTTP" in record]
+    assert "closed" in line
+
+
 async def test_client_is_disconnected_when_it_asks_without_reading(
     empty_room: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
