@@ -10,6 +10,7 @@ from radarsim.errors import MalformedMessage, PresetError
 from radarsim.geometry import Pose2
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.replies import configuration, find_items, geometry
+from radarsim.host.watchers import MAX_WATCHERS, Watchers
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
 from radarsim.protocol.commands import (
     Command,
@@ -25,6 +26,7 @@ from radarsim.protocol.commands import (
     parse_switch,
 )
 from radarsim.protocol.reports import Report, StartPoses, to_bytes
+from radarsim.protocol.watching import CommandError, Watch
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 from radarsim.suggestions import expected_one_of
@@ -51,6 +53,7 @@ LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
 SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
+ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
 
@@ -76,12 +79,15 @@ class CommandHandler:
         clients_by_robot: The client of each robot, by the robot's number.
     """
 
-    def __init__(self, scene: Scene, config: SimulationConfig) -> None:
+    def __init__(
+        self, scene: Scene, config: SimulationConfig, watchers: Watchers
+    ) -> None:
         self.has_begun = False
         self._scene = scene
         self._simulation: Simulation | None = None
         self.clients_by_robot: dict[int, Client] = {}
         self._config = config
+        self._watchers = watchers
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
         self._next_spawn = 0  # the first tick that may have one
@@ -106,11 +112,15 @@ class CommandHandler:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
             malformed = Diagnostic.of_malformed(line, error)
+            if malformed.kind == f"malformed {Watch.verb}":
+                self._answer_error(client, malformed)
             return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
         if isinstance(parsed.command, Init) and self._is_too_early(client):
             return Handled(False, work=LIGHT_WORK + reading)
         work = self._work_of(client, parsed.command) + reading
         diagnostic = self._execute(client, parsed.command)
+        if diagnostic is not None and isinstance(parsed.command, Watch):
+            self._answer_error(client, diagnostic)
         unknown = Diagnostic.of_unknown_fields(parsed)
         if unknown is not None:
             work += SUGGESTION_WORK
@@ -121,6 +131,7 @@ class CommandHandler:
         """Remove the robot of a client, if it has one."""
         if client.vehicle is not None:
             self.simulation.remove(client.vehicle)
+            self._watchers.remove_robot(client.vehicle)
             del self.clients_by_robot[client.vehicle.number]
             client.vehicle = None
 
@@ -128,6 +139,8 @@ class CommandHandler:
         match command:
             case Init() | SetItem():
                 return HEAVY_WORK
+            case Watch():
+                return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo() | GetConf() | GetStartPoses():
                 known = _reply_key(client.vehicle, command) in self._reply_lines
                 return LIGHT_WORK if known else HEAVY_WORK
@@ -149,6 +162,8 @@ class CommandHandler:
                 return self._reply(client, command)
             case Init():
                 return self._init(client, command)
+            case Watch():
+                return self._watch(client, command)
             case Unsupported(verb):
                 return Diagnostic(verb, f"{verb} does nothing here")
             case _:
@@ -172,6 +187,19 @@ class CommandHandler:
                 return _set_items(vehicle, command)
             case _:
                 return self._reply(client, command)
+
+    def _watch(self, client: Client, command: Watch) -> Diagnostic | None:
+        watchers = self._watchers
+        if command.robots.names != () and not watchers.takes(client):
+            text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
+            return Diagnostic("watchers", text)
+        watchers.watch(client, command)
+        return None
+
+    def _answer_error(self, client: Client, diagnostic: Diagnostic) -> None:
+        """Tell a client that a command had no effect; no old client sends such ones."""
+        report = CommandError(diagnostic.text)
+        client.replies.append(to_bytes([report.encode(self._config.dialect)]))
 
     def _reply(self, client: Client, question: Question) -> Diagnostic | None:
         """Reply to a question about what never changes; each reply is encoded once."""
@@ -220,6 +248,7 @@ class CommandHandler:
             failure = Diagnostic("no place", text)
         else:
             self.clients_by_robot[client.vehicle.number] = client
+            self._watchers.add_robot(client.vehicle)
             pose = client.vehicle.robot.pose
             if (pose.x, pose.y) == (requested.x, requested.y):
                 return diagnostic

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import COMMANDS, ParsedCommand
@@ -14,6 +14,13 @@ from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
+
+WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
+WATCH_CEILING: Final = 1_048_576  # bytes that tell of robots, some 20 000 of them
+
+
+def _watch_queue() -> SendQueue:
+    return SendQueue(WATCH_LIMIT, WATCH_CEILING)
 
 
 @dataclass(slots=True)
@@ -27,6 +34,7 @@ class Client:
         command_budget: Number of commands that may still be handled in this tick.
         next_spawn: First tick in which the next robot may be spawned.
         send_queue: Lines that are not sent yet.
+        watch_queue: Copies of the lines of the robots that it watches.
         replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
         has_spoken: Whether its first line has come.
@@ -39,6 +47,7 @@ class Client:
     command_budget: int = 0
     next_spawn: int = 0
     send_queue: SendQueue = field(default_factory=SendQueue)
+    watch_queue: SendQueue = field(default_factory=_watch_queue)
     replies: list[bytes] = field(default_factory=list)
     vehicle: Vehicle | None = None
     has_spoken: bool = False
@@ -56,11 +65,16 @@ class Client:
         if not self.speaks_http:
             self.pending.extend(lines)
 
+    def take(self) -> bytes:
+        """Return and remove what is to be sent: whole lines, the robot's own first."""
+        return self.send_queue.take() + self.watch_queue.take()
+
     def close_reason(self) -> str:
         """Return why the connection is to be closed; empty if it is not."""
         if self.speaks_http:
             return "an HTTP request, expected commands"
-        if self.lines.overflow is not None or self.send_queue.overflowed:
+        is_deaf = self.send_queue.overflowed or self.watch_queue.overflowed
+        if self.lines.overflow is not None or is_deaf:
             return "endless line or unread answers"
         return ""
 

@@ -19,7 +19,9 @@ of a tick for all clients together; what exceeds a limit waits for the next tick
 once. Commands that wait are executed in turns, one of each client, and cannot use up
 the work that is reserved for those that arrive: a flood delays no one else. How the
 bytes of a client are split into packets changes nothing.
-Rule 5: a host can be there before its simulation, which takes a second to load and half
+Rule 5: a client that watches robots gets copies of what their clients are sent, in a
+queue of its own, which comes last in a write. It changes no byte that others get.
+Rule 6: a host can be there before its simulation, which takes a second to load and half
 a minute to compile. It greets clients and answers what they ask before they have a
 robot; INIT waits. Simulated time begins with the simulation.
 
@@ -37,6 +39,7 @@ from typing import TYPE_CHECKING
 
 from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
+from radarsim.host.watchers import Watchers
 from radarsim.protocol.reports import Greeting, to_bytes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -86,7 +89,6 @@ class Host:
         config.check()
         self._scene, self._config, self._seed = scene, config, seed
         self._dialect = config.dialect
-        self._commands = CommandHandler(scene, config)
         self._clients: dict[int, Client] = {}
         self._last_number = 0
         # Clients of whom there is something to do; in a tick no others are looked at.
@@ -94,6 +96,8 @@ class Host:
         self._spent: set[int] = set()  # have used up some of their commands
         self._replying: set[int] = set()  # have replies that wait for the next tick
         self._unsent: set[int] = set()  # have bytes that are to be sent
+        self._watchers = Watchers(config.dialect, self._unsent)
+        self._commands = CommandHandler(scene, config, self._watchers)
         self._arrival_work = ARRIVAL_WORK
         self._last_served = 0  # number of the client whose waiting command was last
         if begins:
@@ -147,7 +151,9 @@ class Host:
 
     def disconnect(self, number: int) -> None:
         """Remove a client and its robot."""
-        self._commands.despawn(self._clients.pop(number))
+        client = self._clients.pop(number)
+        self._watchers.remove(client)
+        self._commands.despawn(client)
         for numbers in (self._waiting, self._spent, self._replying, self._unsent):
             numbers.discard(number)
 
@@ -216,7 +222,7 @@ class Host:
     def take(self, number: int) -> bytes:
         """Return and remove what is to be sent to a client: whole lines, in order."""
         self._unsent.discard(number)
-        return self._clients[number].send_queue.take()
+        return self._clients[number].take()
 
     def finish(self, number: int) -> bytes:
         """Return the replies that are due to a client that sends no more."""
@@ -225,11 +231,16 @@ class Host:
 
     def unsent_bytes(self, number: int) -> int:
         """Return the number of bytes that are to be sent to a client."""
-        return len(self._clients[number].send_queue)
+        client = self._clients[number]
+        return len(client.send_queue) + len(client.watch_queue)
 
     def dropped_readings(self, number: int) -> int:
-        """Return how many readings a client has lost because it did not read."""
-        return self._clients[number].send_queue.dropped
+        """Return how many readings a client has lost because it did not read.
+
+        Lines of robots that it watches count as well.
+        """
+        client = self._clients[number]
+        return client.send_queue.dropped + client.watch_queue.dropped
 
     def _handle_arrived(self, client: Client) -> list[Diagnostic]:
         """Execute commands of a client that had none waiting."""
@@ -276,11 +287,18 @@ class Host:
         return handled
 
     def _queue_replies(self, client: Client) -> None:
+        replies = self._put_replies(client)
+        if client.vehicle is not None and client.vehicle in self._watchers:
+            self._watchers.copy(client.vehicle, replies)
+
+    def _put_replies(self, client: Client) -> list[bytes]:
+        """Queue replies for a client alone, and return them."""
         self._replying.discard(client.number)
-        for line in client.replies:
+        replies, client.replies = client.replies, []
+        for line in replies:
             client.send_queue.put(line, keep=True)
             self._unsent.add(client.number)
-        client.replies.clear()
+        return replies
 
     def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
         """Queue what robots report in a tick; all lines are encoded together."""
@@ -305,30 +323,36 @@ class Host:
         self, client: Client, output: TickOutput, lines: list[bytes]
     ) -> None:
         """Queue what one robot reports; ``lines`` are those of its reports."""
+        first, last = int(output.status is not None), len(lines) - len(output.scans)
+        requested, shown = self._echo_lines(output) if output.echoes else ([], [])
+        replies: list[bytes] = []
         put = client.send_queue.put_readings
-        if client.replies:
-            first = int(output.status is not None)
+        if client.replies or requested:
             put(lines[:first])
-            lines = lines[first:]
-            self._queue_replies(client)
-        if output.echoes:
-            first = len(lines) - len(output.scans)
-            put(lines[:first])
-            lines = lines[first:]
-            put(self._echo_lines(output))
-        put(lines)
+            replies = self._put_replies(client)
+            put([*lines[first:last], *requested, *lines[last:]])
+        else:
+            put(lines)
         if client.send_queue:
             self._unsent.add(client.number)
+        if client.vehicle is not None and client.vehicle in self._watchers:
+            before = [*lines[:first], *replies, *lines[first:last]]
+            own, others = ([*before, *x, *lines[last:]] for x in (requested, shown))
+            self._watchers.copy(client.vehicle, own, others)
 
-    def _echo_lines(self, output: TickOutput) -> list[bytes]:
+    def _echo_lines(self, output: TickOutput) -> tuple[list[bytes], list[bytes]]:
+        """Return the echo lines that a client asked for, and those of all its scans."""
         from radarsim.host.echo_reports import echo_lines  # noqa: PLC0415
         from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
 
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
-        reports = [
-            (line, output.dialect)
-            for scan in output.echoes
-            for line in echo_lines(time, scan.scanner, scan.echoes, names)
-        ]
-        return encode_lines(reports)
+        requested: list[bytes] = []
+        shown: list[bytes] = []
+        for scan in output.echoes:
+            reports = echo_lines(time, scan.scanner, scan.echoes, names)
+            lines = encode_lines([(report, output.dialect) for report in reports])
+            shown += lines
+            if scan.is_requested:
+                requested += lines
+        return requested, shown

@@ -33,6 +33,7 @@ from radarsim.protocol.numbers import (
     parse_number,
     parse_numbers,
 )
+from radarsim.protocol.watching import Watch
 from radarsim.suggestions import expected_one_of
 
 PACKAGE: Final = "USARBot."  # of robot classes
@@ -240,7 +241,7 @@ class Unsupported:
 
 
 Command: TypeAlias = (
-    Init | Drive | GetStartPoses | GetGeo | GetConf | SetItem | Unsupported
+    Init | Drive | GetStartPoses | GetGeo | GetConf | SetItem | Watch | Unsupported
 )
 
 
@@ -261,7 +262,7 @@ class ParsedCommand:
 
 COMMANDS: Final = {
     command.verb: command
-    for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem)
+    for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem, Watch)
 }
 
 # Fields that common clients send along: the speeds of robots with a steering axle and

@@ -6,7 +6,6 @@ contain.
 """
 
 import math
-import re
 from dataclasses import dataclass
 from typing import ClassVar, Final, Self
 
@@ -22,6 +21,7 @@ from radarsim.protocol.line_template import (
     WHOLE_IN_SERIES,
     Fields,
     marks,
+    printable_name,
     reduce_text,
     series_marks,
 )
@@ -36,11 +36,8 @@ from radarsim.protocol.periodic_reports import SensorReport, Split, build_templa
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.
 ECHOES_A_LINE: Final = 90
-LONGEST_NAME: Final = 210  # of an object or material: those of maps and their copies
 LARGEST_DENSITY: Final = 1e9  # no beam enters what is denser
 OPAQUE: Final = "Opaque"
-
-_NOT_WRITABLE = re.compile(r"[^ -z|~]")  # braces, and what is not printable ASCII
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,8 +103,8 @@ class TargetEchoes:
             for kind in set(self.kinds)
         }
         return (
-            ("Object", _writable(self.object)),
-            ("Material", _writable(self.material)),
+            ("Object", printable_name(self.object)),
+            ("Material", printable_name(self.material)),
             ("Density", OPAQUE if self.density == math.inf else plain),
             ("Transparency", plain),
             ("LaserPasses", str(self.laser_passes)),
@@ -195,8 +192,3 @@ def _parse_echo(word: str) -> tuple[str, list[float]]:
 
 def _parse_density(text: str) -> float:
     return math.inf if text.lower() == OPAQUE.lower() else parse_number(text)
-
-
-def _writable(name: str) -> str:
-    """Return a name of printable ASCII with single blanks; never an empty one."""
-    return _NOT_WRITABLE.sub("?", " ".join(name.split()))[:LONGEST_NAME] or "?"

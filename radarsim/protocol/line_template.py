@@ -32,6 +32,7 @@ WHOLE: Final = "\xd8"
 WHOLE_IN_SERIES: Final = "\xf8"
 SKIPPED: Final = "\xd9"  # a number that is not written
 LINE_END: Final = "\xda"
+LONGEST_NAME: Final = 210  # of an object, material or robot: those of maps, and copies
 NO_SERIES: Final[Floats] = np.zeros(0)
 
 _ROUNDINGS: Final = (Rounding.NEAREST, Rounding.FLOAT32, Rounding.TRUNCATED)
@@ -41,6 +42,7 @@ _FORMATS: Final = {
     for decimals in range(1, 8)
 }
 _MARKS: Final = {number_format: mark for mark, number_format in _FORMATS.items()}
+_NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
 _MARK: Final = re.compile(f"[{chr(FIRST_MARK)}-{SKIPPED}\xe0-\xff]")
 
 
@@ -52,6 +54,18 @@ def template(verb: str, fields: Fields) -> bytes:
 def reduce_text(text: str) -> str:
     """Return a text of ASCII, so that nothing in it is a mark."""
     return text.encode("ascii", "replace").decode("ascii")
+
+
+def printable_name(text: str, longest: int = LONGEST_NAME) -> str:
+    """Return a text of printable ASCII with single blanks; never an empty one.
+
+    Names come from maps and from clients. Every other character, and braces, read "?".
+
+    Args:
+        text: Any text.
+        longest: Number of characters after which it is cut.
+    """
+    return _NOT_PRINTABLE.sub("?", " ".join(text.split()))[:longest].rstrip() or "?"
 
 
 def marks(number_format: NumberFormat, count: int = 1) -> str:

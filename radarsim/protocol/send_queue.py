@@ -42,10 +42,10 @@ class SendQueue:
         return self._readings + self._answers
 
     def put(self, line: bytes, *, keep: bool) -> None:
-        """Add a line.
+        """Add a line, or several that are dropped together.
 
         Args:
-            line: Line with its end.
+            line: Line with its end, or several whole lines.
             keep: Whether it is an answer, which must not be dropped.
         """
         self._lines.append((line, keep))
@@ -87,6 +87,6 @@ class SendQueue:
                 answers.append((line, keep))
             else:
                 self._readings -= len(line)
-                self.dropped += 1
+                self.dropped += line.count(b"\n")
         # They were ahead of all lines that are left, so they return to the front.
         self._lines.extendleft(reversed(answers))

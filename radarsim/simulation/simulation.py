@@ -51,10 +51,12 @@ class ScanEchoes:
     Attributes:
         scanner: Name of the scanner item.
         echoes: All echoes of the scan.
+        is_requested: Whether the robot's client asked for them, and not only watchers.
     """
 
     scanner: str
     echoes: Echoes
+    is_requested: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ class TickOutput:
     Attributes:
         status: The status; None when it is not due.
         readings: Readings of all items but scanners, poses first.
-        echoes: Echoes of the scans of scanners whose echoes are switched on.
+        echoes: Echoes of the scans of scanners that list them.
         scans: Scans.
         dialect: The dialect of the robot's lines.
     """
@@ -210,8 +212,9 @@ class Simulation:
         taken = self._scan(scanners, boxes)
         for (vehicle, mounted), scan in zip(scanners, taken, strict=True):
             scans[vehicle.number].append(self._scan_report(mounted, scan))
-            if vehicle.has_echoes_enabled(mounted.item):
-                found = ScanEchoes(mounted.item.name, scan.echoes)
+            if vehicle.lists_echoes(mounted.item):
+                is_requested = vehicle.has_echoes_enabled(mounted.item)
+                found = ScanEchoes(mounted.item.name, scan.echoes, is_requested)
                 echoes.setdefault(vehicle.number, []).append(found)
         cast = self._cast(ray_items, boxes)
         # All at once, for their items to read.
@@ -238,7 +241,7 @@ class Simulation:
         requests = []
         for vehicle, mounted in due:
             scanner = mounted.scanner
-            if vehicle.has_echoes_enabled(mounted.item):
+            if vehicle.lists_echoes(mounted.item):
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
             requests.append(ScanRequest(scanner, pose, mounted.rng, vehicle.number))

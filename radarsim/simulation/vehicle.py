@@ -67,6 +67,7 @@ class Vehicle:
         ins_items: Inertial navigation systems, which drift.
         has_touch: Whether it has a touch sensor.
         dialect: The dialect of its lines.
+        shows_echoes: Whether its scanners list their echoes for others than its client.
     """
 
     def __init__(
@@ -101,6 +102,7 @@ class Vehicle:
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
         self._with_echoes: set[str] = set()
+        self.shows_echoes = False
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
         self._due_items: dict[frozenset[int], DueItems] = {}
@@ -204,8 +206,12 @@ class Vehicle:
             self._with_echoes.discard(item.name)
 
     def has_echoes_enabled(self, item: Item) -> bool:
-        """Return whether the echoes of a scanner are switched on."""
+        """Return whether the client of the robot gets the echoes of a scanner."""
         return item.name in self._with_echoes
+
+    def lists_echoes(self, item: Item) -> bool:
+        """Return whether a scanner lists its echoes, for whomever."""
+        return self.shows_echoes or item.name in self._with_echoes
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Replace the pose of an INS; do nothing if the item is not one."""

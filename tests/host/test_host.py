@@ -180,14 +180,14 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
             b"FOO {A b}",
             "malformed line",
             "verb 'FOO', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
-            "'GETSTARTPOSES', 'INIT', 'SET']",
+            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']",
             id="unknown verb",
         ),
         pytest.param(
             b"DRVE {Left 1} {Right 1}",
             "malformed line",
             "verb 'DRVE', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
-            "'GETSTARTPOSES', 'INIT', 'SET']; did you mean 'DRIVE'?",
+            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']; did you mean 'DRIVE'?",
             id="misspelt verb",
         ),
         pytest.param(

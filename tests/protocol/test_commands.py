@@ -100,7 +100,7 @@ def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
         pytest.param(
             "FOO {A b}",
             "verb 'FOO', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
-            "'GETSTARTPOSES', 'INIT', 'SET']",
+            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']",
             id="unknown verb",
         ),
         pytest.param(

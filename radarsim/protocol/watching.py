@@ -1,0 +1,175 @@
+"""Watching robots: the command, and the lines that only those get who send it.
+
+Robots are named in it as in all lines: in characters that a line can contain, so that
+two names with other characters may be the same there.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Final, Self
+
+from radarsim.errors import MalformedMessage
+from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.message import Message
+
+MOST_NAMES: Final = 1000  # in a command; reading them takes time
+LONGEST_ERROR: Final = 1000  # characters of the text of an error
+
+_ALL: Final = "all"
+_NONE: Final = "none"
+_SEE: Final = re.compile(r"SEE\s*\{\s*Robot\s([^{}]*)\}\s*(.+)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class RobotChoice:
+    """Which robots are meant.
+
+    >>> RobotChoice.parse("r1, R2").includes("R1")
+    True
+
+    Attributes:
+        names: Names as on the wire, in any case; None for all robots.
+    """
+
+    names: tuple[str, ...] | None = ()
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Parse ``All``, ``None``, or names with commas between them.
+
+        Raises:
+            MalformedMessage: If there is no name, or more than ``MOST_NAMES``.
+        """
+        word = text.strip().casefold()
+        if word == _ALL:
+            return cls(None)
+        if word == _NONE:
+            return cls()
+        names = [name for name in text.split(",", MOST_NAMES) if name.strip()]
+        if not 0 < len(names) <= MOST_NAMES:
+            expected = f"expected All, None, or 1 to {MOST_NAMES} names"
+            raise MalformedMessage(f"{text[:80]!r}, {expected}")
+        return cls(tuple(map(printable_name, names)))
+
+    def __str__(self) -> str:
+        if self.names is None:
+            return _ALL.capitalize()
+        return ",".join(self.names) or _NONE.capitalize()
+
+    def includes(self, name: str) -> bool:
+        """Return whether the robot of a name, as on the wire, is meant."""
+        if self.names is None:
+            return True
+        return name.casefold() in self._folded
+
+    @cached_property
+    def _folded(self) -> frozenset[str]:
+        return frozenset(name.casefold() for name in self.names or ())
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """Watch robots from now on, instead of those watched before.
+
+    Attributes:
+        robots: The robots; only with all of them the watcher is told which there are.
+        echoes: Those of them whose scanners list their echoes.
+    """
+
+    verb: ClassVar[str] = "WATCH"
+    keys: ClassVar[tuple[str, ...]] = ("Robots", "Echoes")
+
+    robots: RobotChoice
+    echoes: RobotChoice = RobotChoice()
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message."""
+        robots = message.parse("Robots", RobotChoice.parse)
+        echoes = message.parse_optional("Echoes", _parse_echoes)
+        return cls(robots, echoes or RobotChoice())
+
+    def values(self) -> tuple[str, str | None]:
+        """Return the text for each of ``keys``."""
+        without = self.echoes == RobotChoice()
+        return str(self.robots), None if without else str(self.echoes)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotJoined:
+    """A robot is there.
+
+    Attributes:
+        robot: Name of the robot.
+        class_name: Class of the robot.
+    """
+
+    robot: str
+    class_name: str
+
+    def encode(self, _: Dialect) -> str:
+        """Write the report as one line without its end."""
+        class_name = printable_name(self.class_name)
+        fields = (("Joined", printable_name(self.robot)), ("ClassName", class_name))
+        return Message("NFO", fields).encode()
+
+
+@dataclass(frozen=True, slots=True)
+class RobotLeft:
+    """A robot is there no more.
+
+    Attributes:
+        robot: Name of the robot.
+    """
+
+    robot: str
+
+    def encode(self, _: Dialect) -> str:
+        """Write the report as one line without its end."""
+        return Message("NFO", (("Left", printable_name(self.robot)),)).encode()
+
+
+@dataclass(frozen=True, slots=True)
+class CommandError:
+    """A command had no effect; only those that no old client sends are answered so.
+
+    Attributes:
+        text: What came and what was expected.
+    """
+
+    text: str
+
+    def encode(self, _: Dialect) -> str:
+        """Write the report as one line without its end."""
+        text = printable_name(self.text, LONGEST_ERROR)
+        return Message("NFO", (("Error", text),)).encode()
+
+
+def see_head(robot: str) -> bytes:
+    """Return what precedes each line of a robot that a watcher is sent."""
+    head = Message("SEE", (("Robot", printable_name(robot)),)).encode()
+    return f"{head} ".encode("ascii")
+
+
+def split_seen(line: str) -> tuple[str, str]:
+    """Return the robot of a line that a watcher got, and the robot's own line.
+
+    >>> split_seen("SEE {Robot R1} STA {Time 1.00}")
+    ('R1', 'STA {Time 1.00}')
+
+    Raises:
+        MalformedMessage: If one of them is missing.
+    """
+    match = _SEE.fullmatch(line)
+    if match is None:
+        text = f"{line[:80]!r}, expected 'SEE {{Robot ...}}' and another line"
+        raise MalformedMessage(text)
+    return match[1].strip(), match[2]
+
+
+def _parse_echoes(text: str) -> RobotChoice:
+    """Parse a choice of robots, or whether all of them are meant."""
+    words = {"true": _ALL, "false": _NONE}
+    return RobotChoice.parse(words.get(text.strip().casefold(), text))
