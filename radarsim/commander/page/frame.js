@@ -1,0 +1,29 @@
+// Frames of the commander: a header in JSON, then the ranges of all scans in cm.
+
+const text = new TextDecoder();
+const NO_RETURN = 65535;
+
+/**
+ * Decode a frame. Each scan gets `ranges`, m, Infinity without return.
+ *
+ * Layout: the length of the header (u32, little-endian), the header, then u16 ranges;
+ * the `offset` of a scan counts those.
+ */
+export function decodeFrame(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const frame = JSON.parse(text.decode(new Uint8Array(buffer, 4, length)));
+  const tail = new DataView(buffer, 4 + length);
+  for (const robot of frame.robots) {
+    for (const scan of robot.scans) scan.ranges = readRanges(tail, scan);
+  }
+  return frame;
+}
+
+function readRanges(tail, scan) {
+  const ranges = new Float32Array(scan.count);
+  for (let i = 0; i < scan.count; i++) {
+    const centimetres = tail.getUint16(2 * (scan.offset + i), true);
+    ranges[i] = centimetres === NO_RETURN ? Infinity : centimetres / 100;
+  }
+  return ranges;
+}

@@ -1,0 +1,51 @@
+// The legend of the scene, and the finding: what there is to see, in one sentence.
+
+import { swatch } from "./beam_panel.js";
+import { byId, element, setText } from "./elements.js";
+
+const MARKS = [
+  ["ray", "radar ray: fainter, less power left"],
+  ["dot", "sees through, and reads this"],
+  ["hole", "hole it comes through"],
+  ["cross", "power spent"],
+  ["square", "laser reading"],
+];
+
+/** List the materials of the scene, and the marks of the view. */
+export function updateLegend(world, view) {
+  const materials = new Map();
+  for (const part of world.scene?.parts ?? []) {
+    if (part.outline.length) materials.set(part.material, part.colour);
+  }
+  const rows = [...materials].map(([name, colour]) => element("li", {}, swatch(colour), name));
+  const marks = view === "plan" ? MARKS : [];
+  byId("legend").replaceChildren(
+    ...marks.map(([mark, text]) => element("li", {}, element("i", { className: `mark ${mark}` }), text)),
+    ...(view === "map" ? mapRows() : rows),
+  );
+}
+
+function mapRows() {
+  return [element("li", {}, element("i", { className: "mark true" }), "what is truly there")];
+}
+
+/** Say what the selected robot's sensors see through, or what is missing. */
+export function writeFinding(world, view) {
+  const { robot } = world;
+  if (!world.hello) return;
+  if (!robot) setText(byId("finding"), "No robot yet: add one.");
+  else if (view === "map" && !world.maps.has(robot.name)) {
+    setText(byId("finding"), `${robot.name} has no map yet: tick “Build a map”, then drive or explore.`);
+  } else setText(byId("finding"), sentence(world));
+}
+
+/** Say how many beams of each sensor see through, the selected sensor first. */
+function sentence(world) {
+  const { robot, scan } = world;
+  const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
+  const parts = scans.map((one) => {
+    const { beams, through } = world.countBeams(one);
+    return `${one.kind} sees through with ${through || "none"} of ${beams} beams`;
+  });
+  return parts.length ? `${robot.name}: ${parts.join(" · ")}` : `${robot.name} has no scan yet.`;
+}

@@ -1,0 +1,314 @@
+// The commander's page: takes messages, passes what the user does, draws.
+
+import { BeamPanel, updateMaterials } from "./beam_panel.js";
+import { beamTowards } from "./beams.js";
+import { Drive, followStick } from "./drive.js";
+import { byId, isTyping, setText } from "./elements.js";
+import { decodeFrame } from "./frame.js";
+import { updateLegend, writeFinding } from "./legend.js";
+import { Link } from "./link.js";
+import { describePlan, Plan } from "./plan.js";
+import { Polar } from "./polar.js";
+import { RobotsPanel } from "./robots_panel.js";
+import { SettingsPanel } from "./settings_panel.js";
+import { Space } from "./space.js";
+import { countTasks, TasksPanel } from "./tasks_panel.js";
+import { followTheme } from "./theme.js";
+import { Viewport } from "./viewport.js";
+import { World } from "./world.js";
+
+const world = new World();
+const link = new Link();
+const viewport = new Viewport(byId("plan"), () => [byId("finding").offsetHeight, byId("legend").offsetHeight]);
+const plan = new Plan(byId("plan"), world, viewport);
+const space = new Space(byId("space"), world);
+const polars = ["radar", "laser"].map((kind) => new Polar(byId(kind), world, kind));
+const robots = new RobotsPanel(world, link);
+const settings = new SettingsPanel(world, link);
+const tasks = new TasksPanel(world, link);
+const beam = new BeamPanel(world);
+const drive = new Drive(link, () => (world.robot?.mine ? world.chosen : null), stopAll);
+
+const touch = matchMedia("(pointer: coarse), (max-width: 800px)");
+let view = "plan";
+let picking = null; // what a click on the scene gives a place to: "robot", "goal"
+let shown = { frames: 0, since: performance.now(), rate: 0 };
+let unacknowledged = null; // time of a frame that is not drawn yet
+let waiting = false;
+
+// --- messages -------------------------------------------------------------------------
+
+const takers = {
+  hello(message) {
+    world.hello = message;
+    for (const panel of [robots, settings, tasks]) panel.takeHello(message);
+    setText(byId("level"), message.level ?? "");
+    setText(byId("notice"), "");
+    setText(byId("error"), "");
+    byId("record").hidden = !message.record;
+    tellLink("connected", "connected");
+    if (world.chosen) select(world.chosen);
+  },
+  scene(message) {
+    world.takeScene(message);
+    plan.takeScene(message);
+    updateLegend(world, view);
+    fit();
+    if (view === "space") link.send("triangles");
+  },
+  triangles(message) {
+    world.triangles = message;
+    space.takeTriangles(message);
+  },
+  map(message) {
+    world.takeMap(message, () => {
+      tasks.updateMap();
+      redraw();
+    });
+  },
+  path(message) {
+    world.paths.set(message.robot, message);
+    if (message.robot === world.chosen) world.goal = null;
+  },
+  task(message) {
+    world.takeTask(message);
+    if (message.state !== "running") world.goal = null;
+    tasks.update();
+  },
+  spawned({ robot }) {
+    world.wanted = robot;
+  },
+  viewer: () => {},
+  recording: ({ on, path }) => {
+    byId("record").setAttribute("aria-pressed", String(on));
+    setText(byId("notice"), on ? `Recording to ${path}` : "Recording has ended");
+  },
+  notice: ({ text }) => setText(byId("notice"), text),
+  error({ text }) {
+    setText(byId("error"), text);
+    world.goal = null;
+  },
+  lost: ({ text }) => showLost(text || "The server is gone. Trying to reach it again…"),
+  found: () => showLost(null),
+};
+
+function receive(message) {
+  if (message instanceof ArrayBuffer) takeFrame(decodeFrame(message));
+  else takers[message.op]?.(message);
+  redraw();
+}
+
+function takeFrame(frame) {
+  const driven = drive.driven;
+  const first = !world.frame.robots.length;
+  const chose = world.takeFrame(frame);
+  if (driven && !frame.robots.some((robot) => robot.name === driven)) {
+    drive.forget(driven);
+    setText(byId("error"), `${driven} is gone; driving has ended.`);
+  }
+  if (chose) select(world.chosen);
+  if (first) fit();
+  unacknowledged = frame.t ?? 0;
+}
+
+link.addEventListener("message", ({ detail }) => receive(detail));
+link.addEventListener("state", ({ detail }) => {
+  if (detail === "open") {
+    world.wanted ??= world.chosen;
+    world.reset();
+    plan.takeScene(null);
+  } else if (detail === "refused") {
+    tellLink("refused", "wrong token");
+    showLost("The token is wrong. Open the address that radarsim printed when it started.");
+  } else {
+    tellLink("lost", "connection lost");
+    showLost("No connection to the commander. Trying again…");
+    drive.forget(drive.driven);
+  }
+});
+
+function tellLink(state, text) {
+  byId("link").dataset.state = state;
+  setText(byId("link"), text);
+  if (state === "connected") showLost(null);
+}
+
+function showLost(text) {
+  byId("lost").hidden = !text;
+  setText(byId("lost"), text ?? "");
+  document.body.classList.toggle("stale", Boolean(text));
+}
+
+// --- drawing --------------------------------------------------------------------------
+
+function redraw() {
+  if (waiting) return;
+  waiting = true;
+  requestAnimationFrame(draw);
+}
+
+function draw() {
+  waiting = false;
+  if (view === "space") space.draw();
+  else plan.draw(view);
+  for (const polar of polars) polar.draw();
+  for (const panel of [robots, settings, beam]) panel.update();
+  updateMaterials(world);
+  writeFinding(world, view);
+  byId("stick").hidden = !(touch.matches && world.robot?.mine);
+  byId("plan").setAttribute("aria-label", describePlan(world));
+  setText(byId("time"), `${(world.frame.t ?? 0).toFixed(1)} s`);
+  writeStatus();
+  if (unacknowledged !== null) acknowledge();
+}
+
+/** Tell that a frame is drawn, so that the next one may come. */
+function acknowledge() {
+  link.send("ack", { t: unacknowledged });
+  document.dispatchEvent(new CustomEvent("drawn", { detail: { t: unacknowledged } }));
+  unacknowledged = null;
+  shown.frames += 1;
+}
+
+function writeStatus() {
+  const now = performance.now();
+  if (now - shown.since > 1000) {
+    shown = { frames: 0, since: now, rate: (shown.frames * 1000) / (now - shown.since) };
+  }
+  const count = world.frame.robots.length;
+  const robotsText = count === 1 ? "1 robot" : `${count} robots`;
+  setText(byId("status"), `${robotsText} · ${shown.rate.toFixed(0)} frames/s · ${countTasks(world)}`);
+}
+
+// --- what the user does ---------------------------------------------------------------
+
+function select(name) {
+  world.choose(name);
+  link.send("select", { robot: name });
+  tasks.updateMap();
+  updateLegend(world, view);
+  redraw();
+}
+
+function stopAll() {
+  link.send("stop");
+  world.goal = null;
+  pick(null);
+  setText(byId("notice"), "Stopped.");
+}
+
+function selectBeam(scanner, number) {
+  const scan = world.robot?.scans.find((one) => one.scanner === scanner);
+  if (!scan) return;
+  world.scanner = scanner;
+  world.beam = Math.min(Math.max(number, 0), scan.count - 1);
+  world.held = null;
+  redraw();
+}
+
+/** A click on the scene: a place that is picked, a goal, or a beam. */
+function tap({ x, y, shift }) {
+  if (picking === "robot") robots.setPlace(x, y);
+  else if (shift || picking === "goal") tasks.go(x, y);
+  else if (world.scan) selectBeam(world.scan.scanner, beamTowards(world.scan, x, y));
+  pick(null);
+  redraw();
+}
+
+function pick(what) {
+  picking = what;
+  const words = { robot: "Click where the robot starts", goal: "Click the goal" };
+  byId("aim").hidden = !what;
+  setText(byId("aim"), what ? `${words[what]} (Esc cancels).` : "");
+  byId("stage").classList.toggle("picking", Boolean(what));
+  if (what && view === "map") show("plan");
+}
+
+async function show(name) {
+  view = name;
+  for (const button of document.querySelectorAll("[data-view]")) {
+    button.setAttribute("aria-pressed", String(button.dataset.view === name));
+  }
+  byId("plan").hidden = name === "space";
+  byId("space").hidden = name !== "space";
+  updateLegend(world, view);
+  if (name === "space") {
+    if (!world.triangles && world.scene) link.send("triangles");
+    await space.open();
+  }
+  redraw();
+}
+
+/** Show everything again, unless the view was moved by hand. */
+function fit() {
+  if (viewport.fitted) viewport.fit(world.extent());
+  redraw();
+}
+
+function zoom(step) {
+  if (view === "space") {
+    if (step) space.zoom(step > 0 ? 1.25 : 0.8);
+    else space.fit();
+  } else if (step) {
+    if (step > 0) viewport.zoomIn();
+    else viewport.zoomOut();
+  } else {
+    viewport.fitted = true;
+    fit();
+  }
+  redraw();
+}
+
+const KEYS = {
+  "1": () => show("plan"),
+  "2": () => show("space"),
+  "3": () => show("map"),
+  "+": () => zoom(1),
+  "=": () => zoom(1),
+  "-": () => zoom(-1),
+  "0": () => zoom(0),
+};
+
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
+  const step = { ArrowLeft: 1, ArrowRight: -1 }[event.key]; // beams count from the right
+  if (step && event.target.matches("canvas") && world.scan) {
+    event.preventDefault();
+    const count = world.scan.count;
+    const number = world.beam ?? Math.floor(count / 2) - step;
+    selectBeam(world.scan.scanner, (number + step + count) % count);
+  } else if (KEYS[event.key]) {
+    KEYS[event.key]();
+  }
+});
+
+// After a click of the pointer, keys act on the scene again: Space has to stop.
+addEventListener("click", ({ target, detail }) => {
+  if (detail && target.closest("button, summary")) {
+    byId(view === "space" ? "space" : "plan").focus({ preventScroll: true });
+  }
+});
+
+for (const button of document.querySelectorAll("[data-view]")) {
+  button.addEventListener("click", () => show(button.dataset.view));
+}
+byId("stop").addEventListener("click", stopAll);
+byId("record").addEventListener("click", (event) => {
+  link.send("record", { on: event.currentTarget.getAttribute("aria-pressed") !== "true" });
+});
+byId("zoom-in").addEventListener("click", () => zoom(1));
+byId("zoom-out").addEventListener("click", () => zoom(-1));
+byId("zoom-fit").addEventListener("click", () => zoom(0));
+for (const source of [viewport, space]) {
+  source.addEventListener("change", redraw);
+  source.addEventListener("tap", ({ detail }) => tap(detail));
+}
+for (const source of [...polars, beam]) {
+  source.addEventListener("beam", ({ detail }) => selectBeam(detail.scanner, detail.beam));
+}
+robots.addEventListener("choose", ({ detail }) => select(detail));
+robots.addEventListener("pick", () => pick("robot"));
+tasks.addEventListener("pick", () => pick("goal"));
+followStick(byId("stick"), drive);
+followTheme(redraw);
+for (const part of ["stage", "legend"]) new ResizeObserver(fit).observe(byId(part));

@@ -1,0 +1,299 @@
+// The plan: the scene from above, robots, rays with the power left, readings, paths.
+
+import { beamPoint, scanOf } from "./beams.js";
+import { prepareCanvas } from "./elements.js";
+import { drawLabel } from "./label.js";
+import { drawMarks, edgeColour } from "./marks.js";
+import { drawRobot } from "./robot_mark.js";
+import { drawRuns } from "./run_marks.js";
+import { sensorColour, theme } from "./theme.js";
+
+const LEVELS = 6; // of opacity, for the power that a ray has left
+const LABEL = "12px system-ui, sans-serif";
+
+export class Plan {
+  constructor(canvas, world, viewport) {
+    Object.assign(this, { canvas, world, viewport });
+    this.shapes = []; // of the scene: {part, areas, lines}
+    this.still = document.createElement("canvas"); // the scene as last drawn
+    this.stillKey = "";
+  }
+
+  /** Take the outlines of a scene, in place of the former's. */
+  takeScene(scene) {
+    this.shapes = (scene?.parts ?? []).map(shapeOf);
+    this.stillKey = "";
+  }
+
+  draw(view) {
+    const surface = prepareCanvas(this.canvas);
+    const { pen } = surface;
+    pen.fillStyle = theme.paper;
+    pen.fillRect(0, 0, surface.width, surface.height);
+    if (view === "map") this.drawMap(pen);
+    this.drawStill(surface, view);
+    for (const robot of this.world.frame.robots) this.drawReadings(pen, robot, view);
+    const { robot } = this.world;
+    if (robot && view === "plan") this.drawRays(pen);
+    drawRuns(pen, this.viewport, this.world);
+    for (const one of this.world.frame.robots) drawRobot(pen, this.viewport, one, one === robot);
+    const explained = this.world.explained();
+    if (explained) this.drawBeam(pen, explained);
+    this.drawScale(pen, surface);
+  }
+
+  /** Draw what does not move; it is kept until the view or the colours change. */
+  drawStill(surface, view) {
+    const { width, height, density } = surface;
+    const { scale, centre } = this.viewport;
+    const key = [width, height, density, scale, ...centre, view, theme.dark].join();
+    if (key !== this.stillKey) {
+      this.stillKey = key;
+      this.still.width = this.canvas.width;
+      this.still.height = this.canvas.height;
+      const pen = this.still.getContext("2d");
+      pen.setTransform(density, 0, 0, density, 0, 0);
+      if (view === "plan") this.drawGrid(pen, width, height);
+      for (const shape of this.shapes) this.drawShape(pen, shape, density, view);
+    }
+    surface.pen.drawImage(this.still, 0, 0, width, height);
+  }
+
+  drawGrid(pen, width, height) {
+    const step = this.viewport.scale > 22 ? 1 : this.viewport.scale > 5 ? 5 : 25;
+    const [x0, y1] = this.viewport.toWorld(0, 0);
+    const [x1, y0] = this.viewport.toWorld(width, height);
+    pen.strokeStyle = theme.faint;
+    pen.lineWidth = 1;
+    pen.beginPath();
+    for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) {
+      const left = Math.round(this.viewport.toScreen(x, 0)[0]) + 0.5;
+      pen.moveTo(left, 0);
+      pen.lineTo(left, height);
+    }
+    for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) {
+      const top = Math.round(this.viewport.toScreen(0, y)[1]) + 0.5;
+      pen.moveTo(0, top);
+      pen.lineTo(width, top);
+    }
+    pen.stroke();
+  }
+
+  drawShape(pen, { part, areas, lines }, density, view) {
+    const { scale } = this.viewport;
+    const [left, top] = this.viewport.toScreen(0, 0);
+    pen.save();
+    pen.setTransform(scale * density, 0, 0, -scale * density, left * density, top * density);
+    pen.lineWidth = 1 / scale;
+    if (view === "map") {
+      pen.strokeStyle = theme.true;
+      pen.stroke(areas);
+    } else {
+      pen.fillStyle = part.colour;
+      pen.globalAlpha = (part.opaque ? 1 : 0.72) * (theme.dark ? 0.8 : 1);
+      pen.fill(areas, "evenodd");
+      pen.globalAlpha = 1;
+      pen.strokeStyle = edgeColour(part.colour);
+      pen.stroke(areas);
+    }
+    pen.stroke(lines);
+    pen.restore();
+  }
+
+  drawMap(pen) {
+    const map = this.world.maps.get(this.world.chosen);
+    if (!map) return;
+    const [x, y] = map.origin;
+    const size = [map.width * map.resolution, map.height * map.resolution];
+    const [left, top] = this.viewport.toScreen(x, y + size[1]);
+    pen.imageSmoothingEnabled = false;
+    const { scale } = this.viewport;
+    pen.drawImage(map.image, left, top, size[0] * scale, size[1] * scale);
+  }
+
+  /** Draw where the beams of a robot end: dots of radars, squares of lasers. */
+  drawReadings(pen, robot, view) {
+    const chosen = robot.name === this.world.chosen;
+    for (const scan of robot.scans) {
+      const size = chosen ? 2 : 1.4;
+      pen.globalAlpha = chosen ? 0.9 : 0.5;
+      pen.fillStyle = sensorColour(scan.kind);
+      pen.beginPath();
+      scan.ranges.forEach((range, beam) => {
+        if (!Number.isFinite(range) || (chosen && view === "plan" && this.isSpent(scan, beam))) return;
+        const [left, top] = this.viewport.toScreen(...beamPoint(scan, beam, range));
+        if (scan.kind === "radar") {
+          pen.moveTo(left + size, top);
+          pen.arc(left, top, size, 0, 2 * Math.PI);
+        } else pen.rect(left - size, top - size, 2 * size, 2 * size);
+      });
+      pen.fill();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  isSpent(scan, beam) {
+    return this.world.beamsOf(scan)[beam]?.end?.kind === "spent";
+  }
+
+  /** Draw the rays of the radar that is selected, or of the laser without one. */
+  drawRays(pen) {
+    const { robot } = this.world;
+    const scan = this.world.scan ?? robot.scans[0];
+    if (!scan) return;
+    const beams = this.world.beamsOf(scan);
+    const colour = sensorColour(scan.kind);
+    this.strokeRays(pen, scan, beams, false, colour);
+    this.strokeRays(pen, scan, beams, true, colour);
+    this.drawEnds(pen, scan, beams, colour);
+  }
+
+  /** Stroke rays with an opacity by the power that they have left. */
+  strokeRays(pen, scan, beams, through, colour) {
+    const levels = Array.from({ length: LEVELS + 1 }, () => new Path2D());
+    const start = this.viewport.toScreen(scan.x, scan.y);
+    beams.forEach((beam, number) => {
+      if (beam.through !== through) return;
+      const end = this.viewport.toScreen(...beamPoint(scan, number, 1));
+      const along = (range) => [
+        start[0] + (end[0] - start[0]) * range,
+        start[1] + (end[1] - start[1]) * range,
+      ];
+      for (const [from, to, power] of stretches(beam.power)) {
+        const level = levels[Math.round(power * LEVELS)];
+        level.moveTo(...along(from));
+        level.lineTo(...along(to));
+      }
+    });
+    pen.strokeStyle = colour;
+    pen.lineWidth = through ? 2 : 1;
+    levels.forEach((level, number) => {
+      pen.globalAlpha = (through ? 0.95 : 0.3) * (0.25 + 0.75 * (number / LEVELS));
+      pen.stroke(level);
+    });
+    pen.globalAlpha = 1;
+  }
+
+  /** Mark spent beams, the holes that others come through, and what these read. */
+  drawEnds(pen, scan, beams, colour) {
+    const crosses = [];
+    pen.lineCap = "round";
+    beams.forEach((beam, number) => {
+      if (beam.end?.kind === "spent" && Number.isFinite(beam.range)) {
+        const [x, y] = this.viewport.toScreen(...beamPoint(scan, number, beam.range));
+        crosses.push({ kind: "spent", x, y });
+      }
+      if (!beam.through) return;
+      for (const hole of beam.holes) this.drawHole(pen, scan, number, hole);
+      this.drawDot(pen, scan, number, beam.range, colour);
+    });
+    pen.lineCap = "butt";
+    pen.strokeStyle = colour;
+    pen.lineWidth = 1.2;
+    pen.beginPath();
+    for (const { x, y } of crosses) {
+      pen.moveTo(x - 3, y - 3);
+      pen.lineTo(x + 3, y + 3);
+      pen.moveTo(x - 3, y + 3);
+      pen.lineTo(x + 3, y - 3);
+    }
+    pen.stroke();
+  }
+
+  drawHole(pen, scan, number, [from, to]) {
+    const [a, b] = [from, to].map((range) => this.viewport.toScreen(...beamPoint(scan, number, range)));
+    for (const [width, colour] of [[6, theme.paper], [3.5, theme.radar]]) {
+      pen.lineWidth = width;
+      pen.strokeStyle = colour;
+      pen.beginPath();
+      pen.moveTo(...a);
+      pen.lineTo(...b);
+      pen.stroke();
+    }
+  }
+
+  drawDot(pen, scan, number, range, colour) {
+    const [left, top] = this.viewport.toScreen(...beamPoint(scan, number, range));
+    pen.beginPath();
+    pen.arc(left, top, 5, 0, 2 * Math.PI);
+    pen.fillStyle = colour;
+    pen.strokeStyle = theme.paper;
+    pen.lineWidth = 1.5;
+    pen.fill();
+    pen.stroke();
+  }
+
+  /** Draw the beam that is explained, with a mark for each echo. */
+  drawBeam(pen, { scan, number, beam }) {
+    const start = this.viewport.toScreen(scan.x, scan.y);
+    const end = this.viewport.toScreen(...beamPoint(scan, number, beam.length));
+    for (const [width, colour] of [[5, theme.paper], [2.5, theme.ink]]) {
+      pen.lineWidth = width;
+      pen.strokeStyle = colour;
+      pen.beginPath();
+      pen.moveTo(...start);
+      pen.lineTo(...end);
+      pen.stroke();
+    }
+    const marks = beam.echoes.map((echo) => {
+      const [x, y] = this.viewport.toScreen(...beamPoint(scan, number, echo.range));
+      return { ...echo, colour: null, x, y };
+    });
+    drawMarks(pen, marks, 6);
+    pen.font = `600 ${LABEL}`;
+    const text = Number.isFinite(beam.range) ? `${number}: ${beam.range.toFixed(2)} m` : `${number}: –`;
+    drawLabel(pen, text, end[0] + 9, end[1] - 9);
+  }
+
+  drawScale(pen, { width, height }) {
+    const { scale } = this.viewport;
+    const metres = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100].findLast((length) => length * scale < 130) ?? 0.1;
+    const [right, bottom] = [width - 14, height - 14];
+    pen.strokeStyle = theme.ink;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(right - metres * scale, bottom);
+    pen.lineTo(right, bottom);
+    pen.stroke();
+    pen.font = LABEL;
+    pen.textAlign = "right";
+    drawLabel(pen, `${metres} m`, right, bottom - 6);
+    pen.textAlign = "left";
+  }
+}
+
+/** Cut knots [range, power] into stretches [from, to, power] that are about even. */
+function* stretches(knots) {
+  for (let i = 1; i < knots.length; i++) {
+    const [[from, before], [to, after]] = [knots[i - 1], knots[i]];
+    const pieces = Math.max(1, Math.ceil(Math.abs(before - after) * LEVELS));
+    for (let piece = 0; piece < pieces; piece++) {
+      const [start, stop] = [piece / pieces, (piece + 1) / pieces];
+      const middle = (start + stop) / 2;
+      yield [from + (to - from) * start, from + (to - from) * stop, before + (after - before) * middle];
+    }
+  }
+}
+
+/** Return the outline of a part as paths in metres: areas to fill, and open lines. */
+function shapeOf(part) {
+  const [areas, lines] = [new Path2D(), new Path2D()];
+  for (const outline of part.outline) {
+    const first = outline[0];
+    const last = outline.at(-1);
+    const closed = outline.length > 3 && first[0] === last[0] && first[1] === last[1];
+    const path = closed ? areas : lines;
+    outline.forEach(([x, y], corner) => (corner ? path.lineTo(x, y) : path.moveTo(x, y)));
+    if (closed) path.closePath();
+  }
+  return { part, areas, lines };
+}
+
+/** Return what the canvas shows in words. */
+export function describePlan(world) {
+  const { robot, scan } = world;
+  if (!robot) return "Plan without a robot";
+  const place = `${robot.name} at x ${robot.x.toFixed(1)} m, y ${robot.y.toFixed(1)} m`;
+  const beam = scanOf(robot, scan?.scanner) && world.beam !== null ? `, beam ${world.beam} of ${scan.scanner}` : "";
+  return `Plan: ${place}${beam}`;
+}

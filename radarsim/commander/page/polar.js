@@ -1,0 +1,164 @@
+// A scan in polar form, ahead is up: its readings, and its echoes by material.
+
+import { scanOf, scanOfKind } from "./beams.js";
+import { prepareCanvas, setText } from "./elements.js";
+import { drawLabel } from "./label.js";
+import { drawMarks } from "./marks.js";
+import { sensorColour, theme } from "./theme.js";
+
+const RANGES = [2, 5, 10, 20, 30, 50, 100, 200, 500]; // m, of the outermost ring
+const MARGIN = 22; // px
+
+export class Polar extends EventTarget {
+  /** Show scans of a kind in a figure. Event: `beam` (detail: {scanner, beam}). */
+  constructor(figure, world, kind) {
+    super();
+    Object.assign(this, { figure, world, kind });
+    this.canvas = figure.querySelector("canvas");
+    this.canvas.addEventListener("click", (event) => this.click(event));
+  }
+
+  /** The scan that is shown: the one whose beams are explained, or the first. */
+  get scan() {
+    const chosen = scanOf(this.world.robot, this.world.scanner);
+    return chosen?.kind === this.kind ? chosen : scanOfKind(this.world.robot, this.kind);
+  }
+
+  draw() {
+    const { scan } = this;
+    const { pen, width, height } = prepareCanvas(this.canvas);
+    this.write(scan);
+    if (!scan) return;
+    this.layout = layOut(scan, width, height, outerRange(this.world.robot));
+    this.drawRings(pen, scan);
+    this.drawReadings(pen, scan);
+    this.drawEchoes(pen, scan);
+    if (scan === this.world.scan && this.world.beam !== null) this.drawBeam(pen, scan);
+  }
+
+  /** Write the caption: which sensor, and what becomes of its beams. */
+  write(scan) {
+    const caption = this.figure.querySelector(".name");
+    const what = this.figure.querySelector(".what");
+    const title = this.kind === "radar" ? "Radar" : "Laser";
+    setText(caption, scan ? `${title} ${scan.scanner}` : `No ${this.kind}`);
+    if (!scan) {
+      setText(what, this.world.robot ? "on this robot" : "");
+      return;
+    }
+    const { beams, spent, returned } = this.world.countBeams(scan);
+    const lost = spent ? `, ${spent} spent inside` : "";
+    const text = `${returned} of ${beams} read${lost}`;
+    setText(what, text);
+    this.canvas.setAttribute("aria-label", `${title} ${scan.scanner}: ${text}`);
+  }
+
+  /** Return the place of a range along a beam, px. */
+  place(scan, beam, range) {
+    const { left, top, scale } = this.layout;
+    const angle = beam * scan.resolution - scan.fov / 2;
+    return [left - range * scale * Math.sin(angle), top - range * scale * Math.cos(angle)];
+  }
+
+  drawRings(pen, scan) {
+    const { left, top, scale, outer } = this.layout;
+    const half = Math.min(scan.fov / 2, Math.PI);
+    pen.strokeStyle = theme.line;
+    pen.lineWidth = 1;
+    const step = outer / (outer % 4 && outer % 5 === 0 ? 5 : 4);
+    pen.font = "11px system-ui, sans-serif";
+    for (let range = step; range <= outer * 1.001; range += step) {
+      pen.beginPath();
+      pen.arc(left, top, range * scale, -Math.PI / 2 - half, -Math.PI / 2 + half);
+      pen.stroke();
+    }
+    pen.beginPath();
+    for (const turn of [-half, 0, half]) {
+      pen.moveTo(left, top);
+      pen.lineTo(left - outer * scale * Math.sin(turn), top - outer * scale * Math.cos(turn));
+    }
+    pen.stroke();
+    const [across, ahead] = half > 3 ? [0, 1] : [Math.sin(half), Math.cos(half)];
+    pen.textAlign = "center";
+    for (let range = step; range <= outer * 1.001; range += step) {
+      const label = `${+range.toFixed(1)}${range >= outer ? " m" : ""}`;
+      drawLabel(pen, label, left + range * scale * across, top - range * scale * ahead + 13);
+    }
+    pen.textAlign = "left";
+  }
+
+  /** Fill what the beams cross, and outline where neighbouring beams end. */
+  drawReadings(pen, scan) {
+    const { left, top, outer } = this.layout;
+    const [area, outline] = [new Path2D(), new Path2D()];
+    area.moveTo(left, top);
+    let before = false;
+    scan.ranges.forEach((range, beam) => {
+      const place = this.place(scan, beam, Math.min(range, scan.max, outer));
+      area.lineTo(...place);
+      if (before && Number.isFinite(range)) outline.lineTo(...place);
+      else outline.moveTo(...place);
+      before = Number.isFinite(range);
+    });
+    area.closePath();
+    pen.fillStyle = sensorColour(scan.kind);
+    pen.strokeStyle = sensorColour(scan.kind);
+    pen.globalAlpha = 0.16;
+    pen.fill(area);
+    pen.globalAlpha = 1;
+    pen.lineWidth = 1.5;
+    pen.lineJoin = "round";
+    pen.stroke(outline);
+  }
+
+  drawEchoes(pen, scan) {
+    const marks = [];
+    this.world.beamsOf(scan).forEach((beam, number) => {
+      for (const echo of beam.echoes) {
+        if (echo.range > this.layout.outer) continue;
+        const [x, y] = this.place(scan, number, echo.range);
+        marks.push({ kind: echo.kind, colour: echo.colour, x, y });
+      }
+    });
+    drawMarks(pen, marks, scan.count > 400 ? 1.6 : 2.4);
+  }
+
+  drawBeam(pen, scan) {
+    const beam = this.world.beamsOf(scan)[this.world.beam];
+    if (!beam) return;
+    pen.beginPath();
+    pen.moveTo(this.layout.left, this.layout.top);
+    pen.lineTo(...this.place(scan, this.world.beam, Math.min(beam.length, this.layout.outer)));
+    pen.strokeStyle = theme.ink;
+    pen.lineWidth = 2;
+    pen.stroke();
+  }
+
+  click(event) {
+    const { scan, layout } = this;
+    if (!scan || !layout) return;
+    const angle = Math.atan2(layout.left - event.offsetX, layout.top - event.offsetY);
+    const beam = Math.round((angle + scan.fov / 2) / scan.resolution);
+    const detail = { scanner: scan.scanner, beam: Math.min(Math.max(beam, 0), scan.count - 1) };
+    this.dispatchEvent(new CustomEvent("beam", { detail }));
+  }
+}
+
+/** Return the range of the outermost ring, m: the same for all scans of a robot. */
+function outerRange(robot) {
+  let farthest = 1;
+  for (const { ranges } of robot.scans) {
+    for (const range of ranges) if (Number.isFinite(range) && range > farthest) farthest = range;
+  }
+  return RANGES.find((range) => range >= farthest) ?? farthest;
+}
+
+/** Return where the sensor is, px, and how many px a metre has. */
+function layOut(scan, width, height, outer) {
+  const half = Math.min(scan.fov / 2, Math.PI);
+  const across = half < Math.PI / 2 ? Math.sin(half) : 1;
+  const down = Math.max(0, -Math.cos(half));
+  const scale = Math.min((width - 2 * MARGIN) / (2 * across), (height - 2 * MARGIN) / (1 + down)) / outer;
+  const top = (height + outer * scale * (1 - down)) / 2;
+  return { left: width / 2, top, scale, outer };
+}

@@ -1,0 +1,59 @@
+// A robot seen from above, with its name.
+
+import { drawLabel } from "./label.js";
+import { theme } from "./theme.js";
+
+const SMALLEST = 18; // px that the hull is long, so that it is found at any zoom
+
+/** Draw a robot: hull, wheels, an arrow ahead, and its name. */
+export function drawRobot(pen, viewport, robot, chosen) {
+  const [left, top] = viewport.toScreen(robot.x, robot.y);
+  const [length, width] = robot.size ?? [0.6, 0.5];
+  const scale = Math.max(viewport.scale, SMALLEST / length);
+  const [half, side] = [(length * scale) / 2, (width * scale) / 2];
+  pen.save();
+  pen.translate(left, top);
+  pen.rotate(-robot.yaw);
+  if (chosen) drawRing(pen, Math.hypot(half, side) + 5);
+  drawHull(pen, half, side, robot.touch);
+  pen.restore();
+  pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
+  const name = robot.touch ? `${robot.name} (touches)` : robot.name;
+  pen.textAlign = "center";
+  drawLabel(pen, name, left, top + Math.hypot(half, side) + 17);
+  pen.textAlign = "left";
+}
+
+function drawRing(pen, radius) {
+  pen.beginPath();
+  pen.arc(0, 0, radius, 0, 2 * Math.PI);
+  pen.strokeStyle = theme.ink;
+  pen.lineWidth = 1.5;
+  pen.setLineDash([4, 3]);
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function drawHull(pen, half, side, touches) {
+  pen.fillStyle = theme.ink;
+  for (const along of [-1, 1]) {
+    for (const across of [-1, 1]) {
+      const wheel = [half * 0.62, side * 0.42];
+      pen.fillRect(along * half * 0.52 - wheel[0] / 2, across * side * 0.8 - wheel[1] / 2, ...wheel);
+    }
+  }
+  pen.beginPath();
+  pen.rect(-half, -side * 0.62, 2 * half, side * 1.24);
+  pen.fillStyle = touches ? theme.hit : theme.robot;
+  pen.strokeStyle = theme.ink;
+  pen.lineWidth = 1.5;
+  pen.fill();
+  pen.stroke();
+  pen.beginPath();
+  pen.moveTo(half * 0.85, 0);
+  pen.lineTo(half * 0.15, -side * 0.45);
+  pen.lineTo(half * 0.15, side * 0.45);
+  pen.closePath();
+  pen.fillStyle = theme.ink;
+  pen.fill();
+}

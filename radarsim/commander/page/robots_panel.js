@@ -1,0 +1,101 @@
+// The list of robots, the state of the selected one, and the form that adds one.
+
+import { byId, element, setOptions, setText } from "./elements.js";
+
+const BEST = "P3AT_Compare"; // has a radar and a laser, side by side
+const PLACE = "at a place"; // a name that no start has: those are single words
+
+export class RobotsPanel extends EventTarget {
+  /** Events: `choose`, `remove` (detail: the robot's name), `pick` (the place to add at). */
+  constructor(world, link) {
+    super();
+    Object.assign(this, { world, link, names: "" });
+    this.list = byId("robots");
+    this.form = byId("spawn");
+    this.form.addEventListener("submit", (event) => this.spawn(event));
+    this.form.where.addEventListener("change", () => this.showPlace());
+    byId("spawn-pick").addEventListener("click", () => this.dispatchEvent(new Event("pick")));
+    byId("remove").addEventListener("click", () => link.send("remove", { robot: world.chosen }));
+  }
+
+  /** Take the classes and starts of a server. */
+  takeHello({ classes, starts }) {
+    const chosen = this.form.elements.class.value;
+    setOptions(this.form.elements.class, classes);
+    if (!chosen && classes.includes(BEST)) this.form.elements.class.value = BEST;
+    setOptions(this.form.where, [...starts.map((start) => start.name), PLACE]);
+    this.showPlace();
+  }
+
+  showPlace() {
+    byId("spawn-place").hidden = this.form.where.value !== PLACE;
+  }
+
+  /** Set the place where a robot is added, m and rad; without yaw it stays. */
+  setPlace(x, y, yaw = null) {
+    this.form.where.value = PLACE;
+    this.showPlace();
+    this.form.x.value = x.toFixed(2);
+    this.form.y.value = y.toFixed(2);
+    if (yaw !== null) this.form.yaw.value = Math.round((yaw * 180) / Math.PI);
+  }
+
+  spawn(event) {
+    event.preventDefault();
+    const { where, x, y, yaw } = this.form;
+    const { class: robotClass, name } = this.form.elements;
+    const turned = (yaw.valueAsNumber * Math.PI) / 180;
+    const place = where.value === PLACE ? { pose: [x.valueAsNumber, y.valueAsNumber, turned] } : { start: where.value };
+    const named = name.value.trim() ? { name: name.value.trim() } : {};
+    this.link.send("spawn", { class: robotClass.value, ...named, ...place });
+    name.value = "";
+  }
+
+  update() {
+    const { robots } = this.world.frame;
+    const names = JSON.stringify(robots.map((robot) => robot.name));
+    if (names !== this.names) {
+      this.names = names;
+      this.list.replaceChildren(...robots.map((robot) => this.row(robot.name)));
+      byId("no-robots").hidden = robots.length > 0;
+      if (!robots.length) byId("add").open = true;
+    }
+    robots.forEach((robot, number) => this.updateRow(this.list.children[number].firstChild, robot));
+    this.updateChosen();
+  }
+
+  row(name) {
+    const button = element("button", { type: "button" }, element("strong", { textContent: name }), element("span"));
+    button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("choose", { detail: name })));
+    return element("li", {}, button);
+  }
+
+  updateRow(button, robot) {
+    const chosen = String(robot.name === this.world.chosen);
+    if (button.getAttribute("aria-pressed") !== chosen) button.setAttribute("aria-pressed", chosen);
+    setText(button.lastChild, `${robot.class} · ${this.driverOf(robot)}${robot.touch ? " · touches" : ""}`);
+  }
+
+  driverOf({ driver, mine }) {
+    if (driver === "task") return "has a task";
+    if (driver && driver === this.world.hello?.viewer) return "you drive";
+    if (driver) return `${driver} drives`;
+    return mine ? "idle" : "another program's";
+  }
+
+  updateChosen() {
+    const { robot } = this.world;
+    byId("own").classList.toggle("off", !robot?.mine);
+    for (const control of byId("own").querySelectorAll("button, input, select")) control.disabled = !robot?.mine;
+    setText(byId("driven"), robot?.name ?? "");
+    setText(byId("driving"), robot ? describe(robot) : "Add a robot first.");
+  }
+}
+
+function describe(robot) {
+  const degrees = Math.round((robot.yaw * 180) / Math.PI);
+  const place = `x ${robot.x.toFixed(2)} m, y ${robot.y.toFixed(2)} m, facing ${degrees}°`;
+  const speed = robot.speeds ? `, ${robot.speeds[0].toFixed(2)} m/s` : "";
+  const hint = robot.mine ? "Hold W A S D to drive." : "Another program drives it.";
+  return `${place}${speed}. ${hint}`;
+}

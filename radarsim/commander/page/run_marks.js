@@ -1,0 +1,57 @@
+// Runs to goals: the path so far, where it hit and left obstacles, the goal.
+
+import { drawLabel } from "./label.js";
+import { theme } from "./theme.js";
+
+/** Draw the paths of all robots, and the goal that was clicked. */
+export function drawRuns(pen, viewport, world) {
+  for (const [robot, path] of world.paths) {
+    drawPath(pen, viewport, path, robot === world.chosen ? 2.5 : 1.2);
+    drawPoints(pen, viewport, path.hits ?? [], "hit", "H");
+    drawPoints(pen, viewport, path.leaves ?? [], "leave", "L");
+    if (path.goal) drawGoal(pen, viewport, path.goal);
+  }
+  if (world.goal) drawGoal(pen, viewport, world.goal);
+}
+
+function drawPath(pen, viewport, path, width) {
+  pen.beginPath();
+  for (const [x, y] of path.points ?? []) pen.lineTo(...viewport.toScreen(x, y));
+  pen.lineJoin = "round";
+  for (const [wide, colour] of [[width + 2.5, theme.paper], [width, theme.path]]) {
+    pen.lineWidth = wide;
+    pen.strokeStyle = colour;
+    pen.stroke();
+  }
+}
+
+/** Mark hit points by filled and leave points by open circles, with H1, L1 and so on. */
+function drawPoints(pen, viewport, points, colour, letter) {
+  points.forEach(([x, y], number) => {
+    const [left, top] = viewport.toScreen(x, y);
+    pen.beginPath();
+    pen.arc(left, top, 5, 0, 2 * Math.PI);
+    pen.lineWidth = 2;
+    pen.strokeStyle = letter === "H" ? theme.paper : theme[colour];
+    pen.fillStyle = letter === "H" ? theme[colour] : theme.paper;
+    pen.fill();
+    pen.stroke();
+    pen.font = "600 11px system-ui, sans-serif";
+    drawLabel(pen, `${letter}${number + 1}`, left + 8, top + 4);
+  });
+}
+
+function drawGoal(pen, viewport, [x, y]) {
+  const [left, top] = viewport.toScreen(x, y);
+  for (const [width, colour] of [[6, theme.paper], [2.5, theme.goal]]) {
+    pen.lineWidth = width;
+    pen.strokeStyle = colour;
+    pen.beginPath();
+    pen.arc(left, top, 9, 0, 2 * Math.PI);
+    pen.moveTo(left - 13, top);
+    pen.lineTo(left + 13, top);
+    pen.moveTo(left, top - 13);
+    pen.lineTo(left, top + 13);
+    pen.stroke();
+  }
+}

@@ -1,0 +1,205 @@
+// The scene in 3D, drawn by three.js, which is loaded when the view is first opened.
+
+import { beamPoint } from "./beams.js";
+import { sensorColour, theme } from "./theme.js";
+
+const HULL = 0.25; // m high
+const TALL = 0.9; // m; what is taller and longer than it surrounds the scene
+const LONG = 0.4; // share of the scene's larger side
+
+export class Space extends EventTarget {
+  /** Event: `tap` (detail: {x, y, shift}, m, on the plane of the sensor). */
+  constructor(canvas, world) {
+    super();
+    Object.assign(this, { canvas, world, three: null, robots: new Map() });
+  }
+
+  /** Load three.js and build the scene from its triangles, if there are any. */
+  async open() {
+    if (this.three) return;
+    this.three = await import("./three.bundle.js");
+    this.build();
+    this.takeTriangles(this.world.triangles);
+  }
+
+  build() {
+    const T = this.three;
+    this.renderer = new T.WebGLRenderer({ canvas: this.canvas, antialias: true });
+    this.scene = new T.Scene();
+    this.camera = new T.PerspectiveCamera(42, 1, 0.1, 2000);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new T.OrbitControls(this.camera, this.canvas);
+    this.controls.maxPolarAngle = 0.495 * Math.PI;
+    this.controls.addEventListener("change", () => this.dispatchEvent(new Event("change")));
+    this.scene.add(new T.HemisphereLight("#ffffff", "#777788", 2.4));
+    this.sun = new T.DirectionalLight("#ffffff", 1.6);
+    this.scene.add(this.sun);
+    this.solids = new T.Group();
+    this.lines = lineSegments(T);
+    this.points = new T.Points(new T.BufferGeometry(), new T.PointsMaterial({ size: 5, sizeAttenuation: false, vertexColors: true }));
+    this.points.frustumCulled = false;
+    this.scene.add(this.solids, this.lines, this.points);
+    this.canvas.addEventListener("click", (event) => this.click(event));
+    this.fit();
+  }
+
+  /** Look at everything from the south-west, above. */
+  fit() {
+    if (!this.three) return;
+    const [x0, y0, x1, y1] = this.world.extent();
+    const size = Math.max(x1 - x0, y1 - y0);
+    const middle = [(x0 + x1) / 2, (y0 + y1) / 2];
+    this.camera.position.set(middle[0] - 0.3 * size, middle[1] - 0.85 * size, 0.75 * size);
+    this.controls.target.set(...middle, 0);
+    this.controls.update();
+    this.sun.position.set(middle[0] - size, middle[1] - 0.6 * size, 2 * size);
+  }
+
+  zoom(factor) {
+    if (!this.three) return;
+    const { target } = this.controls;
+    this.camera.position.sub(target).multiplyScalar(1 / factor).add(target);
+    this.controls.update();
+  }
+
+  /** Take the triangles of a scene, in place of the former's. */
+  takeTriangles(triangles) {
+    if (!this.three) return;
+    this.solids.traverse((solid) => solid.geometry?.dispose());
+    this.solids.clear();
+    const [x0, y0, x1, y1] = this.world.extent();
+    const size = Math.max(x1 - x0, y1 - y0);
+    for (const part of triangles?.parts ?? []) this.solids.add(this.solid(part, size));
+    this.fit();
+  }
+
+  solid(part, size) {
+    const T = this.three;
+    const shape = new T.BufferGeometry();
+    shape.setAttribute("position", new T.BufferAttribute(new Float32Array(part.vertices), 3));
+    shape.setIndex(part.faces);
+    const flat = shape.toNonIndexed(); // edges stay sharp
+    flat.computeVertexNormals();
+    flat.computeBoundingBox();
+    shape.dispose();
+    const { min, max } = flat.boundingBox;
+    const encloses = max.z - min.z > TALL && Math.max(max.x - min.x, max.y - min.y) > LONG * size;
+    const opacity = encloses ? 0.22 : part.opaque ? 1 : 0.5;
+    const material = new T.MeshLambertMaterial({
+      color: part.colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side: T.DoubleSide,
+    });
+    return new T.Mesh(flat, material);
+  }
+
+  draw() {
+    if (!this.three || !this.canvas.clientWidth) return;
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+    this.renderer.setPixelRatio(window.devicePixelRatio || 1);
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.scene.background = new this.three.Color(theme.paper);
+    this.placeRobots();
+    this.placeReadings();
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  placeRobots() {
+    const present = new Set();
+    for (const robot of this.world.frame.robots) {
+      present.add(robot.name);
+      if (!this.robots.has(robot.name)) this.robots.set(robot.name, this.model(robot));
+      const model = this.robots.get(robot.name);
+      model.position.set(robot.x, robot.y, 0);
+      model.rotation.z = robot.yaw;
+      model.hull.color.set(robot.touch ? theme.hit : robot.name === this.world.chosen ? theme.radar : "#8a8f98");
+    }
+    for (const [name, model] of this.robots) {
+      if (present.has(name)) continue;
+      this.scene.remove(model);
+      this.robots.delete(name);
+    }
+  }
+
+  /** Build a robot: a hull on four wheels, with a plate that tells where ahead is. */
+  model(robot) {
+    const T = this.three;
+    const [length, width] = robot.size ?? [0.6, 0.5];
+    const group = new T.Group();
+    group.hull = new T.MeshLambertMaterial();
+    const dark = new T.MeshLambertMaterial({ color: "#222222" });
+    const add = (shape, material, x, y, z) => {
+      const mesh = new T.Mesh(shape, material);
+      mesh.position.set(x, y, z);
+      group.add(mesh);
+    };
+    add(new T.BoxGeometry(length, 0.62 * width, HULL), group.hull, 0, 0, 0.1 + HULL / 2);
+    add(new T.BoxGeometry(0.3 * length, 0.3 * width, 0.04), dark, 0.3 * length, 0, 0.12 + HULL);
+    for (const along of [-1, 1]) {
+      for (const across of [-1, 1]) {
+        add(new T.CylinderGeometry(0.11, 0.11, 0.1, 16), dark, along * 0.26 * length, across * 0.4 * width, 0.11);
+      }
+    }
+    this.scene.add(group);
+    return group;
+  }
+
+  /** Place all readings, and the rays of the selected scan. */
+  placeReadings() {
+    const T = this.three;
+    const [ends, colours] = [[], []];
+    for (const robot of this.world.frame.robots) {
+      for (const scan of robot.scans) {
+        const colour = new T.Color(sensorColour(scan.kind));
+        scan.ranges.forEach((range, beam) => {
+          if (!Number.isFinite(range)) return;
+          ends.push(...beamPoint(scan, beam, range), scan.z);
+          colours.push(...colour, 1);
+        });
+      }
+    }
+    fill(T, this.points.geometry, ends, colours);
+    const rays = this.world.scan ? this.traceRays(this.world.scan) : { places: [], colours: [] };
+    fill(T, this.lines.geometry, rays.places, rays.colours);
+  }
+
+  /** Trace the rays of a scan, fainter with less power; those that see through stand out. */
+  traceRays(scan) {
+    const [places, colours] = [[], []];
+    const [ink, colour] = [theme.ink, sensorColour(scan.kind)].map((name) => new this.three.Color(name));
+    this.world.beamsOf(scan).forEach((beam, number) => {
+      const chosen = number === this.world.beam;
+      const [least, most] = chosen ? [1, 0] : beam.through ? [0.45, 0.55] : [0.08, 0.3];
+      for (let knot = 1; knot < beam.power.length; knot++) {
+        for (const [range, power] of [beam.power[knot - 1], beam.power[knot]]) {
+          places.push(...beamPoint(scan, number, range), scan.z);
+          colours.push(...(chosen ? ink : colour), least + most * power);
+        }
+      }
+    });
+    return { places, colours };
+  }
+
+  /** Turn a click into a tap on the plane of the sensor; drags turn the camera. */
+  click(event) {
+    const T = this.three;
+    const { scan } = this.world;
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+    const caster = new T.Raycaster();
+    caster.setFromCamera(new T.Vector2((2 * event.offsetX) / width - 1, 1 - (2 * event.offsetY) / height), this.camera);
+    const point = caster.ray.intersectPlane(new T.Plane(new T.Vector3(0, 0, 1), -(event.shiftKey ? 0 : (scan?.z ?? 0))), new T.Vector3());
+    if (point) this.dispatchEvent(new CustomEvent("tap", { detail: { x: point.x, y: point.y, shift: event.shiftKey } }));
+  }
+}
+
+function lineSegments(T) {
+  const lines = new T.LineSegments(new T.BufferGeometry(), new T.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false }));
+  lines.frustumCulled = false;
+  return lines;
+}
+
+function fill(T, geometry, positions, colours) {
+  geometry.dispose();
+  geometry.setAttribute("position", new T.BufferAttribute(new Float32Array(positions), 3));
+  geometry.setAttribute("color", new T.BufferAttribute(new Float32Array(colours), 4));
+}

@@ -1,0 +1,76 @@
+// What a robot is told to do by itself: go to a goal, explore, build a map.
+
+import { byId, element, setOptions } from "./elements.js";
+
+const WORDS = { running: "running", done: "done", failed: "failed", cancelled: "cancelled" };
+
+export class TasksPanel extends EventTarget {
+  /** Event: `pick` (a goal is to be clicked). */
+  constructor(world, link) {
+    super();
+    Object.assign(this, { world, link });
+    this.goto = byId("goto");
+    this.explore = byId("explore");
+    this.mapping = byId("mapping");
+    this.goto.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.go(this.goto.x.valueAsNumber, this.goto.y.valueAsNumber);
+    });
+    this.explore.addEventListener("submit", (event) => {
+      event.preventDefault();
+      link.send("explore", { robot: world.chosen, strategy: this.explore.strategy.value });
+    });
+    this.mapping.addEventListener("submit", (event) => event.preventDefault());
+    this.mapping.addEventListener("change", () => this.map());
+    byId("goal-pick").addEventListener("click", () => this.dispatchEvent(new Event("pick")));
+  }
+
+  /** Take the algorithms and strategies of the commander. */
+  takeHello({ algorithms, strategies }) {
+    setOptions(this.goto.algorithm, algorithms);
+    setOptions(this.explore.strategy, strategies);
+  }
+
+  /** Send the selected robot to a goal, m. */
+  go(x, y) {
+    this.goto.x.value = x.toFixed(2);
+    this.goto.y.value = y.toFixed(2);
+    const { chosen } = this.world;
+    if (!this.world.robot?.mine) return;
+    this.world.goal = [x, y];
+    this.link.send("goto", { robot: chosen, algorithm: this.goto.algorithm.value, goal: [x, y] });
+  }
+
+  map() {
+    const { on, colours } = this.mapping;
+    this.link.send("map", { robot: this.world.chosen, on: on.checked, colours: colours.value });
+  }
+
+  /** Show whether the selected robot has a map. */
+  updateMap() {
+    this.mapping.on.checked = this.world.maps.has(this.world.chosen);
+  }
+
+  update() {
+    const tasks = [...this.world.tasks.values()].reverse();
+    const list = byId("tasks");
+    list.replaceChildren(...tasks.map((task) => this.row(task)));
+  }
+
+  row({ id, robot, kind, state, text }) {
+    const told = [robot, text || kind, WORDS[state] ?? state].join(" · ");
+    const row = element("li", { className: state }, element("span", { textContent: told }));
+    if (state === "running") {
+      const cancel = element("button", { type: "button", textContent: "Cancel", "aria-label": `Cancel ${told}` });
+      cancel.addEventListener("click", () => this.link.send("cancel", { task: id }));
+      row.append(cancel);
+    }
+    return row;
+  }
+}
+
+/** Return how many tasks run, as the status line tells it. */
+export function countTasks(world) {
+  const running = [...world.tasks.values()].filter((task) => task.state === "running").length;
+  return running === 1 ? "1 task" : `${running} tasks`;
+}

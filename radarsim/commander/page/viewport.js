@@ -1,0 +1,121 @@
+// The part of the map that a canvas shows: moved and zoomed by pointer, wheel and keys.
+
+const MARGIN = 14; // px around what is fitted
+const STILL = 5; // px that a pointer may move in a click
+const STEP = 1.3;
+const LIMITS = [2, 4000]; // px per metre
+
+export class Viewport extends EventTarget {
+  /** Events: `change`, and `tap` (detail: {x, y, shift}, m). */
+  constructor(canvas, covered) {
+    super();
+    this.canvas = canvas;
+    this.covered = covered; // returns how many px at top and bottom are covered
+    this.scale = 40; // px per metre
+    this.centre = [0, 0];
+    this.fitted = true; // until it is moved by hand
+    this.pointers = new Map();
+    this.moved = 0;
+    canvas.addEventListener("pointerdown", (event) => this.press(event));
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    for (const end of ["pointerup", "pointercancel"]) {
+      canvas.addEventListener(end, (event) => this.release(event));
+    }
+    canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+  }
+
+  get size() {
+    return [this.canvas.clientWidth, this.canvas.clientHeight];
+  }
+
+  /** Show an extent, [x0, y0, x1, y1] m, between what lies over the canvas. */
+  fit([x0, y0, x1, y1]) {
+    const [width, height] = this.size;
+    const [top, bottom] = this.covered();
+    const across = (width - 2 * MARGIN) / Math.max(x1 - x0, 0.1);
+    const up = (height - top - bottom - 2 * MARGIN) / Math.max(y1 - y0, 0.1);
+    this.scale = Math.min(Math.max(Math.min(across, up), LIMITS[0]), LIMITS[1]);
+    const lower = (top - bottom) / 2 / this.scale;
+    this.centre = [(x0 + x1) / 2, (y0 + y1) / 2 + lower];
+  }
+
+  toScreen(x, y) {
+    const [width, height] = this.size;
+    return [
+      width / 2 + (x - this.centre[0]) * this.scale,
+      height / 2 - (y - this.centre[1]) * this.scale,
+    ];
+  }
+
+  toWorld(left, top) {
+    const [width, height] = this.size;
+    return [
+      this.centre[0] + (left - width / 2) / this.scale,
+      this.centre[1] - (top - height / 2) / this.scale,
+    ];
+  }
+
+  /** Zoom by a factor, about a point of the canvas, or its middle. */
+  zoom(factor, left = this.size[0] / 2, top = this.size[1] / 2) {
+    const [x, y] = this.toWorld(left, top);
+    this.scale = Math.min(Math.max(this.scale * factor, LIMITS[0]), LIMITS[1]);
+    const [nowX, nowY] = this.toWorld(left, top);
+    this.centre = [this.centre[0] + x - nowX, this.centre[1] + y - nowY];
+    this.change();
+  }
+
+  zoomIn() {
+    this.zoom(STEP);
+  }
+
+  zoomOut() {
+    this.zoom(1 / STEP);
+  }
+
+  change() {
+    this.fitted = false;
+    this.dispatchEvent(new Event("change"));
+  }
+
+  press(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    if (this.pointers.size === 1) this.moved = 0;
+  }
+
+  move(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.offsetX, event.offsetY];
+    const step = [now[0] - before[0], now[1] - before[1]];
+    this.moved += Math.hypot(...step);
+    this.pointers.set(event.pointerId, now);
+    if (this.moved < STILL) return;
+    if (this.pointers.size === 2) this.pinch(event.pointerId, before, now);
+    else this.pan(step);
+  }
+
+  pan([right, down]) {
+    this.centre = [this.centre[0] - right / this.scale, this.centre[1] + down / this.scale];
+    this.change();
+  }
+
+  pinch(id, before, now) {
+    const [, other] = [...this.pointers].find(([key]) => key !== id);
+    const apart = (point) => Math.hypot(point[0] - other[0], point[1] - other[1]);
+    this.zoom(apart(now) / Math.max(apart(before), 1), ...other);
+  }
+
+  release(event) {
+    const held = this.pointers.delete(event.pointerId);
+    if (!held || event.type === "pointercancel" || this.pointers.size) return;
+    if (this.moved >= STILL) return;
+    const [x, y] = this.toWorld(event.offsetX, event.offsetY);
+    this.dispatchEvent(new CustomEvent("tap", { detail: { x, y, shift: event.shiftKey } }));
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    this.zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
+  }
+}
