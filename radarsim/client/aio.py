@@ -1,6 +1,7 @@
 """A client for an event loop."""
 
 import asyncio
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -120,6 +121,15 @@ class AsyncClient:
     async def echoes(self, scanner: str, on: bool = True) -> None:
         """See ``Client.echoes``."""
         await self._run(self._requests.send(questions.echoes(scanner, on)))
+
+    async def watch(
+        self,
+        robots: str | Iterable[str] | None = None,
+        *,
+        echoes: bool | str | Iterable[str] = False,
+    ) -> None:
+        """See ``Client.watch``."""
+        await self._run(self._requests.send(questions.watch(robots, echoes)))
 
     async def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""

@@ -5,7 +5,7 @@ A server may send anything: a line that is not a known report is counted and ski
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeAlias, TypeVar
@@ -24,6 +24,7 @@ from radarsim.protocol.commands import (
     encode_command,
 )
 from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
     EncoderConf,
     Greeting,
@@ -34,17 +35,22 @@ from radarsim.protocol.reports import (
     Report,
     RobotConf,
     RobotGeo,
+    RobotJoined,
+    RobotLeft,
     ScannerConf,
     SensorReport,
     SonarConf,
     StartPoses,
     Status,
     TouchConf,
+    WatchedLine,
     decode_report,
 )
+from radarsim.protocol.watching import RobotChoice, Watch
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
+MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 
 ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
 
@@ -62,21 +68,56 @@ def check_timeout(timeout: float) -> None:
         raise ValueError(f"timeout {timeout!r}, expected more than 0 s")
 
 
-class Session:
+class Readings:
+    """The latest readings of one robot.
+
+    Attributes:
+        time: Latest time stamp of the server, s; NaN before the first.
+        scans: Latest scan of each scanner by name.
+    """
+
+    def __init__(self) -> None:
+        self.time = math.nan
+        self.scans: dict[str, RangeScan] = {}
+
+    def add(self, report: Report) -> Report | None:
+        """Return a report, stamped if need be; None for a scan that is not plausible.
+
+        A report without a time stamp gets the latest one.
+        """
+        if isinstance(report, RangeScan) and not is_plausible(report):
+            return None
+        if isinstance(report, SensorReport | Status):
+            return self._stamped(report)
+        return report
+
+    def _stamped(self, report: Stamped) -> Stamped:
+        if math.isnan(report.time):
+            report = replace(report, time=self.time)
+        elif not report.time < self.time:
+            self.time = report.time
+        if isinstance(report, RangeScan):
+            self.scans[report.name] = report
+        return report
+
+
+class Session(Readings):
     """The state of one connection.
 
     Attributes:
-        greeting: Greeting of the server; None before it has come.
         time: Latest time stamp of the server, s; NaN before the first.
-        scans: Latest scan of each scanner by name.
+        scans: Latest scan of each scanner of the client's robot, by name.
+        greeting: Greeting of the server; None before it has come.
+        watched: Latest readings of robots that are watched, by name; at most
+            ``MOST_WATCHED``.
         unread: Number of skipped lines.
         last: Last line of any kind; empty before the first.
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self.greeting: Greeting | None = None
-        self.time = math.nan
-        self.scans: dict[str, RangeScan] = {}
+        self.watched: dict[str, Readings] = {}
         self.unread = 0
         self.last = ""
         self._lines = LineBuffer()
@@ -84,7 +125,7 @@ class Session:
     def receive(self, data: bytes) -> list[Report]:
         """Add received bytes and return the reports that they complete, in order.
 
-        A report without a time stamp gets the latest one. Never raises.
+        A report without a time stamp gets the latest one of its robot. Never raises.
         """
         reports = []
         for piece in data.splitlines(keepends=True):
@@ -104,24 +145,33 @@ class Session:
         report = None
         with suppress(MalformedMessage):
             report = decode_report(line)
-        if isinstance(report, RangeScan) and not is_plausible(report):
-            report = None
+        if report is not None:
+            report = self.add(report)
         if report is None:
             self.unread += 1
-        elif isinstance(report, Greeting):
-            self.greeting = report
-        elif isinstance(report, SensorReport | Status):
-            return self._stamped(report)
         return report
 
-    def _stamped(self, report: Stamped) -> Stamped:
-        if math.isnan(report.time):
-            report = replace(report, time=self.time)
-        elif not report.time < self.time:
-            self.time = report.time
-        if isinstance(report, RangeScan):
-            self.scans[report.name] = report
-        return report
+    def add(self, report: Report) -> Report | None:
+        """Add a report of any kind; see ``Readings.add``."""
+        match report:
+            case Greeting():
+                self.greeting = report
+            case RobotJoined(robot) | RobotLeft(robot):
+                self.watched.pop(robot, None)
+            case WatchedLine():
+                return self._add_watched(report)
+            case _:
+                pass
+        return super().add(report)
+
+    def _add_watched(self, copy: WatchedLine) -> WatchedLine:
+        if copy.robot not in self.watched:
+            if len(self.watched) >= MOST_WATCHED:
+                del self.watched[next(iter(self.watched))]
+            self.watched[copy.robot] = Readings()
+        readings = self.watched[copy.robot]
+        report = None if copy.report is None else readings.add(copy.report)
+        return replace(copy, report=report)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,6 +297,22 @@ def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> byte
     return _bytes(SetItem(kind, name, opcode, params))
 
 
+def watch(
+    robots: str | Iterable[str] | None, echoes: bool | str | Iterable[str]
+) -> bytes:
+    """Write the command to watch robots; arguments as in ``Client.watch``.
+
+    Raises:
+        ValueError: If a name is empty, or has a comma.
+    """
+    echoing = RobotChoice()
+    if not isinstance(echoes, bool):
+        echoing = _choose(echoes)
+    elif echoes:
+        echoing = RobotChoice(None)
+    return _bytes(Watch(_choose(robots), echoing))
+
+
 def echoes(scanner: str, on: bool = True) -> bytes:
     """Write the command that switches a scanner's ``EchoLine`` reports on or off.
 
@@ -258,6 +324,16 @@ def echoes(scanner: str, on: bool = True) -> bytes:
 
 def _bytes(command: Command) -> bytes:
     return encode_command(command).encode("ascii") + b"\r\n"
+
+
+def _choose(robots: str | Iterable[str] | None) -> RobotChoice:
+    if robots is None:
+        return RobotChoice(None)
+    names = (robots,) if isinstance(robots, str) else tuple(robots)
+    for name in names:
+        if not name.strip() or "," in name:
+            raise ValueError(f"robot {name[:80]!r}, expected a name without commas")
+    return RobotChoice(tuple(map(printable_name, names)))
 
 
 def _includes(name: str | None, names: "list[str] | tuple[str, ...]") -> bool:

@@ -1,5 +1,6 @@
 """A client that blocks the calling thread."""
 
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -171,6 +172,27 @@ class Client:
     def echoes(self, scanner: str, on: bool = True) -> None:
         """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
         self._run(self._requests.send(questions.echoes(scanner, on)))
+
+    def watch(
+        self,
+        robots: str | Iterable[str] | None = None,
+        *,
+        echoes: bool | str | Iterable[str] = False,
+    ) -> None:
+        """Ask radarsim for copies of what the clients of robots are sent.
+
+        They come as ``WatchedLine`` reports. ``RobotJoined`` and ``RobotLeft`` tell
+        which robots there are, if all are watched. A later call replaces this one.
+
+        Args:
+            robots: Name or names, in any case; None for all, an empty list for none.
+            echoes: Whether their scanners shall list all echoes, or the names of those
+                robots whose scanners shall.
+
+        Raises:
+            ValueError: If a name is empty, or has a comma.
+        """
+        self._run(self._requests.send(questions.watch(robots, echoes)))
 
     def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""

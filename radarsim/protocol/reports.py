@@ -6,7 +6,7 @@ the dialect. A line is ASCII, has single blanks, and never contains an exponent,
 an infinity. ``decode_report`` reads the lines of servers of all generations.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import accumulate
@@ -57,8 +57,17 @@ from radarsim.protocol.sensor_reports import (
     Tachometer,
     Touch,
 )
+from radarsim.protocol.watching import (
+    CommandError,
+    RobotJoined,
+    RobotLeft,
+    is_seen,
+    see_head,
+    split_seen,
+)
 
 __all__ = [
+    "CommandError",
     "EchoLine",
     "Encoder",
     "EncoderConf",
@@ -74,6 +83,8 @@ __all__ = [
     "Report",
     "RobotConf",
     "RobotGeo",
+    "RobotJoined",
+    "RobotLeft",
     "ScannerConf",
     "SensorReport",
     "Sonar",
@@ -84,6 +95,7 @@ __all__ = [
     "TargetEchoes",
     "Touch",
     "TouchConf",
+    "WatchedLine",
     "decode_report",
     "to_bytes",
 ]
@@ -199,6 +211,36 @@ def _status_template(dialect: Dialect, light: bool) -> bytes:
     return template("STA", select_fields(dialect.status_keys, values))
 
 
+@dataclass(frozen=True, slots=True)
+class WatchedLine:
+    """A copy of a line that the client of another robot was sent.
+
+    Attributes:
+        robot: Name of the robot.
+        line: The line, without its end.
+        report: What the line reports; None for an unknown kind of report.
+    """
+
+    robot: str
+    line: str
+    report: "Report | None"
+
+    @classmethod
+    def decode(cls, text: str) -> Self:
+        """Read the copy, and the report in it.
+
+        Raises:
+            MalformedMessage: If it is not a copy, or the report is not readable.
+        """
+        robot, line = split_seen(text)
+        report = None if is_seen(line) else decode_report(line)
+        return cls(robot, line, report)
+
+    def encode(self, _: Dialect) -> str:
+        """Write the copy without its end."""
+        return f"{see_head(self.robot).decode('ascii')}{self.line}"
+
+
 Report: TypeAlias = (
     Greeting
     | StartPoses
@@ -222,6 +264,10 @@ Report: TypeAlias = (
     | EncoderConf
     | TouchConf
     | NameConf
+    | RobotJoined
+    | RobotLeft
+    | CommandError
+    | WatchedLine
 )
 
 _SENSOR_REPORTS: Final = {
@@ -243,21 +289,11 @@ def decode_report(line: str) -> Report | None:
         MalformedMessage: If the line is not a message, or a field of a known report is
             missing or not readable.
     """
+    if is_seen(line):
+        return WatchedLine.decode(line)
     message = decode_message(line)
-    match message.verb.upper():
-        case "NFO":
-            return _decode_info(message)
-        case "STA":
-            return Status.decode(message)
-        case "SEN":
-            report = _SENSOR_REPORTS.get((message.get("Type") or "").lower())
-            return report.decode(message) if report else None
-        case "GEO":
-            return decode_geo(message)
-        case "CONF":
-            return decode_conf(message)
-        case _:
-            return None
+    decode = _DECODERS.get(message.verb.upper())
+    return decode(message) if decode else None
 
 
 def to_bytes(lines: Iterable[str]) -> bytes:
@@ -269,11 +305,25 @@ def to_bytes(lines: Iterable[str]) -> bytes:
     return "".join([f"{line}\r\n" for line in lines]).encode("ascii", "replace")
 
 
-def _decode_info(message: Message) -> Greeting | StartPoses | None:
+def _decode_info(message: Message) -> Report | None:
     if message.get("StartPoses") is not None:
         return StartPoses.decode(message)
-    level = message.get("Level")
-    return None if level is None else Greeting(level)
+    if message.get("Joined") is not None:
+        return RobotJoined.decode(message)
+    for key, report in (
+        ("Level", Greeting),
+        ("Left", RobotLeft),
+        ("Error", CommandError),
+    ):
+        text = message.get(key)
+        if text is not None:
+            return report(text)
+    return None
+
+
+def _decode_reading(message: Message) -> Report | None:
+    report = _SENSOR_REPORTS.get((message.get("Type") or "").lower())
+    return report.decode(message) if report else None
 
 
 def _fitting(poses: Sequence[str]) -> Sequence[str]:
@@ -281,3 +331,12 @@ def _fitting(poses: Sequence[str]) -> Sequence[str]:
     limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
     ends = accumulate(len(pose) + 1 for pose in poses)
     return poses[: sum(end - 1 <= limit for end in ends)]
+
+
+_DECODERS: Final[dict[str, Callable[[Message], Report | None]]] = {
+    "NFO": _decode_info,
+    "STA": Status.decode,
+    "SEN": _decode_reading,
+    "GEO": decode_geo,
+    "CONF": decode_conf,
+}

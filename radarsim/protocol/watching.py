@@ -17,6 +17,8 @@ from radarsim.protocol.message import Message
 MOST_NAMES: Final = 1000  # in a command; reading them takes time
 LONGEST_ERROR: Final = 1000  # characters of the text of an error
 
+SEE: Final = "SEE"
+
 _ALL: Final = "all"
 _NONE: Final = "none"
 _SEE: Final = re.compile(r"SEE\s*\{\s*Robot\s([^{}]*)\}\s*(.+)", re.IGNORECASE)
@@ -109,6 +111,15 @@ class RobotJoined:
     robot: str
     class_name: str
 
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If a field is missing.
+        """
+        return cls(message.require("Joined"), message.require("ClassName"))
+
     def encode(self, _: Dialect) -> str:
         """Write the report as one line without its end."""
         class_name = printable_name(self.class_name)
@@ -149,7 +160,7 @@ class CommandError:
 
 def see_head(robot: str) -> bytes:
     """Return what precedes each line of a robot that a watcher is sent."""
-    head = Message("SEE", (("Robot", printable_name(robot)),)).encode()
+    head = Message(SEE, (("Robot", printable_name(robot)),)).encode()
     return f"{head} ".encode("ascii")
 
 
@@ -167,6 +178,11 @@ def split_seen(line: str) -> tuple[str, str]:
         text = f"{line[:80]!r}, expected 'SEE {{Robot ...}}' and another line"
         raise MalformedMessage(text)
     return match[1].strip(), match[2]
+
+
+def is_seen(line: str) -> bool:
+    """Return whether a line is meant to be a copy of a robot's line."""
+    return line[:3].upper() == SEE and not line[3:4].isalnum()
 
 
 def _parse_echoes(text: str) -> RobotChoice:

@@ -7,6 +7,7 @@ import pytest
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.reports import (
+    CommandError,
     EchoLine,
     Encoder,
     EncoderConf,
@@ -22,6 +23,8 @@ from radarsim.protocol.reports import (
     Report,
     RobotConf,
     RobotGeo,
+    RobotJoined,
+    RobotLeft,
     ScannerConf,
     Sonar,
     SonarConf,
@@ -31,6 +34,7 @@ from radarsim.protocol.reports import (
     TargetEchoes,
     Touch,
     TouchConf,
+    WatchedLine,
 )
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
@@ -267,6 +271,14 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "CONF {Type Battery} {Name battery}",
     ),
     ("no items", NameConf("MisPkg", ()), "CONF {Type MisPkg}"),
+    ("robot", RobotJoined("R{1", "P3AT"), "NFO {Joined R?1} {ClassName P3AT}"),
+    ("robot that has left", RobotLeft("R1"), "NFO {Left R1}"),
+    ("error", CommandError("a\n'{b}'"), "NFO {Error a '?b?'}"),
+    (
+        "copy",
+        WatchedLine("R1", "STA {Time 1.00}", None),
+        "SEE {Robot R1} STA {Time 1.00}",
+    ),
 ]
 
 
