@@ -14,6 +14,7 @@ import typer
 from radarsim import __version__
 from radarsim.cli.bench import bench
 from radarsim.cli.check import check
+from radarsim.cli.commander import commander
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.demo import demo
 from radarsim.cli.docs import docs
@@ -74,6 +75,7 @@ app.command()(with_compile_progress(explain))
 app.command()(sensors)
 app.command()(materials)
 app.command()(drive)
+app.command()(commander)
 app.command()(with_compile_progress(navigate))
 app.command()(with_compile_progress(trials))
 app.command("map")(with_compile_progress(map_))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from radarsim.cli.commander_process import commander_process
 from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.options import (
     DEFAULT_MAX_CLIENTS,
@@ -60,6 +61,15 @@ def serve(
             " original's is 5003.",
         ),
     ] = None,
+    web: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Serve a web page on this port as well, to see and drive robots; 0"
+            " takes a free one. 'radarsim commander' has more options.",
+        ),
+    ] = None,
     seed: SeedOption = 0,
     speed: Annotated[
         float,
@@ -93,7 +103,8 @@ def serve(
     ] = False,
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
-    _check_ports(host, port, image_port)  # before imports that take long
+    # before imports that take long
+    _check_ports(host, {"--port": port, "--image-port": image_port}, web)
     from radarsim.protocol.dialect import get_dialect
     from radarsim.server.tcp_server import Server
     from radarsim.server.tcp_server import serve as serve_until_signal
@@ -106,40 +117,60 @@ def serve(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    with compile_progress():  # which maps with meshes do, while they are read
-        simulated = load_host(map_, config, seed=seed, begins=False)
-    images = None if image_port is None else make_image_server(simulated, image_port)
+    options = None
+    if web is not None:
+        check_item_settings(config)  # before it starts, which would say it as well
+        options = ["--web", str(web), "--map", map_, "--dialect", dialect.value]
+        options += [] if drive_unit is None else ["--drive-unit", drive_unit.value]
+        options += [word for text in settings or [] for word in ("--set", text)]
+    with commander_process(options) as page:
+        with compile_progress():  # which maps with meshes do, while they are read
+            simulated = load_host(map_, config, seed=seed, begins=False)
+        images = None
+        if image_port is not None:
+            images = make_image_server(simulated, image_port)
 
-    def announce_all(address: tuple[str, int]) -> None:
-        announce(address)
-        if images is not None:
-            announce_images(images.address)
+        def announce_all(address: tuple[str, int]) -> None:
+            announce(address)
+            if images is not None:
+                announce_images(images.address)
+            if page is not None:
+                page.connect(address)
 
-    most = _permitted_clients(max_clients)
-    server = Server(simulated, speed=speed, max_clients=most)
-    serving = serve_until_signal(server, host, port, announce_all, images)
-    with _cure_of_port(image_port), compile_progress():
-        code = asyncio.run(serving)
+        most = _permitted_clients(max_clients)
+        server = Server(simulated, speed=speed, max_clients=most)
+        serving = serve_until_signal(server, host, port, announce_all, images)
+        with _cure_of_port({"--image-port": image_port}), compile_progress():
+            code = asyncio.run(serving)
     if server.is_loading:
         exit_immediately(code)
     raise typer.Exit(code)
 
 
-def _check_ports(host: str, port: int, image_port: int | None) -> None:
-    """Check that clients and viewers have ports of their own, and that these are free.
+def _check_ports(host: str, ports: Mapping[str, int | None], web: int | None) -> None:
+    """Check that all ports differ, and are free.
+
+    Args:
+        host: Address to listen on.
+        ports: Ports there, by their options; None where none is needed.
+        web: Port of the web page, which is on this machine alone.
 
     Raises:
-        typer.BadParameter: If both have the same port.
+        typer.BadParameter: If two ports are the same.
         ServerError: If a port is in use, or reserved.
     """
     from radarsim.server.lifecycle import check_port
 
-    if port and port == image_port:
-        text = f"{image_port} is the port of --port, expected another one"
-        raise typer.BadParameter(text, param_hint="--image-port")
-    with _cure_of_port(image_port):
-        check_port(host, port)
-        check_port(host, image_port or 0)
+    options = {**ports, "--web": web}
+    taken: dict[int, str] = {}
+    for option, port in options.items():
+        if port and port in taken:
+            text = f"{port} is the port of {taken[port]}, expected another one"
+            raise typer.BadParameter(text, param_hint=option)
+        taken[port or 0] = option
+    with _cure_of_port(options):
+        for option, port in options.items():
+            check_port("127.0.0.1" if option == "--web" else host, port or 0)
 
 
 def _permitted_clients(wanted: int) -> int:
@@ -160,8 +191,11 @@ def _permitted_clients(wanted: int) -> int:
 
 
 @contextmanager
-def _cure_of_port(image_port: int | None) -> Iterator[None]:
+def _cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
     """Say in the error of a port which option takes a free one.
+
+    Args:
+        options: Ports by their options; any other is that of ``--port``.
 
     Raises:
         ServerError: If a port is in use, or reserved.
@@ -169,7 +203,8 @@ def _cure_of_port(image_port: int | None) -> Iterator[None]:
     try:
         yield
     except PortUnavailable as error:
-        option = "--image-port" if error.port == image_port else "--port"
+        named = (name for name, port in options.items() if port == error.port)
+        option = next(named, "--port")
         raise ServerError(f"{error}; {option} 0 takes a free one") from None
 
 
@@ -191,11 +226,20 @@ def load_host(
     from radarsim.host import Host
     from radarsim.scene.map_file import load_map
 
+    check_item_settings(config)
+    return Host(load_map(map_), config=config, seed=seed, begins=begins)
+
+
+def check_item_settings(config: SimulationConfig) -> None:
+    """Check the settings of ``--set``.
+
+    Raises:
+        typer.BadParameter: If one does not fit.
+    """
     try:
         config.check()
     except PresetError as error:
         raise typer.BadParameter(str(error), param_hint="--set") from None
-    return Host(load_map(map_), config=config, seed=seed, begins=begins)
 
 
 def make_image_server(host: Host, port: int) -> ImageServer:

@@ -110,6 +110,33 @@ def _try_to_bind(family: int, place: tuple[Any, ...], address: str, port: int) -
                 raise failure from error
 
 
+def bind(address: str, port: int) -> socket.socket:
+    """Return a socket that is bound, and does not listen yet.
+
+    Args:
+        address: Address to listen on; of a name, the first one.
+        port: Port to listen on; 0 for a free one.
+
+    Raises:
+        PortUnavailable: If the port is in use, or reserved.
+        ServerError: If the address is not one of this machine.
+    """
+    try:
+        family, *_, place = socket.getaddrinfo(
+            address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        bound = socket.socket(family, socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise _listening_error(error, address, port) from error
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(place)
+    except OSError as error:
+        bound.close()
+        raise _listening_error(error, address, port) from error
+    return bound
+
+
 async def listen(
     protocol_factory: Callable[[], asyncio.BaseProtocol], address: str, port: int
 ) -> tuple[asyncio.Server, tuple[str, int]]:

@@ -1,0 +1,164 @@
+"""``radarsim commander``: see, drive and explain robots in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from radarsim.cli.options import (
+    DEFAULT_PORT,
+    DriveUnit,
+    read_item_settings,
+)
+from radarsim.cli.output import print_message, start_log
+from radarsim.cli.serve import DialectName, check_item_settings
+from radarsim.errors import MapError
+from radarsim.os_errors import describe_os_error
+from radarsim.signal_handlers import set_exit_code_of_sigterm
+
+LONGEST_TOKEN = 200  # characters
+
+
+def commander(
+    *,
+    host: Annotated[str, typer.Option(help="Host of the server.")] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="Port of the server.")
+    ] = DEFAULT_PORT,
+    web: Annotated[
+        int,
+        typer.Option(
+            min=0, max=65535, help="Port of the web page; 0 takes a free one."
+        ),
+    ] = 8000,
+    web_host: Annotated[
+        str, typer.Option(help="Address on which browsers reach the page.")
+    ] = "127.0.0.1",
+    web_token_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Read the token from here instead of making a new one."
+        ),
+    ] = None,
+    map_: Annotated[
+        str | None,
+        typer.Option(
+            "--map",
+            metavar="MAP",
+            help="The map that the server serves, to be drawn; @VARIANT may follow.",
+        ),
+    ] = None,
+    dialect: Annotated[
+        DialectName, typer.Option(help="Dialect of the server.")
+    ] = DialectName.COMPAT,
+    drive_unit: Annotated[
+        DriveUnit | None,
+        typer.Option(
+            help="Unit in which the server takes wheel speeds; the dialect's by"
+            " default."
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="ITEM.KEY=VALUE",
+            help="Setting with which the server was started, so that the page shows"
+            " it.",
+        ),
+    ] = None,
+    child: Annotated[
+        bool,
+        typer.Option(
+            hidden=True,
+            help="Read host and port of the server from stdin, and end with it.",
+        ),
+    ] = False,
+) -> None:
+    """See, drive and explain robots in a browser."""
+    from radarsim.commander.doors import make_token
+    from radarsim.commander.program import CommanderSettings, run_commander
+    from radarsim.commander.scene_message import SceneMessages
+    from radarsim.protocol.dialect import get_dialect
+    from radarsim.scene.map_file import load_map
+    from radarsim.simulation.config import SimulationConfig
+
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
+    config = SimulationConfig(
+        get_dialect(dialect.value),
+        None if drive_unit is None else drive_unit.value,
+        read_item_settings(settings or []),
+    )
+    check_item_settings(config)
+    token = make_token() if web_token_file is None else read_token(web_token_file)
+    try:
+        scene = None if map_ is None else SceneMessages.of(load_map(map_))
+    except MapError:
+        if child:  # the server says it as well
+            _read_address()
+        raise
+    server = _read_address() if child else (host, port)
+    if web_host not in ("127.0.0.1", "localhost", "::1"):
+        print_message(
+            f"whoever reaches {web_host} and knows the token can drive the robots"
+        )
+    running = run_commander(
+        CommanderSettings(
+            server=server,
+            web_host=web_host,
+            web_port=web,
+            token=token,
+            config=config,
+            scene=scene,
+            is_child=child,
+        ),
+        lambda address: announce_commander(address, token),
+    )
+    raise typer.Exit(asyncio.run(running))
+
+
+def read_token(path: Path) -> str:
+    """Read a token: the first line of a file.
+
+    Raises:
+        typer.BadParameter: If there is none.
+    """
+    try:
+        with path.open(encoding="ascii") as file:
+            token = file.readline(LONGEST_TOKEN + 2).strip()
+    except OSError as error:
+        reason = describe_os_error(error)
+    except UnicodeError:
+        reason = "not ASCII"
+    else:
+        if 16 <= len(token) <= LONGEST_TOKEN and token.isprintable():
+            return token
+        reason = f"{len(token)} characters, expected 16 to {LONGEST_TOKEN}"
+    text = f"no token in {path}: {reason}"
+    raise typer.BadParameter(text, param_hint="--web-token-file")
+
+
+def announce_commander(address: tuple[str, int], token: str) -> None:
+    """Tell on stdout, on one line, what a browser has to open."""
+    set_exit_code_of_sigterm(0)
+    host = f"[{address[0]}]" if ":" in address[0] else address[0]
+    typer.echo(f"radarsim: commander on http://{host}:{address[1]}/#token={token}")
+    sys.stdout.flush()
+
+
+def _read_address() -> tuple[str, int]:
+    """Read host and port of the server, which the parent writes when it listens.
+
+    Raises:
+        typer.Exit: If the parent has ended instead, and said why.
+    """
+    host, _, port = sys.stdin.readline().strip().rpartition(" ")
+    if not host:
+        raise typer.Exit(1)
+    return host, int(port)

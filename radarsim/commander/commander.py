@@ -1,0 +1,243 @@
+"""The commander: acts upon what browsers ask for, and tells them what there is.
+
+Everything runs in one event loop. What takes long, such as spawning, runs beside it
+and reports to the browser that asked.
+"""
+
+import asyncio
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Any, Final
+
+from radarsim import __version__
+from radarsim.commander.explanation import explain_beam
+from radarsim.commander.frame_sender import FrameSender
+from radarsim.commander.frames import Owner, encode_frame
+from radarsim.commander.offers import make_offers
+from radarsim.commander.own_robot import OwnRobot
+from radarsim.commander.requests import (
+    Ack,
+    BadRequest,
+    Drive,
+    Explain,
+    Remove,
+    Request,
+    Select,
+    Setting,
+    Spawn,
+    Stop,
+    Triangles,
+)
+from radarsim.commander.roster import Roster
+from radarsim.commander.scanner_settings import change_setting
+from radarsim.commander.scene_message import SceneMessages
+from radarsim.commander.server_link import ServerLink
+from radarsim.commander.viewer import Viewer
+from radarsim.errors import RadarsimError
+from radarsim.simulation.config import SimulationConfig
+
+NOT_OWN: Final = Owner(mine=False, driver=None)
+
+
+class Commander:
+    """Robots, browsers, and the server between them.
+
+    Attributes:
+        roster: The robots.
+        viewers: The browsers, by name.
+    """
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        config: SimulationConfig,
+        scene: SceneMessages | None = None,
+    ) -> None:
+        """Create a commander that is not connected; to be called in the event loop.
+
+        Args:
+            address: Host and port of the server.
+            config: How the server was started, as far as it is known.
+            scene: The map that it serves; None if it is not known.
+        """
+        self.viewers: dict[str, Viewer] = {}
+        self.roster = Roster(address, config)
+        self._config = config
+        self._scene = scene
+        self._frames = FrameSender(self.viewers, self._frame)
+        self._link = ServerLink(address, self._server_changed)
+        self._work: set[asyncio.Task[None]] = set()
+        self._joined = 0  # viewers so far
+        self.roster.on_change = self._frames.changed
+        self.roster.on_lost = self._tell_lost
+        self._handlers: Mapping[type[Request], Callable[[Viewer, Any], None]] = {
+            Ack: lambda viewer, _: self._frames.acknowledge(viewer),
+            Drive: self._drive,
+            Explain: self._explain,
+            Remove: self._remove,
+            Select: self._select,
+            Setting: self._set,
+            Spawn: self._spawn,
+            Stop: self._stop,
+            Triangles: self._send_triangles,
+        }
+
+    async def run(self) -> None:
+        """Stay connected for ever; the commander's robots are removed at the end."""
+        try:
+            await self._link.run()
+        finally:
+            for task in self._work:
+                task.cancel()
+            await self.roster.close()
+
+    def join(self) -> Viewer:
+        """Add a browser, and tell it what there is."""
+        self._joined += 1
+        viewer = Viewer(f"viewer {self._joined}")
+        self.viewers[viewer.name] = viewer
+        viewer.send(self._hello(viewer))
+        if self._scene is not None:
+            viewer.send(self._scene.plan)
+        if problem := self._link.state.problem:
+            viewer.send({"op": "lost", "text": problem}, "server")
+        self._frames.send_to(viewer)
+        return viewer
+
+    def leave(self, viewer: Viewer) -> None:
+        """Remove a browser, and stop what it drives."""
+        del self.viewers[viewer.name]
+        for robot in self.roster.own.values():
+            if robot.driver == viewer.name:
+                robot.release()
+                self._tell_driver(robot)
+
+    def act(self, viewer: Viewer, request: Request) -> None:
+        """Do what a browser asks for.
+
+        Raises:
+            RadarsimError: If that is not possible; the message is for the browser.
+        """
+        handler = self._handlers.get(type(request))
+        if handler is None:
+            raise BadRequest(f"{type(request).__name__.lower()} is not possible here")
+        handler(viewer, request)
+
+    # What browsers ask for
+
+    def _drive(self, viewer: Viewer, request: Drive) -> None:
+        robot = self.roster.find_own(request.robot)
+        before = robot.driver
+        if before not in (None, viewer.name):
+            raise BadRequest(f"{before} drives {robot.name!r}")
+        robot.drive(viewer.name, request.v, request.w)
+        if robot.driver != before:
+            self._tell_driver(robot)
+
+    def _stop(self, _: Viewer, request: Stop) -> None:
+        robots = [*self.roster.own.values()]
+        if request.robot is not None:
+            robots = [self.roster.find_own(request.robot)]
+        for robot in robots:
+            had_driver = robot.driver is not None
+            robot.release()
+            if had_driver:
+                self._tell_driver(robot)
+
+    def _select(self, viewer: Viewer, request: Select) -> None:
+        viewer.selected = request.robot
+        self._frames.changed()
+
+    def _spawn(self, viewer: Viewer, request: Spawn) -> None:
+        if request.start is not None and request.pose is not None:
+            raise BadRequest("a start and a pose, expected only one of them")
+        name = self.roster.begin_spawning(request)
+
+        async def spawn() -> None:
+            robot = await self.roster.spawn(name, request, self._link.state.starts)
+            robot.on_expiry = lambda: self._tell_driver(robot)
+            self._begin(viewer, self.roster.run(robot))
+            viewer.send({"op": "spawned", "robot": name})
+
+        self._begin(viewer, spawn())
+
+    def _remove(self, viewer: Viewer, request: Remove) -> None:
+        robot = self.roster.find_own(request.robot)
+        self._begin(viewer, self.roster.remove(robot))
+
+    def _set(self, _: Viewer, request: Setting) -> None:
+        robot = self.roster.find_own(request.robot)
+        change_setting(robot, self.roster.views[robot.name], request)
+        self._frames.changed()
+
+    def _explain(self, viewer: Viewer, request: Explain) -> None:
+        viewer.send(explain_beam(self.roster.find(request.robot), request))
+
+    def _send_triangles(self, viewer: Viewer, _: Triangles) -> None:
+        if self._scene is None:
+            raise BadRequest("no map is known; start the commander with --map")
+        viewer.send(self._scene.triangles, "triangles")
+
+    def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
+        """Do something beside all else, and tell the browser if it fails."""
+
+        async def report() -> None:
+            try:
+                await work
+            except RadarsimError as error:
+                viewer.send({"op": "error", "text": str(error)})
+
+        task = asyncio.ensure_future(report())
+        self._work.add(task)
+        task.add_done_callback(self._work.discard)
+
+    # What browsers are told
+
+    def _hello(self, viewer: Viewer) -> dict[str, Any]:
+        state, scene = self._link.state, self._scene
+        starts = [
+            {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
+            for name, pose in state.starts.items()
+        ]
+        return {
+            "op": "hello",
+            "viewer": viewer.name,
+            "version": __version__,
+            "level": state.level,
+            "dialect": self._config.dialect.name,
+            "watch": state.watches,
+            "map": scene is not None,
+            "record": False,
+            "starts": starts,
+            "materials": [] if scene is None else scene.materials,
+            **make_offers(),
+        }
+
+    def _server_changed(self) -> None:
+        state = self._link.state
+        for viewer in self.viewers.values():
+            if state.problem:
+                viewer.send({"op": "lost", "text": state.problem}, "server")
+            else:
+                viewer.send(self._hello(viewer), "hello")
+                viewer.send({"op": "found"}, "server")
+
+    def _tell_driver(self, robot: OwnRobot) -> None:
+        message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
+        for viewer in self.viewers.values():
+            viewer.send(message, ("driver", robot.name))
+        self._frames.changed()
+
+    def _tell_lost(self, robot: OwnRobot, reason: str) -> None:
+        """Tell all that a robot is gone, and who drives it that it is an error."""
+        text = f"the robot {robot.name!r} is gone: {reason}"
+        for viewer in self.viewers.values():
+            drives = robot.driver == viewer.name
+            viewer.send({"op": "error" if drives else "notice", "text": text})
+
+    def _frame(self, selected: str | None) -> bytes:
+        roster = self.roster
+        own = {
+            name: Owner(mine=True, driver=r.driver) for name, r in roster.own.items()
+        }
+        owners = {name: own.get(name, NOT_OWN) for name in roster.views}
+        return encode_frame(roster.views.values(), owners, selected)

@@ -1,0 +1,143 @@
+"""The program: listens for browsers, and ends by a signal or with its parent."""
+
+import asyncio
+import os
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from socket import socket
+from typing import Any, Final
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from radarsim.commander.app import create_app
+from radarsim.commander.commander import Commander
+from radarsim.commander.doors import Doors
+from radarsim.commander.requests import LONGEST_MESSAGE
+from radarsim.commander.scene_message import SceneMessages
+from radarsim.server.lifecycle import bind, exit_code_of_signal
+from radarsim.simulation.config import SimulationConfig
+
+MOST_CONNECTIONS: Final = 200
+END_TIMEOUT: Final = 1  # s that browsers have to go at the end
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommanderSettings:
+    """How the commander is set up.
+
+    Attributes:
+        server: Host and port of the USARSim server.
+        web_host: Address to listen on for browsers.
+        web_port: Port to listen on; 0 for a free one.
+        token: What a browser has to know.
+        config: How the server was started, as far as it is known.
+        scene: The map that it serves; None if it is not known.
+        is_child: Whether to end when stdin is closed.
+    """
+
+    server: tuple[str, int]
+    web_host: str
+    web_port: int
+    token: str
+    config: SimulationConfig
+    scene: SceneMessages | None = None
+    is_child: bool = False
+
+
+async def run_commander(
+    settings: CommanderSettings, announce: Callable[[tuple[str, int]], None]
+) -> int:
+    """Serve the page until a signal comes, or the parent process ends.
+
+    Args:
+        settings: How the commander is set up.
+        announce: Called with address and port as soon as browsers can connect.
+
+    Returns:
+        The exit code that the signal asks for.
+
+    Raises:
+        ServerError: If it cannot listen.
+    """
+    with exit_code_of_signal() as exit_code:
+        if settings.is_child:
+            _end_with_stdin(exit_code)
+        await serve_page(settings, announce, exit_code)
+        return exit_code.result() if exit_code.done() else 0
+
+
+async def serve_page(
+    settings: CommanderSettings,
+    announce: Callable[[tuple[str, int]], None],
+    end: asyncio.Future[Any],
+) -> None:
+    """Serve the page until a future is done; arguments and errors as above."""
+    with bind(settings.web_host, settings.web_port) as listening:
+        address = listening.getsockname()[:2]
+        commander = Commander(settings.server, settings.config, settings.scene)
+        doors = Doors(settings.web_host, address[1])
+        app = create_app(commander, doors, settings.token)
+        server = _WebServer(app, lambda: announce(address))
+        working = asyncio.ensure_future(commander.run())
+        serving = asyncio.ensure_future(server.serve([listening]))
+        try:
+            pending: set[asyncio.Future[Any]] = {end, working, serving}
+            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            server.should_exit = True
+            await asyncio.wait({serving})
+            working.cancel()
+            await asyncio.wait({working})
+        for task in (working, serving):
+            if not task.cancelled():
+                task.result()  # raises what ended it
+
+
+class _WebServer(uvicorn.Server):
+    """A server of uvicorn that leaves signals alone, and tells when it listens."""
+
+    def __init__(self, app: ASGIApp, on_start: Callable[[], None]) -> None:
+        config = uvicorn.Config(
+            app,
+            access_log=False,
+            http="h11",
+            lifespan="off",
+            limit_concurrency=MOST_CONNECTIONS,
+            log_config=None,
+            server_header=False,
+            timeout_graceful_shutdown=END_TIMEOUT,
+            ws="websockets-sansio",
+            ws_max_size=LONGEST_MESSAGE,
+            ws_per_message_deflate=False,
+        )
+        super().__init__(config)
+        self._on_start = on_start
+
+    def capture_signals(self) -> Any:
+        """Leave the handlers of signals as they are."""
+        return nullcontext()
+
+    async def startup(self, sockets: list[socket] | None = None) -> None:
+        """Listen, and tell that it does."""
+        await super().startup(sockets)
+        self._on_start()
+
+
+def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:
+    """Set an exit code of 0 when stdin is closed, as when the parent has ended."""
+    loop = asyncio.get_running_loop()
+
+    def end() -> None:
+        if not exit_code.done():
+            exit_code.set_result(0)
+
+    def wait() -> None:
+        while os.read(sys.stdin.fileno(), 1):
+            pass
+        loop.call_soon_threadsafe(end)
+
+    threading.Thread(target=wait, daemon=True).start()

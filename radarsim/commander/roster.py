@@ -1,0 +1,175 @@
+"""All robots that are known, and those of them that the commander spawned."""
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Final
+
+from radarsim.commander.own_robot import OwnRobot
+from radarsim.commander.requests import BadRequest, Spawn
+from radarsim.commander.robot_view import RobotView
+from radarsim.errors import ClientError
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.reports import Report
+from radarsim.simulation.config import SimulationConfig
+from radarsim.suggestions import expected_one_of
+
+MOST_ROBOTS: Final = 100  # that the commander spawns
+NEAR: Final = 0.8  # m from a start at which a robot occupies it
+
+
+class Roster:
+    """Robots by name.
+
+    Attributes:
+        views: What is known of each robot.
+        own: Robots that the commander spawned.
+        on_change: Called when there is something new to show.
+        on_lost: Called with a robot of its own whose connection was lost, and why.
+    """
+
+    def __init__(self, address: tuple[str, int], config: SimulationConfig) -> None:
+        """Create an empty roster.
+
+        Args:
+            address: Host and port of the server.
+            config: How the server was started, as far as it is known.
+        """
+        self.views: dict[str, RobotView] = {}
+        self.own: dict[str, OwnRobot] = {}
+        self.on_change: Callable[[], None] = lambda: None
+        self.on_lost: Callable[[OwnRobot, str], None] = lambda *_: None
+        self._address = address
+        self._config = config
+        self._spawning: set[str] = set()
+
+    def find_own(self, name: str) -> OwnRobot:
+        """Return a robot of the commander.
+
+        Raises:
+            BadRequest: If there is none of that name.
+        """
+        if name not in self.own:
+            whose = "another client's" if name in self.views else "no"
+            raise BadRequest(f"{whose} robot {expected_one_of(name, [*self.own])}")
+        return self.own[name]
+
+    def find(self, name: str) -> RobotView:
+        """Return what is known of a robot.
+
+        Raises:
+            BadRequest: If there is none of that name.
+        """
+        if name not in self.views:
+            raise BadRequest(f"no robot {expected_one_of(name, [*self.views])}")
+        return self.views[name]
+
+    def begin_spawning(self, request: Spawn) -> str:
+        """Choose the name of a new robot, which no other can get any more.
+
+        Raises:
+            BadRequest: If the wanted one is taken, or there are too many robots.
+        """
+        if len(self.own) + len(self._spawning) >= MOST_ROBOTS:
+            raise BadRequest(f"{MOST_ROBOTS} robots are there, expected no more")
+        taken = {name.casefold() for name in (*self.views, *self._spawning)}
+        if request.name is None:
+            numbers = range(1, len(taken) + 2)
+            name = next(f"R{n}" for n in numbers if f"r{n}" not in taken)
+        else:
+            name = " ".join(request.name.split())
+            if name.casefold() in taken:
+                raise BadRequest(f"there is a robot {name!r}, expected another name")
+        self._spawning.add(name)
+        return name
+
+    async def spawn(
+        self, name: str, request: Spawn, starts: Mapping[str, Pose3]
+    ) -> OwnRobot:
+        """Spawn a robot.
+
+        Args:
+            name: Its name, by ``begin_spawning``.
+            request: Its class and place.
+            starts: Starts of the map; the first that is free, if no place is given.
+
+        Raises:
+            BadRequest: If a text cannot be written on a line.
+            ClientError: If the server spawns none.
+        """
+        place: str | Pose2 | None = request.start
+        if request.pose is not None:
+            place = Pose2(*request.pose)
+        try:
+            robot = await OwnRobot.spawn(
+                self._address,
+                request.class_name,
+                name,
+                self._free_start(starts) if place is None else place,
+                self._config.wheel_drive().unit,
+            )
+        except ValueError as error:
+            raise BadRequest(str(error)) from None
+        finally:
+            self._spawning.discard(name)
+        view = self.add(name, request.class_name)
+        view.describe(robot.info)
+        self.own[name] = robot
+        robot.listeners.append(lambda reports: self.take(name, reports))
+        for scanner in robot.info.scanners:
+            robot.switch_echoes(scanner.name, on=True)
+        return robot
+
+    async def run(self, robot: OwnRobot) -> None:
+        """Run a robot until it is removed, or its connection is lost."""
+        try:
+            await robot.run()
+        except ClientError as error:
+            if self.own.get(robot.name) is robot:
+                self._forget(robot)
+                self.on_lost(robot, str(error))
+                await robot.close()
+
+    async def remove(self, robot: OwnRobot) -> None:
+        """Remove a robot of the commander."""
+        self._forget(robot)
+        await robot.close()
+
+    async def close(self) -> None:
+        """Remove all robots of the commander."""
+        await asyncio.gather(*(self.remove(robot) for robot in [*self.own.values()]))
+
+    def add(self, name: str, class_name: str) -> RobotView:
+        """Add a robot, if it is not known yet."""
+        if name not in self.views:
+            self.views[name] = RobotView(name, class_name, self._config)
+            self.on_change()
+        return self.views[name]
+
+    def take(self, name: str, reports: Iterable[Report]) -> None:
+        """Process reports of a robot."""
+        view = self.views.get(name)
+        if view is None:
+            return
+        news = [view.take(report) for report in reports]
+        if any(news):
+            self.on_change()
+
+    def _free_start(self, starts: Mapping[str, Pose3]) -> str | None:
+        """Return the first start at which no robot stands; the first if all have one.
+
+        None leaves the choice to the server.
+        """
+        poses: Sequence[Pose2] = [
+            view.pose for view in self.views.values() if view.pose is not None
+        ]
+        for name, start in starts.items():
+            distances = (math.hypot(p.x - start.x, p.y - start.y) for p in poses)
+            if min(distances, default=math.inf) > NEAR:
+                return name
+        return next(iter(starts), None)
+
+    def _forget(self, robot: OwnRobot) -> None:
+        self.own.pop(robot.name, None)
+        self.views.pop(robot.name, None)
+        self.on_change()

@@ -1,0 +1,48 @@
+"""Changes of a scanner's settings, checked here before the server is asked."""
+
+from typing import Any
+
+from pydantic import ValidationError
+
+from radarsim.commander.own_robot import OwnRobot
+from radarsim.commander.requests import BadRequest, Setting
+from radarsim.commander.robot_view import RobotView, Scanner
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.validation import describe_invalid
+
+
+def change_setting(robot: OwnRobot, view: RobotView, request: Setting) -> None:
+    """Change a setting from the next scan on.
+
+    Raises:
+        BadRequest: If there is no such scanner or setting, or the value is wrong.
+    """
+    scanner = view.scanners.get(request.scanner.casefold())
+    if scanner is None:
+        names = [each.name for each in view.scanners.values()]
+        raise BadRequest(f"no scanner {request.scanner!r}, expected one of {names}")
+    if scanner.settings:
+        _check(scanner, request)
+    robot.change_setting(scanner.name, request.key, _as_text(request.value))
+    if scanner.settings:
+        scanner.settings = {**scanner.settings, request.key: request.value}
+        scanner.max_range = scanner.settings["max_range"]
+
+
+def _check(scanner: Scanner, request: Setting) -> None:
+    settings: dict[str, Any] = {
+        "medium": scanner.medium,
+        **scanner.settings,
+        request.key: request.value,
+    }
+    try:
+        SensorSettings.model_validate(settings)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        path = ".".join(str(step) for step in problem["loc"]) or request.key
+        raise BadRequest(f"{path}: {describe_invalid(problem)}") from None
+
+
+def _as_text(value: bool | float | str) -> str:
+    """Return a value as it stands behind an equals sign."""
+    return str(value).lower() if isinstance(value, bool) else str(value)

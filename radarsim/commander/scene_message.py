@@ -1,0 +1,127 @@
+"""A map as messages: its plan at the height of the scanners, and its triangles."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+import shapely
+
+from radarsim.commander.viewer import encode_json
+from radarsim.geometry import Floats
+from radarsim.plotting.palette import FAMILY_COLOURS, family_of
+from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+
+HEIGHT: Final = 0.346  # m above the floor, of the scanner of a P3AT
+_DIGITS: Final = 6  # of rounded ends of lines, so that lines that meet share them
+_SENT_DIGITS: Final = 3  # millimetres
+
+
+@dataclass(frozen=True, slots=True)
+class SceneMessages:
+    """A map as it is told to browsers.
+
+    Attributes:
+        plan: The message ``scene``, as JSON.
+        triangles: The message ``triangles``, as JSON.
+        materials: A legend of its materials.
+    """
+
+    plan: str
+    triangles: str
+    materials: list[dict[str, str]]
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Describe a map."""
+        plan, triangles = describe_plan(scene), describe_triangles(scene)
+        materials = describe_materials(scene)
+        return cls(encode_json(plan), encode_json(triangles), materials)
+
+
+def describe_plan(scene: Scene) -> dict[str, Any]:
+    """Return the plan of a map, in m, map frame.
+
+    The outlines of a part are rings, which repeat their first point, or open lines
+    where its surfaces enclose nothing.
+    """
+    floor = scene.starts[0].pose.z if scene.starts else 0.0
+    height = floor + HEIGHT
+    (west, south, _), (east, north, _) = scene.bounds.tolist()
+    return {
+        "op": "scene",
+        "level": scene.level,
+        "bounds": [west, south, east, north],
+        "height": height,
+        "parts": [
+            {**_head(part), "outline": _outline(part, height)} for part in scene.parts
+        ],
+    }
+
+
+def describe_triangles(scene: Scene) -> dict[str, Any]:
+    """Return the triangles of a map, part by part, in the order of the plan."""
+    parts = [
+        {
+            **_head(part),
+            "vertices": _rounded(part.vertices).reshape(-1).tolist(),
+            "faces": part.faces.reshape(-1).tolist(),
+        }
+        for part in scene.parts
+    ]
+    return {"op": "triangles", "parts": parts}
+
+
+def describe_materials(scene: Scene) -> list[dict[str, str]]:
+    """Return a legend of the materials that the parts of a map have."""
+    used = {part.material.name: part.material for part in scene.parts}
+    return [
+        {"name": name, "label": name.replace("_", " "), "colour": colour_of(material)}
+        for name, material in sorted(used.items())
+    ]
+
+
+def colour_of(material: Material) -> str:
+    """Return the colour of a material in all pictures, as ``#rrggbb``."""
+    return FAMILY_COLOURS[family_of(material)]
+
+
+def _head(part: Part) -> dict[str, Any]:
+    material = part.material
+    density = material.density
+    opaque = not material.penetrable and material.sheet_loss is None
+    return {
+        "name": part.object_name,
+        "material": material.name,
+        "opaque": opaque,
+        "density": density if math.isfinite(density) else None,
+        "solid": material.solid,
+        "colour": colour_of(material),
+    }
+
+
+def _outline(part: Part, height: float) -> list[list[list[float]]]:
+    segments = np.round(slice_mesh(part.vertices, part.faces, height), _DIGITS)
+    return [_rounded(line).tolist() for line in _lines(segments)]
+
+
+def _lines(segments: Floats) -> Iterable[Floats]:
+    """Join line segments, (S, 2, 2) m, to rings, or else to lines."""
+    if not len(segments):
+        return ()
+    together = shapely.multilinestrings(segments)
+    try:
+        joined = shapely.boundary(shapely.build_area(together))
+    except shapely.errors.GEOSException:  # leaves that cut each other
+        joined = shapely.line_merge(together)
+    if shapely.is_empty(joined):
+        joined = shapely.line_merge(together)
+    return (shapely.get_coordinates(line) for line in shapely.get_parts(joined))
+
+
+def _rounded(numbers: Floats) -> Floats:
+    rounded: Floats = np.round(numbers, _SENT_DIGITS) + 0.0  # no -0.0
+    return rounded

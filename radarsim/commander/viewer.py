@@ -1,0 +1,96 @@
+"""One browser that looks: what it has selected, and what it is still to be sent.
+
+Texts wait in order, and a newer one of the same subject replaces an older one. Frames
+do not wait: a browser gets the newest when it has acknowledged the one before, so that
+one that is slow sees fewer, and nothing that is old.
+"""
+
+import asyncio
+import json
+import math
+from collections.abc import AsyncIterator, Mapping
+from typing import Any, Final
+
+MOST_TEXTS: Final = 500  # that wait for a browser that does not read
+
+
+class SlowViewer(Exception):
+    """A browser does not read what it is sent."""
+
+
+class Viewer:
+    """One browser.
+
+    Attributes:
+        name: Name that others see it by.
+        selected: Robot whose echoes it is sent; None for none.
+        is_ready: Whether it can take another frame.
+        shown: Version of the newest frame that it was sent.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.selected: str | None = None
+        self.is_ready = True
+        self.shown = 0
+        self._texts: dict[object, str] = {}
+        self._frame: bytes | None = None
+        self._wake = asyncio.Event()
+        self._is_gone = False
+
+    def send(self, message: Mapping[str, Any] | str, subject: object = None) -> None:
+        """Queue a message.
+
+        Args:
+            message: Goes out as JSON, which a text is already.
+            subject: A message of the same subject that still waits is replaced.
+        """
+        if len(self._texts) >= MOST_TEXTS:
+            self._is_gone = True
+        else:
+            key = object() if subject is None else subject
+            self._texts.pop(key, None)
+            if not isinstance(message, str):
+                message = encode_json(message)
+            self._texts[key] = message
+        self._wake.set()
+
+    def send_frame(self, frame: bytes, version: int) -> None:
+        """Queue a frame; none is ready any more until it is acknowledged."""
+        self._frame, self.shown, self.is_ready = frame, version, False
+        self._wake.set()
+
+    async def outgoing(self) -> AsyncIterator[str | bytes]:
+        """Yield what is to be sent, as it comes.
+
+        Raises:
+            SlowViewer: If too much waits.
+        """
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._texts:
+                yield self._texts.pop(next(iter(self._texts)))
+            if self._is_gone:
+                raise SlowViewer
+            frame, self._frame = self._frame, None
+            if frame is not None:
+                yield frame
+
+
+def encode_json(message: Mapping[str, Any]) -> str:
+    """Write compact JSON; numbers that are not finite are null."""
+    try:
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(message), separators=(",", ":"))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return value

@@ -1,0 +1,158 @@
+import asyncio
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import httpx
+import pytest
+import websockets
+from web_pages import open_page
+
+
+def get(web: str, path: str = "/", **headers: str) -> httpx.Response:
+    return httpx.get(f"http://{web}{path}", headers=headers, timeout=240)
+
+
+def test_page_is_sent_with_headers_that_keep_others_out(commander: Any) -> None:
+    response = get(commander.web)
+    assert response.status_code == 200
+    assert response.headers["content-type"].startswith("text/html")
+    policy = response.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "script-src 'self'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert response.headers["x-content-type-options"] == "nosniff"
+    assert response.headers["referrer-policy"] == "no-referrer"
+    assert "access-control-allow-origin" not in response.headers
+    assert commander.token not in response.text
+
+
+@pytest.mark.parametrize("path", ["/", "/static/index.html", "/nothing", "/ws"])
+@pytest.mark.parametrize(
+    "headers",
+    [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}],
+    ids=["host", "origin", "null"],
+)
+def test_wrong_host_or_origin_is_refused(
+    commander: Any, path: str, headers: dict[str, str]
+) -> None:
+    assert get(commander.web, path, **headers).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../app.py",
+        "/static/%2e%2e/app.py",
+        "/static//etc/passwd",
+        "/static/",
+        "/app.py",
+        "/ws",
+    ],
+)
+def test_nothing_else_is_sent(commander: Any, path: str) -> None:
+    assert get(commander.web, path).status_code == 404
+
+
+def test_no_other_method_is_known(commander: Any) -> None:
+    url = f"http://{commander.web}/"
+    assert httpx.post(url, content="INIT", timeout=240).status_code == 405
+
+
+async def refusal(web: str, token: str, **options: Any) -> int:
+    """Return the HTTP status with which a WebSocket is refused."""
+    with pytest.raises(websockets.InvalidStatus) as raised:
+        async with websockets.connect(f"ws://{web}/ws", **options) as socket:
+            await socket.send(json.dumps({"op": "hello", "token": token}))
+    return raised.value.response.status_code
+
+
+async def test_sockets_of_other_sites_are_refused_also_with_the_token(
+    commander: Any,
+) -> None:
+    web, token = commander.web, commander.token
+    assert await refusal(web, token) == 403
+    assert await refusal(web, token, origin="http://evil.example") == 403
+
+
+def test_sockets_that_name_another_host_are_refused(commander: Any) -> None:
+    headers = {
+        "Host": "evil.example",
+        "Origin": "http://evil.example",
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+        "Sec-WebSocket-Version": "13",
+    }
+    assert get(commander.web, "/ws", **headers).status_code == 403
+
+
+async def close_code(web: str, *messages: str | bytes) -> int:
+    """Send messages, and return why the WebSocket is closed."""
+    async with websockets.connect(f"ws://{web}/ws", origin=f"http://{web}") as socket:
+        try:
+            for message in messages:
+                await socket.send(message)
+            async with asyncio.timeout(240):
+                async for _ in socket:
+                    pass
+        except websockets.ConnectionClosed:
+            pass
+        assert socket.close_code is not None
+        return socket.close_code
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        '{"op": "hello", "token": "wrong"}',
+        '{"op": "stop"}',
+        "nonsense",
+        b"\xff",
+        "",
+    ],
+)
+async def test_without_the_token_nothing_is_told(
+    commander: Any, first: str | bytes
+) -> None:
+    assert await close_code(commander.web, first) == 4401
+
+
+async def test_long_messages_are_not_read(commander: Any) -> None:
+    hello = json.dumps({"op": "hello", "token": commander.token})
+    assert await close_code(commander.web, hello, "x" * 5000) == 1009
+
+
+async def test_who_sends_too_much_is_closed(commander: Any) -> None:
+    hello = json.dumps({"op": "hello", "token": commander.token})
+    stops = ['{"op": "stop"}'] * 60
+    assert await close_code(commander.web, hello, *stops) == 4429
+
+
+async def test_hello_tells_what_there_is_and_the_map_follows(commander: Any) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        hello = page.hello
+        assert hello["level"] == "DM-FoliageRoom"
+        assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
+        assert "P3AT" in hello["classes"]
+        assert (await page.hear("scene"))["level"] == "DM-FoliageRoom"
+        await page.send("triangles")
+        assert (await page.hear("triangles"))["parts"]
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        ({"op": "drive", "robot": "x", "v": 1, "w": 0}, "no robot 'x'"),
+        ({"op": "nonsense"}, "nonsense"),
+        ({"op": "record", "on": True}, "record"),
+        ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
+    ],
+)
+async def test_what_is_not_possible_is_told(
+    commander: Any, message: Mapping[str, Any], text: str
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        await page.send(**message)
+        assert text in (await page.hear("error"))["text"]

@@ -1,0 +1,27 @@
+from radarsim.commander.offers import make_offers
+from radarsim.exploration.options import StrategyName
+from radarsim.navigation.options import Algorithm
+from radarsim.presets.robots import robot_names
+from radarsim.presets.sensor_settings import SensorSettings
+
+
+def test_lists_are_the_programs_own() -> None:
+    offers = make_offers()
+    assert offers["classes"] == [*robot_names()]
+    assert [each["name"] for each in offers["algorithms"]] == [*Algorithm]
+    assert [each["name"] for each in offers["strategies"]] == [*StrategyName]
+    keys = {each["key"] for each in offers["settings"]}
+    assert keys == {*SensorSettings.model_fields} - {"medium", "ray_weights"}
+
+
+def test_settings_tell_how_they_can_be_changed() -> None:
+    settings = {each["key"]: each for each in make_offers()["settings"]}
+    offset = settings["side_offset_uu"]
+    assert (offset["type"], offset["min"], offset["max"]) == ("number", 0, 100)
+    assert (offset["label"], offset["unit"]) == ("Side offset", "UU")
+    assert settings["ray_choice"]["choices"] == ["drawn", "together"]
+    assert settings["band_ghz"]["choices"] == [24, 77, 94]
+    assert settings["incidence_weights"]["type"] == "boolean"
+    assert settings["max_bounces"]["type"] == "integer"
+    assert settings["max_bounces"]["max"] == 16
+    assert settings["beamwidth_az_deg"]["max"] == 90
