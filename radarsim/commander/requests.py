@@ -213,4 +213,4 @@ def _describe(problem: ErrorDetails) -> str:
     if problem["type"] in ("json_invalid", "union_tag_not_found"):
         return problem["msg"]
     place = ".".join(str(step) for step in problem["loc"])
-    return f"{place}: {describe_invalid(problem)}"
+    return f"{place or 'message'}: {describe_invalid(problem)}"

@@ -48,7 +48,7 @@ def test_requests_are_read(message: dict[str, Any]) -> None:
     ("message", "text"),
     [
         pytest.param("", "JSON", id="nothing"),
-        pytest.param("[]", "", id="no object"),
+        pytest.param("[]", "message", id="no object"),
         pytest.param("{}", "op", id="no op"),
         pytest.param('{"op": "drvie"}', "did you mean 'drive'", id="unknown op"),
         pytest.param('{"op": "stop", "more": 1}', "more", id="unknown key"),
@@ -73,8 +73,8 @@ def test_requests_are_read(message: dict[str, Any]) -> None:
         pytest.param(
             '{"op": "spawn", "class": "P3AT", "pose": [1, 2]}', "pose", id="pose"
         ),
-        pytest.param('{"op": "hello", "token": "\\ud800"}', "", id="half a letter"),
-        pytest.param("[" * 4000, "", id="deep"),
+        pytest.param('{"op": "hello", "token": "\\ud800"}', "JSON", id="half a letter"),
+        pytest.param("[" * 4000, "JSON", id="deep"),
     ],
 )
 def test_what_is_wrong_is_told(message: str, text: str) -> None:
