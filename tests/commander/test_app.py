@@ -7,6 +7,7 @@ import httpx
 import pytest
 import websockets
 from web_pages import open_page
+from websockets.typing import Origin
 
 
 def get(web: str, path: str = "/", **headers: str) -> httpx.Response:
@@ -90,7 +91,8 @@ def test_sockets_that_name_another_host_are_refused(commander: Any) -> None:
 
 async def close_code(web: str, *messages: str | bytes) -> int:
     """Send messages, and return why the WebSocket is closed."""
-    async with websockets.connect(f"ws://{web}/ws", origin=f"http://{web}") as socket:
+    origin = Origin(f"http://{web}")
+    async with websockets.connect(f"ws://{web}/ws", origin=origin) as socket:
         try:
             for message in messages:
                 await socket.send(message)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import websockets
 from websockets.asyncio.client import ClientConnection
+from websockets.typing import Origin
 
 TIMEOUT = 240.0  # s; machines that run tests are busy
 
@@ -85,7 +86,7 @@ async def open_page(address: str, token: str) -> AsyncIterator[Page]:
         token: The token.
     """
     async with websockets.connect(
-        f"ws://{address}/ws", origin=f"http://{address}", max_size=None
+        f"ws://{address}/ws", origin=Origin(f"http://{address}"), max_size=None
     ) as socket:
         page = Page(socket)
         await page.send("hello", token=token)
