@@ -33,7 +33,7 @@ from radarsim.raycast.rays import Traces
 LEAF_BACKSCATTER: Final = 1 / 3  # mean of cos^2 over all directions of leaves
 START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT = map(int, list(EventKind)[:6])
 RETURN_ECHO: Final = (ENTER, LEAVE, SHEET, HIT, SPENT)
-LONG_LIST: Final = 100  # echoes of a beam, from which insertion sort is the slower one
+SHORT_LIST: Final = 16  # echoes that are sorted by insertion
 
 
 class EchoColumns(NamedTuple):
@@ -244,41 +244,88 @@ def _compute_strengths(
         count = _update_volumes(events, i, volumes, count)
 
 
+class _EchoOrder(NamedTuple):
+    """Echoes of a beam, to be sorted by range, and room for as many.
+
+    Attributes:
+        ranges: (V,) m.
+        rows: (V,) the event of each.
+        spare_ranges: (V,) used while runs are merged, as is ``spare_rows``.
+    """
+
+    ranges: Floats
+    rows: NDArray[np.int64]
+    spare_ranges: Floats
+    spare_rows: NDArray[np.int64]
+
+
 @njit_cached
 def _fill_columns(events: Any, returns: Any, columns: Any) -> Any:
     """Fill columns with echoes, beam by beam; return how many there are."""
-    of_beam = returns.rays_per_beam
-    ranges, rows = np.zeros(len(events)), np.zeros(len(events), np.int64)
+    of_beam, n = returns.rays_per_beam, len(events)
+    ranges, rows = np.zeros(n), np.zeros(n, np.int64)
+    order = _EchoOrder(ranges, rows, np.zeros(n), np.zeros(n, np.int64))
     total = i = 0
-    while i < len(events):
+    while i < n:
         beam, count = events[i].ray // of_beam, 0
-        while i < len(events) and events[i].ray // of_beam == beam:
+        while i < n and events[i].ray // of_beam == beam:
             if events[i].kind in RETURN_ECHO and returns.weights[events[i].ray] > 0.0:
                 ranges[count], rows[count] = events[i].t, i
                 count += 1
             i += 1
         if of_beam > 1:  # the events of a single ray are sorted already
-            _sort_by_range(ranges, rows, count)
+            _sort_by_range(order, count)
         for k in range(count):
             _fill_row(columns, total + k, events, rows[k], returns)
         total += count
     return total
 
 
-@njit_cached
-def _sort_by_range(ranges: Any, rows: Any, count: Any) -> None:
-    """Sort echoes by range; those of equal range keep their order."""
-    if count > LONG_LIST:
-        rows[:count] = rows[np.argsort(ranges[:count], kind="mergesort")]  # stable
-        return
-    # Insertion sort: the echoes of each ray are sorted already. It allocates nothing,
-    # which would cost a short list more than all the rest.
-    for k in range(1, count):
+@njit_inline
+def _sort_by_range(order: Any, count: Any) -> None:
+    """Sort the first echoes by range; those of equal range keep their order.
+
+    Most lists are short, and the echoes of each ray are sorted already: insertion is
+    the fastest. Longer lists are merged from runs that were sorted so. numpy's argsort
+    would take seconds to compile.
+    """
+    for start in range(0, count, SHORT_LIST):
+        _sort_run(order, start, min(start + SHORT_LIST, count))
+    width = SHORT_LIST
+    while width < count:
+        for start in range(0, count - width, 2 * width):
+            _merge_runs(order, start, start + width, min(start + 2 * width, count))
+        width *= 2
+
+
+@njit_inline
+def _sort_run(order: Any, start: Any, end: Any) -> None:
+    """Sort the echoes of a short run by insertion."""
+    ranges, rows = order.ranges, order.rows
+    for k in range(start + 1, end):
         distance, row, i = ranges[k], rows[k], k
-        while i > 0 and ranges[i - 1] > distance:
+        while i > start and ranges[i - 1] > distance:
             ranges[i], rows[i] = ranges[i - 1], rows[i - 1]
             i -= 1
         ranges[i], rows[i] = distance, row
+
+
+@njit_inline
+def _merge_runs(order: Any, start: Any, middle: Any, end: Any) -> None:
+    """Merge two sorted runs; of equal ranges those of the first run come first."""
+    ranges, rows, spare_ranges, spare_rows = order
+    for k in range(start, middle):
+        spare_ranges[k], spare_rows[k] = ranges[k], rows[k]
+    first, second = start, middle
+    for k in range(start, end):
+        if first == middle:
+            return  # the rest is in its place
+        if second < end and ranges[second] < spare_ranges[first]:
+            ranges[k], rows[k] = ranges[second], rows[second]
+            second += 1
+        else:
+            ranges[k], rows[k] = spare_ranges[first], spare_rows[first]
+            first += 1
 
 
 @njit_inline

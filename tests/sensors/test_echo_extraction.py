@@ -286,7 +286,7 @@ def test_ray_ends_equal_the_last_echoes() -> None:
             assert getattr(ends, name).tolist() == wanted.tolist(), name
 
 
-@pytest.mark.parametrize("count", [1, 7, 100, 101, 700])
+@pytest.mark.parametrize("count", [1, 7, 16, 17, 32, 33, 100, 700])
 def test_echoes_of_combined_rays_are_sorted_by_range_and_ray(count: int) -> None:
     rng = np.random.Generator(np.random.PCG64(1))
     events = np.zeros(2 * count, EVENT)
