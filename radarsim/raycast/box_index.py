@@ -105,6 +105,27 @@ def _index_boxes(index: Any, boxes: Any, radius: Any) -> None:
 
 
 @njit_inline
+def index_boxes(index: Any, boxes: Any, x: Any, y: Any, spread: Any, rays: Any) -> None:
+    """Sort the boxes for rays that start around a place, if that pays off.
+
+    Args:
+        index: From ``new_box_index``.
+        boxes: (B, 10), from ``Boxes.table``.
+        x: Of the place, m, relative to the scene's centre.
+        y: Likewise.
+        spread: How far from there the rays start at most, m.
+        rays: Their number.
+    """
+    index.place[2] = -1.0
+    if len(boxes) >= MIN_BOXES and rays >= MIN_RAYS:
+        index.place[0], index.place[1] = x, y
+        radius = spread + SLACK
+        index.place[2] = radius * radius
+        # Rounding errors of coordinates are less than the slack by far.
+        _index_boxes(index, boxes, radius + SLACK)
+
+
+@njit_inline
 def index_boxes_around(index: Any, scene: Any, rays: Any, first: Any) -> Any:
     """Sort the boxes for the rays from one row on that start close together.
 
@@ -126,13 +147,8 @@ def index_boxes_around(index: Any, scene: Any, rays: Any, first: Any) -> Any:
             break
         widest = max(widest, square)
         end += 1
-    index.place[2] = -1.0
-    if len(scene.boxes) >= MIN_BOXES and end - first >= MIN_RAYS:
-        index.place[0], index.place[1] = x - scene.centre[0], y - scene.centre[1]
-        radius = np.sqrt(widest) + SLACK
-        index.place[2] = radius * radius
-        # Rounding errors of coordinates are less than the slack by far.
-        _index_boxes(index, scene.boxes, radius + SLACK)
+    x, y = x - scene.centre[0], y - scene.centre[1]
+    index_boxes(index, scene.boxes, x, y, np.sqrt(widest), end - first)
     return end
 
 

@@ -1,4 +1,4 @@
-"""The loop over rays, as machine code: one ray after the other, segment by segment.
+"""Follow one ray segment by segment to its end, as machine code.
 
 A segment is traversed window by window, so that in dense foliage Embree does not
 collect hundreds of surfaces that the ray never reaches.
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import njit_inline
 from radarsim.raycast.attenuation import (
     END_HIT,
     END_SPENT,
@@ -23,30 +23,22 @@ from radarsim.raycast.attenuation import (
     advance_ray,
     end_ray,
     is_absorbed,
-    new_ray_state,
     record_event,
     reset_winding,
     start_ray,
     update_winding,
 )
-from radarsim.raycast.box_index import (
-    BoxIndex,
-    index_boxes_around,
-    intersect_boxes,
-    new_box_index,
-)
-from radarsim.raycast.crossings import CROSSING, sort_crossings
+from radarsim.raycast.box_index import BoxIndex, intersect_boxes
+from radarsim.raycast.crossings import sort_crossings
 from radarsim.raycast.intersect import (
     Interval,
     RayBuffer,
     intersect_backward,
     intersect_forward,
-    new_ray_buffer,
     select_scene,
 )
-from radarsim.raycast.rays import RayColumns, is_valid_ray
+from radarsim.raycast.rays import is_valid_ray
 from radarsim.raycast.reflection import end_before_mirror, incidence_of, reflect
-from radarsim.raycast.traced_scene import unpack_scene
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 # The first window is as long as the path on which the densest volume takes all power,
@@ -88,6 +80,24 @@ class RayStatus(NamedTuple):
     ray_class: int
     carrier_id: int
     reflections: int
+
+
+class RayLimits(NamedTuple):
+    """A ray to be traced, apart from where it is.
+
+    Attributes:
+        i: The number of the ray.
+        max_range: m.
+        power: The power that it starts with.
+        ray_class: The index of its class.
+        carrier_id: The robot box that does not stop it; -1 for none.
+    """
+
+    i: int
+    max_range: float
+    power: float
+    ray_class: int
+    carrier_id: int
 
 
 class TraceColumns(NamedTuple):
@@ -256,24 +266,32 @@ def _trace_segment(
 
 
 @njit_inline
-def _trace_ray(i: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
-    """Trace one ray; arguments and result as in ``trace_rays``.
+def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
+    """Trace one ray.
 
-    Rows of arrays are taken here and below, not in the loop of ``trace_rays``: that
-    would count references, see ``jit.njit_inline``.
+    Args:
+        given: The ``RayLimits``.
+        scene: The ``TracedScene``.
+        work: The workspace, with origin, map frame, and direction of the ray.
+        traces: The ``TraceColumns`` to be filled.
+
+    Returns:
+        As ``trace_rays``.
     """
     origin, direction, state = work.origin, work.direction, work.state
-    materials, max_range = scene.materials, rays.max_range[i]
-    ray_class, parts = rays.class_index[i], materials.density.shape[1]
-    valid = is_valid_ray(rays.origins[i], rays.directions[i], max_range, rays.power[i])
+    i, max_range, power, ray_class, carrier_id = given
+    materials = scene.materials
+    valid = is_valid_ray(origin, direction, max_range, power)
     if not valid or ray_class >= len(materials.air):
         return -1 - i
     for axis in range(3):
-        origin[axis] = rays.origins[i, axis] - scene.centre[axis]
-        direction[axis] = rays.directions[i, axis]
-    carrier_id, reflections = rays.carrier_id[i], materials.max_reflections[ray_class]
+        origin[axis] -= scene.centre[axis]
+    parts, reflections = (
+        materials.density.shape[1],
+        materials.max_reflections[ray_class],
+    )
     _start_segment(scene, 0.0, work)
-    progress = Progress(0.0, rays.power[i], 0.0, np.int64(-1))
+    progress = Progress(0.0, power, 0.0, np.int64(-1))
     while True:
         t = state.segment[T_START]
         ray = RayStatus(i, ray_class, carrier_id, reflections)
@@ -316,44 +334,3 @@ def _write_trace(traces: Any, i: Any, end: Any) -> None:
     traces.outcomes[i] = end.outcome
     traces.parts[i] = end.part
     traces.power[i] = end.power
-
-
-@njit_cached
-def trace_rays(
-    words: Any,
-    boxes: Any,
-    unsliced: Any,
-    max_crossings: Any,
-    events: Any,
-    *columns: Any,
-) -> Any:
-    """Trace rays one after the other.
-
-    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
-
-    Args:
-        words: The words of the ``PackedScene``.
-        boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
-        unsliced: (2,) updated by ``select_scene``.
-        max_crossings: How many crossings of one segment there is room for.
-        events: As in ``RayState``.
-        columns: The ``RayColumns``, and then the ``TraceColumns`` to be filled.
-
-    Returns:
-        0; or the number of surfaces on a segment that has more than there is room for;
-        or, for an invalid ray, -1 minus its index.
-    """
-    rays, traces = RayColumns(*columns[:6]), TraceColumns(*columns[6:])
-    scene = unpack_scene(words, boxes, unsliced)
-    crossings = np.zeros(max_crossings, CROSSING)
-    state = new_ray_state(scene.materials.density.shape[1], crossings, events)
-    buffer = new_ray_buffer(scene.handle, crossings)
-    index, grouped = new_box_index(len(boxes)), 0
-    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index)
-    for i in range(len(rays.origins)):
-        if i == grouped:
-            grouped = index_boxes_around(index, scene, rays, i)
-        code = _trace_ray(i, scene, rays, work, traces)
-        if code:
-            return code
-    return 0

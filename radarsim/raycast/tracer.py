@@ -2,9 +2,9 @@
 
 Theory of operation
 ===================
-One compiled loop, ``propagate``, takes one ray after the other: ``intersect`` collects
-the surfaces ahead of the ray, and ``attenuation`` follows the ray through the sorted
-list.
+One compiled loop, in ``trace_kernel``, takes one ray after the other: ``intersect``
+collects the surfaces ahead of the ray, and ``attenuation`` follows the ray through the
+sorted list.
 
 Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
 where an opaque wall may hide their far side. If the start is in the bounds of a volume,
@@ -18,7 +18,7 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 
 import functools
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -26,25 +26,26 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.raycast.aiming import Nodes, Sides, UnaimedScans
 from radarsim.raycast.attenuation import EVENT, EventKind
-from radarsim.raycast.clearance import find_clear
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.material_table import (
     centre_of,
     find_volumes,
     material_table,
 )
-from radarsim.raycast.propagate import TraceColumns, trace_rays
+from radarsim.raycast.propagate import TraceColumns
 from radarsim.raycast.rays import (
-    DEFAULT_CLASSES,
     Event,
     RayClass,
+    RayColumns,
     Rays,
     Traces,
     columns_of,
     reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
+from radarsim.raycast.trace_kernel import NO_SCANS, ScanColumns, trace_rays
 from radarsim.raycast.traced_scene import MaterialTable, PackedScene, pack_scene
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
@@ -53,6 +54,26 @@ from radarsim.scene.shapes import box
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
+
+
+class TracedScans(NamedTuple):
+    """J scans of M rays each.
+
+    Attributes:
+        traces: How the rays ended; nothing is known of rays of scans that are not
+            ``clear``.
+        nodes: (J * M,) node of its beam that each ray is.
+        sides: (J * M,) side of its beam: -1 right, 0 centre, 1 left.
+        clear: (J,) which scans were traced. The others have something opaque so near
+            their sensor that rays may start behind it.
+        crowded: The number of these others.
+    """
+
+    traces: Traces
+    nodes: Nodes
+    sides: Sides
+    clear: NDArray[np.bool_]
+    crowded: int
 
 
 class Tracer:
@@ -124,40 +145,50 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        n = len(rays.origins)
-        room = max(self._events_per_ray * n, INITIAL_CAPACITY) if events else 0
-        traces = self._trace(rays, boxes, room, incidence=incidence)
-        most = len(traces.events) // max(n, 1) + 1
-        self._events_per_ray = max(self._events_per_ray, most)
+        traces, code, _ = self._run(
+            *(rays.ray_classes, columns_of(rays), NO_SCANS, boxes),
+            events=events,
+            incidence=incidence,
+        )
+        if code < 0:
+            reject_ray(rays, -1 - code)
         return traces
 
-    def find_clear(
+    def trace_scans(
         self,
-        points: Floats,
-        radius: float,
-        medium: int,
-        boxes: Boxes | None,
-        carrier_ids: NDArray[np.int64],
-    ) -> NDArray[np.bool_]:
-        """Return around which points there is certainly nothing opaque.
+        scans: UnaimedScans,
+        boxes: Boxes | None = None,
+        *,
+        events: bool = False,
+        incidence: bool = False,
+    ) -> TracedScans:
+        """Aim the rays of scans and trace them, in one compiled call.
 
         Args:
-            points: (N, 3 or more) m, map frame; only the first three columns count.
-            radius: m.
-            medium: ``RADAR`` or ``LASER``.
+            scans: The scans.
             boxes: The robots.
-            carrier_ids: (N,) id of the box that does not count for each point; -1 for
-                none.
+            events: As in ``trace``.
+            incidence: As in ``trace``.
 
-        Returns:
-            (N,); False also where something is only a little farther away.
+        Raises:
+            EngineError: If a ray is invalid, as one from a pose that is not finite.
         """
-        packed = self._packed_for(DEFAULT_CLASSES)
-        table = self._table_of(boxes)
-        clear: NDArray[np.bool_] = find_clear(
-            packed.words, table, medium, points, radius, carrier_ids
+        n = len(scans.places) * scans.rays_per_scan
+        nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
+        clear = np.zeros(len(scans.places), np.bool_)
+        columns = ScanColumns(
+            *scans.table,
+            *(scans.radius, scans.chances, scans.places),
+            *(nodes, sides, clear),
         )
-        return clear
+        traces, code, crowded = self._run(
+            *(scans.ray_classes, scans.limits, columns, boxes),
+            events=events,
+            incidence=incidence,
+        )
+        if code < 0:
+            reject_ray(scans.aim(), -1 - code)
+        return TracedScans(traces, nodes, sides, clear, crowded)
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
         """Trace rays and return the events of each, in order.
@@ -198,38 +229,54 @@ class Tracer:
     def _table_of(self, boxes: Boxes | None) -> Floats:
         return NO_BOXES if boxes is None else boxes.table(self._centre)
 
-    def _trace(
-        self, rays: Rays, boxes: Boxes | None, max_events: int, *, incidence: bool
-    ) -> Traces:
-        """Trace rays; all of them again with more memory if it was too little."""
-        columns = columns_of(rays)
-        n = len(rays.origins)
-        packed, table = self._packed_for(rays.ray_classes), self._table_of(boxes)
+    def _run(
+        self,
+        ray_classes: tuple[RayClass, ...],
+        rays: RayColumns,
+        scans: ScanColumns,
+        boxes: Boxes | None,
+        *,
+        events: bool,
+        incidence: bool,
+    ) -> tuple[Traces, int, int]:
+        """Trace rays; all of them again with more memory if it was too little.
+
+        Returns:
+            The traces; 0, or -1 minus the index of an invalid ray; and the number of
+            scans that are not clear.
+        """
+        n = len(scans.nodes) or len(rays.origins)
+        room = max(self._events_per_ray * n, INITIAL_CAPACITY) if events else 0
+        packed, table = self._packed_for(ray_classes), self._table_of(boxes)
         while True:
             unsliced = np.zeros(2)
-            traces = TraceColumns(
+            columns = TraceColumns(
                 np.zeros(n),
                 np.zeros(n, np.uint8),
                 np.zeros(n, np.int64),
                 np.zeros(n),
                 np.zeros(n) if incidence else EMPTY,
             )
-            events = np.zeros(max_events + 1, EVENT) if max_events else NO_EVENTS
-            needed = trace_rays(
-                *(packed.words, table, unsliced, self._max_crossings, events),
+            rows = np.zeros(room + 1, EVENT) if room else NO_EVENTS
+            needed, crowded = trace_rays(
+                *(packed.words, table, unsliced, self._max_crossings, rows),
+                *rays,
                 *columns,
-                *traces,
+                *scans,
             )
-            count = int(events[-1]["ray"]) if max_events else 0
+            count = int(rows[-1]["ray"]) if room else 0
             if needed < 0:
-                reject_ray(rays, -1 - int(needed))
-            if needed == 0 and count <= max_events:
+                return Traces(*columns, NO_EVENTS), needed, crowded
+            if needed == 0 and count <= room:
                 height, rays_there = unsliced.tolist()
                 if rays_there:
                     self._scene.count_unsliced(height, int(rays_there))
-                return Traces(*traces, events[:count])
-            self._max_crossings = max(self._max_crossings, 2 * int(needed))
-            max_events = max(max_events, count)
+                if room:
+                    most = count // max(n, 1) + 1
+                    self._events_per_ray = max(self._events_per_ray, most)
+                return Traces(*columns, rows[:count]), 0, crowded
+            self._max_crossings = max(self._max_crossings, 2 * needed)
+            room = max(room, count)
 
 
 # One tracer for each scene: built when first needed, and freed with the scene.

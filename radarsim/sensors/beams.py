@@ -26,77 +26,37 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import njit_cached
 from radarsim.presets.divergence import (
     METRES_PER_UNIT,
     offset_angle,
     two_way_deviation,
 )
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
-
-Sides: TypeAlias = NDArray[np.int8]
-Nodes: TypeAlias = NDArray[np.int16]
+from radarsim.raycast.aiming import (
+    ALL,
+    DRAWN,
+    GIVEN,
+    NO_CHANCES,
+    AimedRays,
+    Nodes,
+    NodeTable,
+    Sides,
+    UnaimedScans,
+    aim_scans,
+)
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
 
 EMPTY: Final = np.zeros(0)
-NO_CHANCES: Final = np.zeros((1, 0))
+NO_VECTORS: Final = np.zeros((0, 3))
 RIGHT, CENTRE, LEFT = -1, 0, 1
-FEW_EDGES: Final = 8
 CENTRE_TOLERANCE: Final = 1e-9  # rad off the middle of a beam
-
-
-class NodeTable(NamedTuple):
-    """All nodes of all beams, sensor frame.
-
-    Attributes:
-        directions: (K, N, 3) unit vectors.
-        starts: (K, N, 3) m, or (1, N, 3) if all nodes of a beam start at one point.
-        edges: (K - 1,) between 0 and 1, the random numbers from which on the next node
-            is drawn.
-        sides: (K,) int8, the side of its beam on which each node is.
-    """
-
-    directions: Floats
-    starts: Floats
-    edges: Floats
-    sides: Sides
-
-
-class AimedRays(NamedTuple):
-    """The rays of J scans with M rays each, scan by scan and beam by beam.
-
-    Attributes:
-        nodes: (J * M,) node of its beam that each ray is.
-        sides: (J * M,) side of its beam: -1 right, 0 centre, 1 left.
-        origins: (J * M, 3) m, map frame.
-        directions: (J * M, 3) unit vectors, map frame.
-    """
-
-    nodes: Nodes
-    sides: Sides
-    origins: Floats
-    directions: Floats
-
-    @classmethod
-    def empty(cls, count: int) -> "AimedRays":
-        """Allocate a number of rays, to be filled."""
-        nodes, sides = np.zeros(count, np.int16), np.zeros(count, np.int8)
-        return cls(nodes, sides, np.zeros((count, 3)), np.zeros((count, 3)))
-
-    def rows(self, start: int, end: int) -> "AimedRays":
-        """Return views of some of the rays."""
-        return AimedRays(
-            self.nodes[start:end],
-            self.sides[start:end],
-            self.origins[start:end],
-            self.directions[start:end],
-        )
 
 
 class BeamPattern:
@@ -106,6 +66,7 @@ class BeamPattern:
         angles: (N,) directions of the beams, rad, counter-clockwise from the right.
         radius: Largest distance from the sensor at which a ray starts, m.
         is_random: Whether sampling needs random numbers.
+        has_random_rays: Whether each scan has rays of its own, instead of nodes.
         weights: (K,) share of each node in its beam; equal for random rays.
         rays: Number of rays of each beam that are traced.
     """
@@ -113,7 +74,9 @@ class BeamPattern:
     def __init__(self, settings: SensorSettings) -> None:
         self.angles = beam_angles(settings)
         offsets, self.weights = _nodes(settings)
-        self._deviations = _random_deviations(settings)
+        deviations = _random_deviations(settings)
+        self.has_random_rays = deviations is not None
+        self._deviations = np.ones(2) if deviations is None else deviations
         starts = _starts(settings, self.angles)
         sides = _sides(offsets)
         # Three rays may differ in their starts only, not in their angles.
@@ -124,9 +87,12 @@ class BeamPattern:
         directions = node_directions(self.angles, offsets)
         self._table = NodeTable(directions, starts, edges, sides)
         self.radius = float(np.linalg.norm(starts, axis=2).max())
+        self._radius = np.array([self.radius])
         traces_all = settings.combines_rays or settings.incidence_weights
         self.rays = len(self.weights) if traces_all else 1
-        self.is_random = self._deviations is not None or self.rays < len(self.weights)
+        has_nodes = not self.has_random_rays
+        self._draws_nodes = has_nodes and self.rays < len(self.weights)
+        self.is_random = self.has_random_rays or self._draws_nodes
         self.rays_per_scan = len(self.angles) * self.rays
 
     def draw(self, rng: np.random.Generator | None) -> Floats:
@@ -138,34 +104,75 @@ class BeamPattern:
         """
         if not self.is_random or rng is None:
             return EMPTY
-        if self._deviations is None:
+        if not self.has_random_rays:
             return rng.random(len(self.angles))
         return rng.standard_normal((self.rays, len(self.angles), 2))
 
-    def aim(
-        self, poses: Floats, draws: Sequence[Floats], rays: AimedRays | None = None
-    ) -> AimedRays:
+    def aim(self, poses: Floats, draws: Sequence[Floats]) -> AimedRays:
         """Aim the rays of scans.
 
         Args:
             poses: (J, 6) x, y, z, roll, pitch, yaw of the sensor in each, map frame.
             draws: What ``draw`` returned for each.
-            rays: To be filled; None for new ones.
         """
-        if rays is None:
-            rays = AimedRays.empty(len(poses) * self.rays_per_scan)
-        if self._deviations is not None:
+        rays = AimedRays.empty(len(poses) * self.rays_per_scan)
+        if self.has_random_rays:
             for i, draw in enumerate(draws):
                 first = i * self.rays_per_scan
                 some = rays.rows(first, first + self.rays_per_scan)
-                self._aim_random(poses[i : i + 1], draw * self._deviations, some)
-        elif self.is_random:
-            chances = draws[0] if len(draws) == 1 else np.concatenate(draws)
-            chances = chances.reshape(len(draws), -1)
-            aim_scans(poses, DRAWN, chances, *self._table, *rays)
+                aim_scans(
+                    *(poses[i : i + 1], ALL, NO_CHANCES),
+                    *self._table_of(draw),
+                    *some,
+                )
+                some.sides[:] = self.sides_of(draw)
         else:
-            aim_scans(poses, ALL, NO_CHANCES, *self._table, *rays)
+            choice = DRAWN if self._draws_nodes else ALL
+            aim_scans(poses, choice, self._chances(draws), *self._table, *rays)
         return rays
+
+    def unaimed(
+        self, template: "RayTemplate", draws: Sequence[Floats], places: Floats
+    ) -> UnaimedScans:
+        """Return scans to be aimed while they are traced.
+
+        Args:
+            template: What all rays have in common.
+            draws: What ``draw`` returned for each scan; of random rays only one.
+            places: (J, 7) as in ``UnaimedScans``.
+        """
+        return UnaimedScans(
+            self._table_of(draws[0]),
+            self._radius,
+            template.limits,
+            template.ray_classes,
+            self.rays_per_scan,
+            self._chances(draws),
+            places,
+        )
+
+    def _chances(self, draws: Sequence[Floats]) -> Floats:
+        """Return random numbers that select nodes, (J, N); (1, 0) if all are aimed."""
+        if not self._draws_nodes:
+            return NO_CHANCES
+        if len(draws) == 1:
+            return draws[0][None]
+        return np.concatenate(draws).reshape(len(draws), -1)
+
+    def _table_of(self, draw: Floats) -> NodeTable:
+        """Return the nodes of a scan; those of random rays are its own."""
+        if not self.has_random_rays:
+            return self._table
+        directions = node_directions(self.angles, self._offsets(draw))
+        return self._table._replace(directions=directions)
+
+    def sides_of(self, draw: Floats) -> Sides:
+        """Return the side of its beam on which each random ray of a scan is, (M,)."""
+        return _sides(self._offsets(draw)).T.ravel()
+
+    def _offsets(self, draw: Floats) -> Floats:
+        """Return the angles of random rays to the left and up, (K, N, 2) rad."""
+        return draw * self._deviations
 
     def aim_nodes(self, poses: Floats, nodes: Nodes) -> AimedRays:
         """Aim given nodes.
@@ -190,29 +197,30 @@ class BeamPattern:
             ValueError: If the beams do not have three rays.
         """
         matching = np.flatnonzero(self._table.sides == side)
-        if self._deviations is not None or len(matching) != 1 or len(self.weights) > 3:
+        if self.has_random_rays or len(matching) != 1 or len(self.weights) > 3:
             raise ValueError(f"ray {side}, expected a beam of three rays")
         count = len(poses) * len(self.angles)
         return self.aim_nodes(poses, np.full(count, matching[0], np.int16))
-
-    def _aim_random(self, pose: Floats, offsets: Floats, rays: AimedRays) -> None:
-        """Aim random rays, of which each scan has its own."""
-        directions = node_directions(self.angles, offsets)
-        table = self._table._replace(directions=directions)
-        aim_scans(pose, ALL, NO_CHANCES, *table, *rays)
-        rays.sides[:] = _sides(offsets).T.ravel()
 
 
 class RayTemplate:
     """The rays of a sensor before they are aimed.
 
     Most scans are as long as others before, and what they have in common is shared.
+
+    Attributes:
+        limits: Range, power and class of all rays, as in ``UnaimedScans``.
+        ray_classes: As in ``UnaimedScans``.
     """
 
     def __init__(self, settings: SensorSettings) -> None:
         self._limits = settings.max_range, settings.penetration_power
-        self._ray_class = ray_class_of(settings)
+        ray_class = ray_class_of(settings)
+        self.ray_classes = ray_class, RayClass(ray_class.medium)
         self._rays = self._allocate(0)
+        self.limits = columns_of(self._allocate(1))._replace(
+            origins=NO_VECTORS, directions=NO_VECTORS
+        )
 
     def rays_from(
         self, aimed: "AimedRays", carrier_ids: NDArray[np.int64] | None
@@ -223,10 +231,7 @@ class RayTemplate:
             aimed: M rays.
             carrier_ids: (M,) the box that carries the sensor; None for none.
         """
-        # Read once: other threads may replace it, also by a shorter one.
-        n, rays = len(aimed.nodes), self._rays
-        if n > len(rays.power):
-            rays = self._rays = self._allocate(n)
+        n, rays = len(aimed.nodes), self._at_least(len(aimed.nodes))
         return Rays(
             aimed.origins,
             aimed.directions,
@@ -237,10 +242,18 @@ class RayTemplate:
             rays.ray_classes,
         )
 
+    def _at_least(self, count: int) -> Rays:
+        """Return so many rays, or more."""
+        # Read once: other threads may replace it, also by a shorter one.
+        rays = self._rays
+        if count > len(rays.power):
+            rays = self._rays = self._allocate(count)
+        return rays
+
     def _allocate(self, count: int) -> Rays:
         nowhere, (max_range, power) = np.zeros((count, 3)), self._limits
         rays = Rays.uniform(nowhere, nowhere, max_range=max_range, power=power)
-        return replace(rays, ray_classes=(self._ray_class,))
+        return replace(rays, ray_classes=self.ray_classes[:1])
 
 
 @lru_cache(maxsize=64)
@@ -253,121 +266,6 @@ def template_of(settings: SensorSettings) -> RayTemplate:
 def pattern_of(settings: SensorSettings) -> BeamPattern:
     """Return the beams of a sensor; sensors of equal settings share them."""
     return BeamPattern(settings)
-
-
-# Which nodes `aim_scans` aims: those that the random numbers select, all of each beam,
-# or those that are given.
-DRAWN, ALL, GIVEN = range(3)
-
-
-@njit_inline
-def _node_of(edges: Any, chance: Any) -> Any:
-    """Return the node that a random number selects: how many edges it has reached."""
-    low, high = 0, len(edges)
-    if high <= FEW_EDGES:
-        # All are compared: where branches depend on random numbers, the processor
-        # guesses them wrong, and a beam would take three times as long.
-        for k in range(high):
-            low += edges[k] <= chance
-        return low
-    while low < high:
-        middle = (low + high) // 2
-        if edges[middle] <= chance:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-class Frame(NamedTuple):
-    """The frame of a sensor in the map frame.
-
-    Attributes:
-        position: (3,) m.
-        rotation: (3, 3) from the sensor frame to the map frame.
-    """
-
-    position: Floats
-    rotation: Floats
-
-
-@njit_inline
-def _fill_frame(poses: Any, scan: Any, frame: Any) -> None:
-    """Set a frame to a pose; see ``geometry.rotation_matrix``, which it equals."""
-    cr, sr = np.cos(poses[scan, 3]), np.sin(poses[scan, 3])
-    cp, sp = np.cos(poses[scan, 4]), np.sin(poses[scan, 4])
-    cy, sy = np.cos(poses[scan, 5]), np.sin(poses[scan, 5])
-    rotation = frame.rotation
-    rotation[0, 0], rotation[1, 0], rotation[2, 0] = cy * cp, sy * cp, -sp
-    rotation[0, 1] = cy * sp * sr - sy * cr
-    rotation[1, 1] = sy * sp * sr + cy * cr
-    rotation[2, 1], rotation[2, 2] = cp * sr, cp * cr
-    rotation[0, 2] = cy * sp * cr + sy * sr
-    rotation[1, 2] = sy * sp * cr - cy * sr
-    for axis in range(3):
-        frame.position[axis] = poses[scan, axis]
-
-
-@njit_inline
-def _aim_ray(table: Any, frame: Any, beam: Any, rays: Any, i: Any) -> None:
-    """Transform ray ``i`` of a beam, whose node is known, to the map frame."""
-    node = np.int64(rays.nodes[i])
-    rays.sides[i] = table.sides[node]
-    starts, directions = table.starts, table.directions
-    first = node if starts.shape[0] > 1 else 0
-    sx, sy, sz = starts[first, beam, 0], starts[first, beam, 1], starts[first, beam, 2]
-    dx, dy = directions[node, beam, 0], directions[node, beam, 1]
-    dz = directions[node, beam, 2]
-    for row in range(3):
-        x, y, z = frame.rotation[row, 0], frame.rotation[row, 1], frame.rotation[row, 2]
-        # The sums begin with 0.0, so that none of them is -0.0.
-        rays.origins[i, row] = frame.position[row] + (0.0 + x * sx + y * sy + z * sz)
-        rays.directions[i, row] = 0.0 + x * dx + y * dy + z * dz
-
-
-@njit_inline
-def _aim_scan(table: Any, frame: Any, choice: Any, chances: Any, rays: Any) -> None:
-    """Aim the rays of one scan; arguments as in ``aim_scans``.
-
-    The loop is here and not there, where it would count references to the arrays.
-    """
-    beams, i = table.directions.shape[1], 0
-    rays_per_beam = len(rays.nodes) // max(beams, 1)
-    for beam in range(beams):
-        for ray in range(rays_per_beam):
-            if choice == DRAWN:
-                rays.nodes[i] = _node_of(table.edges, chances[i])
-            elif choice == ALL:
-                rays.nodes[i] = ray
-            _aim_ray(table, frame, beam, rays, i)
-            i += 1
-
-
-@njit_cached
-def aim_scans(poses: Any, choice: Any, chances: Any, *columns: Any) -> None:
-    """Select the rays of scans, and transform them to the map frame.
-
-    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
-
-    Args:
-        poses: (J, 6) x, y, z, roll, pitch, yaw of the sensor in each scan, map frame.
-        choice: ``DRAWN``, ``ALL`` or ``GIVEN``.
-        chances: (J, N) random numbers from 0 to 1; not read unless ``DRAWN``.
-        columns: The NodeTable, and then the AimedRays to be filled, as many for each
-            beam; its nodes are read if they are ``GIVEN``.
-    """
-    table, rays = NodeTable(*columns[:4]), AimedRays(*columns[4:])
-    frame, each = Frame(np.zeros(3), np.zeros((3, 3))), len(rays.nodes) // len(poses)
-    for scan in range(len(poses)):
-        some = slice(scan * each, (scan + 1) * each)
-        _fill_frame(poses, scan, frame)
-        own = AimedRays(
-            rays.nodes[some],
-            rays.sides[some],
-            rays.origins[some],
-            rays.directions[some],
-        )
-        _aim_scan(table, frame, choice, chances[scan if choice == DRAWN else 0], own)
 
 
 def ray_class_of(settings: SensorSettings) -> RayClass:

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.raycast.aiming import AimedRays
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
-from radarsim.sensors.beams import AimedRays, BeamPattern
+from radarsim.sensors.beams import BeamPattern
 
 MIDDLE_NODE: Final = 1  # of three
 
@@ -33,10 +34,6 @@ class SensorPlaces(NamedTuple):
     poses: Floats
     carrier_ids: NDArray[np.int64]
 
-    def take(self, rows: NDArray[np.int64]) -> "SensorPlaces":
-        """Return some of the sensors."""
-        return self._replace(poses=self.poses[rows], carrier_ids=self.carrier_ids[rows])
-
 
 def centre_hidden_rays(
     places: SensorPlaces, pattern: BeamPattern, aimed: AimedRays
@@ -48,22 +45,13 @@ def centre_hidden_rays(
         pattern: The beams of all of them.
         aimed: Their rays, to be changed.
     """
-    clear = places.tracer.find_clear(
-        *(places.poses, pattern.radius, places.medium),
-        *(places.boxes, places.carrier_ids),
-    )
-    if clear.all():
-        return
-    crowded = np.flatnonzero(~clear)
-    some, each = places.take(crowded), pattern.rays_per_scan
-    rows = (crowded[:, None] * each + np.arange(each)).ravel()
-    hidden = _are_hidden(some, aimed.origins[rows])
-    nodes = np.where(hidden, MIDDLE_NODE, aimed.nodes[rows]).astype(np.int16)
-    centred = pattern.aim_nodes(some.poses, nodes)
-    aimed.nodes[rows] = centred.nodes
-    aimed.sides[rows] = centred.sides
-    aimed.origins[rows] = centred.origins
-    aimed.directions[rows] = centred.directions
+    hidden = _are_hidden(places, aimed.origins)
+    nodes = np.where(hidden, MIDDLE_NODE, aimed.nodes).astype(np.int16)
+    centred = pattern.aim_nodes(places.poses, nodes)
+    aimed.nodes[:] = centred.nodes
+    aimed.sides[:] = centred.sides
+    aimed.origins[:] = centred.origins
+    aimed.directions[:] = centred.directions
 
 
 def _are_hidden(places: SensorPlaces, starts: Floats) -> NDArray[np.bool_]:

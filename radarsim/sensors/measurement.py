@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.raycast.aiming import Sides
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import BeamPattern, Sides
+from radarsim.sensors.beams import BeamPattern, ray_class_of
 from radarsim.sensors.echo_extraction import (
     SPENT,
     EchoColumns,
@@ -68,14 +69,13 @@ class Draws(NamedTuple):
 
 
 class PlannedScan(NamedTuple):
-    """A scan whose rays are chosen but not yet traced.
+    """A scan whose rays are chosen.
 
     Attributes:
         tracer: Tracer of the scene.
         pose: Pose of the sensor, map frame.
         sides: (M,) side of its beam on which each ray is.
-        batch: Rays, among which are the M rays of the scan, as many for each beam.
-        first: The first of them.
+        find_rays: Computes ``rays`` on demand.
         draws: The random numbers that are used after tracing.
         incidence: Whether tracing must record the angles of incidence.
     """
@@ -83,15 +83,14 @@ class PlannedScan(NamedTuple):
     tracer: Tracer
     pose: Pose3
     sides: Sides
-    batch: Rays
-    first: int
+    find_rays: Callable[[], Rays]
     draws: Draws
     incidence: bool
 
     @property
     def rays(self) -> Rays:
         """The M rays."""
-        return self.batch.rows(self.first, self.first + len(self.sides))
+        return self.find_rays()
 
     @property
     def events(self) -> bool:
@@ -116,6 +115,7 @@ class ScanBuilder:
         self._name = name
         self._settings = settings
         self._pattern = pattern
+        self._ray_class = ray_class_of(settings)
         many_rays = pattern.rays > 1
         self.selects_ray = many_rays and not settings.combines_rays
         self.needs_incidence = settings.incidence_weights
@@ -130,36 +130,30 @@ class ScanBuilder:
         self._shares = np.tile(pattern.weights, len(pattern.angles))
 
     def build(
-        self, plan: PlannedScan, traces: Traces, scene: Scene | None = None
-    ) -> Scan:
-        """Build a scan from its traced rays.
-
-        Args:
-            plan: A scan planned by this scanner.
-            traces: Its traced rays, with events and incidence if the plan asks for
-                them.
-            scene: The scene, if no robots are in it.
-        """
-        if not plan.events:
-            return self.build_from_ends(plan, traces, 0, scene)
-        rows = self._select_rays(plan, traces)
-        return self._build_from_events(plan, traces, rows, scene)
-
-    def build_from_ends(
         self,
         plan: PlannedScan,
         traces: Traces,
         first: int = 0,
         scene: Scene | None = None,
     ) -> Scan:
-        """Build a scan from where its rays ended, for which no events are needed.
+        """Build a scan from its traced rays.
 
         Args:
             plan: A scan planned by this scanner.
-            traces: Traced rays, among them those of the scan.
-            first: The first of them.
+            traces: Its traced rays, with events and incidence if the plan asks for
+                them; without events there may be others among them.
+            first: The first of its own.
             scene: The scene, if no robots are in it.
         """
+        if plan.events:
+            rows = self._select_rays(plan, traces)
+            return self._build_from_events(plan, traces, rows, scene)
+        return self._build_from_ends(plan, traces, first, scene)
+
+    def _build_from_ends(
+        self, plan: PlannedScan, traces: Traces, first: int, scene: Scene | None
+    ) -> Scan:
+        """Build a scan from where its rays ended, for which no events are needed."""
         end = first + len(plan.sides)
         outcomes, rows = traces.outcomes[first:end], None
         if self.selects_ray:
@@ -229,7 +223,7 @@ class ScanBuilder:
         if rows is not None:
             weights = np.zeros(len(plan.sides))
             weights[rows] = 1.0
-        densities = plan.tracer.densities(plan.rays.ray_classes[0])
+        densities = plan.tracer.densities(self._ray_class)
         columns = extract_echoes(
             traces, weights, self._pattern.rays, densities, settings
         )

@@ -10,15 +10,21 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
+from radarsim.raycast.aiming import Nodes, Sides, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import EMPTY, Sides, pattern_of, template_of
+from radarsim.sensors.beams import EMPTY, pattern_of, template_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import ScanArrays, scan_batch, scan_poses
-from radarsim.sensors.scan_plan import ScanRequest, plan_scans
+from radarsim.sensors.scan_plan import (
+    ScanGroup,
+    ScanRequest,
+    aim_scans_apart,
+    draw_scans,
+)
 
 NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
@@ -126,7 +132,7 @@ class RangeScanner:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> PlannedScan:
-        """Draw the rays of one scan and aim them; see ``plan_scans``.
+        """Draw the rays of one scan and aim them; see ``aim_scans_apart``.
 
         Args:
             tracer: Tracer of the scene.
@@ -139,8 +145,8 @@ class RangeScanner:
             ValueError: If an rng is needed and missing.
         """
         request = ScanRequest(self, pose, rng, carrier_id)
-        (group,) = plan_scans(tracer, [request], boxes)
-        return group.plans[0]
+        (group,) = draw_scans(tracer, [request])
+        return aim_scans_apart(tracer, group, boxes)[0]
 
     def draw(self, rng: np.random.Generator | None, *, is_raining: bool) -> Draws:
         """Draw the random numbers of one scan.
@@ -167,6 +173,27 @@ class RangeScanner:
             rng.standard_exponential((2, beams)) if is_raining else NO_RAIN,
             builder.needs_events or is_raining,
         )
+
+    def unaimed(self, group: ScanGroup) -> UnaimedScans:
+        """Return scans of such sensors, to be aimed while they are traced."""
+        draws = [draws.beams for draws in group.draws]
+        return self.pattern.unaimed(self.template, draws, group.places())
+
+    def aim_again(self, request: ScanRequest, draws: Draws, nodes: Nodes) -> Rays:
+        """Aim the rays of a scan that was traced.
+
+        Args:
+            request: The scan.
+            draws: The random numbers that were drawn for it.
+            nodes: (M,) node of its beam that each ray was.
+        """
+        pose = np.array([request.pose.numbers()], np.float64)
+        if self.pattern.has_random_rays:
+            aimed = self.pattern.aim(pose, [draws.beams])
+        else:
+            aimed = self.pattern.aim_nodes(pose, nodes)
+        carrier_ids = np.full(len(nodes), request.carrier_id, np.int64)
+        return self.template.rays_from(aimed, carrier_ids)
 
     def aim_one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
         """Aim the ray on one side of each beam, even if it starts behind a surface.

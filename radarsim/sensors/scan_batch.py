@@ -1,26 +1,34 @@
 """Many scans at once: of many sensors, or of one sensor from many poses.
 
-Rays are drawn scan by scan, so that the values are those of as many single scans in the
-same order. Tracing needs neither random numbers nor Python's lock: for many poses, rays
-are traced in threads, a chunk of scans at a time, while those of the next are drawn.
+Random numbers are drawn scan by scan, so that the values are those of as many single
+scans in the same order. Then the rays of all scans of equal sensors are aimed and
+traced in one compiled call. That needs neither random numbers nor Python's lock: for
+many poses, scans are traced in threads, a chunk at a time, while the next are drawn.
 """
 
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import accumulate
+from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from radarsim.cpu_count import process_cpu_count
 from radarsim.geometry import Floats, Pose3
+from radarsim.raycast.aiming import Sides
+from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import Tracer
+from radarsim.raycast.tracer import TracedScans, Tracer
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import Sides
+from radarsim.sensors.measurement import PlannedScan
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_plan import ScanGroup, ScanRequest, plan_scans
+from radarsim.sensors.scan_plan import (
+    ScanGroup,
+    ScanRequest,
+    aim_scans_apart,
+    draw_scans,
+)
 
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
@@ -68,46 +76,86 @@ def scan_batch(
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    groups = plan_scans(tracer, requests, boxes)
-    return trace_groups(tracer, requests, groups, boxes, scene=scene)
+    return trace_groups(tracer, draw_scans(tracer, requests), boxes, scene=scene)
 
 
 def trace_groups(
     tracer: Tracer,
-    requests: Sequence[ScanRequest],
     groups: Sequence[ScanGroup],
     boxes: Boxes | None = None,
     *,
     scene: Scene | None = None,
 ) -> list[Scan]:
-    """Trace planned scans, and build them.
+    """Aim and trace the rays of scans, and build the scans.
 
     Args:
         tracer: Tracer of the scene.
-        requests: The scans.
-        groups: What ``plan_scans`` returned for them.
+        groups: What ``draw_scans`` returned.
         boxes: Boxes of the robots.
         scene: The scene, if the scans shall know it.
 
     Returns:
-        The scans in the order of the requests.
+        The scans in the order in which they were requested.
     """
     scans: dict[int, Scan] = {}
     for group in groups:
-        traces = tracer.trace(
-            group.rays, boxes, events=group.events, incidence=group.incidence
+        taken = _trace_group(tracer, group, boxes, scene)
+        scans.update(zip(group.indices, taken, strict=True))
+    return [scans[i] for i in range(len(scans))]
+
+
+def _trace_group(
+    tracer: Tracer, group: ScanGroup, boxes: Boxes | None, scene: Scene | None
+) -> list[Scan]:
+    """Take scans of equal sensors."""
+    scanner, count = group.scanner, len(group.indices)
+    events, incidence = group.draws[0].events, scanner.needs_incidence
+    traced = tracer.trace_scans(
+        scanner.unaimed(group), boxes, events=events, incidence=incidence
+    )
+    plans = _plan_traced(tracer, group, traced)
+    pieces = _split(traced.traces, count, events=events)
+    if traced.crowded:
+        crowded = np.flatnonzero(~traced.clear).tolist()
+        some = aim_scans_apart(tracer, group.take(crowded), boxes)
+        rays = Rays.concatenate([plan.rays for plan in some])
+        traces = tracer.trace(rays, boxes, events=events, incidence=incidence)
+        found = zip(
+            crowded, some, _split(traces, len(some), events=events), strict=True
         )
-        sizes = [len(plan.sides) for plan in group.plans]
-        if group.events:
-            pieces = traces.split(sizes)
-            for i, plan, piece in zip(group.indices, group.plans, pieces, strict=True):
-                scans[i] = requests[i].scanner.builder.build(plan, piece, scene)
-        else:
-            starts = accumulate(sizes, initial=0)
-            for i, plan, first in zip(group.indices, group.plans, starts, strict=False):
-                builder = requests[i].scanner.builder
-                scans[i] = builder.build_from_ends(plan, traces, first, scene)
-    return [scans[i] for i in range(len(requests))]
+        for k, plan, piece in found:
+            plans[k], pieces[k] = plan, piece
+    return [
+        request.scanner.builder.build(plan, *piece, scene)
+        for request, plan, piece in zip(group.requests, plans, pieces, strict=True)
+    ]
+
+
+def _plan_traced(
+    tracer: Tracer, group: ScanGroup, traced: TracedScans
+) -> list[PlannedScan]:
+    """Return the scans with the rays that were aimed while they were traced."""
+    scanner, size = group.scanner, group.scanner.rays_per_scan
+    plans = []
+    for k, (request, draws) in enumerate(zip(group.requests, group.draws, strict=True)):
+        own = slice(k * size, (k + 1) * size)
+        sides = traced.sides[own]
+        if scanner.pattern.has_random_rays:
+            sides = scanner.pattern.sides_of(draws.beams)
+        aim = partial(scanner.aim_again, request, draws, traced.nodes[own])
+        plan = PlannedScan(
+            tracer, request.pose, sides, aim, draws, scanner.needs_incidence
+        )
+        plans.append(plan)
+    return plans
+
+
+def _split(traces: Traces, count: int, *, events: bool) -> list[tuple[Traces, int]]:
+    """Return for each of some scans the traces, and which of them is its first."""
+    size = len(traces.ranges) // count
+    if events:
+        return [(piece, 0) for piece in traces.split([size] * count)]
+    return [(traces, k * size) for k in range(count)]
 
 
 def scan_poses(
@@ -158,8 +206,8 @@ def _scans(
             requests = [
                 ScanRequest(scanner, pose, rng) for pose in poses[start : start + step]
             ]
-            groups = plan_scans(tracer, requests)
-            pending.append(pool.submit(trace_groups, tracer, requests, groups))
+            groups = draw_scans(tracer, requests)
+            pending.append(pool.submit(trace_groups, tracer, groups))
             if len(pending) > workers:
                 yield from pending.popleft().result()
         for future in pending:

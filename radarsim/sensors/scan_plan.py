@@ -1,21 +1,19 @@
-"""Draw and aim the rays of many scans.
+"""Draw the random numbers of many scans, and aim single ones.
 
 Random numbers are drawn scan by scan, so that each generator is used as if the scans
 were taken one after the other. Everything else is done for all scans of equal sensors
 in a few compiled calls.
 """
 
-from collections import defaultdict
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from radarsim.geometry import Pose3
-from radarsim.raycast.rays import Rays
+from radarsim.geometry import Floats, Pose3
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
-from radarsim.sensors.beams import BeamPattern, Sides
 from radarsim.sensors.hidden_rays import SensorPlaces, centre_hidden_rays
 from radarsim.sensors.measurement import Draws, PlannedScan
 
@@ -40,121 +38,97 @@ class ScanRequest(NamedTuple):
 
 
 class ScanGroup(NamedTuple):
-    """Planned scans whose rays are traced in one call.
+    """Scans of equal sensors, which are traced in one call.
 
     Attributes:
         indices: The number of each scan among all that were requested.
-        plans: The plan of each.
-        rays: The rays of all, scan by scan.
-        events: Whether tracing must record the events along the rays.
-        incidence: Whether tracing must record the angles of incidence.
+        requests: The scans.
+        draws: The random numbers of each.
     """
 
     indices: list[int]
-    plans: list[PlannedScan]
-    rays: Rays
-    events: bool
-    incidence: bool
+    requests: list[ScanRequest]
+    draws: list[Draws]
+
+    @property
+    def scanner(self) -> "RangeScanner":
+        """One of the sensors."""
+        return self.requests[0].scanner
+
+    def take(self, rows: Sequence[int]) -> "ScanGroup":
+        """Return some of the scans."""
+        columns = ([column[row] for row in rows] for column in self)
+        return ScanGroup(*columns)
+
+    def places(self) -> Floats:
+        """Return the sensors' places, (J, 7), as in ``UnaimedScans``."""
+        rows = [(*each.pose.numbers(), each.carrier_id) for each in self.requests]
+        return np.array(rows, np.float64)
 
 
-def plan_scans(
-    tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
-) -> list[ScanGroup]:
-    """Draw the rays of scans and aim them.
+def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGroup]:
+    """Draw the random numbers of scans.
 
-    Which random numbers are drawn depends on the scene only in whether it rains there,
-    so that moving robots do not change the numbers drawn next.
+    Which ones are drawn depends on the scene only in whether it rains there, so that
+    moving robots do not change the numbers drawn next.
 
     Args:
-        tracer: Tracer of the scene; it finds side rays that start behind an opaque
-            surface, which the centre ray replaces.
+        tracer: Tracer of the scene.
         requests: The scans.
-        boxes: Boxes of the robots.
-
-    Returns:
-        The scans; those that need events or incidence apart from the others, for which
-        recording these would cost time.
 
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    draws = [
-        request.scanner.draw(request.rng, is_raining=tracer.has_rain)
-        for request in requests
-    ]
-    equal: defaultdict[tuple[bool, bool, BeamPattern], list[int]] = defaultdict(list)
-    for i, (request, draw) in enumerate(zip(requests, draws, strict=True)):
+    groups: dict[object, ScanGroup] = {}
+    for i, request in enumerate(requests):
         scanner = request.scanner
-        equal[draw.events, scanner.needs_incidence, scanner.pattern].append(i)
-    groups: defaultdict[tuple[bool, bool], list[_EqualScans]] = defaultdict(list)
-    for (events, incidence, _), members in equal.items():
-        some = [requests[i] for i in members]
-        aimed = _aim(tracer, some, [draws[i] for i in members], boxes)
-        groups[events, incidence].append(_EqualScans(members, *aimed))
-    return [
-        _plan_group(tracer, requests, draws, batches) for batches in groups.values()
-    ]
+        draws = scanner.draw(request.rng, is_raining=tracer.has_rain)
+        pattern = scanner.pattern
+        # Rays that are random are no nodes, which scans could share.
+        key = i if pattern.has_random_rays else pattern
+        group = groups.get(key)
+        if group is None:
+            groups[key] = ScanGroup([i], [request], [draws])
+        else:
+            group.indices.append(i)
+            group.requests.append(request)
+            group.draws.append(draws)
+    return list(groups.values())
 
 
-class _EqualScans(NamedTuple):
-    """Scans of equal sensors: which they are, their rays, and the rays' sides."""
+def aim_scans_apart(
+    tracer: Tracer, group: ScanGroup, boxes: Boxes | None = None
+) -> list[PlannedScan]:
+    """Aim the rays of scans before they are traced.
 
-    indices: list[int]
-    rays: Rays
-    sides: Sides
+    Side rays that start behind an opaque surface are replaced by the centre ray.
 
+    Args:
+        tracer: Tracer of the scene.
+        group: The scans.
+        boxes: Boxes of the robots.
 
-def _plan_group(
-    tracer: Tracer,
-    requests: Sequence[ScanRequest],
-    draws: Sequence[Draws],
-    batches: Sequence[_EqualScans],
-) -> ScanGroup:
-    """Join scans of sensors whose rays are traced in one call."""
-    scanner = requests[batches[0].indices[0]].scanner
-    indices: list[int] = []
-    plans: list[PlannedScan] = []
-    for batch in batches:
-        size = len(batch.sides) // len(batch.indices)
-        for k, i in enumerate(batch.indices):
-            start, end = k * size, (k + 1) * size
-            plan = PlannedScan(
-                tracer,
-                requests[i].pose,
-                batch.sides[start:end],
-                # Not the joined rays, whose classes are those of all sensors.
-                batch.rays,
-                start,
-                draws[i],
-                scanner.needs_incidence,
-            )
-            plans.append(plan)
-        indices += batch.indices
-    rays = Rays.concatenate([batch.rays for batch in batches])
-    events = draws[indices[0]].events
-    return ScanGroup(indices, plans, rays, events, scanner.needs_incidence)
-
-
-def _aim(
-    tracer: Tracer,
-    requests: Sequence[ScanRequest],
-    draws: Sequence[Draws],
-    boxes: Boxes | None,
-) -> tuple[Rays, Sides]:
-    """Aim the rays of scans of equal sensors; return them and their sides."""
-    scanner = requests[0].scanner
+    Returns:
+        The scans; their rays are rows of the same ``Rays``, scan by scan.
+    """
+    scanner = group.scanner
     pattern = scanner.pattern
-    places = SensorPlaces(
-        tracer,
-        boxes,
-        scanner.medium,
-        np.array([request.pose.numbers() for request in requests], np.float64),
-        np.array([request.carrier_id for request in requests], np.int64),
-    )
-    aimed = pattern.aim(places.poses, [draw.beams for draw in draws])
+    places = group.places()
+    poses, carrier_ids = places[:, :6].copy(), places[:, 6].astype(np.int64)
+    aimed = pattern.aim(poses, [draws.beams for draws in group.draws])
     if pattern.radius:
-        centre_hidden_rays(places, pattern, aimed)
-    carrier_ids = None
-    if any(request.carrier_id >= 0 for request in requests):
-        carrier_ids = np.repeat(places.carrier_ids, pattern.rays_per_scan)
-    return scanner.template.rays_from(aimed, carrier_ids), aimed.sides
+        sensors = SensorPlaces(tracer, boxes, scanner.medium, poses, carrier_ids)
+        centre_hidden_rays(sensors, pattern, aimed)
+    size = pattern.rays_per_scan
+    rays = scanner.template.rays_from(aimed, np.repeat(carrier_ids, size))
+    plans = []
+    for k, (request, draws) in enumerate(zip(group.requests, group.draws, strict=True)):
+        start, end = k * size, (k + 1) * size
+        find_rays = partial(rays.rows, start, end)
+        sides = aimed.sides[start:end]
+        plan = PlannedScan(
+            *(tracer, request.pose, sides, find_rays, draws),
+            scanner.needs_incidence,
+        )
+        plans.append(plan)
+    return plans

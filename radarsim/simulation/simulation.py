@@ -270,6 +270,7 @@ class Simulation:
             for scanner in (radar, radar.with_all_echoes, together)
         ]
         scan_batch(self._tracer, requests, boxes)
+        radar.plan(self._tracer, pose, rng, boxes, 0)  # as beside a wall
         sonar = SonarArray([pose], [sonar_settings()])
         self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
         self._fleet.step(TICK)

@@ -1,10 +1,13 @@
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.raycast.rays import LASER, RADAR
+from radarsim.raycast.aiming import NodeTable, UnaimedScans
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
@@ -15,6 +18,31 @@ WALL, LEAF = Material("wall"), Material("leaf", density=1.0)
 ROOM = Part("room", WALL, *box(10, 10, 10))
 
 
+def are_clear(
+    tracer: Tracer,
+    places: Floats,
+    radius: float,
+    medium: int = RADAR,
+    boxes: Boxes | None = None,
+    carrier_ids: Sequence[int] = (-1,),
+) -> list[bool]:
+    """Return at which places scans of a sensor are traced whose rays start apart."""
+    ahead, aside = np.array([[[1.0, 0, 0]]]), np.array([[[0, radius, 0]]])
+    table = NodeTable(ahead, aside, np.zeros(0), np.zeros(1, np.int8))
+    ray = Rays.uniform(np.zeros((1, 3)), ahead[0], max_range=9.0)
+    ray_class = RayClass(medium)
+    rows = np.zeros((len(places), 7))
+    rows[:, :3], rows[:, 6] = places, carrier_ids
+    scans = UnaimedScans(
+        *(table, np.array([radius]), columns_of(ray), (ray_class, ray_class)),
+        *(1, np.zeros((1, 0)), rows),
+    )
+    traced = tracer.trace_scans(scans, boxes)
+    clear: list[bool] = traced.clear.tolist()
+    assert traced.crowded == clear.count(False)
+    return clear
+
+
 def is_clear(
     tracer: Tracer,
     place: Floats,
@@ -23,8 +51,7 @@ def is_clear(
     boxes: Boxes | None = None,
     carrier_id: int = -1,
 ) -> bool:
-    carriers = np.array([carrier_id])
-    return bool(tracer.find_clear(place[None], radius, medium, boxes, carriers)[0])
+    return are_clear(tracer, place[None], radius, medium, boxes, [carrier_id])[0]
 
 
 def bush(x: float) -> Part:
@@ -70,10 +97,10 @@ def test_points_are_tested_together_as_alone() -> None:
     boxes = Boxes(np.array([[1.0, 0, 0, -1, 1, 0.3, 0.2, 7]]))
     rng = np.random.Generator(np.random.PCG64(1))
     places, carriers = rng.uniform(-6, 6, (200, 3)), rng.choice([-1, 7], 200)
-    together = tracer.find_clear(places, 0.4, LASER, boxes, carriers)
+    together = are_clear(tracer, places, 0.4, LASER, boxes, carriers.tolist())
     alone = [
         is_clear(tracer, place, 0.4, LASER, boxes, carrier)
         for place, carrier in zip(places, carriers.tolist(), strict=True)
     ]
-    assert together.tolist() == alone
+    assert together == alone
     assert 0 < sum(alone) < len(alone)

@@ -1,0 +1,211 @@
+"""The kernel that traces all rays of a call, one after the other.
+
+Rays are given one by one, or as scans: then each is aimed right before it is traced, so
+that one call does all there is to a scan but the drawing of random numbers. There is
+one kernel for both, because most of its code is the tracing, which is compiled once.
+"""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.jit import njit_cached, njit_inline
+from radarsim.raycast.aiming import (
+    Frame,
+    Nodes,
+    NodeTable,
+    Sides,
+    aim_ray,
+    fill_frame,
+    node_of,
+)
+from radarsim.raycast.attenuation import new_ray_state
+from radarsim.raycast.box_index import (
+    index_boxes,
+    index_boxes_around,
+    new_box_index,
+)
+from radarsim.raycast.clearance import is_clear
+from radarsim.raycast.crossings import CROSSING
+from radarsim.raycast.intersect import new_query_buffer, new_ray_buffer
+from radarsim.raycast.propagate import RayLimits, TraceColumns, Workspace, trace_ray
+from radarsim.raycast.rays import RayColumns
+from radarsim.raycast.traced_scene import unpack_scene
+
+CLEARANCE_CLASS: Final = 1  # index of the class for which something may hide a ray
+CARRIER: Final = 6  # column of ``UnaimedScans.places``
+
+
+class ScanColumns(NamedTuple):
+    """J scans of M rays each as the kernel takes them; all empty for given rays.
+
+    Attributes:
+        directions: As the three that follow, of the ``NodeTable``.
+        starts: See there.
+        edges: See there.
+        sides: See there.
+        radius: (1,), as in ``UnaimedScans``.
+        chances: (J, N) or (1, 0), likewise.
+        places: (J, 7), likewise.
+        nodes: (J * M,) to be filled: the node of its beam that each ray is.
+        ray_sides: (J * M,) to be filled: the side of its beam on which each ray is.
+        clear: (J,) bool, to be filled: which scans were traced. The others have
+            something opaque near their sensor, behind which a ray may start.
+    """
+
+    directions: Floats
+    starts: Floats
+    edges: Floats
+    sides: Sides
+    radius: Floats
+    chances: Floats
+    places: Floats
+    nodes: Nodes
+    ray_sides: Sides
+    clear: NDArray[np.bool_]
+
+
+NO_SCANS: Final = ScanColumns(
+    *(np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros(0), np.zeros(0, np.int8)),
+    *(np.zeros(1), np.zeros((1, 0)), np.zeros((0, 7))),
+    *(np.zeros(0, np.int16), np.zeros(0, np.int8), np.zeros(0, np.bool_)),
+)
+
+
+class Aim(NamedTuple):
+    """The scans of a call, and how their rays are aimed.
+
+    Attributes:
+        scans: The scans.
+        table: The nodes of all beams.
+        rays_per_scan: M.
+        rays_per_beam: Number of rays of each beam.
+        frame: The frame of the sensor whose rays come next.
+        query: From ``new_query_buffer``.
+    """
+
+    scans: ScanColumns
+    table: NodeTable
+    rays_per_scan: int
+    rays_per_beam: int
+    frame: Frame
+    query: Any
+
+
+@njit_inline
+def _start_scan(scan: Any, aim: Any, scene: Any, work: Any) -> Any:
+    """Prepare for the rays of a scan; return whether it has to be traced."""
+    scans, radius, origin = aim.scans, aim.scans.radius[0], work.origin
+    fill_frame(scans.places, scan, aim.frame)
+    for axis in range(3):
+        origin[axis] = aim.frame.position[axis] - scene.centre[axis]
+    index_boxes(
+        *(work.box_index, scene.boxes),
+        *(origin[0], origin[1], radius, aim.rays_per_scan),
+    )
+    carrier_id = scans.places[scan, CARRIER]
+    is_traced = radius == 0.0 or is_clear(
+        scene, CLEARANCE_CLASS, origin, radius, carrier_id, aim.query
+    )
+    scans.clear[scan] = is_traced
+    return is_traced
+
+
+@njit_inline
+def _aim_next(i: Any, scan: Any, beam: Any, aim: Any, work: Any) -> None:
+    """Set the workspace to the next ray of a scan."""
+    scans, table = aim.scans, aim.table
+    if scans.chances.size:
+        node = node_of(table.edges, scans.chances[scan, beam])
+    else:
+        node = i % aim.rays_per_beam
+    scans.nodes[i] = node
+    scans.ray_sides[i] = table.sides[node]
+    aim_ray(table, aim.frame, beam, node, work.origin, work.direction)
+
+
+@njit_inline
+def _take_given(i: Any, rays: Any, work: Any) -> None:
+    """Set the workspace to a given ray."""
+    for axis in range(3):
+        work.origin[axis] = rays.origins[i, axis]
+        work.direction[axis] = rays.directions[i, axis]
+
+
+@njit_inline
+def _trace_all(aim: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
+    """Trace all rays; result as in ``trace_rays``.
+
+    The loop is here and not there, where it would count references to the arrays.
+    """
+    scans, count = aim.scans, len(traces.ranges)
+    are_scans = len(scans.places) > 0
+    i: Any = 0
+    first, end, scan, crowded = 0, 0, -1, 0
+    while i < count:
+        if i == end and are_scans:
+            first, scan, end = end, scan + 1, end + aim.rays_per_scan
+            if not _start_scan(scan, aim, scene, work):
+                i, crowded = end, crowded + 1
+                continue
+        elif i == end:
+            end = index_boxes_around(work.box_index, scene, rays, i)
+        row: Any = i
+        if are_scans:
+            row, carrier_id = 0, int(scans.places[scan, CARRIER])
+            _aim_next(i, scan, (i - first) // aim.rays_per_beam, aim, work)
+        else:
+            carrier_id = rays.carrier_id[i]
+            _take_given(i, rays, work)
+        limits = RayLimits(
+            i, rays.max_range[row], rays.power[row], rays.class_index[row], carrier_id
+        )
+        code = trace_ray(limits, scene, work, traces)
+        if code:
+            return code, crowded
+        i += 1
+    return 0, crowded
+
+
+@njit_cached
+def trace_rays(
+    words: Any,
+    boxes: Any,
+    unsliced: Any,
+    max_crossings: Any,
+    events: Any,
+    *columns: Any,
+) -> Any:
+    """Trace rays one after the other.
+
+    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
+
+    Args:
+        words: The words of the ``PackedScene``.
+        boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
+        unsliced: (2,) updated by ``select_scene``.
+        max_crossings: How many crossings of one segment there is room for.
+        events: As in ``RayState``.
+        columns: The ``RayColumns``, for scans with one row for all rays, of which the
+            carrier is not read; then the ``TraceColumns`` to be filled, and the
+            ``ScanColumns``.
+
+    Returns:
+        0; or the number of surfaces on a segment that has more than there is room for;
+        or, for an invalid ray, -1 minus its index. And how many scans are not clear.
+    """
+    rays, traces = RayColumns(*columns[:6]), TraceColumns(*columns[6:11])
+    scans, table = ScanColumns(*columns[11:]), NodeTable(*columns[11:15])
+    scene = unpack_scene(words, boxes, unsliced)
+    crossings = np.zeros(max_crossings, CROSSING)
+    state = new_ray_state(scene.materials.density.shape[1], crossings, events)
+    buffer = new_ray_buffer(scene.handle, crossings)
+    index = new_box_index(len(boxes))
+    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index)
+    per_scan = len(traces.ranges) // max(len(scans.places), 1)
+    per_beam = per_scan // max(table.directions.shape[1], 1)
+    frame = Frame(np.zeros(3), np.zeros((3, 3)))
+    aim = Aim(scans, table, per_scan, per_beam, frame, new_query_buffer())
+    return _trace_all(aim, scene, rays, work, traces)
