@@ -1,63 +1,16 @@
 """A server with its page, and a Chromium to look at it."""
 
 import os
-import re
 import shutil
-import subprocess
-import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser, sync_playwright
-from processes import start_radarsim
+from served_page import CHROMIUM_OPTIONS, Served, serve
 from truth import Truth
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-# Tests may run as root, where there is no sandbox; 3D is drawn without a graphics card.
-OPTIONS = ("--no-sandbox", "--enable-unsafe-swiftshader")
-
-
-@dataclass(frozen=True)
-class Served:
-    """A running server with its page.
-
-    Attributes:
-        process: The server.
-        address: Host and port for robots.
-        url: Address of the page, with its token.
-    """
-
-    process: subprocess.Popen[bytes]
-    address: tuple[str, int]
-    url: str
-
-
-def serve(*words: str) -> Served:
-    """Serve a map and its page on free ports."""
-    process = start_radarsim("serve", *words, "--port", "0", "--web", "0")
-    stdout, stderr = process.stdout, process.stderr
-    assert stdout is not None
-    assert stderr is not None
-    threading.Thread(target=stderr.read, daemon=True).start()  # so that it never fills
-    told = ""
-    while "commander on" not in told or not told.endswith("\n"):
-        line = stdout.readline().decode()
-        assert line, f"the server has ended: {told}"
-        told += line
-    found = re.search(r"listening on ([\d.]+):(\d+)", told)
-    url = re.search(r"commander on (\S+)", told)
-    assert found
-    assert url
-    threading.Thread(target=stdout.read, daemon=True).start()
-    return Served(process, (found[1], int(found[2])), url[1])
-
-
-def end(served: Served) -> None:
-    """End a server."""
-    served.process.terminate()
-    served.process.wait(240)
 
 
 @pytest.fixture(scope="session")
@@ -76,7 +29,7 @@ def chromium() -> str:
 def browser(chromium: str) -> Iterator[Browser]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=chromium, args=list(OPTIONS)
+            executable_path=chromium, args=list(CHROMIUM_OPTIONS)
         )
         yield browser
         browser.close()
@@ -84,9 +37,8 @@ def browser(chromium: str) -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def served(chromium: str) -> Iterator[Served]:  # noqa: ARG001 - skips first
-    served = serve("foliage_room")
-    yield served
-    end(served)
+    with serve("foliage_room") as served:
+        yield served
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ class CommanderPage:
         page.on("request", lambda request: self._note_host(request.url))
         page.on("websocket", self._follow)
         page.on("pageerror", lambda error: self.problems.append(str(error)))
-        page.on("dialog", lambda dialog: self._refuse(dialog))
+        page.on("dialog", self._refuse)
         page.on("console", self._note_console)
 
     def open(self, url: str) -> None:

@@ -1,0 +1,93 @@
+"""The page for people who see little, use no mouse, or have a small screen."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commander_page import CommanderPage
+from served_page import Served
+
+AXE = Path(__file__).parent / "axe" / "axe.min.js"
+SERIOUS = ("serious", "critical")
+SIZES: dict[str, dict[str, Any]] = {
+    "wide": {},
+    "dark": {"color_scheme": "dark"},
+    "narrow": {"viewport": {"width": 390, "height": 844}},
+}
+
+
+def check(commander: CommanderPage) -> None:
+    """Check a page as it is with axe-core."""
+    commander.page.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
+    result = commander.page.evaluate("axe.run()")
+    found = [
+        f"{each['id']}: {[node['html'] for node in each['nodes']]}"
+        for each in result["violations"]
+        if each["impact"] in SERIOUS
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_no_view_has_a_serious_finding(
+    served: Served, open_page: Callable[..., CommanderPage], size: str
+) -> None:
+    commander = open_page(served, **SIZES[size])
+    commander.until(lambda: bool(commander.frames), "for a frame")
+    check(commander)
+    commander.add_robot("X1", place=(-8, 0, 0))
+    commander.page.locator("#beam [name=beam]").fill("92")
+    commander.page.evaluate(
+        "document.querySelectorAll('details').forEach((each) => { each.open = true })"
+    )
+    for view in ("plan", "space", "map"):
+        commander.page.click(f"[data-view={view}]")
+        commander.page.wait_for_timeout(300)
+        check(commander)
+    commander.remove_robots()
+
+
+def test_a_robot_is_added_driven_and_removed_by_keys_alone(
+    commander: CommanderPage,
+) -> None:
+    page = commander.page
+
+    def go_to(selector: str) -> None:
+        for _ in range(120):
+            if page.evaluate("s => document.activeElement?.matches(s)", selector):
+                return
+            page.keyboard.press("Tab")
+        raise AssertionError(f"Tab does not reach {selector}")
+
+    go_to("#spawn [name=name]")
+    page.keyboard.type("Keys")
+    page.keyboard.press("Enter")
+    commander.until(lambda: commander.text("driven") == "Keys", "for the robot")
+    page.keyboard.press("Escape")
+    go_to("#plan")
+    before = commander.robot("Keys")
+    assert before is not None
+    page.keyboard.down("d")
+    commander.until(
+        lambda: commander.robot("Keys")["yaw"] < before["yaw"] - 0.1,  # type: ignore[index]
+        "for a turn",
+    )
+    page.keyboard.up("d")
+    page.keyboard.press("ArrowLeft")
+    commander.until(lambda: "Beam" in commander.text("reading"), "for a beam")
+    go_to("#remove")
+    page.keyboard.press("Enter")
+    commander.until(lambda: commander.robot("Keys") is None, "for its end")
+
+
+def test_a_narrow_screen_has_one_column_and_a_stop_in_reach(
+    served: Served, open_page: Callable[..., CommanderPage]
+) -> None:
+    commander = open_page(served, viewport={"width": 390, "height": 844})
+    page = commander.page
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.locator("#materials").scroll_into_view_if_needed()
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    assert 0 <= box["y"] < 120

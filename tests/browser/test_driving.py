@@ -1,0 +1,173 @@
+"""Driving by the page, by what truly happens to the robot."""
+
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from commander_page import CommanderPage
+from served_page import CHROMIUM_OPTIONS, Served
+from truth import Truth
+
+LONGEST = 2.0  # s of the simulation in which a robot stops, on a busy machine
+HIDE = """() => {
+  Object.defineProperty(document, "hidden", {value: true, configurable: true});
+  document.dispatchEvent(new Event("visibilitychange"));
+}"""
+
+
+def drive(commander: CommanderPage, truth: Truth, name: str, key: str = "w") -> None:
+    """Hold a key until the robot is on its way."""
+    start = truth.last(name)
+    commander.page.focus("#plan")
+    commander.page.keyboard.down(key)
+    commander.until(lambda: truth.last(name).distance(start) > 0.2, "for a start")
+
+
+def check_rest(commander: CommanderPage, truth: Truth, name: str) -> None:
+    """Wait until a robot stands, and check how soon after the last event that is."""
+    since = truth.last(name)
+
+    def rests() -> bool:
+        return truth.seconds_to_rest(name, since) is not None
+
+    commander.until(rests, f"for {name} to rest")
+    seconds = truth.seconds_to_rest(name, since)
+    assert seconds is not None
+    assert seconds < LONGEST
+
+
+def test_a_held_key_moves_the_robot_as_far_as_the_page_says(
+    commander: CommanderPage, truth: Truth
+) -> None:
+    commander.add_robot("W1", place=(-8, 0, 0))
+    start = truth.last("W1")
+    commander.page.focus("#plan")
+    commander.page.keyboard.down("w")
+    commander.page.wait_for_timeout(1000)
+    commander.page.keyboard.up("w")
+    check_rest(commander, truth, "W1")
+    end = truth.last("W1")
+    shown = commander.robot("W1")
+    assert shown is not None
+    assert end.x - start.x > 0.2
+    assert end.y == pytest.approx(0, abs=0.01)
+    commander.until(lambda: abs(commander.robot("W1")["x"] - end.x) < 0.01)  # type: ignore[index]
+    assert f"x {end.x:.2f} m" in commander.text("driving")
+
+
+def test_a_and_d_turn_to_the_left_and_to_the_right(commander: CommanderPage) -> None:
+    commander.add_robot("T1", place=(-8, 0, 0))
+    commander.page.focus("#plan")
+    for key, sign in (("a", 1), ("d", -1)):
+        before = commander.robot("T1")["yaw"]  # type: ignore[index]
+        commander.page.keyboard.down(key)
+        commander.until(
+            lambda before=before, sign=sign: (  # type: ignore[misc]
+                sign * (commander.robot("T1")["yaw"] - before) > 0.1  # type: ignore[index]
+            ),
+            f"for a turn by {key}",
+        )
+        commander.page.keyboard.up(key)
+
+
+@pytest.mark.parametrize("way", ["key-up", "blur", "hidden", "space", "button"])
+def test_a_robot_stops_when_its_driver_lets_go(
+    commander: CommanderPage, truth: Truth, way: str
+) -> None:
+    name = f"S{way[:2]}"
+    commander.add_robot(name, place=(-8, 0, 0))
+    drive(commander, truth, name)
+    page = commander.page
+    if way == "key-up":
+        page.keyboard.up("w")
+    elif way == "blur":
+        page.evaluate("window.dispatchEvent(new Event('blur'))")
+    elif way == "hidden":
+        page.evaluate(HIDE)
+    elif way == "space":
+        page.keyboard.press("Space")
+    else:
+        page.click("#stop")
+    check_rest(commander, truth, name)
+    page.keyboard.up("w")
+
+
+def test_a_robot_stops_when_its_browser_is_killed(
+    commander: CommanderPage,
+    served: Served,
+    truth: Truth,
+    chromium: str,
+    tmp_path: Path,
+) -> None:
+    commander.add_robot("K1", place=(-8, 0, 0))
+    words = ("--headless=new", "--remote-debugging-port=0", *CHROMIUM_OPTIONS)
+    command = (chromium, *words, f"--user-data-dir={tmp_path}", "about:blank")
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        line = next(text for text in process.stderr if "DevTools listening" in text)
+        browser = commander.page.context.browser
+        assert browser is not None
+        other = browser.browser_type.connect_over_cdp(line.split()[-1])
+        page = CommanderPage(other.contexts[0].new_page())
+        page.open(served.url)
+        page.until(lambda: page.text("driven") == "K1", "for the robot")
+        drive(page, truth, "K1")
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        process.stderr.close()
+    check_rest(commander, truth, "K1")
+
+
+def test_others_see_who_drives(
+    commander: CommanderPage,
+    served: Served,
+    truth: Truth,
+    open_page: Callable[..., CommanderPage],
+) -> None:
+    commander.add_robot("V1", place=(-8, 0, 0))
+    other = open_page(served)
+    other.until(lambda: "V1" in other.text("robots"), "for the robot")
+    drive(commander, truth, "V1")
+    assert "you drive" in commander.text("robots")
+    other.until(lambda: "drives" in other.text("robots"), "for the driver")
+    commander.page.keyboard.up("w")
+    commander.until(lambda: "idle" in commander.text("robots"), "for nobody")
+
+
+def test_a_robot_that_is_gone_while_it_is_driven_is_told(
+    commander: CommanderPage,
+    served: Served,
+    truth: Truth,
+    open_page: Callable[..., CommanderPage],
+) -> None:
+    commander.add_robot("G1", place=(-8, 0, 0))
+    other = open_page(served)
+    other.until(lambda: other.text("driven") == "G1", "for the robot")
+    drive(commander, truth, "G1")
+    other.page.click("#remove")
+    commander.until(lambda: "G1" in commander.text("error"), "for the news")
+    commander.page.keyboard.up("w")
+
+
+def test_the_touch_stick_drives(
+    served: Served, truth: Truth, open_page: Callable[..., CommanderPage]
+) -> None:
+    commander = open_page(
+        served, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True
+    )
+    commander.add_robot("P1", place=(-8, 0, 0))
+    start = truth.last("P1")
+    stick = commander.page.locator("#stick")
+    stick.scroll_into_view_if_needed()
+    box = stick.bounding_box()
+    assert box is not None
+    across = box["x"] + box["width"] / 2
+    commander.page.mouse.move(across, box["y"] + box["height"] / 2)
+    commander.page.mouse.down()
+    commander.page.mouse.move(across, box["y"] + 4)
+    commander.until(lambda: truth.last("P1").x > start.x + 0.2, "for a start")
+    commander.page.mouse.up()
+    check_rest(commander, truth, "P1")
+    commander.remove_robots()
