@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from commander_page import CommanderPage
@@ -18,7 +19,11 @@ def chromium() -> str:
     """The path of a Chromium; without one, tests fail in CI and skip elsewhere."""
     path = next(filter(None, map(shutil.which, NAMES)), None)
     if path is None:
-        text = f"no Chromium: none of {', '.join(NAMES)} is on the PATH"
+        with sync_playwright() as playwright:
+            own = Path(playwright.chromium.executable_path)
+        path = str(own) if own.exists() else None
+    if path is None:
+        text = f"no Chromium: neither {own} nor, on the PATH, {', '.join(NAMES)}"
         if os.environ.get("CI") == "true":
             pytest.fail(text)
         pytest.skip(text)

@@ -89,7 +89,8 @@ def test_a_robot_stops_when_its_driver_lets_go(
     elif way == "space":
         page.keyboard.press("Space")
     else:
-        page.click("#stop")
+        page.click("#stop")  # while the key is still held
+        page.keyboard.down("w")  # as keys that are held repeat themselves
     check_rest(commander, truth, name)
     page.keyboard.up("w")
 

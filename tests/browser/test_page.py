@@ -10,17 +10,17 @@ from playwright.sync_api import Browser
 from served_page import Served, serve
 from truth import Truth
 
-NASTY = "<img src=x onerror=alert(1)>"
+NASTY = "<img/src=x/onerror=alert(1)>"  # names of levels have no blanks
 NASTY_MAP = """
 version: 1
-name: "{name}"
+level: "{name}"
 materials:
   "{name}": {{density: opaque}}
 objects:
   - {{name: floor, box: [9, 9, 0.2], position: [0, 0, -0.1], material: "{name}"}}
   - {{name: "{name}", box: [1, 1, 2], position: [3, 0, 1], material: "{name}"}}
 starts:
-  RobotStart1: {{position: [0, 0, 0]}}
+  - {{name: RobotStart1, position: [0, 0, 0]}}
 """
 # The colours of a canvas, counted: how many differ from that of its first corner.
 PAINTED = """canvas => {

@@ -26,13 +26,12 @@ export class Drive {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.code === "Escape" || (event.code === "Space" && !isControl(event.target))) {
       event.preventDefault();
-      this.held.clear();
-      this.driven = null;
       this.halt();
     } else if (KEYS[event.code] && !isTyping(event.target)) {
       event.preventDefault();
+      if (event.repeat) return; // after a stop, the key has to be pressed again
       this.held.add(event.code);
-      if (!event.repeat) this.order();
+      this.order();
     }
   }
 

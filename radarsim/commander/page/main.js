@@ -191,6 +191,7 @@ function select(name) {
 }
 
 function stopAll() {
+  drive.release();
   link.send("stop");
   world.goal = null;
   pick(null);

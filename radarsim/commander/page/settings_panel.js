@@ -26,7 +26,8 @@ export class SettingsPanel {
 
   control(setting) {
     const input = makeInput(setting);
-    const output = element("output");
+    // no <output>: the label would belong to it
+    const output = element("span", { className: "value", "aria-hidden": "true" });
     const name = setting.unit ? `${setting.label}, ${setting.unit}` : setting.label;
     const className = input.type === "number" ? "field" : setting.type;
     const label = element("label", { className }, element("span", { textContent: name }), output, input);
