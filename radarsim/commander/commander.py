@@ -9,6 +9,7 @@ from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, Final
 
 from radarsim import __version__
+from radarsim.commander.activities import Activities
 from radarsim.commander.explanation import explain_beam
 from radarsim.commander.frame_sender import FrameSender
 from radarsim.commander.frames import Owner, encode_frame
@@ -17,8 +18,12 @@ from radarsim.commander.own_robot import OwnRobot
 from radarsim.commander.requests import (
     Ack,
     BadRequest,
+    Cancel,
     Drive,
     Explain,
+    Explore,
+    Goto,
+    Map,
     Remove,
     Request,
     Select,
@@ -64,15 +69,26 @@ class Commander:
         self._config = config
         self._scene = scene
         self._frames = FrameSender(self.viewers, self._frame)
-        self._link = ServerLink(address, self._server_changed)
+        self._link = ServerLink(address)
+        safety = None if scene is None else scene.safety_distance
+        self._activities = Activities(self.roster, self._broadcast, safety)
         self._work: set[asyncio.Task[None]] = set()
         self._joined = 0  # viewers so far
-        self.roster.on_change = self._frames.changed
+        self._activities.on_mapped = self._ask_for_echoes
+        self.roster.on_change = self._robots_changed
+        self.roster.on_left = self._activities.forget
         self.roster.on_lost = self._tell_lost
+        self.roster.on_refusal = self._tell_refusal
+        self._link.on_change = self._server_changed
+        self._link.on_reports = self.roster.watch
         self._handlers: Mapping[type[Request], Callable[[Viewer, Any], None]] = {
             Ack: lambda viewer, _: self._frames.acknowledge(viewer),
+            Cancel: lambda _, request: self._activities.cancel(request),
             Drive: self._drive,
             Explain: self._explain,
+            Explore: lambda _, request: self._activities.explore(request),
+            Goto: lambda _, request: self._activities.go(request),
+            Map: lambda _, request: self._activities.switch_map(request),
             Remove: self._remove,
             Select: self._select,
             Setting: self._set,
@@ -88,6 +104,7 @@ class Commander:
         finally:
             for task in self._work:
                 task.cancel()
+            self._activities.close()
             await self.roster.close()
 
     def join(self) -> Viewer:
@@ -100,12 +117,15 @@ class Commander:
             viewer.send(self._scene.plan)
         if problem := self._link.state.problem:
             viewer.send({"op": "lost", "text": problem}, "server")
+        for text in self._activities.messages():
+            viewer.send(text)
         self._frames.send_to(viewer)
         return viewer
 
     def leave(self, viewer: Viewer) -> None:
         """Remove a browser, and stop what it drives."""
         del self.viewers[viewer.name]
+        self._ask_for_echoes()
         for robot in self.roster.own.values():
             if robot.driver == viewer.name:
                 robot.release()
@@ -129,6 +149,8 @@ class Commander:
         before = robot.driver
         if before not in (None, viewer.name):
             raise BadRequest(f"{before} drives {robot.name!r}")
+        if request.v or request.w:  # who drives takes over
+            self._activities.stop(robot.name)
         robot.drive(viewer.name, request.v, request.w)
         if robot.driver != before:
             self._tell_driver(robot)
@@ -137,6 +159,7 @@ class Commander:
         robots = [*self.roster.own.values()]
         if request.robot is not None:
             robots = [self.roster.find_own(request.robot)]
+        self._activities.stop(request.robot)
         for robot in robots:
             had_driver = robot.driver is not None
             robot.release()
@@ -145,7 +168,7 @@ class Commander:
 
     def _select(self, viewer: Viewer, request: Select) -> None:
         viewer.selected = request.robot
-        self._frames.changed()
+        self._robots_changed()
 
     def _spawn(self, viewer: Viewer, request: Spawn) -> None:
         if request.start is not None and request.pose is not None:
@@ -212,8 +235,25 @@ class Commander:
             **make_offers(),
         }
 
+    def _ask_for_echoes(self) -> None:
+        """Ask for the echoes of robots that somebody looks at; they cost much."""
+        selected = {viewer.selected for viewer in self.viewers.values()}
+        wanted = selected | self._activities.mapped
+        self._link.ask_for_echoes(self.roster.views.keys() & wanted)
+
+    def _robots_changed(self) -> None:
+        self._ask_for_echoes()  # of robots that were selected before they came
+        self._frames.changed()
+
+    def _broadcast(self, message: Mapping[str, Any] | str, subject: object) -> None:
+        for viewer in self.viewers.values():
+            viewer.send(message, subject)
+
     def _server_changed(self) -> None:
         state = self._link.state
+        self.roster.is_watching = state.watches
+        if state.problem:
+            self.roster.forget_others()
         for viewer in self.viewers.values():
             if state.problem:
                 viewer.send({"op": "lost", "text": state.problem}, "server")
@@ -223,9 +263,11 @@ class Commander:
 
     def _tell_driver(self, robot: OwnRobot) -> None:
         message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
-        for viewer in self.viewers.values():
-            viewer.send(message, ("driver", robot.name))
+        self._broadcast(message, ("driver", robot.name))
         self._frames.changed()
+
+    def _tell_refusal(self, robot: OwnRobot, text: str) -> None:
+        self._broadcast({"op": "error", "text": f"{robot.name!r}: {text}"}, None)
 
     def _tell_lost(self, robot: OwnRobot, reason: str) -> None:
         """Tell all that a robot is gone, and who drives it that it is an error."""
@@ -234,10 +276,14 @@ class Commander:
             drives = robot.driver == viewer.name
             viewer.send({"op": "error" if drives else "notice", "text": text})
 
+    def _work_of(self, robot: str) -> str | None:
+        return "task" if self._activities.is_at_work(robot) else None
+
     def _frame(self, selected: str | None) -> bytes:
         roster = self.roster
         own = {
-            name: Owner(mine=True, driver=r.driver) for name, r in roster.own.items()
+            name: Owner(mine=True, driver=robot.driver or self._work_of(name))
+            for name, robot in roster.own.items()
         }
         owners = {name: own.get(name, NOT_OWN) for name in roster.views}
         return encode_frame(roster.views.values(), owners, selected)

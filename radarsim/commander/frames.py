@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from radarsim.commander.robot_view import RobotView, Scanner, SeenScan, ranges_in_cm
+from radarsim.commander.scene_message import colour_of
 from radarsim.commander.viewer import encode_json
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import TargetEchoes
+from radarsim.scene.material import Material
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +121,7 @@ def _echoes(seen: SeenScan) -> dict[str, Any]:
 
 def _object(echoes: TargetEchoes) -> dict[str, Any]:
     density = echoes.density if math.isfinite(echoes.density) else None
+    material = Material(echoes.material, echoes.density, solid=not echoes.robot_passes)
     columns = (
         echoes.beams.tolist(),
         np.round(echoes.ranges, 3).tolist(),
@@ -130,5 +133,6 @@ def _object(echoes: TargetEchoes) -> dict[str, Any]:
         "name": echoes.object,
         "material": echoes.material,
         "density": density,
+        "colour": colour_of(material),
         "echoes": sorted(zip(*columns, strict=True), key=lambda row: row[:2]),
     }

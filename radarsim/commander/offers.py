@@ -26,6 +26,7 @@ SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "ray_choice": (0, 0, 0),  # choices have no limits, but a place in the order
     "return_mode": (0, 0, 0),
 }
+FIRST_CLASS: Final = "P3AT_Compare"  # a radar and a laser at the same place
 _UNITS: Final = {
     "deg": "°",
     "uu": "UU",
@@ -48,7 +49,7 @@ _TYPES: Final = {float: "number", int: "integer", bool: "boolean"}
 def make_offers() -> dict[str, Any]:
     """Return the lists of classes, algorithms, strategies and settings."""
     return {
-        "classes": list(robot_names()),
+        "classes": sorted(robot_names(), key=lambda name: name != FIRST_CLASS),
         "algorithms": _named(Algorithm),
         "strategies": _named(StrategyName),
         "settings": list(_settings()),

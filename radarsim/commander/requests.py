@@ -18,6 +18,10 @@ MESSAGES_PER_SECOND = 50
 
 Text: TypeAlias = Annotated[str, Field(max_length=200)]
 RobotName: TypeAlias = Annotated[str, Field(min_length=1, max_length=210)]
+# What a line of the wire can hold, also in a list of names.
+OwnName: TypeAlias = Annotated[
+    str, Field(pattern=r"^[!-+\--z|~]([ -+\--z|~]{0,62}[!-+\--z|~])?$")
+]
 Key: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 Share: TypeAlias = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
@@ -59,10 +63,7 @@ class Spawn(Request):
     class_name: Annotated[
         str, Field(alias="class", pattern=r"^[A-Za-z][A-Za-z0-9_.]{0,63}$")
     ]
-    # what a line of the wire can hold
-    name: Annotated[str, Field(pattern=r"^[!-z|~]([ -z|~]{0,62}[!-z|~])?$")] | None = (
-        None
-    )
+    name: OwnName | None = None
     start: Text | None = None
     pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
 
@@ -122,11 +123,12 @@ class Explore(Request):
 
 
 class Map(Request):
-    """Make a map of what a robot senses, and show it."""
+    """Make a map of what a robot senses, by default with its radar, and show it."""
 
     op: Literal["map"]
     robot: RobotName
     on: bool
+    scanner: RobotName | None = None
     colours: Literal["usarcommander", "material"] = "usarcommander"
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -81,6 +81,7 @@ class RobotView:
         battery: Time that the battery lasts, s; None if unknown.
         scans: The newest scans of each scanner, the newest last.
         scanners: Scanners by name.
+        listeners: Called with each report.
     """
 
     def __init__(self, name: str, class_name: str, config: SimulationConfig) -> None:
@@ -100,6 +101,7 @@ class RobotView:
         self.battery: int | None = None
         self.scans: dict[str, deque[SeenScan]] = {}
         self.scanners: dict[str, Scanner] = {}
+        self.listeners: list[Callable[[Report], None]] = []
         self._config = config
         self._touched: dict[str, bool] = {}
         self._pose_kind = len(POSES)  # index in POSES of where the pose is from
@@ -126,6 +128,8 @@ class RobotView:
 
     def take(self, report: Report) -> bool:
         """Process a report; return whether there is something new to show."""
+        for listener in tuple(self.listeners):
+            listener(report)
         match report:
             case GroundTruth() | Ins() | Odometry():
                 self._take_pose(report)

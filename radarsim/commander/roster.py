@@ -10,7 +10,13 @@ from radarsim.commander.requests import BadRequest, Spawn
 from radarsim.commander.robot_view import RobotView
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.reports import Report
+from radarsim.protocol.reports import (
+    CommandError,
+    Report,
+    RobotJoined,
+    RobotLeft,
+    WatchedLine,
+)
 from radarsim.simulation.config import SimulationConfig
 from radarsim.suggestions import expected_one_of
 
@@ -24,7 +30,12 @@ class Roster:
     Attributes:
         views: What is known of each robot.
         own: Robots that the commander spawned.
+        is_watching: Whether the server tells of all robots, so that the own connections
+            of robots need not be looked at.
         on_change: Called when there is something new to show.
+        on_left: Called with the name of a robot that is gone.
+        on_refusal: Called with a robot of its own, and why the server refused a
+            command.
         on_lost: Called with a robot of its own whose connection was lost, and why.
     """
 
@@ -37,7 +48,10 @@ class Roster:
         """
         self.views: dict[str, RobotView] = {}
         self.own: dict[str, OwnRobot] = {}
+        self.is_watching = False
         self.on_change: Callable[[], None] = lambda: None
+        self.on_left: Callable[[str], None] = lambda _: None
+        self.on_refusal: Callable[[OwnRobot, str], None] = lambda *_: None
         self.on_lost: Callable[[OwnRobot, str], None] = lambda *_: None
         self._address = address
         self._config = config
@@ -115,9 +129,7 @@ class Roster:
         view = self.add(name, request.class_name)
         view.describe(robot.info)
         self.own[name] = robot
-        robot.listeners.append(lambda reports: self.take(name, reports))
-        for scanner in robot.info.scanners:
-            robot.switch_echoes(scanner.name, on=True)
+        robot.listeners.append(lambda reports: self._take_own(name, reports))
         return robot
 
     async def run(self, robot: OwnRobot) -> None:
@@ -146,14 +158,40 @@ class Roster:
             self.on_change()
         return self.views[name]
 
-    def take(self, name: str, reports: Iterable[Report]) -> None:
-        """Process reports of a robot."""
-        view = self.views.get(name)
-        if view is None:
-            return
-        news = [view.take(report) for report in reports]
-        if any(news):
+    def watch(self, reports: Iterable[Report]) -> None:
+        """Process what the server tells of all robots."""
+        news = False
+        for report in reports:
+            match report:
+                case RobotJoined(robot, class_name):
+                    self.add(robot, class_name)
+                case RobotLeft(robot):
+                    if self.views.pop(robot, None) is not None:
+                        self.on_left(robot)
+                        news = True
+                case WatchedLine(robot, _, line) if line is not None:
+                    view = self.views.get(robot)
+                    news |= view is not None and view.take(line)
+        if news:
             self.on_change()
+
+    def forget_others(self) -> None:
+        """Forget robots of other clients, of which nothing more is heard."""
+        self.is_watching = False
+        for name in self.views.keys() - self.own.keys():
+            del self.views[name]
+            self.on_left(name)
+        self.on_change()
+
+    def _take_own(self, name: str, reports: Iterable[Report]) -> None:
+        """Process reports of a robot of the commander on its own connection."""
+        for report in reports:
+            if isinstance(report, CommandError):
+                self.on_refusal(self.own[name], report.text)
+        if not self.is_watching:
+            news = [self.views[name].take(report) for report in reports]
+            if any(news):
+                self.on_change()
 
     def _free_start(self, starts: Mapping[str, Pose3]) -> str | None:
         """Return the first start at which no robot stands; the first if all have one.
@@ -171,5 +209,6 @@ class Roster:
 
     def _forget(self, robot: OwnRobot) -> None:
         self.own.pop(robot.name, None)
-        self.views.pop(robot.name, None)
+        if self.views.pop(robot.name, None) is not None:
+            self.on_left(robot.name)
         self.on_change()

@@ -28,18 +28,22 @@ class SceneMessages:
         plan: The message ``scene``, as JSON.
         triangles: The message ``triangles``, as JSON.
         materials: A legend of its materials.
+        safety_distance: Distance from what a radar sees for which it is designed, m;
+            None if it does not say.
     """
 
     plan: str
     triangles: str
     materials: list[dict[str, str]]
+    safety_distance: float | None
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """Describe a map."""
         plan, triangles = describe_plan(scene), describe_triangles(scene)
         materials = describe_materials(scene)
-        return cls(encode_json(plan), encode_json(triangles), materials)
+        safety = None if scene.trial is None else scene.trial.safety_distance
+        return cls(encode_json(plan), encode_json(triangles), materials, safety)
 
 
 def describe_plan(scene: Scene) -> dict[str, Any]:

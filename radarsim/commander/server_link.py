@@ -1,15 +1,18 @@
-"""The connection to the server that sees robots of all clients, and is opened anew."""
+"""The connection that sees the robots of all clients; opened anew when it is lost."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.geometry import Pose3
+from radarsim.protocol.reports import Report, RobotJoined, WatchedLine
 
 RETRY: Final = 1.0  # s between two attempts to connect
 ANSWER: Final = 5.0  # s that the server has to answer
+SILENCE: Final = 60.0  # s that one call waits for reports
 
 
 @dataclass(slots=True)
@@ -19,7 +22,8 @@ class ServerState:
     Attributes:
         level: Name of its map.
         starts: Start poses by name.
-        watches: Whether it tells of robots of other clients.
+        watches: Whether it has told of robots of other clients, as not every server
+            does.
         problem: Why there is no connection; empty while there is one.
     """
 
@@ -30,18 +34,28 @@ class ServerState:
 
 
 class ServerLink:
-    """Connects, and again when the connection is lost."""
+    """Connects, watches all robots, and connects again when the connection is lost.
 
-    def __init__(self, address: tuple[str, int], on_change: Callable[[], None]) -> None:
+    Attributes:
+        state: What is known of the server.
+        on_change: Called when the connection is there, when it is lost, and when the
+            server turns out to tell of robots.
+        on_reports: Called with reports of all robots.
+    """
+
+    def __init__(self, address: tuple[str, int]) -> None:
         """Describe a link that is not open yet.
 
         Args:
             address: Host and port of the server.
-            on_change: Called when the connection is there, and when it is lost.
         """
         self.state = ServerState()
+        self.on_change: Callable[[], None] = lambda: None
+        self.on_reports: Callable[[Sequence[Report]], None] = lambda _: None
         self._address = address
-        self._on_change = on_change
+        self._client: AsyncClient | None = None
+        self._echoes: frozenset[str] = frozenset()
+        self._asking: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
         """Keep the connection open for ever."""
@@ -49,10 +63,24 @@ class ServerLink:
             try:
                 await self._connect()
             except ClientError as error:
+                self._client = None
                 if self.state.problem != str(error):
-                    self.state.problem = str(error)
-                    self._on_change()
+                    self.state = ServerState(self.state.level, problem=str(error))
+                    self.on_change()
             await asyncio.sleep(RETRY)
+
+    def ask_for_echoes(self, robots: Iterable[str]) -> None:
+        """Ask for the echoes of some robots, and of no others any more.
+
+        Args:
+            robots: Names of the robots.
+        """
+        wanted = frozenset(name for name in robots if "," not in name)
+        if wanted == self._echoes:
+            return
+        self._echoes = wanted
+        if self._client is not None and self.state.watches:
+            self._asking = asyncio.ensure_future(self._ask(self._client))
 
     async def _connect(self) -> None:
         """Ask for what is needed, and listen until the connection is lost.
@@ -62,14 +90,26 @@ class ServerLink:
         """
         async with await AsyncClient.connect(*self._address, timeout=ANSWER) as client:
             level = (await client.greeting()).level
-            try:
+            starts: dict[str, Pose3] = {}
+            with suppress(ClientTimeout):  # not every server knows any
                 starts = await client.start_poses()
-            except ClientTimeout:  # not every server knows any
-                starts = {}
             self.state = ServerState(level, starts, problem="")
-            self._on_change()
+            self._client = client
+            self.on_change()
+            await self._ask(client)
             while True:
-                try:
-                    await client.read(3600.0)
-                except ClientTimeout:
-                    continue
+                with suppress(ClientTimeout):
+                    self._take(await client.read(SILENCE))
+
+    async def _ask(self, client: AsyncClient) -> None:
+        with suppress(ClientError):  # who reads notices that it is lost
+            await client.watch(echoes=sorted(self._echoes))
+
+    def _take(self, reports: Sequence[Report]) -> None:
+        if not self.state.watches and any(
+            isinstance(report, RobotJoined | WatchedLine) for report in reports
+        ):
+            self.state.watches = True
+            self.on_change()
+            self.ask_for_echoes(self._echoes)
+        self.on_reports(reports)

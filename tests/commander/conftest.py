@@ -66,9 +66,11 @@ class CommanderThread(threading.Thread):
 
 
 @pytest.fixture
-def server(foliage_room: Scene) -> Iterator[tuple[str, int]]:
-    """Serve a room with bushes, and return host and port."""
-    thread = ServerThread(Host(foliage_room), speed=1.0)
+def server(
+    foliage_room: Scene, request: pytest.FixtureRequest
+) -> Iterator[tuple[str, int]]:
+    """Serve a room with bushes, and return host and port; its parameter is a speed."""
+    thread = ServerThread(Host(foliage_room), speed=getattr(request, "param", 1.0))
     address = thread.begin()
     yield address
     thread.finish()

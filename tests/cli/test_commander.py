@@ -1,0 +1,116 @@
+import os
+import re
+import signal
+import subprocess
+from pathlib import Path
+
+import httpx
+import pytest
+import typer
+from processes import start_radarsim
+
+from radarsim.cli.commander import announce_commander, read_token
+
+TIMEOUT = 240.0  # s
+
+
+def read_url(process: subprocess.Popen[bytes]) -> str:
+    """Return the address of the page that a program announces."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        found = re.fullmatch(
+            r"radarsim: commander on (http://127\.0\.0\.1:\d+/)#token=[\w-]{16,}\n",
+            line.decode(),
+        )
+        if found:
+            return found[1]
+    assert process.stderr is not None
+    raise AssertionError(process.stderr.read().decode())
+
+
+def is_served(url: str) -> bool:
+    try:
+        return httpx.get(url, timeout=TIMEOUT).status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+def wait_until_gone(url: str) -> None:
+    while is_served(url):
+        pass
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> None:
+    server = start_radarsim("serve", "empty_room", "--port", "0", "--web", "0")
+    with server:
+        try:
+            url = read_url(server)
+            assert is_served(url)
+        finally:
+            server.send_signal(end)
+        server.wait(TIMEOUT)
+        wait_until_gone(url)
+
+
+def test_commander_of_a_server_that_cannot_start_ends_as_well() -> None:
+    with start_radarsim("serve", "no_such_map", "--port", "0", "--web", "0") as run:
+        out, err = run.communicate(timeout=TIMEOUT)
+    assert run.returncode == 1
+    assert out == b""
+    assert err.decode().count("no_such_map") == 1
+
+
+@pytest.mark.parametrize("end", [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
+def test_signal_ends_the_commander(end: tuple[signal.Signals, int]) -> None:
+    number, code = end
+    with start_radarsim("commander", "--port", "1", "--web", "0") as program:
+        try:
+            assert is_served(read_url(program))  # also without a server
+        finally:
+            program.send_signal(number)
+        assert program.wait(TIMEOUT) == code
+
+
+def test_token_is_read_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "token"
+    file.write_text("0123456789abcdef\nmore\n", encoding="ascii")
+    assert read_token(file) == "0123456789abcdef"
+
+
+@pytest.mark.parametrize("data", [b"", b"short\n", b"\xff" * 20, b"a" * 300])
+def test_wrong_token_file_is_a_usage_error(tmp_path: Path, data: bytes) -> None:
+    file = tmp_path / "token"
+    file.write_bytes(data)
+    with pytest.raises(typer.BadParameter, match="token"):
+        read_token(file)
+    with pytest.raises(typer.BadParameter, match="token"):
+        read_token(tmp_path / "none")
+
+
+def test_address_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    announce_commander(("::1", 8000), "x" * 200)
+    out, _ = capsys.readouterr()
+    assert out == f"radarsim: commander on http://[::1]:8000/#token={'x' * 200}\n"
+
+
+def test_ports_of_server_and_page_differ() -> None:
+    with start_radarsim(
+        "serve", "empty_room", "--port", "8123", "--web", "8123"
+    ) as run:
+        _, err = run.communicate(timeout=TIMEOUT)
+    assert run.returncode == 2
+    assert b"--web" in err
+
+
+def test_port_in_use_is_told_with_its_cure() -> None:
+    with start_radarsim("commander", "--port", "1", "--web", "0") as first:
+        try:
+            port = read_url(first).rstrip("/").rpartition(":")[2]
+            command = ("serve", "empty_room", "--port", "0", "--web", port)
+            with start_radarsim(*command) as second:
+                _, err = second.communicate(timeout=TIMEOUT)
+        finally:
+            os.kill(first.pid, signal.SIGTERM)
+    assert second.returncode == 1
+    assert b"--web 0 takes a free one" in err

@@ -1,0 +1,125 @@
+"""What robots of the commander do by themselves, and the maps that are made."""
+
+import base64
+import io
+from typing import Any
+
+import pytest
+from PIL import Image
+from web_pages import Page, open_page
+
+FAST = pytest.mark.parametrize("server", [5.0], indirect=True)
+
+
+async def spawn(page: Page, class_name: str, *pose: float) -> str:
+    await page.send("spawn", **{"class": class_name, "pose": pose})
+    name: str = (await page.hear("spawned"))["robot"]
+    await page.see(lambda frame: frame.robot(name).get("scans"))
+    return name
+
+
+@FAST
+async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
+        await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
+        running = await page.hear("task", state="running")
+        assert (running["robot"], running["kind"]) == (name, "goto")
+        await page.see(lambda frame: frame.robot(name)["driver"] == "task")
+        ended = await page.hear("task", id=running["id"])
+        assert ended["state"] == "done", ended["text"]
+        frame = await page.see(lambda frame: frame.robot(name)["driver"] is None)
+        assert frame.robot(name)["x"] > -7.4
+    async with open_page(commander.web, commander.token) as page:
+        path = await page.hear("path", robot=name)  # a new browser is told as well
+        assert path["goal"] == [-7.0, 0.0]
+        assert path["points"][0] == pytest.approx([-8.0, 0.0], abs=0.1)
+        assert path["points"][-1][0] > -7.4
+
+
+@FAST
+async def test_who_drives_takes_over_from_a_task(commander: Any) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
+        await page.send("goto", robot=name, algorithm="bug1", goal=[8.0, 0.0])
+        task = await page.hear("task", state="running")
+        await page.send("drive", robot=name, v=-0.1, w=0)
+        assert (await page.hear("task"))["state"] == "cancelled"
+        await page.send("goto", robot=name, algorithm="bug1", goal=[8.0, 0.0])
+        await page.hear("task", state="running")
+        await page.send("stop")
+        again = await page.hear("task", state="cancelled")
+        assert again["id"] > task["id"]
+        await page.see(lambda frame: frame.robot(name)["speeds"] == [0.0, 0.0])
+
+
+async def test_robot_that_does_not_see_all_around_says_that_it_cannot(
+    commander: Any,
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)
+        await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
+        failed = await page.hear("task", state="failed")
+        assert "180 degrees" in failed["text"]
+        await page.send("goto", robot=name, algorithm="bug9", goal=[-7.0, 0.0])
+        assert "'bug9'" in (await page.hear("error"))["text"]
+        await page.send("explore", robot=name, strategy="x")
+        assert "'x'" in (await page.hear("error"))["text"]
+
+
+@FAST
+async def test_exploring_shows_a_map_until_it_is_cancelled(commander: Any) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
+        await page.send("explore", robot=name, strategy="frontiers")
+        task = await page.hear("task", state="running", kind="explore")
+        picture = await page.hear("map", robot=name)
+        image = Image.open(io.BytesIO(base64.b64decode(picture["png"])))
+        assert image.size == (picture["width"], picture["height"])
+        await page.hear("path", robot=name)
+        await page.send("cancel", task=task["id"])
+        await page.hear("task", state="cancelled")
+
+
+def sensed_behind_the_bushes(picture: dict[str, Any]) -> float:
+    """Return the share of the room behind the bushes that a map has sensed."""
+    image = Image.open(io.BytesIO(base64.b64decode(picture["png"]))).convert("RGB")
+    x, y = picture["origin"]
+    size, height = picture["resolution"], picture["height"]
+    sensed, cells = 0, 0
+    for column in range(picture["width"]):
+        for row in range(height):
+            east, north = x + column * size, y + (height - 1 - row) * size
+            if 4 < east < 8 and -2 < north < 2:
+                cells += 1
+                sensed += image.getpixel((column, row)) != (0, 0, 255)
+    return sensed / cells if cells else 0.0
+
+
+@FAST
+async def test_map_shows_what_the_radar_sees_behind_bushes_and_the_laser_does_not(
+    commander: Any,
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page, "P3AT_Compare", -8.0, 0.0, 0.0)
+        frame = page.frame
+        assert frame is not None
+        kinds = {scan["kind"]: scan["scanner"] for scan in frame.robot(name)["scans"]}
+        shares = {}
+        for kind in ("radar", "laser"):
+            scanner = kinds[kind]
+            await page.send("map", robot=name, on=True, scanner=scanner)
+            await page.hear("map", robot=name)
+            shares[kind] = sensed_behind_the_bushes(await page.hear("map", robot=name))
+            await page.send("map", robot=name, on=False)
+            await page.hear("map", robot=name, png=None)
+        assert shares["radar"] > shares["laser"] + 0.05
+
+
+async def test_map_can_have_the_colours_of_materials(commander: Any) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)
+        await page.send("map", robot=name, on=True, colours="material")
+        assert (await page.hear("map"))["colours"] == "material"
+        await page.send("map", robot="x", on=True)
+        assert "'x'" in (await page.hear("error"))["text"]
