@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Iterable
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests, Step
@@ -130,6 +130,13 @@ class AsyncClient:
     ) -> None:
         """See ``Client.watch``."""
         await self._run(self._requests.send(questions.watch(robots, echoes)))
+
+    async def change_settings(
+        self, scanner: str | None = None, /, **settings: Any
+    ) -> None:
+        """See ``Client.change_settings``."""
+        data = questions.change_settings(scanner, settings)
+        await self._run(self._requests.send(data))
 
     async def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""

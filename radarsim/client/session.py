@@ -5,10 +5,10 @@ A server may send anything: a line that is not a known report is counted and ski
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from radarsim.client.robot_info import is_plausible, same_name
 from radarsim.errors import MalformedMessage
@@ -320,6 +320,28 @@ def echoes(scanner: str, on: bool = True) -> bytes:
         ValueError: If the name cannot be written on a line.
     """
     return set_item(RANGE_SCANNER, scanner, "ECHOES", str(on).lower())
+
+
+def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
+    """Write the command that changes settings; arguments as in ``change_settings``.
+
+    Raises:
+        ValueError: If there are none, or a text cannot be written on a line.
+    """
+    if not settings:
+        raise ValueError("no settings, expected at least one")
+    params = " ".join(f"{key}={_setting(value)}" for key, value in settings.items())
+    return set_item(RANGE_SCANNER, scanner, "SETTING", params)
+
+
+def _setting(value: object) -> str:
+    """Write a value as YAML."""
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(_setting, value))}]"
+    if isinstance(value, float) and math.isinf(value):
+        return f"{'-' * (value < 0)}.inf"
+    words = {None: "null", True: "true", False: "false"}
+    return words[value] if value is None or isinstance(value, bool) else str(value)
 
 
 def _bytes(command: Command) -> bytes:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests, Step
@@ -193,6 +193,21 @@ class Client:
             ValueError: If a name is empty, or has a comma.
         """
         self._run(self._requests.send(questions.watch(robots, echoes)))
+
+    def change_settings(self, scanner: str | None = None, /, **settings: Any) -> None:
+        """Change settings of a scanner of the client's robot, from its next scan on.
+
+        Only radarsim can; it answers with a ``CommandError`` what it cannot do.
+
+        Args:
+            scanner: Name of the scanner; None for all.
+            **settings: Values by the names of settings, such as ``side_offset_uu``.
+
+        Raises:
+            ValueError: If there are none, or a text cannot be written on a line.
+        """
+        data = questions.change_settings(scanner, settings)
+        self._run(self._requests.send(data))
 
     def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""

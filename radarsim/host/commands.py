@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError
 from radarsim.geometry import Pose2
 from radarsim.host.connection import Client, Diagnostic
-from radarsim.host.replies import configuration, find_items, geometry
+from radarsim.host.replies import configuration, geometry
+from radarsim.host.robot_commands import SETTING, drive, set_items
 from radarsim.host.watchers import MAX_WATCHERS, Watchers
-from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
+from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.commands import (
     Command,
     Drive,
@@ -22,8 +21,6 @@ from radarsim.protocol.commands import (
     SetItem,
     Unsupported,
     parse_command,
-    parse_pose,
-    parse_switch,
 )
 from radarsim.protocol.reports import Report, StartPoses, to_bytes
 from radarsim.protocol.watching import CommandError, Watch
@@ -45,12 +42,12 @@ SPAWNS_PER_TICK = 4  # of all clients
 # Ticks without a spawn, for all clients, after a search that takes a tick or more.
 SEARCH_COOLDOWN = 3  # the requested place was occupied
 FAILED_SEARCH_COOLDOWN = 10  # and no other was free
-OPCODES = ("SCAN", "RESET", "POSE", "ECHOES")
 
 # Units of work, about 20 us each: most commands take one; a spawn, a scan that is asked
 # for, and a reply that has to be computed take five. Reading a long line takes more.
 LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
+SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared anew
 SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
 ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
@@ -119,7 +116,7 @@ class CommandHandler:
             return Handled(False, work=LIGHT_WORK + reading)
         work = self._work_of(client, parsed.command) + reading
         diagnostic = self._execute(client, parsed.command)
-        if diagnostic is not None and isinstance(parsed.command, Watch):
+        if diagnostic is not None and _is_answered(parsed.command):
             self._answer_error(client, diagnostic)
         unknown = Diagnostic.of_unknown_fields(parsed)
         if unknown is not None:
@@ -137,13 +134,16 @@ class CommandHandler:
 
     def _work_of(self, client: Client, command: Command) -> int:
         match command:
+            case SetItem() if command.opcode.upper() == SETTING:
+                return SETTING_WORK
             case Init() | SetItem():
                 return HEAVY_WORK
             case Watch():
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo() | GetConf() | GetStartPoses():
                 known = _reply_key(client.vehicle, command) in self._reply_lines
-                return LIGHT_WORK if known else HEAVY_WORK
+                is_own = self._has_own_settings(client.vehicle)
+                return LIGHT_WORK if known and not is_own else HEAVY_WORK
             case _:
                 return LIGHT_WORK
 
@@ -182,9 +182,9 @@ class CommandHandler:
             return Diagnostic("battery", text)
         match command:
             case Drive():
-                return _drive(vehicle, command)
+                return drive(vehicle, command)
             case SetItem():
-                return _set_items(vehicle, command)
+                return set_items(vehicle, command)
             case _:
                 return self._reply(client, command)
 
@@ -202,21 +202,26 @@ class CommandHandler:
         client.replies.append(to_bytes([report.encode(self._config.dialect)]))
 
     def _reply(self, client: Client, question: Question) -> Diagnostic | None:
-        """Reply to a question about what never changes; each reply is encoded once."""
+        """Reply to a question; what is the same for all robots is encoded once."""
         key = _reply_key(client.vehicle, question)
-        line = self._reply_lines.get(key)
+        is_own = self._has_own_settings(client.vehicle)
+        line = None if is_own else self._reply_lines.get(key)
         if line is None:
             report = self._report(client.vehicle, question)
             if report is None:
                 item_type = key[2]
                 text = f"no item of type {(item_type or '')[:80]!r} on this robot"
                 return Diagnostic("no item", text)
+            line = to_bytes([report.encode(self._config.dialect)])
             if len(self._reply_lines) >= CACHED_REPLIES:
                 self._reply_lines.clear()
-            line = to_bytes([report.encode(self._config.dialect)])
-            self._reply_lines[key] = line
+            if not is_own:
+                self._reply_lines[key] = line
         client.replies.append(line)
         return None
+
+    def _has_own_settings(self, vehicle: Vehicle | None) -> bool:
+        return vehicle is not None and vehicle.config is not self._config
 
     def _report(self, vehicle: Vehicle | None, question: Question) -> Report | None:
         if vehicle is None or isinstance(question, GetStartPoses):
@@ -225,7 +230,7 @@ class CommandHandler:
         item_type, name = question.type, question.name
         if isinstance(question, GetGeo):
             return geometry(vehicle.model, item_type, name)
-        return configuration(vehicle.model, self._config, item_type, name)
+        return configuration(vehicle.model, vehicle.config, item_type, name)
 
     def _init(self, client: Client, command: Init) -> Diagnostic | None:
         """Spawn a robot, which replaces the client's previous one."""
@@ -291,57 +296,10 @@ def _reply_key(vehicle: Vehicle | None, question: Question) -> tuple[str | None,
     return question.verb, vehicle.model.name, question.type, question.name
 
 
-def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
-    vehicle.robot.drive(
-        command.left,
-        command.right,
-        normalized=command.normalized,
-        light=command.light,
-    )
-    if (command.left is None) != (command.right is None):
-        missing = "Left" if command.left is None else "Right"
-        text = f"DRIVE without {missing}, expected Left and Right, or none of them"
-        return Diagnostic("one side", text)
-    return None
+def _is_answered(command: Command) -> bool:
+    """Return whether a client is told that a command had no effect.
 
-
-def _set_items(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
-    items = find_items(vehicle.model, command.type, command.name)
-    if not items:
-        named = " ".join(filter(None, (command.type, command.name)))
-        return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")
-    opcode = command.opcode.upper()
-    if opcode not in OPCODES:
-        text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
-        return Diagnostic("opcode", text)
-    try:
-        return _apply_opcode(vehicle, items, opcode, command.params)
-    except MalformedMessage as error:
-        return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {error}")
-
-
-def _apply_opcode(
-    vehicle: Vehicle, items: Sequence[Item], opcode: str, params: str
-) -> Diagnostic | None:
-    """Apply an opcode to items of one type.
-
-    Raises:
-        MalformedMessage: If the parameters are not those of the opcode.
+    Old clients send none of these, and know no such answer.
     """
-    apply: Callable[[Item], None]
-    match opcode:
-        case "SCAN":
-            apply = vehicle.request_scan
-        case "RESET":
-            apply = vehicle.reset
-        case "POSE":
-            apply = partial(vehicle.set_ins, pose=parse_pose(params))
-        # All of the items have the same type.
-        case _ if items[0].type != "RangeScanner":
-            text = f"SET ECHOES of type {items[0].type!r}, expected RangeScanner"
-            return Diagnostic("opcode", text)
-        case _:
-            apply = partial(vehicle.enable_echoes, enabled=parse_switch(params))
-    for item in items:
-        apply(item)
-    return None
+    is_setting = isinstance(command, SetItem) and command.opcode.upper() == SETTING
+    return is_setting or isinstance(command, Watch)

@@ -1,7 +1,8 @@
 """Sensor presets: named settings of scanners."""
 
 import functools
-from typing import Any
+import re
+from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -16,6 +17,10 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.suggestions import expected_one_of
 from radarsim.validation import describe_invalid, short_repr
 from radarsim.yaml_reader import parse_plain
+
+MOST_SETTINGS: Final = len(SensorSettings.model_fields) + 1  # that are parsed at once
+
+_NEXT_SETTING: Final = re.compile(r"[\s,]+(?=[A-Za-z_]\w*\s*=)")
 
 
 class SensorPreset(BaseModel):
@@ -72,6 +77,21 @@ def _describe(name: str, error: ValidationError) -> str:
             text = f"{path}: {text}"
         lines.append(f"sensor {name}: {text}")
     return "\n".join(lines)
+
+
+def parse_settings(text: str) -> dict[str, Any]:
+    """Parse several ``KEY=VALUE`` with commas or blanks between them.
+
+    Raises:
+        PresetError: If there is none, or more than ``MOST_SETTINGS``, or one is wrong.
+
+    >>> parse_settings("max_range=20, ray_weights=1,2,1 return_mode=first")
+    {'max_range': 20, 'ray_weights': [1, 2, 1], 'return_mode': 'first'}
+    """
+    texts = _NEXT_SETTING.split(text.strip(" ,"), MOST_SETTINGS)
+    if len(texts) > MOST_SETTINGS:
+        raise PresetError(f"settings {text[:80]!r}, expected at most {MOST_SETTINGS}")
+    return dict(map(parse_setting, texts))
 
 
 def parse_setting(text: str) -> tuple[str, Any]:

@@ -21,7 +21,9 @@ SEE: Final = "SEE"
 
 _ALL: Final = "all"
 _NONE: Final = "none"
-_SEE: Final = re.compile(r"SEE\s*\{\s*Robot\s([^{}]*)\}\s*(.+)", re.IGNORECASE)
+_SEE: Final = re.compile(
+    r"SEE\s*\{\s*Robot\s([^{}]*)\}\s*(\S.*)", re.IGNORECASE | re.DOTALL
+)
 
 
 @dataclass(frozen=True)
@@ -177,7 +179,7 @@ def split_seen(line: str) -> tuple[str, str]:
     if match is None:
         text = f"{line[:80]!r}, expected 'SEE {{Robot ...}}' and another line"
         raise MalformedMessage(text)
-    return match[1].strip(), match[2]
+    return match[1].strip(), match[2].rstrip()
 
 
 def is_seen(line: str) -> bool:

@@ -52,13 +52,19 @@ class Schedule(Generic[Entry]):
         self._entries: dict[int, dict[int, dict[Entry, None]]] = {}
         self._requested: dict[Entry, None] = {}
 
-    def add(self, entry: Entry, interval: int) -> None:
-        """Make an entry due every ``interval`` ticks from this tick on.
+    def add(self, entry: Entry, interval: int, since: int | None = None) -> None:
+        """Make an entry due every ``interval`` ticks.
 
         It may be there with other intervals already.
+
+        Args:
+            entry: The entry.
+            interval: Ticks from one time to the next.
+            since: The tick from which intervals are counted; None for this one.
         """
+        start = self.clock.ticks if since is None else since
         phases = self._entries.setdefault(interval, {})
-        phases.setdefault(self.clock.ticks % interval, {})[entry] = None
+        phases.setdefault(start % interval, {})[entry] = None
 
     def request(self, entry: Entry) -> None:
         """Make an entry due once more, the next time that ``due`` is called."""

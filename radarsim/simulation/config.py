@@ -6,8 +6,8 @@ Imports no compiled code before a scanner is created.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from radarsim.errors import PresetError
 from radarsim.presets.items import (
@@ -102,6 +102,19 @@ class SimulationConfig:
             if name.casefold() == item.name.casefold()
             for key, value in own.items()
         }
+
+    def with_settings(self, item: Item, settings: Mapping[str, Any]) -> Self:
+        """Return this configuration with some settings of an item changed.
+
+        Raises:
+            PresetError: If the item has no such setting, or a value is out of range.
+        """
+        name = item.name.casefold()
+        others = {k: v for k, v in self.item_settings.items() if k.casefold() != name}
+        own = {**self._own_settings(item), **settings}
+        changed = replace(self, item_settings={**others, item.name: own})
+        changed._check_item(item)
+        return changed
 
     def scanner(self, item: Item) -> RangeScanner:
         """Create the scanner of an item.

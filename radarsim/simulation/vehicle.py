@@ -2,9 +2,9 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from radarsim.protocol.reports import Report, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.simulation.change_limits import check_rays
 from radarsim.simulation.clock import Schedule, seconds, ticks_of
 from radarsim.simulation.config import DEFAULT_INTERVAL, SimulationConfig
 from radarsim.simulation.items import (
@@ -29,9 +30,9 @@ from radarsim.simulation.ray_items import GpsItem, RayItem, SonarItems
 STATUS_TICKS = ticks_of(DEFAULT_INTERVAL)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class MountedScanner:
-    """A scanner on a robot, and the random numbers that it draws."""
+    """A scanner on a robot, which can be replaced, and the random numbers it draws."""
 
     item: Item
     scanner: RangeScanner
@@ -61,6 +62,7 @@ class Vehicle:
     Attributes:
         number: Identifies the robot within the simulation.
         robot: The body that drives.
+        config: Configuration of its items.
         spawn_tick: Tick of the spawn, from which all its intervals are counted.
         battery: Remaining time of operation.
         scanners: Range scanners, in mounting order.
@@ -93,6 +95,7 @@ class Vehicle:
         """
         self.number = number
         self.robot = robot
+        self.config = self._first_config = config
         dialect = config.dialect.of_generation(robot.model.generation)
         self.dialect = dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
@@ -106,6 +109,7 @@ class Vehicle:
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
         self._due_items: dict[frozenset[int], DueItems] = {}
+        self._changed: set[str] = set()  # scanners that are to be replaced
         scanners = []
         ray_items: list[RayItem] = []
         sonars = robot.model.items_of("Sonar")
@@ -131,9 +135,7 @@ class Vehicle:
         items = self._sensor_items.values()
         self.has_touch = any(isinstance(i, TouchItem) for i in items)
         self.ins_items = tuple(i for i in items if isinstance(i, InsItem))
-        self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
-        for interval in self._intervals:
-            schedule.add(self, interval)
+        self._reschedule()
 
     @property
     def model(self) -> RobotModel:
@@ -171,6 +173,8 @@ class Vehicle:
         due = self._due_items.get(ended)
         if due is None:
             due = self._due_items[ended] = self._select_items(ended)
+        if self._changed and (due.scanners or self._requested_scans):
+            self._replace_scanners()
         if not self._requested_scans:
             return due
         requested = [m for m in self.scanners if m.item.name in self._requested_scans]
@@ -192,6 +196,30 @@ class Vehicle:
         if item.type == "RangeScanner":
             self._requested_scans.add(item.name)
             self._schedule.request(self)
+
+    def change_settings(
+        self, items: Sequence[Item], settings: Mapping[str, Any]
+    ) -> None:
+        """Change settings of scanners from their next scans on; all of them, or none.
+
+        Args:
+            items: Range scanners of the robot.
+            settings: Settings by name, as in a configuration.
+
+        Raises:
+            PresetError: If there is no such setting, or a value is out of range, or
+                scans would have more rays than a client may ask for.
+        """
+        config = self.config
+        for item in items:
+            config = config.with_settings(item, settings)
+            check_rays(item, config, self._first_config)
+        self.config = config
+        self._changed |= {item.name for item in items}
+        ticks = {item.name: ticks_of(config.interval(item)) for item in items}
+        if not ticks.items() <= self._interval_ticks.items():
+            self._interval_ticks |= ticks
+            self._reschedule()
 
     def reset(self, item: Item) -> None:
         """Let an item count from zero again, if it counts."""
@@ -218,6 +246,22 @@ class Vehicle:
         ins = self._sensor_items.get(item.name)
         if isinstance(ins, InsItem):
             ins.overwrite(pose)
+
+    def _replace_scanners(self) -> None:
+        for mounted in self.scanners:
+            if mounted.item.name in self._changed:
+                mounted.scanner = self.config.scanner(mounted.item)
+        self._changed.clear()
+
+    def _reschedule(self) -> None:
+        """Add the vehicle for all its intervals, which count from its spawn."""
+        self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
+        self._due_items.clear()
+        self._schedule.remove(self)
+        for interval in self._intervals:
+            self._schedule.add(self, interval, self.spawn_tick)
+        if self._requested_scans:
+            self._schedule.request(self)
 
     def _select_items(self, intervals: frozenset[int]) -> DueItems:
         due = {name for name, each in self._interval_ticks.items() if each in intervals}

@@ -180,6 +180,50 @@ def test_name_that_cannot_be_listed_is_refused(name: str) -> None:
         questions.watch([name], False)
 
 
+@pytest.mark.parametrize(
+    ("scanner", "settings", "params"),
+    [
+        (
+            "L",
+            {"side_offset_uu": 50},
+            b"{Name L} {Opcode SETTING} {Params side_offset_uu=50}",
+        ),
+        (None, {"a": 1e-7, "b": True}, b"{Opcode SETTING} {Params a=1e-07 b=true}"),
+        (
+            None,
+            {"a": math.inf, "b": -math.inf, "c": None, "d": (1, 2.5), "e": "first"},
+            b"{Opcode SETTING} {Params a=.inf b=-.inf c=null d=[1,2.5] e=first}",
+        ),
+    ],
+)
+def test_settings_are_one_line(
+    scanner: str | None, settings: dict[str, object], params: bytes
+) -> None:
+    data = questions.change_settings(scanner, settings)
+    assert data == b"SET {Type RangeScanner} %b\r\n" % params
+
+
+def test_no_settings_are_refused() -> None:
+    with pytest.raises(ValueError, match="no settings"):
+        questions.change_settings("lms200", {})
+    with pytest.raises(ValueError, match="braces"):
+        questions.change_settings("lms200", {"a": "}\r\nINIT {"})
+
+
+@pytest.mark.usarsim(speed=5, map="foliage_room")
+def test_client_changes_settings(
+    usarsim_server: UsarsimServer, connect: Connect
+) -> None:
+    client = connect(usarsim_server.port)
+    client.spawn("P3AT", start="RobotStart1")
+    client.change_settings("lms200", max_range=3, ray_weights=(1, 2, 1))
+    while client.wait_for(RangeScan).ranges.max() > 3:
+        pass
+    assert client.robot_info().scanner().max_range == 3
+    client.change_settings(max_range=-3)
+    assert "max_range" in client.wait_for(CommandError).text
+
+
 def test_refused_watch_is_reported(empty_room: Scene) -> None:
     host = Host(empty_room)
     number, session = host.connect(), Session()

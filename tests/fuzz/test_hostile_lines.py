@@ -27,10 +27,13 @@ HOSTILE_CLIENTS = 6
 MAX_CPU_SECONDS = 45.0  # of a case, with a margin of ten
 MAX_GROWTH = 16.0  # MB of resident memory in the second half of a case
 MAX_UNSENT = 262_144 + 4_194_304 + 2**16  # bytes of one client
+MAX_COPIES = 4_194_304 + 1_048_576 + 2**16  # bytes of what it watches
 MAX_LOG_TEXT = 1000  # characters of a diagnostic
 CELL = (40.0, 40.0)  # x, y of a closed box outside the room, m
 
-LINE = re.compile(rb"(NFO|STA|SEN|CONF|GEO)( ?\{[ -z|~]+\})+\r\n")
+LINE = re.compile(
+    rb"(SEE \{Robot [^{}]+\} )?(NFO|STA|SEN|CONF|GEO)( ?\{[ -z|~]+\})+\r\n"
+)
 VALID = (
     b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}",
     b"INIT {ClassName USARBot.P2AT} {Location 0,2,0} {Rotation 0,0,1.5}",
@@ -48,6 +51,9 @@ VALID = (
     b"SET {Type RangeScanner} {Opcode ECHOES} {Params true}",
     b"SET {Type RangeScanner} {Opcode ECHOES} {Params false}",
     b"SET {Type INS} {Opcode POSE} {Params 1,2,-3,0,0,0.5}",
+    b"SET {Type RangeScanner} {Opcode SETTING} {Params max_range=9 side_offset_uu=5}",
+    b"WATCH {Robots All} {Echoes true}",
+    *(b"WATCH {Robots R1,Compare}", b"WATCH {Robots None}"),
     *(b"SET {Type Odometry} {Opcode RESET}", b"SET {Type Encoder} {Opcode RESET}"),
     *(b"SET {Type Tachometer} {Name TachTest} {Opcode RESET}", b"SET {Type Joint}"),
 )
@@ -156,7 +162,7 @@ class HostileClient:
 
     def take(self) -> bytes:
         """Read what there is, most of the time; connect anew when it has to."""
-        assert self._host.unsent_bytes(self._number) <= MAX_UNSENT
+        assert self._host.unsent_bytes(self._number) <= MAX_UNSENT + MAX_COPIES
         if self._host.must_close(self._number) or self._rng.random() < 0.002:
             self._host.disconnect(self._number)
             self._number = self._host.connect()

@@ -311,7 +311,8 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"SET {Type INS} {Opcode ZOOM}",
             "opcode",
-            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES']",
+            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES', "
+            "'SETTING']",
             id="unknown opcode",
         ),
         pytest.param(

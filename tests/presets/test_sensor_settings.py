@@ -5,7 +5,12 @@ import pytest
 
 from radarsim.errors import PresetError
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import load_settings, parse_setting
+from radarsim.presets.sensors import (
+    MOST_SETTINGS,
+    load_settings,
+    parse_setting,
+    parse_settings,
+)
 
 
 @pytest.mark.parametrize(
@@ -200,3 +205,25 @@ def test_setting_on_the_command_line_is_parsed(text: str, value: object) -> None
 def test_invalid_setting_text_is_rejected(text: str) -> None:
     with pytest.raises(PresetError, match="expected KEY=VALUE"):
         parse_setting(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "settings"),
+    [
+        ("a=1", {"a": 1}),
+        (" a=1, b=2 ,c=3\td=4, ", {"a": 1, "b": 2, "c": 3, "d": 4}),
+        ("a=1,2,1 b = [1, 2],c=first", {"a": [1, 2, 1], "b": [1, 2], "c": "first"}),
+        ("a=1 a=2", {"a": 2}),
+        ("a=", {"a": None}),
+    ],
+)
+def test_several_settings_are_parsed(text: str, settings: dict[str, Any]) -> None:
+    assert parse_settings(text) == settings
+
+
+@pytest.mark.parametrize(
+    "text", ["", ",", "a", "a b=1", "=1", "a=1 " * MOST_SETTINGS * 2]
+)
+def test_what_are_no_settings_is_refused(text: str) -> None:
+    with pytest.raises(PresetError, match="expected"):
+        parse_settings(text)

@@ -154,6 +154,20 @@ def test_invalid_settings_are_refused(settings: dict[str, Any], text: str) -> No
     assert str(caught.value) == text
 
 
+def test_changed_settings_replace_those_under_any_spelling_of_the_name() -> None:
+    (item,) = load_robot("P3AT").items_of("RangeScanner")
+    first = SimulationConfig(
+        item_settings={"LMS200": {"max_range": 9, "fov_deg": 90}, "InsTest": {}}
+    )
+    changed = first.with_settings(item, {"max_range": 7})
+    settings = changed.scanner_settings(item)
+    assert (settings.max_range, settings.fov_deg) == (7, 90)
+    assert first.scanner_settings(item).max_range == 9
+    assert "InsTest" in changed.item_settings
+    with pytest.raises(PresetError, match="max_range"):
+        first.with_settings(item, {"max_range": -7})
+
+
 def test_unknown_scanner_setting_is_refused() -> None:
     with pytest.raises(PresetError, match="no setting 'power'"):
         SimulationConfig(item_settings={"lms200": {"power": 1}}).check()
