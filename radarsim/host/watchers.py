@@ -2,7 +2,7 @@
 
 A watcher has a queue of its own for the copies. If it reads too slowly it loses the
 oldest, all lines of a robot in a tick together, and holds up nobody. It never loses
-the news of which robots there are.
+answers, nor the news of which robots there are.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from radarsim.host.connection import Client
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import to_bytes
-from radarsim.protocol.watching import RobotJoined, RobotLeft, Watch, see_head
+from radarsim.protocol.watching import RobotJoined, RobotLeft, Watch, Watching, see_head
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
@@ -64,6 +64,7 @@ class Watchers:
     def watch(self, client: Client, watch: Watch) -> None:
         """Let a client watch robots instead of those that it has watched."""
         self.remove(client)
+        self._tell(client, Watching(watch.robots, watch.echoes))
         if watch.robots.names == ():
             return
         self._watches[client.number] = client, watch
@@ -136,7 +137,7 @@ class Watchers:
         else:
             audience.plain[client.number] = client
 
-    def _tell(self, client: Client, report: RobotJoined | RobotLeft) -> None:
+    def _tell(self, client: Client, report: Watching | RobotJoined | RobotLeft) -> None:
         line = to_bytes([report.encode(self._dialect)])
         client.watch_queue.put(line, keep=True)
         self._unsent.add(client.number)

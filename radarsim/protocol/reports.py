@@ -61,6 +61,7 @@ from radarsim.protocol.watching import (
     CommandError,
     RobotJoined,
     RobotLeft,
+    Watching,
     is_seen,
     see_head,
     split_seen,
@@ -96,6 +97,7 @@ __all__ = [
     "Touch",
     "TouchConf",
     "WatchedLine",
+    "Watching",
     "decode_report",
     "to_bytes",
 ]
@@ -267,6 +269,7 @@ Report: TypeAlias = (
     | RobotJoined
     | RobotLeft
     | CommandError
+    | Watching
     | WatchedLine
 )
 
@@ -308,6 +311,8 @@ def to_bytes(lines: Iterable[str]) -> bytes:
 def _decode_info(message: Message) -> Report | None:
     if message.get("StartPoses") is not None:
         return StartPoses.decode(message)
+    if message.get("Watching") is not None:
+        return Watching.decode(message)
     if message.get("Joined") is not None:
         return RobotJoined.decode(message)
     for key, report in (

@@ -102,6 +102,34 @@ class Watch:
 
 
 @dataclass(frozen=True, slots=True)
+class Watching:
+    """The answer to a command to watch robots.
+
+    Attributes:
+        robots: The robots that are watched from now on.
+        echoes: Those of them whose scanners list their echoes.
+    """
+
+    robots: RobotChoice
+    echoes: RobotChoice = RobotChoice()
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If a field is not readable.
+        """
+        robots = message.parse("Watching", RobotChoice.parse)
+        return cls(robots, message.parse("Echoes", RobotChoice.parse))
+
+    def encode(self, _: Dialect) -> str:
+        """Write the report as one line without its end."""
+        fields = (("Watching", str(self.robots)), ("Echoes", str(self.echoes)))
+        return Message("NFO", fields).encode()
+
+
+@dataclass(frozen=True, slots=True)
 class RobotJoined:
     """A robot is there.
 

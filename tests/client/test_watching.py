@@ -21,7 +21,9 @@ from radarsim.protocol.reports import (
     RobotLeft,
     Status,
     WatchedLine,
+    Watching,
 )
+from radarsim.protocol.watching import RobotChoice
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -48,6 +50,8 @@ def test_client_watches_the_robot_of_another(
 ) -> None:
     driver, watcher = connect(usarsim_server.port), connect(usarsim_server.port)
     watcher.watch(echoes="R1")
+    answer = watcher.wait_for(Watching)
+    assert answer == Watching(RobotChoice(None), RobotChoice(("R1",)))
     driver.spawn("P3AT", name="R1", start="RobotStart1")
     assert watcher.wait_for(RobotJoined) == RobotJoined("R1", "P3AT")
     seen = watcher.wait_for(WatchedLine)
@@ -69,19 +73,21 @@ def test_watched_reports_are_those_of_the_robots_own_client(
     foliage_room: Scene, dialect: Dialect
 ) -> None:
     host = Host(foliage_room, config=SimulationConfig(dialect))
-    numbers = driver, watcher = host.connect(), host.connect()
+    driver, watcher = host.connect(), host.connect()
     own, other = Session(), Session()
     host.receive(driver, INIT)
     host.receive(watcher, questions.watch("r1", False))
-    assert len(numbers) == 2
     reports: list[Report] = []
     copies: list[Report] = []
     for _ in range(60):
         host.step()
         reports += own.receive(host.take(driver))
         copies += other.receive(host.take(watcher))
-    seen = [copy.report for copy in copies[1:] if isinstance(copy, WatchedLine)]
-    assert len(seen) == len(copies) - 1
+    greeting, answer, *others = copies
+    assert greeting == reports[0]
+    assert answer == Watching(RobotChoice(("r1",)))
+    seen = [copy.report for copy in others if isinstance(copy, WatchedLine)]
+    assert len(seen) == len(others)
     assert [repr(report) for report in seen] == [repr(each) for each in reports[1:]]
     assert other.watched["R1"].time == own.time > 0
     assert math.isnan(other.time)
@@ -125,7 +131,13 @@ def test_copy_of_an_unknown_line_has_no_report() -> None:
     "line",
     [
         *("SEE", "SEE {Robot A}", "SEE STA {Time 1.00}", "SEE {Robot A} STA {Time"),
-        *("SEEK {Robot A} STA {Time 1.00}", "NFO {Joined R1}", "NFO {Other 1}"),
+        *(
+            "SEEK {Robot A} STA {Time 1.00}",
+            "NFO {Joined R1}",
+            "NFO {Other 1}",
+            "NFO {Watching ,}",
+            "NFO {Watching All}",
+        ),
     ],
 )
 def test_incomplete_copy_is_skipped_and_counted(line: str) -> None:
@@ -138,6 +150,7 @@ def test_news_of_robots_and_errors_are_reports() -> None:
     session = Session()
     status = "STA {Type GroundVehicle} {Time 5.00} {Battery 9}"
     told: list[Report] = [
+        Watching(RobotChoice(("a", "b")), RobotChoice(("b",))),
         RobotJoined("R 1", "P3AT"),
         WatchedLine("R 1", status, Status(5.0, 9, light=False)),
         RobotLeft("R 1"),
@@ -145,9 +158,9 @@ def test_news_of_robots_and_errors_are_reports() -> None:
     ]
     lines = [report.encode(COMPAT) for report in told]
     data = [f"{line}\r\n".encode() for line in lines]
-    assert session.receive(b"".join(data[:2])) == told[:2]
+    assert session.receive(b"".join(data[:3])) == told[:3]
     assert list(session.watched) == ["R 1"]
-    assert session.receive(b"".join(data[2:])) == told[2:]
+    assert session.receive(b"".join(data[3:])) == told[3:]
     assert session.watched == {}
 
 

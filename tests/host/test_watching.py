@@ -22,6 +22,7 @@ SECOND = b"INIT {ClassName P3AT_Compare} {Name R2} {Start RobotStart2}\r\n"
 BYSTANDER = INIT.replace(b"R1", b"R2").replace(b"RobotStart1", b"RobotStart3")
 WATCH_ALL = b"WATCH {Robots All}\r\n"
 WITH_ECHOES = b"WATCH {Robots All} {Echoes true}\r\n"
+ANSWER = b"NFO {Watching All} {Echoes None}\r\n"
 ECHOES = b"SET {Type RangeScanner} {Opcode ECHOES} {Params true}\r\n"
 ECHO = b"{Type Echoes}"
 COMMANDS = (
@@ -92,8 +93,9 @@ def without_echoes(data: bytes) -> bytes:
 
 
 def news(data: bytes) -> list[bytes]:
-    """Return the lines that tell of robots."""
-    return [line for line in lines_of(data) if line.startswith(b"NFO")]
+    """Return the lines that tell of robots, and answers of other kinds."""
+    lines = lines_of(data)
+    return [x for x in lines if x.startswith(b"NFO") and b"{Watching" not in x]
 
 
 def play(
@@ -191,7 +193,7 @@ def test_watcher_of_all_is_told_which_robots_there_are(
     host = Host(empty_room, config=SimulationConfig(dialect))
     first = RecordingClient(host, INIT)
     watcher = RecordingClient(host, WATCH_ALL)
-    assert watcher.read() == b"NFO {Joined R1} {ClassName P3AT}\r\n"
+    assert watcher.read() == ANSWER + b"NFO {Joined R1} {ClassName P3AT}\r\n"
     second = RecordingClient(host, SECOND)
     step(SPAWN_COOLDOWN, first, second, watcher)
     host.disconnect(first.number)
@@ -205,7 +207,7 @@ def test_watcher_of_all_is_told_which_robots_there_are(
         b"NFO {Joined R3} {ClassName P3AT}\r\n",
     ]
     late = RecordingClient(host, WATCH_ALL)
-    assert late.read() == b"NFO {Joined R3} {ClassName P3AT}\r\n"
+    assert late.read() == ANSWER + b"NFO {Joined R3} {ClassName P3AT}\r\n"
 
 
 def test_named_robots_are_watched_whenever_they_are_there(empty_room: Scene) -> None:
@@ -259,7 +261,7 @@ def test_watch_before_the_simulation_has_begun(empty_room: Scene) -> None:
     client = RecordingClient(host)
     client.send(INIT)
     step(3, client, watcher)
-    assert watcher.data == b""
+    assert watcher.data == ANSWER
     host.begin(host.make_simulation())
     step(30, client, watcher)
     assert news(watcher.data) == [b"NFO {Joined R1} {ClassName P3AT}\r\n"]
@@ -336,7 +338,7 @@ def test_watcher_that_does_not_read_loses_the_oldest_and_holds_up_nobody(
     assert host.dropped_readings(reader.number) == 0
     late = deaf.read()
     (joined,) = news(late)
-    assert late.startswith(joined)
+    assert late.startswith(ANSWER.replace(b"Echoes None", b"Echoes All") + joined)
     assert len(late) > 2**20
     assert client.data.endswith(seen(late))
     lost = lines_of(client.data)[: -len(lines_of(seen(late)))]
@@ -400,7 +402,7 @@ def test_robot_without_a_client_is_not_watched(empty_room: Scene) -> None:
     assert host.simulation.spawn("R9", load_robot("P3AT"), Pose2(0.0, 0.0))
     watcher = RecordingClient(host, WATCH_ALL)
     step(30, watcher)
-    assert watcher.data == b""
+    assert watcher.data == ANSWER
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,9 @@ from radarsim.protocol.reports import (
     Touch,
     TouchConf,
     WatchedLine,
+    Watching,
 )
+from radarsim.protocol.watching import RobotChoice
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
 LASER = Pose3(0.2085, 0.0, 0.2)
@@ -272,6 +274,11 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
     ),
     ("no items", NameConf("MisPkg", ()), "CONF {Type MisPkg}"),
     ("robot", RobotJoined("R{1", "P3AT"), "NFO {Joined R?1} {ClassName P3AT}"),
+    (
+        "answer to a watcher",
+        Watching(RobotChoice(("R1", "R 2")), RobotChoice(None)),
+        "NFO {Watching R1,R 2} {Echoes All}",
+    ),
     ("robot that has left", RobotLeft("R1"), "NFO {Left R1}"),
     ("error", CommandError("a\n'{b}'"), "NFO {Error a '?b?'}"),
     (
