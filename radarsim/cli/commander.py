@@ -17,9 +17,8 @@ from radarsim.cli.options import (
 )
 from radarsim.cli.output import print_message, start_log
 from radarsim.cli.serve import DialectName, check_item_settings
-from radarsim.errors import MapError
 from radarsim.os_errors import describe_os_error
-from radarsim.signal_handlers import set_exit_code_of_sigterm
+from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
 LONGEST_TOKEN = 200  # characters
 
@@ -83,9 +82,7 @@ def commander(
     """See, drive and explain robots in a browser."""
     from radarsim.commander.doors import make_token
     from radarsim.commander.program import CommanderSettings, run_commander
-    from radarsim.commander.scene_message import SceneMessages
     from radarsim.protocol.dialect import get_dialect
-    from radarsim.scene.map_file import load_map
     from radarsim.simulation.config import SimulationConfig
 
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
@@ -97,12 +94,6 @@ def commander(
     )
     check_item_settings(config)
     token = make_token() if web_token_file is None else read_token(web_token_file)
-    try:
-        scene = None if map_ is None else SceneMessages.of(load_map(map_))
-    except MapError:
-        if child:  # the server says it as well
-            _read_address()
-        raise
     server = _read_address() if child else (host, port)
     if web_host not in ("127.0.0.1", "localhost", "::1"):
         print_message(
@@ -115,12 +106,12 @@ def commander(
             web_port=web,
             token=token,
             config=config,
-            scene=scene,
+            map=map_,
             is_child=child,
         ),
         lambda address: announce_commander(address, token),
     )
-    raise typer.Exit(asyncio.run(running))
+    exit_immediately(asyncio.run(running))  # threads may still import or compute
 
 
 def read_token(path: Path) -> str:

@@ -1,15 +1,27 @@
-"""What goes on with robots beside driving: tasks, and the maps that are made."""
+"""What goes on with robots beside driving: tasks, and the maps that are made.
 
+The modules that do it take seconds to import, so ``import_algorithms`` does that beside
+all else; who asks earlier waits for it.
+"""
+
+import importlib
 from collections.abc import Callable, Iterator, Set
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from radarsim.commander.map_maker import MapMaker, choose_scanner
-from radarsim.commander.map_picture import Colours, describe_no_map
-from radarsim.commander.requests import BadRequest, Cancel, Explore, Goto, Map
+from radarsim.commander.requests import (
+    BadRequest,
+    Cancel,
+    Colours,
+    Explore,
+    Goto,
+    Map,
+)
 from radarsim.commander.roster import Roster
-from radarsim.commander.task_board import TaskBoard
+from radarsim.commander.task_board import TaskBoard, Work
 from radarsim.commander.viewer import encode_json
-from radarsim.commander.work import Exploring, GoingTo, Work
+
+if TYPE_CHECKING:
+    from radarsim.commander.map_maker import MapMaker
 
 MOST_MAPS: Final = 10  # that are made at a time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
@@ -17,28 +29,32 @@ DEFAULT_COLOURS: Final[Colours] = "usarcommander"
 Broadcast = Callable[[str, object], None]
 
 
+def import_algorithms() -> None:
+    """Import what tasks and maps are made with."""
+    importlib.import_module("radarsim.commander.map_maker")
+    importlib.import_module("radarsim.commander.work")
+
+
 class Activities:
     """Tasks and maps of robots, and the newest messages about them.
 
     Attributes:
         on_mapped: Called when other robots than before are mapped.
+        safety_distance: Distance that robots keep on the way to a goal, m; None for the
+            least one that suits them.
     """
 
-    def __init__(
-        self, roster: Roster, broadcast: Broadcast, safety_distance: float | None
-    ) -> None:
+    def __init__(self, roster: Roster, broadcast: Broadcast) -> None:
         """Create it without any; to be called in the event loop.
 
         Args:
             roster: The robots.
             broadcast: Called with a message to all browsers, and its subject.
-            safety_distance: Distance that robots keep on the way to a goal, m; None
-                for the least one that suits them.
         """
+        self.safety_distance: float | None = None
         self.on_mapped: Callable[[], None] = lambda: None
         self._roster = roster
         self._broadcast = broadcast
-        self._safety_distance = safety_distance
         self._tasks = TaskBoard(self._tell)
         self._makers: dict[str, MapMaker] = {}
         self._colours: dict[str, Colours] = {}
@@ -63,7 +79,9 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        self._begin("goto", request.robot, GoingTo(request, self._safety_distance))
+        from radarsim.commander.work import GoingTo  # noqa: PLC0415
+
+        self._begin("goto", request.robot, GoingTo(request, self.safety_distance))
 
     def explore(self, request: Explore) -> None:
         """Explore, and show the map that is made for that.
@@ -71,6 +89,8 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
+        from radarsim.commander.work import Exploring  # noqa: PLC0415
+
         name = request.robot
         work = Exploring(request, self._colours.get(name, DEFAULT_COLOURS))
         self._begin("explore", name, work)
@@ -95,7 +115,7 @@ class Activities:
         self._colours[name] = request.colours
         if not request.on:
             self._stop_map(name)
-            self._tell(describe_no_map(name))
+            self._tell({"op": "map", "robot": name, "png": None})
         elif name in self._makers:
             self._makers[name].colours = request.colours
         else:
@@ -118,6 +138,11 @@ class Activities:
         self._tasks.begin(self._roster.find_own(robot), kind, work)
 
     def _make_map(self, request: Map) -> None:
+        from radarsim.commander.map_maker import (  # noqa: PLC0415
+            MapMaker,
+            choose_scanner,
+        )
+
         view = self._roster.find(request.robot)
         if len(self._makers) >= MOST_MAPS:
             raise BadRequest(f"{MOST_MAPS} maps are being made, expected no more")

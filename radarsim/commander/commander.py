@@ -4,9 +4,11 @@ Everything runs in one event loop. What takes long, such as spawning, runs besid
 and reports to the browser that asked.
 """
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.commander.activities import Activities
@@ -34,11 +36,13 @@ from radarsim.commander.requests import (
 )
 from radarsim.commander.roster import Roster
 from radarsim.commander.scanner_settings import change_setting
-from radarsim.commander.scene_message import SceneMessages
 from radarsim.commander.server_link import ServerLink
 from radarsim.commander.viewer import Viewer
 from radarsim.errors import RadarsimError
 from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    from radarsim.commander.scene_message import SceneMessages
 
 NOT_OWN: Final = Owner(mine=False, driver=None)
 
@@ -55,24 +59,22 @@ class Commander:
         self,
         address: tuple[str, int],
         config: SimulationConfig,
-        scene: SceneMessages | None = None,
     ) -> None:
         """Create a commander that is not connected; to be called in the event loop.
 
         Args:
             address: Host and port of the server.
             config: How the server was started, as far as it is known.
-            scene: The map that it serves; None if it is not known.
         """
         self.viewers: dict[str, Viewer] = {}
         self.roster = Roster(address, config)
         self._config = config
-        self._scene = scene
+        self._scene: SceneMessages | None = None
         self._frames = FrameSender(self.viewers, self._frame)
         self._link = ServerLink(address)
-        safety = None if scene is None else scene.safety_distance
-        self._activities = Activities(self.roster, self._broadcast, safety)
+        self._activities = Activities(self.roster, self._broadcast)
         self._work: set[asyncio.Task[None]] = set()
+        self._is_lost = True
         self._joined = 0  # viewers so far
         self._activities.on_mapped = self._ask_for_echoes
         self.roster.on_change = self._robots_changed
@@ -106,6 +108,14 @@ class Commander:
                 task.cancel()
             self._activities.close()
             await self.roster.close()
+
+    def show_scene(self, scene: SceneMessages) -> None:
+        """Show the map that the server serves."""
+        self._scene = scene
+        self._activities.safety_distance = scene.safety_distance
+        for viewer in self.viewers.values():
+            viewer.send(self._hello(viewer), "hello")
+            viewer.send(scene.plan, "scene")
 
     def join(self) -> Viewer:
         """Add a browser, and tell it what there is."""
@@ -251,15 +261,16 @@ class Commander:
 
     def _server_changed(self) -> None:
         state = self._link.state
+        was_lost, self._is_lost = self._is_lost, bool(state.problem)
         self.roster.is_watching = state.watches
         if state.problem:
             self.roster.forget_others()
+            self._broadcast({"op": "lost", "text": state.problem}, "server")
+            return
         for viewer in self.viewers.values():
-            if state.problem:
-                viewer.send({"op": "lost", "text": state.problem}, "server")
-            else:
-                viewer.send(self._hello(viewer), "hello")
-                viewer.send({"op": "found"}, "server")
+            viewer.send(self._hello(viewer), "hello")
+        if was_lost:
+            self._broadcast({"op": "found"}, "server")
 
     def _tell_driver(self, robot: OwnRobot) -> None:
         message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}

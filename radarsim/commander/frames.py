@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from radarsim.commander.colours import colour_of
 from radarsim.commander.robot_view import RobotView, Scanner, SeenScan, ranges_in_cm
-from radarsim.commander.scene_message import colour_of
 from radarsim.commander.viewer import encode_json
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import TargetEchoes

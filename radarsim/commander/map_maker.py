@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
-from radarsim.commander.map_picture import Colours, describe_map
-from radarsim.commander.requests import BadRequest
+from radarsim.commander.map_picture import describe_map
+from radarsim.commander.requests import BadRequest, Colours
 from radarsim.commander.robot_view import RobotView
 from radarsim.errors import RadarsimError
 from radarsim.mapping.mapper import Mapper, MapperSettings

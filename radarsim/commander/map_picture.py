@@ -2,17 +2,16 @@
 
 import base64
 import io
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from radarsim.commander.requests import Colours
 from radarsim.mapping.export import commander_pixels, sensed_window
 from radarsim.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.plotting.maps import CELL_COLOURS
-
-Colours = Literal["usarcommander", "material"]
 
 _SHADES: Final = np.array(
     [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
@@ -51,8 +50,3 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
         "colours": colours,
         "png": base64.b64encode(data.getvalue()).decode(),
     }
-
-
-def describe_no_map(robot: str) -> dict[str, Any]:
-    """Return the message that there is no map of a robot any more."""
-    return {"op": "map", "robot": robot, "png": None}

@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from socket import socket
 from typing import Any, Final
@@ -13,11 +13,11 @@ from typing import Any, Final
 import uvicorn
 from starlette.types import ASGIApp
 
+from radarsim.commander.activities import import_algorithms
 from radarsim.commander.app import create_app
 from radarsim.commander.commander import Commander
 from radarsim.commander.doors import Doors
 from radarsim.commander.requests import LONGEST_MESSAGE
-from radarsim.commander.scene_message import SceneMessages
 from radarsim.server.lifecycle import bind, exit_code_of_signal
 from radarsim.simulation.config import SimulationConfig
 
@@ -35,7 +35,7 @@ class CommanderSettings:
         web_port: Port to listen on; 0 for a free one.
         token: What a browser has to know.
         config: How the server was started, as far as it is known.
-        scene: The map that it serves; None if it is not known.
+        map: Name or file of the map that it serves; None if it is not known.
         is_child: Whether to end when stdin is closed.
     """
 
@@ -44,7 +44,7 @@ class CommanderSettings:
     web_port: int
     token: str
     config: SimulationConfig
-    scene: SceneMessages | None = None
+    map: str | None = None
     is_child: bool = False
 
 
@@ -61,6 +61,7 @@ async def run_commander(
         The exit code that the signal asks for.
 
     Raises:
+        MapError: If the map is wrong.
         ServerError: If it cannot listen.
     """
     with exit_code_of_signal() as exit_code:
@@ -78,11 +79,11 @@ async def serve_page(
     """Serve the page until a future is done; arguments and errors as above."""
     with bind(settings.web_host, settings.web_port) as listening:
         address = listening.getsockname()[:2]
-        commander = Commander(settings.server, settings.config, settings.scene)
+        commander = Commander(settings.server, settings.config)
         doors = Doors(settings.web_host, address[1])
         app = create_app(commander, doors, settings.token)
         server = _WebServer(app, lambda: announce(address))
-        working = asyncio.ensure_future(commander.run())
+        working = asyncio.ensure_future(_work(commander, settings.map))
         serving = asyncio.ensure_future(server.serve([listening]))
         try:
             pending: set[asyncio.Future[Any]] = {end, working, serving}
@@ -95,6 +96,52 @@ async def serve_page(
         for task in (working, serving):
             if not task.cancelled():
                 task.result()  # raises what ended it
+
+
+async def _work(commander: Commander, map_: str | None) -> None:
+    """Run a commander, and meanwhile load what takes long."""
+    running = asyncio.ensure_future(commander.run())
+    try:
+        if map_ is not None:
+            commander.show_scene(await _in_thread(_load_scene, map_))
+        await _in_thread(import_algorithms)
+        await running
+    finally:
+        running.cancel()
+        await asyncio.wait({running})
+
+
+def _load_scene(map_: str) -> Any:
+    from radarsim.commander.scene_message import SceneMessages  # noqa: PLC0415
+    from radarsim.scene.map_file import load_map  # noqa: PLC0415
+
+    return SceneMessages.of(load_map(map_))
+
+
+async def _in_thread(function: Callable[..., Any], *arguments: object) -> Any:
+    """Call a function in a thread for which the end of the program does not wait."""
+    loop = asyncio.get_running_loop()
+    result: asyncio.Future[Any] = loop.create_future()
+
+    def tell(value: Any, error: Exception | None) -> None:
+        if result.cancelled():
+            return
+        if error is None:
+            result.set_result(value)
+        else:
+            result.set_exception(error)
+
+    def run() -> None:
+        value, failure = None, None
+        try:
+            value = function(*arguments)
+        except Exception as error:  # noqa: BLE001 - raised where it is awaited
+            failure = error
+        with suppress(RuntimeError):  # the loop is closed
+            loop.call_soon_threadsafe(tell, value, failure)
+
+    threading.Thread(target=run, daemon=True).start()
+    return await result
 
 
 class _WebServer(uvicorn.Server):

@@ -26,6 +26,7 @@ Key: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 Share: TypeAlias = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
 Time: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Colours: TypeAlias = Literal["usarcommander", "material"]
 Value: TypeAlias = bool | int | Annotated[float, Field(allow_inf_nan=False)] | Text
 
 
@@ -129,7 +130,7 @@ class Map(Request):
     robot: RobotName
     on: bool
     scanner: RobotName | None = None
-    colours: Literal["usarcommander", "material"] = "usarcommander"
+    colours: Colours = "usarcommander"
 
 
 class Cancel(Request):

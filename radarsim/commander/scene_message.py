@@ -8,11 +8,10 @@ from typing import Any, Final, Self
 import numpy as np
 import shapely
 
+from radarsim.commander.colours import colour_of
 from radarsim.commander.viewer import encode_json
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import FAMILY_COLOURS, family_of
 from radarsim.robots.obstacles import slice_mesh
-from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
 HEIGHT: Final = 0.346  # m above the floor, of the scanner of a P3AT
@@ -86,11 +85,6 @@ def describe_materials(scene: Scene) -> list[dict[str, str]]:
         {"name": name, "label": name.replace("_", " "), "colour": colour_of(material)}
         for name, material in sorted(used.items())
     ]
-
-
-def colour_of(material: Material) -> str:
-    """Return the colour of a material in all pictures, as ``#rrggbb``."""
-    return FAMILY_COLOURS[family_of(material)]
 
 
 def _head(part: Part) -> dict[str, Any]:

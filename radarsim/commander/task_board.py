@@ -4,17 +4,39 @@ import asyncio
 import logging
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeAlias
 
 from radarsim.commander.own_robot import OwnRobot
 from radarsim.commander.requests import BadRequest
 from radarsim.commander.robot_client import RobotClient
-from radarsim.commander.work import Work, WorkFailed
 from radarsim.errors import RadarsimError
 
 log = logging.getLogger("radarsim.commander")
 MOST_TASKS: Final = 20  # at a time
+
+Tell: TypeAlias = Callable[[dict[str, Any]], None]
+
+
+class WorkFailed(Exception):
+    """A robot has not done what it was to do; the message says why."""
+
+
+class Work(Protocol):
+    """Something that a robot does by itself."""
+
+    def run(self, client: RobotClient, tell: Tell) -> str:
+        """Do it, and return how it went, in words.
+
+        Args:
+            client: The connection to the robot.
+            tell: Called with messages.
+
+        Raises:
+            RadarsimError: If the robot or its server cannot do it.
+            WorkFailed: If it is not done.
+        """
 
 
 @dataclass(slots=True, eq=False)
@@ -126,5 +148,5 @@ class TaskBoard:
         self._tell(task.describe())
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
-        if not self._loop.is_closed():
+        with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(function, *arguments)

@@ -4,14 +4,14 @@ Both block, and so run in threads; they tell what happens as messages.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 
-from radarsim.commander.map_picture import Colours, describe_map
-from radarsim.commander.requests import BadRequest, Explore, Goto
+from radarsim.commander.map_picture import describe_map
+from radarsim.commander.requests import BadRequest, Colours, Explore, Goto
 from radarsim.commander.robot_client import RobotClient
+from radarsim.commander.task_board import Tell, WorkFailed
 from radarsim.exploration.exploration import (
     Exploration,
     ExplorationPlan,
@@ -31,28 +31,6 @@ PATH_INTERVAL: Final = 0.5  # s between two messages
 MAP_INTERVAL: Final = 1.0  # s
 MOST_POINTS: Final = 1000  # of a path in a message
 HERE: Final = Pose2(0.0, 0.0)  # the robot is spawned; this is not looked at
-
-Tell: TypeAlias = Callable[[dict[str, Any]], None]
-
-
-class WorkFailed(Exception):
-    """A robot has not done what it was to do; the message says why."""
-
-
-class Work(Protocol):
-    """Something that a robot does by itself."""
-
-    def run(self, client: RobotClient, tell: Tell) -> str:
-        """Do it, and return how it went, in words.
-
-        Args:
-            client: The connection to the robot.
-            tell: Called with messages.
-
-        Raises:
-            RadarsimError: If the robot or its server cannot do it.
-            WorkFailed: If it is not done.
-        """
 
 
 class GoingTo:

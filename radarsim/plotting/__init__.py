@@ -1,15 +1,31 @@
 """Plots of scans and of runs over a plan of the map."""
 
-from radarsim.plotting.comparison import compare
-from radarsim.plotting.plan import plot_scene
-from radarsim.plotting.rendering import render
-from radarsim.plotting.scans import (
-    as_svg,
-    draw_scans,
-    draw_scene,
-    plot_scan,
-    plot_scans,
-)
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from radarsim.plotting.comparison import compare
+    from radarsim.plotting.plan import plot_scene
+    from radarsim.plotting.rendering import render
+    from radarsim.plotting.scans import (
+        as_svg,
+        draw_scans,
+        draw_scene,
+        plot_scan,
+        plot_scans,
+    )
+
+# Modules are imported on first use: colours alone do not need all that draws.
+_MODULES = {
+    "as_svg": "scans",
+    "compare": "comparison",
+    "draw_scans": "scans",
+    "draw_scene": "scans",
+    "plot_scan": "scans",
+    "plot_scans": "scans",
+    "plot_scene": "plan",
+    "render": "rendering",
+}
 
 __all__ = [
     "as_svg",
@@ -21,3 +37,14 @@ __all__ = [
     "plot_scene",
     "render",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+    return getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,15 +1,19 @@
-import os
 import re
 import signal
+import socket
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import httpx
 import pytest
 import typer
+from commands import Run
 from processes import start_radarsim
 
 from radarsim.cli.commander import announce_commander, read_token
+
+RunCommand = Callable[..., Run]
 
 TIMEOUT = 240.0  # s
 
@@ -40,7 +44,17 @@ def wait_until_gone(url: str) -> None:
         pass
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        pytest.param(signal.SIGTERM, marks=SLOW),
+        pytest.param(signal.SIGINT, marks=SLOW),
+        signal.SIGKILL,
+    ],
+)
 def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> None:
     server = start_radarsim("serve", "empty_room", "--port", "0", "--web", "0")
     with server:
@@ -53,6 +67,7 @@ def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> 
         wait_until_gone(url)
 
 
+@SLOW
 def test_commander_of_a_server_that_cannot_start_ends_as_well() -> None:
     with start_radarsim("serve", "no_such_map", "--port", "0", "--web", "0") as run:
         out, err = run.communicate(timeout=TIMEOUT)
@@ -61,6 +76,7 @@ def test_commander_of_a_server_that_cannot_start_ends_as_well() -> None:
     assert err.decode().count("no_such_map") == 1
 
 
+@SLOW
 @pytest.mark.parametrize("end", [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
 def test_signal_ends_the_commander(end: tuple[signal.Signals, int]) -> None:
     number, code = end
@@ -94,23 +110,15 @@ def test_address_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert out == f"radarsim: commander on http://[::1]:8000/#token={'x' * 200}\n"
 
 
-def test_ports_of_server_and_page_differ() -> None:
-    with start_radarsim(
-        "serve", "empty_room", "--port", "8123", "--web", "8123"
-    ) as run:
-        _, err = run.communicate(timeout=TIMEOUT)
-    assert run.returncode == 2
-    assert b"--web" in err
+def test_ports_of_server_and_page_differ(radarsim: RunCommand) -> None:
+    run = radarsim("serve", "empty_room", "--port", "8123", "--web", "8123")
+    assert run.code == 2
+    assert "--web" in run.err
 
 
-def test_port_in_use_is_told_with_its_cure() -> None:
-    with start_radarsim("commander", "--port", "1", "--web", "0") as first:
-        try:
-            port = read_url(first).rstrip("/").rpartition(":")[2]
-            command = ("serve", "empty_room", "--port", "0", "--web", port)
-            with start_radarsim(*command) as second:
-                _, err = second.communicate(timeout=TIMEOUT)
-        finally:
-            os.kill(first.pid, signal.SIGTERM)
-    assert second.returncode == 1
-    assert b"--web 0 takes a free one" in err
+def test_port_in_use_is_told_with_its_cure(radarsim: RunCommand) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        run = radarsim("serve", "empty_room", "--port", "0", "--web", port)
+    assert run.code == 1
+    assert "--web 0 takes a free one" in run.err

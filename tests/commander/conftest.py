@@ -82,9 +82,7 @@ def scene_messages(foliage_room: Scene) -> SceneMessages:
 
 
 @pytest.fixture
-def commander(
-    server: tuple[str, int], scene_messages: SceneMessages
-) -> Iterator[RunningCommander]:
+def commander(server: tuple[str, int]) -> Iterator[RunningCommander]:
     """Run a commander for the room."""
     thread = CommanderThread(
         CommanderSettings(
@@ -93,7 +91,7 @@ def commander(
             web_port=0,
             token=TOKEN,
             config=SimulationConfig(),
-            scene=scene_messages,
+            map="foliage_room",
         )
     )
     yield RunningCommander(thread.begin(), server)
