@@ -35,7 +35,7 @@ from radarsim.commander.requests import (
     Triangles,
 )
 from radarsim.commander.roster import Roster
-from radarsim.commander.scanner_settings import change_setting
+from radarsim.commander.scanner_settings import change_setting, undo_setting
 from radarsim.commander.server_link import ServerLink
 from radarsim.commander.viewer import Viewer
 from radarsim.errors import RadarsimError
@@ -278,7 +278,9 @@ class Commander:
         self._frames.changed()
 
     def _tell_refusal(self, robot: OwnRobot, text: str) -> None:
+        undo_setting(self.roster.views[robot.name])
         self._broadcast({"op": "error", "text": f"{robot.name!r}: {text}"}, None)
+        self._frames.changed()
 
     def _tell_lost(self, robot: OwnRobot, reason: str) -> None:
         """Tell all that a robot is gone, and who drives it that it is an error."""

@@ -81,6 +81,8 @@ class RobotView:
         battery: Time that the battery lasts, s; None if unknown.
         scans: The newest scans of each scanner, the newest last.
         scanners: Scanners by name.
+        last_change: The scanner whose settings were changed last, and those before;
+            None if none were.
         listeners: Called with each report.
     """
 
@@ -101,6 +103,7 @@ class RobotView:
         self.battery: int | None = None
         self.scans: dict[str, deque[SeenScan]] = {}
         self.scanners: dict[str, Scanner] = {}
+        self.last_change: tuple[Scanner, dict[str, Any]] | None = None
         self.listeners: list[Callable[[Report], None]] = []
         self._config = config
         self._touched: dict[str, bool] = {}

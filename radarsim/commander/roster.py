@@ -186,7 +186,7 @@ class Roster:
     def _take_own(self, name: str, reports: Iterable[Report]) -> None:
         """Process reports of a robot of the commander on its own connection."""
         for report in reports:
-            if isinstance(report, CommandError):
+            if isinstance(report, CommandError) and name in self.own:
                 self.on_refusal(self.own[name], report.text)
         if not self.is_watching:
             news = [self.views[name].take(report) for report in reports]

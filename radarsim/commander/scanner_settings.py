@@ -25,8 +25,20 @@ def change_setting(robot: OwnRobot, view: RobotView, request: Setting) -> None:
         _check(scanner, request)
     robot.change_setting(scanner.name, request.key, _as_text(request.value))
     if scanner.settings:
-        scanner.settings = {**scanner.settings, request.key: request.value}
-        scanner.max_range = scanner.settings["max_range"]
+        view.last_change = scanner, scanner.settings
+        _take(scanner, {**scanner.settings, request.key: request.value})
+
+
+def undo_setting(view: RobotView) -> None:
+    """Take back the last change, which the server has refused."""
+    if view.last_change is not None:
+        _take(*view.last_change)
+        view.last_change = None
+
+
+def _take(scanner: Scanner, settings: dict[str, Any]) -> None:
+    scanner.settings = settings
+    scanner.max_range = settings["max_range"]
 
 
 def _check(scanner: Scanner, request: Setting) -> None:

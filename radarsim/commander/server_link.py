@@ -8,7 +8,7 @@ from typing import Final
 
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.geometry import Pose3
-from radarsim.protocol.reports import Report, RobotJoined, WatchedLine
+from radarsim.protocol.reports import Report, Watching
 
 RETRY: Final = 1.0  # s between two attempts to connect
 ANSWER: Final = 5.0  # s that the server has to answer
@@ -22,8 +22,7 @@ class ServerState:
     Attributes:
         level: Name of its map.
         starts: Start poses by name.
-        watches: Whether it has told of robots of other clients, as not every server
-            does.
+        watches: Whether it tells of robots of other clients, as not every server does.
         problem: Why there is no connection; empty while there is one.
     """
 
@@ -107,9 +106,8 @@ class ServerLink:
 
     def _take(self, reports: Sequence[Report]) -> None:
         if not self.state.watches and any(
-            isinstance(report, RobotJoined | WatchedLine) for report in reports
+            isinstance(report, Watching) for report in reports
         ):
             self.state.watches = True
             self.on_change()
-            self.ask_for_echoes(self._echoes)
         self.on_reports(reports)
