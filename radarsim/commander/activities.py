@@ -164,10 +164,9 @@ class Activities:
     def _tell(self, message: dict[str, Any]) -> None:
         """Tell all browsers, and those that come later."""
         op, robot = message["op"], message["robot"]
-        if robot not in self._roster.views:
-            return
         if op == "task":  # frames say who drives
             self._roster.on_change()
         text = encode_json(message)
-        self._newest[op, robot] = text
+        if robot in self._roster.views:
+            self._newest[op, robot] = text
         self._broadcast(text, (op, robot, message.get("id")))

@@ -199,7 +199,9 @@ class Commander:
 
     def _set(self, _: Viewer, request: Setting) -> None:
         robot = self.roster.find_own(request.robot)
-        change_setting(robot, self.roster.views[robot.name], request)
+        if not self._link.state.watches:
+            raise BadRequest("this server changes no settings")
+        change_setting(robot, self.roster.find(robot.name), request)
         self._frames.changed()
 
     def _explain(self, viewer: Viewer, request: Explain) -> None:
@@ -278,7 +280,8 @@ class Commander:
         self._frames.changed()
 
     def _tell_refusal(self, robot: OwnRobot, text: str) -> None:
-        undo_setting(self.roster.views[robot.name])
+        if robot.name in self.roster.views:
+            undo_setting(self.roster.views[robot.name])
         self._broadcast({"op": "error", "text": f"{robot.name!r}: {text}"}, None)
         self._frames.changed()
 

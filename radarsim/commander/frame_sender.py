@@ -6,7 +6,7 @@ from typing import Final
 
 from radarsim.commander.viewer import Viewer
 
-INTERVAL: Final = 0.1  # s between two frames
+INTERVAL: Final = 0.1  # s between two frames, on average at least
 COALESCED: Final = 0.004  # s; what arrives together is in one frame
 
 
@@ -52,10 +52,9 @@ class FrameSender:
     def _send(self) -> None:
         """Send a frame to all viewers that are ready, and set when the next is due."""
         self._timer = None
-        now = self._loop.time()
-        # on a grid, so that scans that come as often as frames are not skipped
-        is_late = now - self._due >= INTERVAL
-        self._due = (now if is_late else self._due) + INTERVAL
+        # One that is late puts off no other: else frames would follow scans, which
+        # come as often, by that time for ever.
+        self._due = max(self._loop.time(), self._due + INTERVAL)
         frames: dict[str | None, bytes] = {}
         for viewer in self._viewers.values():
             if viewer.is_ready:

@@ -86,13 +86,16 @@ class RobotView:
         listeners: Called with each report.
     """
 
-    def __init__(self, name: str, class_name: str, config: SimulationConfig) -> None:
+    def __init__(
+        self, name: str, class_name: str, config: SimulationConfig | None
+    ) -> None:
         """Expect reports.
 
         Args:
             name: Name of the robot.
-            class_name: Name of its class; shipped ones are known.
-            config: How its items differ from their presets.
+            class_name: Name of its class.
+            config: How its items differ from their presets; None with another server
+                than radarsim, which may have other classes of that name.
         """
         self.name = name
         self.class_name = class_name
@@ -105,13 +108,13 @@ class RobotView:
         self.scanners: dict[str, Scanner] = {}
         self.last_change: tuple[Scanner, dict[str, Any]] | None = None
         self.listeners: list[Callable[[Report], None]] = []
-        self._config = config
         self._touched: dict[str, bool] = {}
         self._pose_kind = len(POSES)  # index in POSES of where the pose is from
         self._track: deque[tuple[float, Pose2]] = deque()
         self._echoes: dict[str, list[EchoLine]] = {}
-        with suppress(PresetError):  # of another server, whose answers describe it
-            self._describe_by_class(load_robot(class_name))
+        if config is not None:
+            with suppress(PresetError):
+                self._describe_by_class(load_robot(class_name), config)
 
     @property
     def touched(self) -> bool:
@@ -172,10 +175,10 @@ class RobotView:
         )
         return next(fitting, None)
 
-    def _describe_by_class(self, model: RobotModel) -> None:
+    def _describe_by_class(self, model: RobotModel, config: SimulationConfig) -> None:
         self.size = (model.length, model.width)
         for item in model.items_of("RangeScanner"):
-            settings = self._config.scanner_settings(item)
+            settings = config.scanner_settings(item)
             self.scanners[item.name.casefold()] = Scanner(
                 item.name,
                 settings.medium,

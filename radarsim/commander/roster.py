@@ -21,6 +21,7 @@ from radarsim.simulation.config import SimulationConfig
 from radarsim.suggestions import expected_one_of
 
 MOST_ROBOTS: Final = 100  # that the commander spawns
+MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
 NEAR: Final = 0.8  # m from a start at which a robot occupies it
 
 
@@ -152,11 +153,15 @@ class Roster:
         await asyncio.gather(*(self.remove(robot) for robot in [*self.own.values()]))
 
     def add(self, name: str, class_name: str) -> RobotView:
-        """Add a robot, if it is not known yet."""
-        if name not in self.views:
-            self.views[name] = RobotView(name, class_name, self._config)
-            self.on_change()
-        return self.views[name]
+        """Add a robot, if it is not known yet, and return what is known of it."""
+        view = self.views.get(name)
+        if view is None:
+            config = self._config if self.is_watching else None
+            view = RobotView(name, class_name, config)
+            if len(self.views) < MOST_VIEWS:
+                self.views[name] = view
+                self.on_change()
+        return view
 
     def watch(self, reports: Iterable[Report]) -> None:
         """Process what the server tells of all robots."""
@@ -188,8 +193,9 @@ class Roster:
         for report in reports:
             if isinstance(report, CommandError) and name in self.own:
                 self.on_refusal(self.own[name], report.text)
-        if not self.is_watching:
-            news = [self.views[name].take(report) for report in reports]
+        view = self.views.get(name)
+        if view is not None and not self.is_watching:
+            news = [view.take(report) for report in reports]
             if any(news):
                 self.on_change()
 

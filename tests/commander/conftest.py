@@ -1,7 +1,9 @@
 import asyncio
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
@@ -28,6 +30,9 @@ class RunningCommander:
     web: str
     server: tuple[str, int]
     token: str = TOKEN
+
+
+Starter = Callable[..., AbstractContextManager[RunningCommander]]
 
 
 class CommanderThread(threading.Thread):
@@ -84,15 +89,28 @@ def scene_messages(foliage_room: Scene) -> SceneMessages:
 @pytest.fixture
 def commander(server: tuple[str, int]) -> Iterator[RunningCommander]:
     """Run a commander for the room."""
-    thread = CommanderThread(
-        CommanderSettings(
-            server=server,
-            web_host="127.0.0.1",
-            web_port=0,
-            token=TOKEN,
-            config=SimulationConfig(),
-            map="foliage_room",
-        )
-    )
+    with run_commander(server, map="foliage_room") as running:
+        yield running
+
+
+@pytest.fixture
+def start_commander() -> Starter:
+    """Return the context in which a commander of a server runs."""
+    return run_commander
+
+
+@contextmanager
+def run_commander(
+    server: tuple[str, int], **settings: Any
+) -> Iterator[RunningCommander]:
+    """Run a commander.
+
+    Args:
+        server: Host and port of the server.
+        settings: Of ``CommanderSettings``.
+    """
+    usual: dict[str, Any] = {"web_host": "127.0.0.1", "web_port": 0, "token": TOKEN}
+    usual |= {"config": SimulationConfig()}
+    thread = CommanderThread(CommanderSettings(server=server, **usual | settings))
     yield RunningCommander(thread.begin(), server)
     thread.finish()

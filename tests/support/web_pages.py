@@ -78,12 +78,15 @@ class Page:
 
 
 @asynccontextmanager
-async def open_page(address: str, token: str) -> AsyncIterator[Page]:
+async def open_page(
+    address: str, token: str, *, waits: bool = True
+) -> AsyncIterator[Page]:
     """Open a page, and say hello.
 
     Args:
         address: Host and port.
         token: The token.
+        waits: Whether to wait until the commander is connected to its server.
     """
     async with websockets.connect(
         f"ws://{address}/ws", origin=Origin(f"http://{address}"), max_size=None
@@ -91,6 +94,6 @@ async def open_page(address: str, token: str) -> AsyncIterator[Page]:
         page = Page(socket)
         await page.send("hello", token=token)
         page.hello = await page.hear("hello")
-        while not page.hello["level"]:  # the commander is not connected yet
+        while waits and not page.hello["level"]:  # the commander is not connected yet
             page.hello = await page.hear("hello")
         yield page
