@@ -85,6 +85,8 @@ def commander(
     from radarsim.protocol.dialect import get_dialect
     from radarsim.simulation.config import SimulationConfig
 
+    # The parent says what is wrong with the options that it passes on, and ends.
+    server = _read_address() if child else (host, port)
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
     config = SimulationConfig(
@@ -92,9 +94,9 @@ def commander(
         None if drive_unit is None else drive_unit.value,
         read_item_settings(settings or []),
     )
-    check_item_settings(config)
+    if not child:
+        check_item_settings(config)
     token = make_token() if web_token_file is None else read_token(web_token_file)
-    server = _read_address() if child else (host, port)
     if web_host not in ("127.0.0.1", "localhost", "::1"):
         print_message(
             f"whoever reaches {web_host} and knows the token can drive the robots"

@@ -105,25 +105,24 @@ def serve(
     """Serve a map to USARSim clients until interrupted."""
     # before imports that take long
     _check_ports(host, {"--port": port, "--image-port": image_port}, web)
-    from radarsim.protocol.dialect import get_dialect
-    from radarsim.server.tcp_server import Server
-    from radarsim.server.tcp_server import serve as serve_until_signal
-    from radarsim.simulation.config import SimulationConfig
-
-    level = logging.INFO if verbose else logging.WARNING
-    start_log(level, "%(asctime)s %(levelname)s %(message)s")
-    config = SimulationConfig(
-        get_dialect(dialect.value),
-        None if drive_unit is None else drive_unit.value,
-        read_item_settings(settings or []),
-    )
     options = None
     if web is not None:
-        check_item_settings(config)  # before it starts, which would say it as well
         options = ["--web", str(web), "--map", map_, "--dialect", dialect.value]
         options += [] if drive_unit is None else ["--drive-unit", drive_unit.value]
         options += [word for text in settings or [] for word in ("--set", text)]
     with commander_process(options) as page:
+        from radarsim.protocol.dialect import get_dialect
+        from radarsim.server.tcp_server import Server
+        from radarsim.server.tcp_server import serve as serve_until_signal
+        from radarsim.simulation.config import SimulationConfig
+
+        level = logging.INFO if verbose else logging.WARNING
+        start_log(level, "%(asctime)s %(levelname)s %(message)s")
+        config = SimulationConfig(
+            get_dialect(dialect.value),
+            None if drive_unit is None else drive_unit.value,
+            read_item_settings(settings or []),
+        )
         with compile_progress():  # which maps with meshes do, while they are read
             simulated = load_host(map_, config, seed=seed, begins=False)
         images = None
