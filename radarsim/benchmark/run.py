@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from radarsim.benchmark.commander import commander_beside_robots
 from radarsim.benchmark.engine import (
     against_open3d,
     beams_against_rays,
@@ -40,6 +41,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "capacity": (lambda: capacity(2.0), len(SWARMS)),
     "floods": (lambda: floods(200), len(FLOODS)),
     "lateness": (lambda: lateness_beside_floods(3, 1.0), 2 * len(FLOODS)),
+    "commander": (lambda: commander_beside_robots(10.0), 5),
     "meshes": (lambda: mesh_maps(RINGS, 5.0), 2),
     "start-up": (start_up, 2),
     "cold start": (cold_start, 6),

@@ -30,8 +30,8 @@ MAX_HELP_SECONDS, MAX_SERVE_SECONDS = 0.5, 1.5  # s
 MAX_COLD_RATIO = 1.3  # of the time until a server listens that has to compile first
 MAX_COMPILE_SECONDS = 600.0
 
-# Connects clients until there are so many robots; returns the lateness of all scans
-# that come in so many seconds, ms.
+# Connects clients until there are so many robots; returns the delays of all scans that
+# come in so many seconds, s.
 Drive: TypeAlias = Callable[[int, float], Floats]
 
 
@@ -41,12 +41,12 @@ def lateness(robots: int, seconds: float) -> Iterator[BenchmarkRow]:
     The lateness of a scan is its delay from simulated time to arrival, less the
     smallest delay of the run. The clients are in a process of their own.
     """
-    with _served_hall() as (process, drive):
+    with served_hall() as (process, _, drive):
         before = _resident_bytes(process.pid)
         drive(robots, 1.0)
-        started, used = time.monotonic(), _cpu_seconds(process.pid)
-        late = drive(robots, seconds)
-        used, elapsed = _cpu_seconds(process.pid) - used, time.monotonic() - started
+        started, used = time.monotonic(), cpu_seconds(process.pid)
+        late = lateness_of(drive(robots, seconds))
+        used, elapsed = cpu_seconds(process.pid) - used, time.monotonic() - started
         grown = _resident_bytes(process.pid) - before
     name = f"{robots} robots at 10 Hz, 181 beams"
     rate = len(late) / robots / seconds
@@ -69,9 +69,9 @@ def capacity(seconds: float, swarms: Sequence[int] = SWARMS) -> Iterator[Benchma
     exceeds its limit.
     """
     most, note = 0, ""
-    with _served_hall() as (_, drive):
+    with served_hall() as (_, _, drive):
         for robots in swarms:
-            late = drive(robots, seconds)
+            late = lateness_of(drive(robots, seconds))
             rate = len(late) / robots / seconds
             p99 = float(np.quantile(late, 0.99)) if len(late) else np.inf
             note = f"of {robots} robots {rate:.1f} scans a second, 99 % less than"
@@ -148,7 +148,7 @@ def served(
 
 
 @contextmanager
-def _served_hall() -> Iterator[tuple[subprocess.Popen[str], Drive]]:
+def served_hall() -> Iterator[tuple[subprocess.Popen[str], tuple[str, int], Drive]]:
     """Serve the hall, with clients in another process."""
     pipe = subprocess.PIPE
     with (
@@ -164,14 +164,18 @@ def _served_hall() -> Iterator[tuple[subprocess.Popen[str], Drive]]:
             assert clients.stdout is not None
             clients.stdin.write(f"{robots} {seconds}\n")
             clients.stdin.flush()
-            delays = np.array(json.loads(clients.stdout.readline()), np.float64)
-            late: Floats = (delays - delays.min(initial=np.inf)) * 1e3
-            return late
+            return np.array(json.loads(clients.stdout.readline()), np.float64)
 
         try:
-            yield process, drive
+            yield process, (host, port), drive
         finally:
             clients.kill()
+
+
+def lateness_of(delays: Floats) -> Floats:
+    """Return by how much delays exceed the smallest of them, ms."""
+    late: Floats = (delays - delays.min(initial=np.inf)) * 1e3
+    return late
 
 
 def _help_seconds() -> float:
@@ -214,7 +218,7 @@ def _wait_for_scan(client: socket.socket) -> None:
         received = received[-100:] + data
 
 
-def _cpu_seconds(pid: int) -> float:
+def cpu_seconds(pid: int) -> float:
     """Return the CPU time of a process, s."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -118,4 +118,5 @@ GROUPS = {
     "i": "clients that flood the server: CPU time of a tick, lateness beside them",
     "j": "many driving robots, Host.step and take",
     "k": "a map of one closed mesh, made ready for rays, against trimesh and embreex",
+    "l": "viewers of the commander, beside robots of other clients",
 }
