@@ -4,9 +4,9 @@ import { swatch } from "./beam_panel.js";
 import { byId, element, setText } from "./elements.js";
 
 const MARKS = [
-  ["ray", "radar ray: fainter, less power left"],
-  ["dot", "sees through, and reads this"],
-  ["hole", "hole it comes through"],
+  ["ray", "radar ray, fainter with less power"],
+  ["dot", "reads this behind"],
+  ["hole", "hole it came through"],
   ["cross", "power spent"],
   ["square", "laser reading"],
 ];

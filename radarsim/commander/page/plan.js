@@ -202,14 +202,12 @@ export class Plan {
 
   drawHole(pen, scan, number, [from, to]) {
     const [a, b] = [from, to].map((range) => this.viewport.toScreen(...beamPoint(scan, number, range)));
-    for (const [width, colour] of [[6, theme.paper], [3.5, theme.radar]]) {
-      pen.lineWidth = width;
-      pen.strokeStyle = colour;
-      pen.beginPath();
-      pen.moveTo(...a);
-      pen.lineTo(...b);
-      pen.stroke();
-    }
+    pen.lineWidth = 3.5;
+    pen.strokeStyle = sensorColour(scan.kind);
+    pen.beginPath();
+    pen.moveTo(...a);
+    pen.lineTo(...b);
+    pen.stroke();
   }
 
   drawDot(pen, scan, number, range, colour) {

@@ -6,7 +6,7 @@ import { drawLabel } from "./label.js";
 import { drawMarks } from "./marks.js";
 import { sensorColour, theme } from "./theme.js";
 
-const RANGES = [2, 5, 10, 20, 30, 50, 100, 200, 500]; // m, of the outermost ring
+const RANGES = [2, 5, 10, 15, 20, 30, 50, 100, 200, 500]; // m, of the outermost ring
 const MARGIN = 22; // px
 
 export class Polar extends EventTarget {
@@ -31,8 +31,11 @@ export class Polar extends EventTarget {
     if (!scan) return;
     this.layout = layOut(scan, width, height, outerRange(this.world.robot));
     this.drawRings(pen, scan);
-    this.drawReadings(pen, scan);
+    const outline = this.fillReadings(pen, scan);
     this.drawEchoes(pen, scan);
+    pen.lineWidth = 1.5;
+    pen.strokeStyle = sensorColour(scan.kind);
+    pen.stroke(outline);
     if (scan === this.world.scan && this.world.beam !== null) this.drawBeam(pen, scan);
   }
 
@@ -87,8 +90,8 @@ export class Polar extends EventTarget {
     pen.textAlign = "left";
   }
 
-  /** Fill what the beams cross, and outline where neighbouring beams end. */
-  drawReadings(pen, scan) {
+  /** Fill what the beams cross; return the outline where neighbouring beams end. */
+  fillReadings(pen, scan) {
     const { left, top, outer } = this.layout;
     const [area, outline] = [new Path2D(), new Path2D()];
     area.moveTo(left, top);
@@ -102,13 +105,10 @@ export class Polar extends EventTarget {
     });
     area.closePath();
     pen.fillStyle = sensorColour(scan.kind);
-    pen.strokeStyle = sensorColour(scan.kind);
     pen.globalAlpha = 0.16;
     pen.fill(area);
     pen.globalAlpha = 1;
-    pen.lineWidth = 1.5;
-    pen.lineJoin = "round";
-    pen.stroke(outline);
+    return outline;
   }
 
   drawEchoes(pen, scan) {

@@ -54,12 +54,13 @@ export class RobotsPanel extends EventTarget {
   update() {
     const { robots } = this.world.frame;
     const names = JSON.stringify(robots.map((robot) => robot.name));
-    if (names !== this.names) {
+    if (names !== this.names && this.world.framed) {
+      if (!robots.length || this.names === "[]") byId("add").open = !robots.length;
       this.names = names;
       this.list.replaceChildren(...robots.map((robot) => this.row(robot.name)));
       byId("no-robots").hidden = robots.length > 0;
-      if (!robots.length) byId("add").open = true;
     }
+    if (!this.world.framed) return;
     robots.forEach((robot, number) => this.updateRow(this.list.children[number].firstChild, robot));
     this.updateChosen();
   }

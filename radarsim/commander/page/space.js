@@ -49,7 +49,7 @@ export class Space extends EventTarget {
     const [x0, y0, x1, y1] = this.world.extent();
     const size = Math.max(x1 - x0, y1 - y0);
     const middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-    this.camera.position.set(middle[0] - 0.3 * size, middle[1] - 0.85 * size, 0.75 * size);
+    this.camera.position.set(middle[0] - 0.3 * size, middle[1] - 0.92 * size, 0.85 * size);
     this.controls.target.set(...middle, 0);
     this.controls.update();
     this.sun.position.set(middle[0] - size, middle[1] - 0.6 * size, 2 * size);

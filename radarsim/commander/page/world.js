@@ -8,6 +8,7 @@ export class World {
     this.scene = null;
     this.triangles = null;
     this.frame = { t: 0, robots: [] };
+    this.framed = false; // whether a frame has come
     this.maps = new Map(); // by robot: the last `map`, with its decoded image
     this.paths = new Map(); // by robot
     this.tasks = new Map(); // by id
@@ -34,6 +35,7 @@ export class World {
   /** Take a frame; return whether another robot became the selected one. */
   takeFrame(frame) {
     this.frame = frame;
+    this.framed = true;
     this.described.clear();
     const { robots } = frame;
     const wanted = robots.find((robot) => robot.name === this.wanted);
@@ -48,6 +50,7 @@ export class World {
     for (const told of [this.maps, this.paths, this.tasks, this.described]) told.clear();
     this.hello = this.scene = this.triangles = this.goal = this.held = null;
     this.frame = { t: 0, robots: [] };
+    this.framed = false;
   }
 
   takeScene(scene) {
