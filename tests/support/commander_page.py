@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from playwright.sync_api import Page, WebSocket
 
-PATIENCE = 240.0  # s
+PATIENCE = 30.0  # s
 STEP = 40.0  # ms between two looks
 
 
@@ -21,6 +21,7 @@ class CommanderPage:
         frames: Newest frames, as their headers; scans have ``ranges``, m.
         hosts: Hosts that were asked for anything.
         problems: What the browser complained of.
+        map: The newest map that was sent, or None.
         bounds: West, south, east and north of the scene, m.
     """
 
@@ -30,6 +31,7 @@ class CommanderPage:
         self.hosts: set[str | None] = set()
         self.problems: list[str] = []
         self.bounds = (-5.0, -5.0, 5.0, 5.0)
+        self.map: dict[str, Any] | None = None
         page.on("request", lambda request: self._note_host(request.url))
         page.on("websocket", self._follow)
         page.on("pageerror", lambda error: self.problems.append(str(error)))
@@ -146,6 +148,8 @@ class CommanderPage:
             message = json.loads(payload)
             if message["op"] == "scene":
                 self.bounds = message["bounds"]
+            elif message["op"] == "map":
+                self.map = message
             return
         (length,) = struct.unpack_from("<I", payload)
         frame = json.loads(payload[4 : 4 + length])

@@ -11,6 +11,16 @@ const MARKS = [
   ["square", "laser reading"],
 ];
 
+const CELLS = {
+  material: [
+    ["#9aa3ad", "not sensed"], ["#ffffff", "free"], ["#191818", "solid"],
+    ["#a5c262", "foliage"], ["#ebd3b0", "smoke, dust, rain"],
+  ],
+  usarcommander: [
+    ["#0000ff", "unknown"], ["#ffffff", "sensed"], ["#a0a0a0", "free, near"], ["#000000", "beams end"],
+  ],
+};
+
 /** List the materials of the scene, and the marks of the view. */
 export function updateLegend(world, view) {
   const materials = new Map();
@@ -21,12 +31,17 @@ export function updateLegend(world, view) {
   const marks = view === "plan" ? MARKS : [];
   byId("legend").replaceChildren(
     ...marks.map(([mark, text]) => element("li", {}, element("i", { className: `mark ${mark}` }), text)),
-    ...(view === "map" ? mapRows() : rows),
+    ...(view === "map" ? mapRows(world.maps.get(world.chosen)) : rows),
   );
 }
 
-function mapRows() {
-  return [element("li", {}, element("i", { className: "mark true" }), "what is truly there")];
+/** List the colours of the cells of a map, if there is one. */
+function mapRows(map) {
+  const cells = map ? CELLS[map.colours] : [];
+  return [
+    ...cells.map(([colour, text]) => element("li", {}, swatch(colour), text)),
+    element("li", {}, element("i", { className: "mark true" }), "what is truly there"),
+  ];
 }
 
 /** Say what the selected robot's sensors see through, or what is missing. */

@@ -63,6 +63,7 @@ const takers = {
   map(message) {
     world.takeMap(message, () => {
       tasks.updateMap();
+      updateLegend(world, view);
       redraw();
     });
   },
@@ -312,4 +313,4 @@ robots.addEventListener("pick", () => pick("robot"));
 tasks.addEventListener("pick", () => pick("goal"));
 followStick(byId("stick"), drive);
 followTheme(redraw);
-for (const part of ["stage", "legend"]) new ResizeObserver(fit).observe(byId(part));
+for (const part of ["stage", "legend", "finding"]) new ResizeObserver(fit).observe(byId(part));

@@ -87,7 +87,9 @@ export class RobotsPanel extends EventTarget {
   updateChosen() {
     const { robot } = this.world;
     byId("own").classList.toggle("off", !robot?.mine);
-    for (const control of byId("own").querySelectorAll("button, input, select")) control.disabled = !robot?.mine;
+    for (const control of byId("own").querySelectorAll("button, input, select")) {
+      control.disabled = control.form?.id === "mapping" ? !robot : !robot?.mine;
+    }
     setText(byId("driven"), robot?.name ?? "");
     setText(byId("driving"), robot ? describe(robot) : "Add a robot first.");
   }

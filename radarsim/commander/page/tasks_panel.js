@@ -18,10 +18,11 @@ export class TasksPanel extends EventTarget {
     });
     this.explore.addEventListener("submit", (event) => {
       event.preventDefault();
+      this.map(true); // in the colours that are chosen
       link.send("explore", { robot: world.chosen, strategy: this.explore.strategy.value });
     });
     this.mapping.addEventListener("submit", (event) => event.preventDefault());
-    this.mapping.addEventListener("change", () => this.map());
+    this.mapping.addEventListener("change", () => this.map(this.mapping.on.checked));
     byId("goal-pick").addEventListener("click", () => this.dispatchEvent(new Event("pick")));
   }
 
@@ -41,9 +42,10 @@ export class TasksPanel extends EventTarget {
     this.link.send("goto", { robot: chosen, algorithm: this.goto.algorithm.value, goal: [x, y] });
   }
 
-  map() {
-    const { on, colours } = this.mapping;
-    this.link.send("map", { robot: this.world.chosen, on: on.checked, colours: colours.value });
+  /** Begin or end a map of what the selected sensor sees, or change its colours. */
+  map(on) {
+    const scanner = this.world.scan?.scanner ?? null;
+    this.link.send("map", { robot: this.world.chosen, on, colours: this.mapping.colours.value, scanner });
   }
 
   /** Show whether the selected robot has a map. */
