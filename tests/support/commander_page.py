@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from playwright.sync_api import Page, WebSocket
 
-PATIENCE = 30.0  # s
+PATIENCE = 240.0  # s
 STEP = 40.0  # ms between two looks
 
 
