@@ -92,7 +92,12 @@ def c_predicate(function: Callable[[Any], Any]) -> Any:
 
 def _compiled_callback(result: Any, function: Any) -> Any:
     signature = (types.voidptr,), result
-    callback = _CFunc(function, signature, {}, {"error_model": "numpy"})
+    callback = _CFunc(
+        function,
+        signature,
+        {},
+        {"error_model": "numpy", "forceinline": True},
+    )
     _cache(callback, function)
     with (
         ExitStack() as until_end,

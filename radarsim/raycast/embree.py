@@ -18,10 +18,11 @@ the next float would lose coincident surfaces; a list loses neither.
 
 A level ray only crosses triangles that reach its height. Sensors are mounted level and
 robots drive on floors, so that most rays have one of few heights: for each of them the
-scene is built once more, without the triangles that do not reach the height. Such a
-slice of a forest has a fraction of the forest's leaves. The crossings that a ray finds
-in a slice are those that it finds in the whole scene, bit for bit: which triangles
-Embree proposes differs, but each is intersected by the same operations.
+scene is built once more, without the triangles that do not reach the height, and with
+boxes only around those parts of the others that do. Such a slice of a forest has a
+fraction of the forest's leaves. The crossings that a ray finds in a slice are those
+that it finds in the whole scene, bit for bit: which triangles Embree proposes differs,
+but each is intersected by the same operations.
 
 Rule 1: a scene does not change after it is built. Embree would ignore later additions.
 Rule 2: input is checked: shapes, finite vertices, indices in range. Embree reads beyond
@@ -54,6 +55,7 @@ from radarsim.raycast.intersect import (
     on_primitive,
     pointer,
 )
+from radarsim.raycast.slab import clip_to_slab
 
 # How much wider than its triangle a box is, for each metre of the scene's radius.
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
@@ -106,11 +108,25 @@ class _Hierarchy:
     """
 
     def __init__(
-        self, triangles: Floats, owners: NDArray[np.uint32], margin: float
+        self,
+        triangles: Floats,
+        owners: NDArray[np.uint32],
+        margin: float,
+        outlines: Floats | None = None,
     ) -> None:
+        """Build the hierarchy.
+
+        Args:
+            triangles: (T, 9) m.
+            owners: (T,) uint32.
+            margin: m by which the boxes are wider than what they surround.
+            outlines: (T, 9) m, three points for each triangle, which its box surrounds
+                instead of the corners.
+        """
         library = open_library()
         self.triangles, self.owners = triangles, owners
-        device, scene = _build(library, triangles, margin)
+        surrounded = triangles if outlines is None else outlines
+        device, scene = _build(library, surrounded, margin)
         close = weakref.finalize(self, _release, library, scene, device)
         # When Python ends, a daemon thread may still trace rays in the scene.
         close.atexit = False
@@ -122,6 +138,7 @@ MAX_SLICES: Final = 32
 # triangles of the scene: by then they have cost about as much as the slice will.
 RAYS_PER_SLICE: Final = 1000
 TRIANGLES_PER_RAY: Final = 20
+SMALL_SLICE: Final = 50_000  # triangles; a larger slice has half of the scene's at most
 
 
 class EmbreeScene:
@@ -174,9 +191,10 @@ class EmbreeScene:
         low, high = height - 2.0 * handle.margin, height + 2.0 * handle.margin
         kept = np.flatnonzero((z.min(axis=1) <= high) & (z.max(axis=1) >= low))
         row = handle.scenes[0]
-        if 2 * len(kept) <= len(z):  # else it would be no faster, and take memory
+        if len(kept) <= max(SMALL_SLICE, len(z) // 2):  # else it takes much memory
             corners, owners = self.triangles[kept], whole.owners[kept]
-            part = _Hierarchy(corners, owners, handle.margin)
+            outlines = clip_to_slab(corners, low, high)
+            part = _Hierarchy(corners, owners, handle.margin, outlines)
             self._hierarchies.append(part)
             row = np.array([*part.addresses, len(handle.sliced)], np.uint64)
             handle = handle._replace(sliced=np.append(handle.sliced, kept))
@@ -278,7 +296,7 @@ def _radius(triangles: Floats) -> float:
 
 
 def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int, int]:
-    """Build Embree's hierarchy of boxes around the triangles.
+    """Build Embree's hierarchy of boxes around triangles.
 
     Returns:
         The device and the scene, to be released by the caller.

@@ -46,8 +46,8 @@ class ScanColumns(NamedTuple):
         starts: See there.
         edges: See there.
         sides: See there.
-        radius: (1,), as in ``UnaimedScans``.
-        chances: (J, N) or (1, 0), likewise.
+        radius: (1,), as in ``SensorRays``.
+        chances: (J, N) or (1, 0), as in ``UnaimedScans``.
         places: (J, 7), likewise.
         nodes: (J * M,) to be filled: the node of its beam that each ray is.
         ray_sides: (J * M,) to be filled: the side of its beam on which each ray is.

@@ -173,16 +173,16 @@ class Tracer:
         Raises:
             EngineError: If a ray is invalid, as one from a pose that is not finite.
         """
-        n = len(scans.places) * scans.rays_per_scan
-        nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
-        clear = np.zeros(len(scans.places), np.bool_)
+        sensor, count = scans.sensor, len(scans.places)
+        nodes = np.zeros(count * sensor.rays_per_scan, np.int16)
+        sides, clear = np.zeros(len(nodes), np.int8), np.zeros(count, np.bool_)
         columns = ScanColumns(
-            *scans.table,
-            *(scans.radius, scans.chances, scans.places),
+            *sensor.table,
+            *(sensor.radius, scans.chances, scans.places),
             *(nodes, sides, clear),
         )
         traces, code, crowded = self._run(
-            *(scans.ray_classes, scans.limits, columns, boxes),
+            *(sensor.ray_classes, sensor.limits, columns, boxes),
             events=events,
             incidence=incidence,
         )

@@ -47,6 +47,7 @@ from radarsim.raycast.aiming import (
     AimedRays,
     Nodes,
     NodeTable,
+    SensorRays,
     Sides,
     UnaimedScans,
     aim_scans,
@@ -87,7 +88,7 @@ class BeamPattern:
         directions = node_directions(self.angles, offsets)
         self._table = NodeTable(directions, starts, edges, sides)
         self.radius = float(np.linalg.norm(starts, axis=2).max())
-        self._radius = np.array([self.radius])
+        self._sensor_rays: SensorRays | None = None
         traces_all = settings.combines_rays or settings.incidence_weights
         self.rays = len(self.weights) if traces_all else 1
         has_nodes = not self.has_random_rays
@@ -141,15 +142,16 @@ class BeamPattern:
             draws: What ``draw`` returned for each scan; of random rays only one.
             places: (J, 7) as in ``UnaimedScans``.
         """
-        return UnaimedScans(
-            self._table_of(draws[0]),
-            self._radius,
-            template.limits,
-            template.ray_classes,
-            self.rays_per_scan,
-            self._chances(draws),
-            places,
-        )
+        sensor = self._sensor_rays
+        if sensor is None or self.has_random_rays:
+            sensor = self._sensor_rays = SensorRays(
+                self._table_of(draws[0]),
+                np.array([self.radius]),
+                template.limits,
+                template.ray_classes,
+                self.rays_per_scan,
+            )
+        return UnaimedScans(sensor, self._chances(draws), places)
 
     def _chances(self, draws: Sequence[Floats]) -> Floats:
         """Return random numbers that select nodes, (J, N); (1, 0) if all are aimed."""
@@ -209,8 +211,8 @@ class RayTemplate:
     Most scans are as long as others before, and what they have in common is shared.
 
     Attributes:
-        limits: Range, power and class of all rays, as in ``UnaimedScans``.
-        ray_classes: As in ``UnaimedScans``.
+        limits: Range, power and class of all rays, as in ``SensorRays``.
+        ray_classes: As in ``SensorRays``.
     """
 
     def __init__(self, settings: SensorSettings) -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.raycast.aiming import NodeTable, UnaimedScans
+from radarsim.raycast.aiming import NodeTable, SensorRays, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
@@ -33,10 +33,10 @@ def are_clear(
     ray_class = RayClass(medium)
     rows = np.zeros((len(places), 7))
     rows[:, :3], rows[:, 6] = places, carrier_ids
-    scans = UnaimedScans(
-        *(table, np.array([radius]), columns_of(ray), (ray_class, ray_class)),
-        *(1, np.zeros((1, 0)), rows),
+    sensor = SensorRays(
+        *(table, np.array([radius]), columns_of(ray), (ray_class, ray_class), 1)
     )
+    scans = UnaimedScans(sensor, np.zeros((1, 0)), rows)
     traced = tracer.trace_scans(scans, boxes)
     clear: list[bool] = traced.clear.tolist()
     assert traced.crowded == clear.count(False)

@@ -9,11 +9,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.embree import MAX_SLICES, RAYS_PER_SLICE, EmbreeScene, Mesh
+from radarsim.raycast.embree import (
+    MAX_SLICES,
+    RAYS_PER_SLICE,
+    SMALL_SLICE,
+    EmbreeScene,
+    Mesh,
+)
 from radarsim.raycast.rays import RADAR, RayClass, Rays, Traces
+from radarsim.raycast.slab import clip_to_slab
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material
@@ -119,11 +128,62 @@ def test_number_of_slices_is_limited() -> None:
     assert len(scene.handle.heights) == MAX_SLICES + 1
 
 
-def test_slice_that_has_most_triangles_is_the_whole_scene() -> None:
-    scene = EmbreeScene([Mesh(*shapes.box(1.0, 1.0, 1.0))])
+def test_large_slice_that_has_most_triangles_is_the_whole_scene() -> None:
+    vertices, faces = shapes.box(1.0, 1.0, 1.0)
+    many = np.tile(faces, (2 * SMALL_SLICE // len(faces), 1))
+    scene = EmbreeScene([Mesh(vertices, many)])
     scene.add_slice(0.0)
     assert scene.handle.scenes[1].tolist() == scene.handle.scenes[0].tolist()
     assert len(scene.handle.sliced) == 0
+
+
+def slivers(rng: np.random.Generator, count: int, z: float) -> Part:
+    """Create triangles that hardly reach the height z, or are nearly level there."""
+    corners = np.zeros((count, 3, 3))
+    corners[:, :, :2] = rng.uniform(-9.0, 9.0, (count, 1, 2))
+    corners[:, :, :2] += rng.uniform(-1.0, 1.0, (count, 3, 2))
+    heights = 10.0 ** rng.uniform(-17.0, 0.0, (count, 3))
+    corners[:, :, 2] = z + heights * rng.choice([-1.0, 0.0, 1.0], (count, 3))
+    sheet = Material("leaf", density=0.0, sheet_loss=0.01)
+    faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    return Part("leaves", sheet, corners.reshape(-1, 3), faces)
+
+
+@pytest.mark.parametrize("z", [0.0, 0.346, 1e-6])
+def test_triangles_that_hardly_reach_the_height_are_found_in_a_slice(z: float) -> None:
+    rng = np.random.Generator(np.random.PCG64(7))
+    parts = [slivers(rng, 3000, z)]
+    sliced = Tracer(parts)
+    for _ in range(3):
+        sliced.trace(level_rays(rng, parts, z, 2 * RAYS_PER_SLICE))
+    rays = level_rays(rng, parts, z, RAYS_PER_SLICE // 2)
+    whole = Tracer(parts).trace(rays, events=True)
+    assert len(whole.events) > 10 * RAYS_PER_SLICE
+    assert results(sliced.trace(rays, events=True)) == results(whole)
+
+
+@given(
+    corners=st.lists(st.floats(-5, 5), min_size=9, max_size=9),
+    low=st.floats(-4, 4),
+    depth=st.floats(0, 3),
+)
+def test_box_of_a_clipped_triangle_has_all_its_points_between_the_heights(
+    corners: list[float], low: float, depth: float
+) -> None:
+    triangle, high = np.array([corners]), low + depth
+    z = triangle[0, 2::3]
+    if z.min() > high or z.max() < low:
+        return
+    lower, upper, _ = clip_to_slab(triangle, low, high).reshape(3, 3)
+    assert (lower <= upper).all()
+    shares = np.random.Generator(np.random.PCG64(0)).dirichlet([0.5] * 3, 500)
+    points = shares @ triangle.reshape(3, 3)
+    points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
+    assert (points >= lower - 1e-12).all()
+    assert (points <= upper + 1e-12).all()
+    whole = triangle.reshape(3, 3)
+    assert (lower >= whole.min(axis=0) - 1e-12).all()
+    assert (upper <= whole.max(axis=0) + 1e-12).all()
 
 
 def switch_threads(frame: FrameType, *_: Any) -> Any:
