@@ -97,13 +97,13 @@ class Stop(Request):
 
 
 class Setting(Request):
-    """Change a setting of a scanner."""
+    """Change a setting of a scanner; None is unlimited, or the default."""
 
     op: Literal["setting"]
     robot: RobotName
     scanner: RobotName
     key: Key
-    value: Value
+    value: Value | None
 
 
 class Goto(Request):

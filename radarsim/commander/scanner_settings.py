@@ -1,5 +1,6 @@
 """Changes of a scanner's settings, checked here before the server is asked."""
 
+import math
 from typing import Any
 
 from pydantic import ValidationError
@@ -21,12 +22,13 @@ def change_setting(robot: OwnRobot, view: RobotView, request: Setting) -> None:
     if scanner is None:
         names = [each.name for each in view.scanners.values()]
         raise BadRequest(f"no scanner {request.scanner!r}, expected one of {names}")
+    value = _value(request)
     if scanner.settings:
-        _check(scanner, request)
-    robot.change_setting(scanner.name, request.key, _as_text(request.value))
-    if scanner.settings:
+        settings = {**scanner.settings, request.key: value}
+        _check(scanner, settings, request.key)
         view.last_change = scanner, scanner.settings
-        _take(scanner, {**scanner.settings, request.key: request.value})
+        _take(scanner, settings)
+    robot.change_setting(scanner.name, request.key, _as_text(value))
 
 
 def undo_setting(view: RobotView) -> None:
@@ -41,20 +43,26 @@ def _take(scanner: Scanner, settings: dict[str, Any]) -> None:
     scanner.max_range = settings["max_range"]
 
 
-def _check(scanner: Scanner, request: Setting) -> None:
-    settings: dict[str, Any] = {
-        "medium": scanner.medium,
-        **scanner.settings,
-        request.key: request.value,
-    }
+def _value(request: Setting) -> Any:
+    """Return the value; without one, power is unlimited, and others are by default."""
+    if request.value is None and request.key == "penetration_power":
+        return math.inf
+    return request.value
+
+
+def _check(scanner: Scanner, settings: dict[str, Any], key: str) -> None:
     try:
-        SensorSettings.model_validate(settings)
+        SensorSettings.model_validate({"medium": scanner.medium, **settings})
     except ValidationError as error:
         problem = error.errors()[0]
-        path = ".".join(str(step) for step in problem["loc"]) or request.key
+        path = ".".join(str(step) for step in problem["loc"]) or key
         raise BadRequest(f"{path}: {describe_invalid(problem)}") from None
 
 
-def _as_text(value: bool | float | str) -> str:
+def _as_text(value: Any) -> str:
     """Return a value as it stands behind an equals sign."""
+    if value is None:
+        return "null"
+    if value == math.inf:
+        return ".inf"
     return str(value).lower() if isinstance(value, bool) else str(value)

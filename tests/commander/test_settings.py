@@ -69,3 +69,26 @@ async def test_what_the_server_refuses_is_told_and_taken_back(commander: Any) ->
             return bool(settings["resolution_deg"] == 1)
 
         await page.see(is_back)
+
+
+async def test_power_can_be_unlimited_and_choices_left_to_the_sensor(
+    commander: Any,
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page)
+        change = {"robot": name, "scanner": "lms200"}
+        values = {"penetration_power": None, "ray_choice": None, "max_bounces": 1}
+        values |= {"incidence_weights": True}
+        for key, value in values.items():
+            await page.send("setting", **change, key=key, value=value)
+        await page.send("setting", **change, key="return_mode", value="first")
+
+        def is_set(frame: Frame) -> bool:
+            settings = frame.robot(name)["scans"][0]["settings"]
+            return bool(settings["return_mode"] == "first")
+
+        settings = (await page.see(is_set)).robot(name)["scans"][0]["settings"]
+        assert settings.items() >= values.items()
+        later = page.frames + 5
+        await page.see(lambda _: page.frames > later)
+        assert page.texts == [] or "error" not in {text["op"] for text in page.texts}
