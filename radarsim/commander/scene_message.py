@@ -11,6 +11,7 @@ import shapely
 from radarsim.commander.colours import colour_of
 from radarsim.commander.viewer import encode_json
 from radarsim.geometry import Floats
+from radarsim.plotting.areas import enclosed_area
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Part, Scene
 
@@ -102,7 +103,7 @@ def _head(part: Part) -> dict[str, Any]:
 
 
 def _outline(part: Part, height: float) -> list[list[list[float]]]:
-    segments = np.round(slice_mesh(part.vertices, part.faces, height), _DIGITS)
+    segments = slice_mesh(part.vertices, part.faces, height)
     return [_rounded(line).tolist() for line in _lines(segments)]
 
 
@@ -110,13 +111,10 @@ def _lines(segments: Floats) -> Iterable[Floats]:
     """Join line segments, (S, 2, 2) m, to rings, or else to lines."""
     if not len(segments):
         return ()
-    together = shapely.multilinestrings(segments)
-    try:
-        joined = shapely.boundary(shapely.build_area(together))
-    except shapely.errors.GEOSException:  # leaves that cut each other
-        joined = shapely.line_merge(together)
+    joined = shapely.boundary(enclosed_area(segments))
     if shapely.is_empty(joined):
-        joined = shapely.line_merge(together)
+        ends = np.round(segments, _DIGITS)
+        joined = shapely.line_merge(shapely.multilinestrings(ends))
     return (shapely.get_coordinates(line) for line in shapely.get_parts(joined))
 
 

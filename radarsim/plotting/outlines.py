@@ -13,13 +13,13 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats
+from radarsim.plotting.areas import enclosed_area
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
 from radarsim.plotting.panels import Extent
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
-_DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 _EDGE: Final = 0.3  # m around things that are shown whole
 _MUCH_LARGER: Final = 1.5  # times, along a side, that an extent is enlarged at most
 
@@ -104,8 +104,8 @@ def _outline(parts: Iterable[Part], height: float) -> tuple[Floats, ...]:
     areas: list[Geometry] = []
     lines: list[Floats] = []
     for part in parts:
-        segments = np.round(slice_mesh(part.vertices, part.faces, height), _DIGITS)
-        area = shapely.build_area(shapely.multilinestrings(segments))
+        segments = slice_mesh(part.vertices, part.faces, height)
+        area = enclosed_area(segments)
         if shapely.is_empty(area):  # a surface that encloses nothing
             lines += list(segments)
         else:

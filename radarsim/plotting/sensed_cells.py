@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from radarsim.geometry import Floats
 from radarsim.navigation.run_log import CELL, RunLog
+from radarsim.plotting.areas import area_within
 from radarsim.plotting.cell_image import CellImage
 from radarsim.plotting.outlines import Outline
 from radarsim.plotting.panels import Extent
@@ -45,7 +46,7 @@ class SensedCells:
         axes.add_artist(self._image)
         entered = [each for each in outlines if each.kind in _ENTERED]
         lines = [shapely.linestrings(line) for each in entered for line in each.lines]
-        self._entered = shapely.build_area(shapely.geometrycollections(lines))
+        self._entered = area_within(shapely.geometrycollections(lines))
         shapely.prepare(self._entered)
         self._dots: list[Artist] = []
 
