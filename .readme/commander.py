@@ -15,8 +15,8 @@ COMMAND = "radarsim serve foliage_room --port 0 --web 0"
 OPTIONS = ("--no-sandbox", "--enable-unsafe-swiftshader")
 WIDE = {"width": 1360, "height": 850}
 NARROW = {"width": 390, "height": 844}
-PLACE = {"x": "-3.2", "y": "0.6", "yaw": "0"}  # near enough for the laser
-BEAM = "84"
+PLACE = {"x": "-3.7", "y": "0", "yaw": "0"}  # near enough for the laser
+BEAM = "92"
 
 
 def add_robot(page: Page) -> None:
@@ -26,7 +26,6 @@ def add_robot(page: Page) -> None:
         page.locator(f"#spawn [name={key}]").fill(value)
     page.locator("#spawn button.main").click()
     page.locator("#driven", has_text="R1").wait_for()
-    page.locator("#add summary").click()
 
 
 def open_page(browser: Browser, url: str, **options: object) -> Page:
@@ -61,10 +60,20 @@ def take_pictures(browser: Browser, url: str, folder: Path) -> None:
     dark.screenshot(path=folder / "commander_dark.png")
     narrow = open_page(browser, url, viewport=NARROW, is_mobile=True, has_touch=True)
     narrow.screenshot(path=folder / "commander_narrow.png")
+    dark.context.close()
+    narrow.context.close()
+    take_map(page, folder)
+
+
+def take_map(page: Page, folder: Path) -> None:
+    """Let another robot explore for a while, and take a picture of its map."""
+    page.click("#remove")
+    page.locator("#no-robots").wait_for()
+    page.locator("#spawn [name=class]").select_option("P3AT_Radar360")
+    add_robot(page)
     page.click("[data-view=map]")
     page.locator("#explore button.main").click()
-    page.locator("#add summary").scroll_into_view_if_needed()
-    page.wait_for_timeout(3000)
+    page.wait_for_timeout(40_000)
     page.screenshot(path=folder / "commander_map.png")
 
 

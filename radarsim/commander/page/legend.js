@@ -58,9 +58,10 @@ export function writeFinding(world, view) {
 function sentence(world) {
   const { robot, scan } = world;
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
-  const parts = scans.map((one) => {
+  const parts = scans.map((one, place) => {
     const { beams, through } = world.countBeams(one);
-    return `${one.kind} sees through with ${through || "none"} of ${beams} beams`;
+    const count = `${through || "none"} of ${beams}`;
+    return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} beams`;
   });
   return parts.length ? `${robot.name}: ${parts.join(" · ")}` : `${robot.name} has no scan yet.`;
 }

@@ -74,6 +74,7 @@ const takers = {
   task(message) {
     world.takeTask(message);
     if (message.state !== "running") world.goal = null;
+    if (message.state === "failed") setText(byId("error"), `${message.robot}: ${message.text}`);
     tasks.update();
   },
   spawned({ robot }) {

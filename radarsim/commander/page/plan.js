@@ -166,7 +166,7 @@ export class Plan {
       }
     });
     pen.strokeStyle = colour;
-    pen.lineWidth = through ? 2 : 1;
+    pen.lineWidth = through ? 1.5 : 1;
     levels.forEach((level, number) => {
       pen.globalAlpha = (through ? 0.95 : 0.3) * (0.25 + 0.75 * (number / LEVELS));
       pen.stroke(level);
@@ -202,7 +202,7 @@ export class Plan {
 
   drawHole(pen, scan, number, [from, to]) {
     const [a, b] = [from, to].map((range) => this.viewport.toScreen(...beamPoint(scan, number, range)));
-    pen.lineWidth = 3.5;
+    pen.lineWidth = 3;
     pen.strokeStyle = sensorColour(scan.kind);
     pen.beginPath();
     pen.moveTo(...a);
