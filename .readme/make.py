@@ -27,6 +27,7 @@ PICTURES = {
     "navigate": "navigate.png",
     "map": "map/map_view.png",
     "shrub_shapes": "shrub.png",
+    "commander": "commander.png",
 }
 
 
@@ -47,6 +48,7 @@ def main() -> None:
         for command in COMMANDS:
             words = (sys.executable, "-m", *command.split())
             subprocess.run(words, cwd=folder, check=True)
+        subprocess.run((sys.executable, FOLDER / "commander.py", folder), check=True)
         for name, picture in PICTURES.items():
             shrink(Path(folder, picture), FOLDER / f"{name}.png")
 
