@@ -67,7 +67,8 @@ class Client:
 
     def take(self) -> bytes:
         """Return and remove what is to be sent: whole lines, the robot's own first."""
-        return self.send_queue.take() + self.watch_queue.take()
+        data = self.send_queue.take()
+        return data + self.watch_queue.take() if self.watch_queue else data
 
     def close_reason(self) -> str:
         """Return why the connection is to be closed; empty if it is not."""

@@ -336,9 +336,12 @@ class Host:
         if client.send_queue:
             self._unsent.add(client.number)
         if client.vehicle is not None and client.vehicle in self._watchers:
-            before = [*lines[:first], *replies, *lines[first:last]]
-            own, others = ([*before, *x, *lines[last:]] for x in (requested, shown))
-            self._watchers.copy(client.vehicle, own, others)
+            if replies or shown:
+                before = [*lines[:first], *replies, *lines[first:last]]
+                own, others = ([*before, *x, *lines[last:]] for x in (requested, shown))
+                self._watchers.copy(client.vehicle, own, others)
+            else:
+                self._watchers.copy(client.vehicle, lines)
 
     def _echo_lines(self, output: TickOutput) -> tuple[list[bytes], list[bytes]]:
         """Return the echo lines that a client asked for, and those of all its scans."""
