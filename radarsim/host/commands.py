@@ -22,7 +22,8 @@ from radarsim.protocol.commands import (
     Unsupported,
     parse_command,
 )
-from radarsim.protocol.reports import Report, StartPoses, to_bytes
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
 from radarsim.protocol.watching import CommandError, Watch
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -140,6 +141,8 @@ class CommandHandler:
                 return HEAVY_WORK
             case Watch():
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
+            case GetGeo(robot=str()) | GetConf(robot=str()):
+                return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo() | GetConf() | GetStartPoses():
                 known = _reply_key(client.vehicle, command) in self._reply_lines
                 is_own = self._has_own_settings(client.vehicle)
@@ -164,6 +167,8 @@ class CommandHandler:
                 return self._init(client, command)
             case Watch():
                 return self._watch(client, command)
+            case GetGeo(robot=str(robot)) | GetConf(robot=str(robot)):
+                return self._reply_about(robot, client, command)
             case Unsupported(verb):
                 return Diagnostic(verb, f"{verb} does nothing here")
             case _:
@@ -194,6 +199,26 @@ class CommandHandler:
             text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
             return Diagnostic("watchers", text)
         watchers.watch(client, command)
+        return None
+
+    def _reply_about(
+        self, robot: str, client: Client, question: GetGeo | GetConf
+    ) -> Diagnostic | None:
+        """Reply to a question about the robots of a name, of which others may drive."""
+        name = printable_name(robot).casefold()
+        vehicles = [c.vehicle for c in self.clients_by_robot.values() if c.vehicle]
+        named = [v for v in vehicles if printable_name(v.robot.name).casefold() == name]
+        if not named:
+            text = f"{question.verb} of robot {robot[:80]!r}, which is not there"
+            return Diagnostic("no robot", text)
+        for vehicle in named:
+            report = self._report(vehicle, question)
+            if report is None:
+                text = f"no item of type {question.type[:80]!r} on this robot"
+                return Diagnostic("no item", text)
+            line = report.encode(self._config.dialect)
+            copy = WatchedLine(vehicle.robot.name, line, report)
+            self._watchers.tell(client, copy)
         return None
 
     def _answer_error(self, client: Client, diagnostic: Diagnostic) -> None:
@@ -301,5 +326,10 @@ def _is_answered(command: Command) -> bool:
 
     Old clients send none of these, and know no such answer.
     """
-    is_setting = isinstance(command, SetItem) and command.opcode.upper() == SETTING
-    return is_setting or isinstance(command, Watch)
+    match command:
+        case SetItem():
+            return command.opcode.upper() == SETTING
+        case GetGeo() | GetConf():
+            return command.robot is not None
+        case _:
+            return isinstance(command, Watch)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.host.connection import Client
 from radarsim.protocol.line_template import printable_name
-from radarsim.protocol.reports import to_bytes
+from radarsim.protocol.reports import Report, to_bytes
 from radarsim.protocol.watching import RobotJoined, RobotLeft, Watch, Watching, see_head
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Watchers:
     def watch(self, client: Client, watch: Watch) -> None:
         """Let a client watch robots instead of those that it has watched."""
         self.remove(client)
-        self._tell(client, Watching(watch.robots, watch.echoes))
+        self.tell(client, Watching(watch.robots, watch.echoes))
         if watch.robots.names == ():
             return
         self._watches[client.number] = client, watch
@@ -94,7 +94,13 @@ class Watchers:
         self._audiences.pop(vehicle.number, None)
         for client, watch in self._watches.values():
             if watch.robots.names is None:
-                self._tell(client, RobotLeft(vehicle.robot.name))
+                self.tell(client, RobotLeft(vehicle.robot.name))
+
+    def tell(self, client: Client, report: Report) -> None:
+        """Queue a line that only watchers know; it is not dropped."""
+        line = to_bytes([report.encode(self._dialect)])
+        client.watch_queue.put(line, keep=True)
+        self._unsent.add(client.number)
 
     def copy(
         self,
@@ -127,7 +133,7 @@ class Watchers:
         """Let a client watch a robot that is there, if it asked for it."""
         name = printable_name(vehicle.robot.name)
         if watch.robots.names is None:
-            self._tell(client, RobotJoined(name, vehicle.model.name))
+            self.tell(client, RobotJoined(name, vehicle.model.name))
         elif not watch.robots.includes(name):
             return
         audience = self._audiences.setdefault(vehicle.number, Audience(see_head(name)))
@@ -136,8 +142,3 @@ class Watchers:
             vehicle.shows_echoes = True
         else:
             audience.plain[client.number] = client
-
-    def _tell(self, client: Client, report: Watching | RobotJoined | RobotLeft) -> None:
-        line = to_bytes([report.encode(self._dialect)])
-        client.watch_queue.put(line, keep=True)
-        self._unsent.add(client.number)

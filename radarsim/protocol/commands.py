@@ -162,21 +162,24 @@ class _ItemQuery:
         type: Type of the items in the client's spelling, which the answer repeats;
             ``Robot`` for the robot itself.
         name: Name of one item; None for all items of the type.
+        robot: Name of the robot, in any case; None for the client's own.
     """
 
-    keys: ClassVar[tuple[str, ...]] = ("Type", "Name")
+    keys: ClassVar[tuple[str, ...]] = ("Type", "Name", "Robot")
 
     type: str
     name: str | None = None
+    robot: str | None = None
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
         """Read the command from its message."""
-        return cls(message.require("Type"), message.get("Name") or None)
+        name, robot = message.get("Name"), message.get("Robot")
+        return cls(message.require("Type"), name or None, robot or None)
 
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
-        return (self.type, self.name)
+        return (self.type, self.name, self.robot)
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,7 @@ COMMANDS = (
     *(b"SET {Type Encoder} {Opcode RESET}\r\n", b"SET {Type GPS} {Opcode RESET}\r\n"),
     b"SET {Type RangeScanner} {Opcode SETTING} {Params max_range=9}\r\n",
     b"SET {Type RangeScanner} {Opcode SETTING} {Params scan_rate_hz=30 fov_deg=-1}\r\n",
+    b"GETGEO {Type Robot} {Robot r1}\r\n",
     *(b"WATCH {Robots All}\r\n", b"WATCH {Robots R1} {Echoes true}\r\n", b"WATCH\r\n"),
     *(b"FOO {", b"}\r\n", b"\r\n\r\n", b"{Name }", b"MISPKG {Link 1}\r\n", b"\xff\x00"),
 )

@@ -453,3 +453,55 @@ def test_robot_with_an_empty_battery_is_watched(empty_room: Scene) -> None:
     step(40, client, watcher)
     assert without_echoes(seen(watcher.data)) == client.data
     assert client.data.endswith(b"{RearSteer 0}\r\n")
+
+
+@DIALECTS
+def test_watcher_asks_about_the_robot_of_another(
+    empty_room: Scene, dialect: Dialect
+) -> None:
+    host = Host(empty_room, config=SimulationConfig(dialect))
+    client = RecordingClient(host, INIT)
+    watcher = RecordingClient(host)
+    for question in (b"GETGEO {Type RangeScanner}", b"GETCONF {Type Robot}"):
+        client.writes.clear()
+        watcher.writes.clear()
+        client.send(question + b"\r\n")
+        assert watcher.send(question + b" {Robot r1}\r\n") == []
+        step(1, client, watcher)
+        assert watcher.data == b"SEE {Robot R1} " + client.data
+        assert client.data != b""
+    client.send(b"SET {Type RangeScanner} {Opcode SETTING} {Params max_range=3}\r\n")
+    watcher.send(b"GETCONF {Type RangeScanner} {Robot R1}\r\n")
+    step(1, client, watcher)
+    assert b"{MaxRange 3.0" in watcher.data
+
+
+def test_robots_of_the_same_name_on_the_wire_both_answer(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    RecordingClient(host, INIT.replace(b"R1", b"a,\xe9"))
+    second = SECOND.replace(b"R2", b"a,\xe8").replace(b"_Compare", b"")
+    RecordingClient(host, second)
+    asker = RecordingClient(host)
+    assert asker.send(b"GETGEO {Type Robot} {Robot A,\xe7}\r\n") == []
+    one, two = lines_of(asker.read())
+    assert one == two
+    assert one.startswith(b"SEE {Robot a,?} GEO ")
+
+
+@pytest.mark.parametrize(
+    ("question", "kind"),
+    [
+        (b"GETGEO {Type Robot} {Robot R9}\r\n", "no robot"),
+        (b"GETCONF {Type Camera} {Robot R1}\r\n", "no item"),
+        (b"GETGEO {Type Robot} {Robot ,}\r\n", "no robot"),
+    ],
+)
+def test_question_about_what_is_not_there_is_answered(
+    empty_room: Scene, question: bytes, kind: str
+) -> None:
+    host = Host(empty_room)
+    RecordingClient(host, INIT)
+    asker = RecordingClient(host)
+    assert asker.send(question) == [kind]
+    (error,) = news(asker.read())
+    assert error.startswith(b"NFO {Error ")
