@@ -100,6 +100,14 @@ def map_(
             " until interrupted; 0 takes a free one.",
         ),
     ] = None,
+    watch: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT",
+            help="Map this robot, which another client drives, by watching it on a"
+            " server of radarsim, until it leaves or you interrupt.",
+        ),
+    ] = None,
     host: HostOption = None,
     port: PortOption = None,
     start: StartOption = None,
@@ -158,8 +166,8 @@ def map_(
         str | None,
         typer.Option(
             metavar="X,Y,YAW_DEG",
-            help="With --through, pose of the scanner on the robot, if the client does"
-            " not ask the server for it.",
+            help="With --through or --watch, pose of the scanner on the robot, if the"
+            " server does not tell it.",
         ),
     ] = None,
     max_range: Annotated[
@@ -167,8 +175,8 @@ def map_(
         typer.Option(
             metavar="M",
             callback=check_positive,
-            help="With --through, maximum range of the scanner, if the client does not"
-            " ask the server for it.",
+            help="With --through or --watch, maximum range of the scanner, if the"
+            " server does not tell it.",
         ),
     ] = None,
     resolution: Annotated[
@@ -210,7 +218,7 @@ def map_(
     the map with the robot's path, a scale and a legend.
     """
     from radarsim.cli.film import check_film
-    from radarsim.cli.map_proxy import map_through_proxy
+    from radarsim.cli.map_proxy import FollowedMapping
     from radarsim.cli.map_report import MapFiles
     from radarsim.evaluation.mapping_run import MappingRun
     from radarsim.exploration.exploration import (
@@ -226,7 +234,9 @@ def map_(
         text = "expected --serve or --strategy turn_away with it"
         refuse_options({"--seed": seed}, text)
     files = MapFiles(out, mode.value)
-    if through is not None:
+    if through is not None and watch is not None:
+        raise typer.BadParameter("expected only one of --through and --watch")
+    if through is not None or watch is not None:
         others = {
             "--serve": serve,
             "--strategy": strategy,
@@ -237,12 +247,12 @@ def map_(
             "--safety-distance": safety_distance,
             "--foliage-density": foliage_density,
         }
-        text = "expected no --through with it, where another client drives"
+        option = "--watch" if through is None else "--through"
+        text = f"expected no {option} with it, where another client drives"
         refuse_options(others, text)
         check_film(film)
-        code = map_through_proxy(
+        mapping = FollowedMapping(
             files,
-            through,
             server_address(host, port),
             film=film,
             film_speed=film_speed,
@@ -253,8 +263,10 @@ def map_(
             max_range=max_range,
             as_json=as_json,
         )
-        raise typer.Exit(code)
-    text = "expected --through with it, where another client drives"
+        if watch is not None:
+            raise typer.Exit(mapping.watch(watch, echoes=echoes))
+        raise typer.Exit(mapping.run_proxy(through or 0))
+    text = "expected --through or --watch with it, where another client drives"
     refuse_options({"--mount": mount, "--max-range": max_range}, text)
     plan = ExplorationPlan(
         strategy=strategy or StrategyName.AUTO,

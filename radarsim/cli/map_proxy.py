@@ -1,7 +1,8 @@
-"""``radarsim map --through``: map what another client drives."""
+"""``radarsim map --through`` and ``--watch``: map what another client drives."""
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -28,25 +29,12 @@ _GUESS: Final = (
 )
 
 
-def map_through_proxy(
-    files: MapFiles,
-    port: int,
-    server: tuple[str, int],
-    *,
-    film: Path | None,
-    film_speed: float,
-    motion_source: MotionSource,
-    resolution: float,
-    scanner: str | None,
-    mount: str | None,
-    max_range: float | None,
-    as_json: bool,
-) -> int:
-    """Forward a port to a server until a signal comes, and map what passes.
+@dataclass(frozen=True, slots=True)
+class FollowedMapping:
+    """A map of what a robot reports that another client drives.
 
-    Args:
+    Attributes:
         files: Where to write the map.
-        port: Port to listen on; 0 for a free one.
         server: Host and port of the server.
         film: File to film the growing map into, or None.
         film_speed: Seconds of the run in a second of its film.
@@ -56,56 +44,100 @@ def map_through_proxy(
         mount: ``X,Y,YAW_DEG`` of the scanner on the robot, or None.
         max_range: Maximum range of the scanner, m, or None.
         as_json: Whether to print JSON.
-
-    Returns:
-        The exit code.
-
-    Raises:
-        ServerError: If the port is taken.
-        typer.BadParameter: If an option is wrong.
     """
-    if port == server[1] and server[0] in (LISTEN, "localhost", "0.0.0.0", "::1"):
-        text = f"{port}, expected another port than the server's, see --port"
-        raise typer.BadParameter(text, param_hint="--through")
-    traffic = TrafficMapper(
-        motion_source=motion_source,
-        resolution=resolution,
-        scanner=scanner,
-        defaults=ScannerDefaults(_read_mount(mount), max_range),
-    )
-    traffic.on_guess = lambda name: print_message(_GUESS.format(name))
-    files.check()
-    start_log(logging.WARNING, "%(message)s")
-    warm_up()
-    with raise_on_signals():
+
+    files: MapFiles
+    server: tuple[str, int]
+    film: Path | None
+    film_speed: float
+    motion_source: MotionSource
+    resolution: float
+    scanner: str | None
+    mount: str | None
+    max_range: float | None
+    as_json: bool
+
+    def run_proxy(self, port: int) -> int:
+        """Forward a port to the server until a signal comes, and map what passes.
+
+        Args:
+            port: Port to listen on; 0 for a free one.
+
+        Returns:
+            The exit code.
+
+        Raises:
+            ServerError: If the port is taken.
+            typer.BadParameter: If an option is wrong.
+        """
+        host, served = self.server
+        if port == served and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
+            text = f"{port}, expected another port than the server's, see --port"
+            raise typer.BadParameter(text, param_hint="--through")
+
+        def forward(traffic: TrafficMapper) -> int:
+            try:
+                return traffic.run(self.server, (LISTEN, port), _announce)
+            except PortUnavailable as error:
+                raise ServerError(f"{error}; --through 0 takes a free one") from None
+
+        return self._run(forward, "overheard")
+
+    def watch(self, robot: str, *, echoes: bool) -> int:
+        """Watch a robot of radarsim until it leaves or a signal comes, and map it.
+
+        Args:
+            robot: Name of the robot.
+            echoes: Whether its scanners shall list their echoes.
+
+        Returns:
+            The exit code.
+
+        Raises:
+            typer.BadParameter: If an option is wrong.
+        """
+        if not robot.strip() or "," in robot:
+            text = f"{robot[:80]!r}, expected the name of a robot, without commas"
+            raise typer.BadParameter(text, param_hint="--watch")
+
+        def tell_wait() -> None:
+            print_message(f"waiting for the robot {robot[:80]!r}")
+
+        def follow(traffic: TrafficMapper) -> int:
+            return traffic.watch(self.server, robot, tell_wait, echoes=echoes)
+
+        return self._run(follow, "watched")
+
+    def _run(self, run: Callable[[TrafficMapper], int], outcome: str) -> int:
+        """Let a function run a mapper, write the map, and return the exit code."""
+        traffic = TrafficMapper(
+            motion_source=self.motion_source,
+            resolution=self.resolution,
+            scanner=self.scanner,
+            defaults=ScannerDefaults(_read_mount(self.mount), self.max_range),
+        )
+        traffic.on_guess = lambda name: print_message(_GUESS.format(name))
+        self.files.check()
+        start_log(logging.WARNING, "%(message)s")
+        warm_up()
         source = traffic.motion_source
-        result = MappingResult(None, source, trip=traffic.trip, outcome="overheard")
+        result = MappingResult(None, source, trip=traffic.trip, outcome=outcome)
         camera = MapCamera(result, traffic)
-        with filmed(film, camera.draw, film_speed) as update_film:
-            code = _forward(traffic, port, server, update_film)
-            _complete(result, traffic, files)
-            print_result(result, as_json=as_json)
+        with (
+            raise_on_signals(),
+            filmed(self.film, camera.draw, self.film_speed) as update_film,
+        ):
+            with map_progress(traffic) as update:
+
+                def note_scan() -> None:
+                    update("listening")
+                    update_film(traffic.trip.time)
+
+                traffic.on_scan = note_scan
+                code = run(traffic)
+            _complete(result, traffic, self.files)
+            print_result(result, as_json=self.as_json)
         return 1 if result.error else code
-
-
-def _forward(
-    traffic: TrafficMapper,
-    port: int,
-    server: tuple[str, int],
-    update_film: Callable[[float], None],
-) -> int:
-    """Map what passes until a signal comes, and return the exit code."""
-    with map_progress(traffic) as update:
-
-        def note_scan() -> None:
-            update("listening")
-            update_film(traffic.trip.time)
-
-        traffic.on_scan = note_scan
-        try:
-            return traffic.run(server, (LISTEN, port), _announce)
-        except PortUnavailable as error:
-            raise ServerError(f"{error}; --through 0 takes a free one") from None
 
 
 def _complete(result: MappingResult, traffic: TrafficMapper, files: MapFiles) -> None:

@@ -36,6 +36,7 @@ ENDINGS: Final = {
     "time_limit": "time is up",
     "broken_off": "interrupted",
     "overheard": "mapped what passed",
+    "watched": "mapped what was watched",
 }
 
 

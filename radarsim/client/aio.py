@@ -101,13 +101,19 @@ class AsyncClient:
         """See ``Client.spawn``."""
         await self._run(self._requests.spawn(class_name, name, start, pose))
 
-    async def geometry(self, kind: str, name: str | None = None) -> Report:
+    async def geometry(
+        self, kind: str, name: str | None = None, *, robot: str | None = None
+    ) -> Report:
         """See ``Client.geometry``."""
-        return await self._run(self._requests.ask(questions.geometry(kind, name)))
+        question = questions.geometry(kind, name, robot)
+        return await self._run(self._requests.describe(question))
 
-    async def configuration(self, kind: str, name: str | None = None) -> Report:
+    async def configuration(
+        self, kind: str, name: str | None = None, *, robot: str | None = None
+    ) -> Report:
         """See ``Client.configuration``."""
-        return await self._run(self._requests.ask(questions.configuration(kind, name)))
+        question = questions.configuration(kind, name, robot)
+        return await self._run(self._requests.describe(question))
 
     async def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """See ``Client.robot_info``."""

@@ -31,11 +31,13 @@ from radarsim.errors import ClientError, ClientTimeout
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
+    CommandError,
     Greeting,
     Report,
     RobotConf,
     RobotGeo,
     StartPoses,
+    WatchedLine,
 )
 
 SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
@@ -120,6 +122,15 @@ class Requests:
         if question.data:
             yield from self.send(question.data)
         return (yield from self._skip(question.accepts, wait))
+
+    def describe(self, question: Question) -> Exchange[Report]:
+        """Ask about the client's robot or another one; return what is told of it."""
+        answer = yield from self.ask(question)
+        if isinstance(answer, CommandError):
+            raise ClientError(f"{answer.text}, expected {question.what}")
+        if isinstance(answer, WatchedLine) and answer.report is not None:
+            return answer.report
+        return answer
 
     def robot_info(self, drive_unit: DriveUnit) -> Exchange[RobotInfo]:
         """Request the properties of the robot and its scanners."""

@@ -26,6 +26,7 @@ from radarsim.protocol.commands import (
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
+    CommandError,
     EncoderConf,
     Greeting,
     IntervalConf,
@@ -203,12 +204,14 @@ def start_poses() -> Question:
     )
 
 
-def geometry(kind: str, name: str | None = None) -> Question:
+def geometry(kind: str, name: str | None = None, robot: str | None = None) -> Question:
     """Return the question for the robot's dimensions or the mounts of items.
 
     Args:
         kind: ``Robot``, or a type of items such as ``RangeScanner``.
         name: Name of one item; None for all items of the type.
+        robot: Name of another robot, which radarsim answers by a ``WatchedLine``; None
+            for the client's own.
 
     Raises:
         ValueError: If a text cannot be written on a line.
@@ -222,10 +225,13 @@ def geometry(kind: str, name: str | None = None) -> Question:
         return _includes(name, [mount[0] for mount in report.mounts])
 
     answer = f"GEO of {_named(kind, name)}"
-    return Question(_bytes(GetGeo(kind, name)), answer, accepts)
+    data = _bytes(GetGeo(kind, name, robot))
+    return Question(data, answer, _of_robot(accepts, robot))
 
 
-def configuration(kind: str, name: str | None = None) -> Question:
+def configuration(
+    kind: str, name: str | None = None, robot: str | None = None
+) -> Question:
     """Return the question for settings; arguments as in ``geometry``.
 
     Raises:
@@ -243,7 +249,8 @@ def configuration(kind: str, name: str | None = None) -> Question:
         return False
 
     answer = f"CONF of {_named(kind, name)}"
-    return Question(_bytes(GetConf(kind, name)), answer, accepts)
+    data = _bytes(GetConf(kind, name, robot))
+    return Question(data, answer, _of_robot(accepts, robot))
 
 
 def spawn(
@@ -346,6 +353,23 @@ def _setting(value: object) -> str:
 
 def _bytes(command: Command) -> bytes:
     return encode_command(command).encode("ascii") + b"\r\n"
+
+
+def _of_robot(
+    accepts: Callable[[Report], bool], robot: str | None
+) -> Callable[[Report], bool]:
+    """Return what accepts the same of another robot, and the answer that it is gone."""
+    if robot is None:
+        return accepts
+
+    def accepts_copy(report: Report) -> bool:
+        if not isinstance(report, WatchedLine):
+            return isinstance(report, CommandError)
+        if report.report is None or not same_name(report.robot, robot):
+            return False
+        return accepts(report.report)
+
+    return accepts_copy
 
 
 def _choose(robots: str | Iterable[str] | None) -> RobotChoice:

@@ -129,25 +129,33 @@ class Client:
         """
         self._run(self._requests.spawn(class_name, name, start, pose))
 
-    def geometry(self, kind: str, name: str | None = None) -> Report:
+    def geometry(
+        self, kind: str, name: str | None = None, *, robot: str | None = None
+    ) -> Report:
         """Request the robot's dimensions or the mounts of items.
 
         Args:
             kind: ``Robot``, or a type of items such as ``RangeScanner``.
             name: Name of one item; None for all items of the type.
+            robot: Name of the robot of another client, of which only radarsim tells;
+                None for the client's own.
 
         Returns:
             A ``RobotGeo`` or an ``ItemGeo``.
         """
-        return self._run(self._requests.ask(questions.geometry(kind, name)))
+        question = questions.geometry(kind, name, robot)
+        return self._run(self._requests.describe(question))
 
-    def configuration(self, kind: str, name: str | None = None) -> Report:
+    def configuration(
+        self, kind: str, name: str | None = None, *, robot: str | None = None
+    ) -> Report:
         """Request settings; arguments as in ``geometry``.
 
         Returns:
             A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
         """
-        return self._run(self._requests.ask(questions.configuration(kind, name)))
+        question = questions.configuration(kind, name, robot)
+        return self._run(self._requests.describe(question))
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """Request the robot's dimensions and limits and its scanners.

@@ -3,6 +3,7 @@
 ``TcpProxy`` forwards between sockets. A ``TrafficObserver`` parses a copy of the
 traffic in a thread of its own, ``ConnectionState`` holds what one connection has said,
 and ``RobotSelector`` passes the reports of one robot to a consumer such as a mapper.
+A ``RobotWatcher`` stands where the proxy does, on servers that let robots be watched.
 """
 
 from radarsim.proxy.connection_state import ConnectionState, ScannerDefaults

@@ -1,9 +1,10 @@
-"""Map made of the reports that pass a proxy, while another client drives."""
+"""Map made of the reports of a robot that another client drives."""
 
 import asyncio
 import time
 from collections.abc import Callable
 
+from radarsim.errors import ClientError
 from radarsim.exploration.exploration import NOISE
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.slam import MotionSource, SlamSettings
@@ -15,7 +16,8 @@ from radarsim.proxy.connection_state import (
     ScannerDefaults,
 )
 from radarsim.proxy.observer import RobotSelector, TrafficObserver
-from radarsim.proxy.tcp_proxy import TcpProxy, forward_until_signal
+from radarsim.proxy.robot_watcher import RobotWatcher, watch_until_signal
+from radarsim.proxy.tcp_proxy import DataCallback, TcpProxy, forward_until_signal
 
 ECHO_WAIT = 1.0  # s
 
@@ -79,11 +81,57 @@ class TrafficMapper:
         Raises:
             ServerError: If the port is taken.
         """
+
+        def forward(on_data: DataCallback) -> int:
+            proxy = TcpProxy(server, on_data)
+            return asyncio.run(forward_until_signal(proxy, *listen, announce))
+
+        return self._observe(forward)
+
+    def watch(
+        self,
+        server: tuple[str, int],
+        robot: str,
+        on_wait: Callable[[], None],
+        *,
+        echoes: bool,
+    ) -> int:
+        """Map what a robot of radarsim reports, until it leaves or a signal comes.
+
+        Args:
+            server: Host and port of the server.
+            robot: Name of the robot.
+            on_wait: Called if the robot is not there yet.
+            echoes: Whether its scanners shall list their echoes.
+
+        Returns:
+            The exit code; ``error`` tells whether there is a map.
+
+        Raises:
+            ValueError: If the name cannot be sent.
+        """
+        lost = ""
+
+        def follow(on_data: DataCallback) -> int:
+            nonlocal lost
+            watcher = RobotWatcher(server, robot, on_data, echoes=echoes)
+            watcher.on_wait = on_wait
+            try:
+                return asyncio.run(watch_until_signal(watcher))
+            except ClientError as error:
+                lost = str(error)
+                return 1
+
+        code = self._observe(follow)
+        self.error = lost or self.error
+        return code
+
+    def _observe(self, run: Callable[[DataCallback], int]) -> int:
+        """Map the data that a function passes on while it runs."""
         observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
-        proxy = TcpProxy(server, observer.add_data)
         observer.start()
         try:
-            code = asyncio.run(forward_until_signal(proxy, *listen, announce))
+            code = run(observer.add_data)
         finally:
             is_finished = observer.finish()
             self.error = self._fault(observer, is_finished=is_finished)

@@ -204,6 +204,12 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
         pytest.param(["--through", "0", "--serve", "x"], ["--through"], id="through"),
         pytest.param(["--through", "0", "--way", "1,2"], ["--way"], id="whose way"),
         pytest.param(
+            ["--watch", "R1", "--through", "0"], ["--watch", "--through"], id="both"
+        ),
+        pytest.param(["--watch", "R1,R2"], ["--watch", "R1,R2"], id="watch two"),
+        pytest.param(["--watch", " "], ["--watch"], id="watch nobody"),
+        pytest.param(["--watch", "R1", "--way", "1,2"], ["--way"], id="watch and go"),
+        pytest.param(
             ["--through", "0", "--strategy", "auto"], ["--strategy"], id="who drives"
         ),
     ],
@@ -449,6 +455,32 @@ def test_robot_of_another_client_is_mapped_through_the_proxy(
     assert told["pose_errors"]["ate"] < 0.05
     assert told["cells"]["free"] > 50_000
     assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, film.name]
+
+
+@pytest.mark.slow
+@fast_server
+def test_watched_robot_is_mapped_until_it_leaves(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    port = usarsim_server.address[1]
+    words = ("--watch", "r1", "--port", str(port), "--json")
+    with start_radarsim("map", str(tmp_path), *words) as process:
+        assert process.stderr is not None
+        assert b"waiting" in process.stderr.readline()
+        with Client.connect("127.0.0.1", port) as client:
+            client.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
+            client.drive(*client.robot_info().wheel_speeds(0.5, 0.0))
+            deadline, began = time.monotonic() + 240, client.session.time
+            while client.session.time < began + 4 and time.monotonic() < deadline:
+                client.read()
+        out, _ = process.communicate(timeout=240)
+    told = json.loads(out)
+    assert process.returncode == 0
+    assert (told["outcome"], told["error"]) == ("watched", None)
+    assert told["path_length"] > 1
+    assert told["pose_errors"]["ate"] < 0.05
+    assert told["cells"]["free"] > 50_000
+    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
 @pytest.mark.slow

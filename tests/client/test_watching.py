@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from radarsim.client import Client
+from radarsim.client import Client, ClientError
 from radarsim.client import session as questions
 from radarsim.client.session import MOST_WATCHED, Session
 from radarsim.host import Host
@@ -58,6 +58,12 @@ def test_client_watches_the_robot_of_another(
     assert seen.robot == "R1"
     while not isinstance(watcher.wait_for(WatchedLine).report, EchoLine):
         pass
+    assert watcher.geometry("Robot", robot="r1") == driver.geometry("Robot")
+    for kind in ("RangeScanner", "INS"):
+        told = watcher.configuration(kind, robot="R1")
+        assert told == driver.configuration(kind)
+    with pytest.raises(ClientError, match="R9"):
+        watcher.geometry("Robot", robot="R9")
     driver.geometry("Robot")
     while not isinstance(watcher.wait_for(WatchedLine).report, RobotGeo):
         pass
@@ -235,6 +241,15 @@ def test_client_changes_settings(
     assert client.robot_info().scanner().max_range == 3
     client.change_settings(max_range=-3)
     assert "max_range" in client.wait_for(CommandError).text
+
+
+def test_answer_about_another_robot_is_known_among_others() -> None:
+    question = questions.geometry("Robot", robot="R1")
+    geo = RobotGeo("P3AT", (1, 1, 1), (0, 0, 0), 0.1, 0.4, 0.3)
+    assert question.accepts(WatchedLine("r1", "", geo))
+    assert question.accepts(CommandError("it is not there"))
+    for other in (geo, WatchedLine("R2", "", geo), WatchedLine("R1", "", None)):
+        assert not question.accepts(other)
 
 
 def test_refused_watch_is_reported(empty_room: Scene) -> None:
