@@ -16,8 +16,9 @@ from radarsim.cli.options import (
     read_item_settings,
 )
 from radarsim.cli.output import print_message, start_log
-from radarsim.cli.serve import DialectName, check_item_settings
+from radarsim.cli.serve import DialectName, check_item_settings, cure_of_port
 from radarsim.os_errors import describe_os_error
+from radarsim.server.lifecycle import check_port
 from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
 LONGEST_TOKEN = 200  # characters
@@ -80,6 +81,8 @@ def commander(
     ] = False,
 ) -> None:
     """See, drive and explain robots in a browser."""
+    with cure_of_port({"--web": web}):  # before imports that take long
+        check_port(web_host, web)
     from radarsim.commander.doors import make_token
     from radarsim.commander.program import CommanderSettings, run_commander
     from radarsim.protocol.dialect import get_dialect
@@ -113,7 +116,9 @@ def commander(
         ),
         lambda address: announce_commander(address, token),
     )
-    exit_immediately(asyncio.run(running))  # threads may still import or compute
+    with cure_of_port({"--web": web}):
+        code = asyncio.run(running)
+    exit_immediately(code)  # threads may still import or compute
 
 
 def read_token(path: Path) -> str:

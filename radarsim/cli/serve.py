@@ -139,7 +139,7 @@ def serve(
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
         serving = serve_until_signal(server, host, port, announce_all, images)
-        with _cure_of_port({"--image-port": image_port}), compile_progress():
+        with cure_of_port({"--image-port": image_port}), compile_progress():
             code = asyncio.run(serving)
     if server.is_loading:
         exit_immediately(code)
@@ -167,7 +167,7 @@ def _check_ports(host: str, ports: Mapping[str, int | None], web: int | None) ->
             text = f"{port} is the port of {taken[port]}, expected another one"
             raise typer.BadParameter(text, param_hint=option)
         taken[port or 0] = option
-    with _cure_of_port(options):
+    with cure_of_port(options):
         for option, port in options.items():
             check_port("127.0.0.1" if option == "--web" else host, port or 0)
 
@@ -190,7 +190,7 @@ def _permitted_clients(wanted: int) -> int:
 
 
 @contextmanager
-def _cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
+def cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
     """Say in the error of a port which option takes a free one.
 
     Args:

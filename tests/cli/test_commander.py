@@ -116,9 +116,23 @@ def test_ports_of_server_and_page_differ(radarsim: RunCommand) -> None:
     assert "--web" in run.err
 
 
-def test_port_in_use_is_told_with_its_cure(radarsim: RunCommand) -> None:
+@pytest.mark.parametrize(
+    "words", [["serve", "empty_room", "--port", "0"], ["commander"]]
+)
+@pytest.mark.parametrize("setting", ["lms300.max_range=2", "max_range"])
+def test_wrong_setting_of_the_server_is_a_usage_error(
+    radarsim: RunCommand, setting: str
+) -> None:
+    run = radarsim("commander", "--web", "0", "--set", setting)
+    assert run.code == 2
+    assert "--set" in run.err
+
+
+def test_port_in_use_is_told_with_its_cure(
+    radarsim: RunCommand, words: list[str]
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = str(other.getsockname()[1])
-        run = radarsim("serve", "empty_room", "--port", "0", "--web", port)
+        run = radarsim(*words, "--web", port)
     assert run.code == 1
     assert "--web 0 takes a free one" in run.err
