@@ -18,7 +18,6 @@ from radarsim.cli.options import (
 from radarsim.cli.output import print_message, start_log
 from radarsim.cli.serve import DialectName, check_item_settings, cure_of_port
 from radarsim.os_errors import describe_os_error
-from radarsim.server.lifecycle import check_port
 from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
 LONGEST_TOKEN = 200  # characters
@@ -81,6 +80,8 @@ def commander(
     ] = False,
 ) -> None:
     """See, drive and explain robots in a browser."""
+    from radarsim.server.lifecycle import check_port
+
     with cure_of_port({"--web": web}):  # before imports that take long
         check_port(web_host, web)
     from radarsim.commander.doors import make_token

@@ -116,9 +116,6 @@ def test_ports_of_server_and_page_differ(radarsim: RunCommand) -> None:
     assert "--web" in run.err
 
 
-@pytest.mark.parametrize(
-    "words", [["serve", "empty_room", "--port", "0"], ["commander"]]
-)
 @pytest.mark.parametrize("setting", ["lms300.max_range=2", "max_range"])
 def test_wrong_setting_of_the_server_is_a_usage_error(
     radarsim: RunCommand, setting: str
@@ -128,6 +125,9 @@ def test_wrong_setting_of_the_server_is_a_usage_error(
     assert "--set" in run.err
 
 
+@pytest.mark.parametrize(
+    "words", [["serve", "empty_room", "--port", "0"], ["commander"]]
+)
 def test_port_in_use_is_told_with_its_cure(
     radarsim: RunCommand, words: list[str]
 ) -> None:
