@@ -4,6 +4,7 @@ import re
 import socket
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
@@ -16,7 +17,7 @@ STILL = 1e-4  # m between two readings of a robot at rest
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a robot is at a time of the simulation, s and m."""
+    """Where a robot is at a time of the simulation, s and m, map frame."""
 
     time: float
     x: float
@@ -66,7 +67,10 @@ class Truth:
         return None
 
     def _read(self) -> None:
-        with self._socket.makefile(encoding="ascii", errors="replace") as lines:
+        with (
+            suppress(OSError),  # it was closed while more came
+            self._socket.makefile(encoding="ascii", errors="replace") as lines,
+        ):
             for line in lines:
                 self._take(line)
 
@@ -75,5 +79,6 @@ class Truth:
             change = self.names.add if found[1] == "Joined" else self.names.discard
             change(found[2])
         elif found := LINE.match(line):
-            place = Place(float(found["time"]), float(found["x"]), float(found["y"]))
+            x, y = float(found["x"]), -float(found["y"])  # on the wire, y is right
+            place = Place(float(found["time"]), x, y)
             self.places.setdefault(found["robot"], []).append(place)
