@@ -114,13 +114,14 @@ def _start_scan(scan: Any, aim: Any, scene: Any, work: Any) -> Any:
 
 
 @njit_inline
-def _aim_next(i: Any, scan: Any, beam: Any, aim: Any, work: Any) -> None:
-    """Set the workspace to the next ray of a scan."""
+def _aim_next(i: Any, scan: Any, k: Any, aim: Any, work: Any) -> None:
+    """Set the workspace to ray ``k`` of a scan, the ``i``-th of all."""
     scans, table = aim.scans, aim.table
+    beam, node = k, 0
+    if aim.rays_per_beam > 1:  # else there is nothing to divide
+        beam, node = k // aim.rays_per_beam, k % aim.rays_per_beam
     if scans.chances.size:
         node = node_of(table.edges, scans.chances[scan, beam])
-    else:
-        node = i % aim.rays_per_beam
     scans.nodes[i] = node
     scans.ray_sides[i] = table.sides[node]
     aim_ray(table, aim.frame, beam, node, work.origin, work.direction)
@@ -155,7 +156,7 @@ def _trace_all(aim: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
         row: Any = i
         if are_scans:
             row, carrier_id = 0, int(scans.places[scan, CARRIER])
-            _aim_next(i, scan, (i - first) // aim.rays_per_beam, aim, work)
+            _aim_next(i, scan, i - first, aim, work)
         else:
             carrier_id = rays.carrier_id[i]
             _take_given(i, rays, work)

@@ -18,7 +18,7 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 
 import functools
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -34,7 +34,6 @@ from radarsim.raycast.material_table import (
     find_volumes,
     material_table,
 )
-from radarsim.raycast.propagate import TraceColumns
 from radarsim.raycast.rays import (
     Event,
     RayClass,
@@ -54,6 +53,7 @@ from radarsim.scene.shapes import box
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
+NODES: Final = ScanColumns._fields.index("nodes")
 
 
 class TracedScans(NamedTuple):
@@ -176,7 +176,7 @@ class Tracer:
         sensor, count = scans.sensor, len(scans.places)
         nodes = np.zeros(count * sensor.rays_per_scan, np.int16)
         sides, clear = np.zeros(len(nodes), np.int8), np.zeros(count, np.bool_)
-        columns = ScanColumns(
+        columns = (
             *sensor.table,
             *(sensor.radius, scans.chances, scans.places),
             *(nodes, sides, clear),
@@ -233,7 +233,7 @@ class Tracer:
         self,
         ray_classes: tuple[RayClass, ...],
         rays: RayColumns,
-        scans: ScanColumns,
+        scans: tuple[Any, ...],
         boxes: Boxes | None,
         *,
         events: bool,
@@ -241,16 +241,24 @@ class Tracer:
     ) -> tuple[Traces, int, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
+        Args:
+            ray_classes: The classes of the rays.
+            rays: The rays, or the limits of those of scans.
+            scans: The ``ScanColumns``.
+            boxes: The robots.
+            events: As in ``trace``.
+            incidence: As in ``trace``.
+
         Returns:
             The traces; 0, or -1 minus the index of an invalid ray; and the number of
             scans that are not clear.
         """
-        n = len(scans.nodes) or len(rays.origins)
+        n = len(scans[NODES]) or len(rays.origins)
         room = max(self._events_per_ray * n, INITIAL_CAPACITY) if events else 0
         packed, table = self._packed_for(ray_classes), self._table_of(boxes)
         while True:
             unsliced = np.zeros(2)
-            columns = TraceColumns(
+            columns: tuple[Any, Any, Any, Any, Any] = (  # the ``TraceColumns``
                 np.zeros(n),
                 np.zeros(n, np.uint8),
                 np.zeros(n, np.int64),

@@ -97,6 +97,8 @@ def trace_groups(
     Returns:
         The scans in the order in which they were requested.
     """
+    if len(groups) == 1:
+        return _trace_group(tracer, groups[0], boxes, scene)
     scans: dict[int, Scan] = {}
     for group in groups:
         taken = _trace_group(tracer, group, boxes, scene)
@@ -152,6 +154,8 @@ def _plan_traced(
 
 def _split(traces: Traces, count: int, *, events: bool) -> list[tuple[Traces, int]]:
     """Return for each of some scans the traces, and which of them is its first."""
+    if count == 1:
+        return [(traces, 0)]
     size = len(traces.ranges) // count
     if events:
         return [(piece, 0) for piece in traces.split([size] * count)]
