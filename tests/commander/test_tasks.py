@@ -25,7 +25,6 @@ async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
         await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
         running = await page.hear("task", state="running")
         assert (running["robot"], running["kind"]) == (name, "goto")
-        await page.see(lambda frame: frame.robot(name)["driver"] == "task")
         ended = await page.hear("task", id=running["id"])
         assert ended["state"] == "done", ended["text"]
         frame = await page.see(lambda frame: frame.robot(name)["driver"] is None)
@@ -43,6 +42,7 @@ async def test_who_drives_takes_over_from_a_task(commander: Any) -> None:
         name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
         await page.send("goto", robot=name, algorithm="bug1", goal=[8.0, 0.0])
         task = await page.hear("task", state="running")
+        await page.see(lambda frame: frame.robot(name)["driver"] == "task")
         await page.send("drive", robot=name, v=-0.1, w=0)
         assert (await page.hear("task"))["state"] == "cancelled"
         await page.send("goto", robot=name, algorithm="bug1", goal=[8.0, 0.0])
