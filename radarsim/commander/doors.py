@@ -9,7 +9,7 @@ before anything else, also before the token.
 
 import ipaddress
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -17,6 +17,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
+HTTP_PORT: Final = 80
 LOOPBACK: Final = ("127.0.0.1", "localhost", "[::1]")
 SECURITY_HEADERS: Final[Mapping[str, str]] = {
     "Content-Security-Policy": (
@@ -43,7 +44,7 @@ class Doors:
             port: Port that it listens on.
         """
         self._any_address = address in ANY_ADDRESS
-        names: Iterable[str] = (*LOOPBACK, _in_url(address).lower())
+        names = (*LOOPBACK, _in_url(address).lower())
         self._hosts = {f"{name}:{port}" for name in names}
         self._port = port
 
@@ -63,6 +64,8 @@ class Doors:
         return [origin.lower() for origin in origins] == [f"http://{hosts[0].lower()}"]
 
     def _is_known(self, host: str) -> bool:
+        if host.endswith("]") or ":" not in host:
+            host += f":{HTTP_PORT}"  # browsers leave it out
         if host in self._hosts:
             return True
         name, _, port = host.rpartition(":")

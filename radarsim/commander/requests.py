@@ -27,7 +27,9 @@ Coordinate: TypeAlias = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=Fa
 Share: TypeAlias = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]
 Time: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Colours: TypeAlias = Literal["usarcommander", "material"]
-Value: TypeAlias = bool | int | Annotated[float, Field(allow_inf_nan=False)] | Text
+Whole: TypeAlias = Annotated[int, Field(ge=-(10**15), le=10**15)]
+Word: TypeAlias = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.+-]{1,64}$")]
+Value: TypeAlias = bool | Whole | Annotated[float, Field(allow_inf_nan=False)] | Word
 
 
 class BadRequest(RadarsimError):

@@ -1,5 +1,6 @@
 """Changes of a scanner's settings, checked here before the server is asked."""
 
+import json
 import math
 from typing import Any
 
@@ -23,9 +24,8 @@ def change_setting(robot: OwnRobot, view: RobotView, request: Setting) -> None:
         names = [each.name for each in view.scanners.values()]
         raise BadRequest(f"no scanner {request.scanner!r}, expected one of {names}")
     value = _value(request)
-    if scanner.settings:
-        settings = {**scanner.settings, request.key: value}
-        _check(scanner, settings, request.key)
+    settings = _changed(scanner, request.key, value) if scanner.settings else {}
+    if settings:
         view.last_change = scanner, scanner.settings
         _take(scanner, settings)
     robot.change_setting(scanner.name, request.key, _as_text(value))
@@ -50,13 +50,22 @@ def _value(request: Setting) -> Any:
     return request.value
 
 
-def _check(scanner: Scanner, settings: dict[str, Any], key: str) -> None:
-    try:
-        SensorSettings.model_validate({"medium": scanner.medium, **settings})
+def _changed(scanner: Scanner, key: str, value: Any) -> dict[str, Any]:
+    """Return the settings with a change: as they are shown, so numbers stay numbers.
+
+    Raises:
+        BadRequest: If there is no such setting, or the value is wrong.
+    """
+    if key == "medium":
+        raise BadRequest("medium: cannot be changed here")
+    settings = {"medium": scanner.medium, **scanner.settings, key: value}
+    try:  # as JSON: its arrays are tuples, and no text is a number
+        changed = SensorSettings.model_validate_json(json.dumps(settings), strict=True)
     except ValidationError as error:
         problem = error.errors()[0]
         path = ".".join(str(step) for step in problem["loc"]) or key
         raise BadRequest(f"{path}: {describe_invalid(problem)}") from None
+    return changed.model_dump(mode="json", exclude={"medium"})
 
 
 def _as_text(value: Any) -> str:

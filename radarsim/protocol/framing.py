@@ -7,16 +7,20 @@ from radarsim.errors import LineTooLong
 _BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
 # With the blank lines after it, of which there can be thousands in one packet.
 _LINE_END = re.compile(rb"[\r\n][%b]*" % re.escape(_BLANKS))
-_HTTP_REQUEST = re.compile(r"[A-Z]+ \S+ HTTP/\d")
+# Methods are of any characters and case: pages choose them for their own site, whose
+# name they can make resolve to here. Or TLS, whose first message has bytes of theirs.
+_HTTP_REQUEST = re.compile(r"[^\s{}]+\s+\S+\s+HTTP/\d|\x16\x03", re.IGNORECASE)
 
 
 def is_http_request(line: str) -> bool:
-    """Return whether a line begins a request of a web browser.
+    """Return whether a line begins a request of a web browser, or a TLS connection.
 
     Any page that a user visits can make a browser send one to any port, with lines of
     the page's choice after it.
 
     >>> is_http_request("POST / HTTP/1.1")
+    True
+    >>> is_http_request("m-search * HTTP/1.1")
     True
     >>> is_http_request("DRIVE {Left 1} {Right 1}")
     False

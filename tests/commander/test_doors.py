@@ -71,6 +71,16 @@ def test_where_all_addresses_are_served_hosts_are_addresses_and_no_names(
     assert not admits(doors, host="192.0.2.1:80")
 
 
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "localhost", "192.0.2.1", "[::1]", "[2001:db8::1]:80"]
+)
+def test_browsers_leave_out_port_80(host: str) -> None:
+    assert admits(Doors("0.0.0.0", 80), host=host, origin=f"http://{host}")
+    assert not admits(Doors("0.0.0.0", 8000), host=host)
+    assert not admits(Doors("0.0.0.0", 80), host="evil.example")
+    assert not admits(Doors("0.0.0.0", 80), host="")
+
+
 def test_own_address_comes_in() -> None:
     assert admits(Doors("192.0.2.1", 8000), host="192.0.2.1:8000")
 

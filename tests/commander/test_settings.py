@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import pytest
+
 from web_pages import Frame, Page, open_page
 
 
@@ -92,3 +94,42 @@ async def test_power_can_be_unlimited_and_choices_left_to_the_sensor(
         later = page.frames + 5
         await page.see(lambda _: page.frames > later)
         assert page.texts == [] or "error" not in {text["op"] for text in page.texts}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("max_range", "20"),  # a text
+        ("max_range", True),
+        ("medium", "laser"),
+        ("side_offset_uu", "5 #"),
+        ("penetration_power", 10**1000),
+        ("return_mode", "last} {Opcode RESET"),
+    ],
+)
+async def test_wrong_values_change_nothing_that_is_shown(
+    commander: Any, key: str, value: object
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page)
+        assert page.frame is not None
+        before = page.frame.robot(name)["scans"][0]["settings"]
+        change = {"robot": name, "scanner": "lms200", "key": key}
+        await page.send("setting", **change, value=value)
+        assert (await page.hear("error"))["text"]
+        page.frame = None
+        frame = await page.see(lambda frame: frame.robot(name))
+        assert frame.robot(name)["scans"][0]["settings"] == before
+
+
+async def test_each_setting_takes_the_value_that_it_has(commander: Any) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        name = await spawn(page)
+        assert page.frame is not None
+        settings = page.frame.robot(name)["scans"][0]["settings"]
+        change = {"robot": name, "scanner": "lms200"}
+        for offer in page.hello["settings"]:
+            if (value := settings[offer["key"]]) is not None:
+                await page.send("setting", **change, key=offer["key"], value=value)
+        await page.send("explain", robot=name, scanner="nothing", beam=0)
+        assert "'nothing'" in (await page.hear("error"))["text"]

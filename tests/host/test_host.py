@@ -729,7 +729,16 @@ def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
 
 
 @pytest.mark.parametrize(
-    "request_line", [b"POST / HTTP/1.1", b"GET /a?b HTTP/1.0", b"OPTIONS * HTTP/2"]
+    "request_line",
+    [
+        b"POST / HTTP/1.1",
+        b"GET /a?b HTTP/1.0",
+        b"OPTIONS * HTTP/2",
+        b"patch / HTTP/1.1",
+        b"M-SEARCH /{a} HTTP/1.1",
+        b"!#$%&'*+.^_`|~0x  /  http/1.1",
+        b"\x16\x03\x01\x02\x00 of TLS",
+    ],
 )
 @pytest.mark.parametrize("cut", [0, 3, 20, 60])
 def test_http_request_is_closed_and_nothing_after_it_is_executed(

@@ -88,8 +88,8 @@ function makeInput({ type, min, max, step, choices, slides }) {
 }
 
 /** Return the value of a control, null without one. */
-function readValue({ setting: { type }, input }) {
-  if (type === "choice") return input.value || null;
+function readValue({ setting: { type, choices }, input }) {
+  if (type === "choice") return choices.find((choice) => String(choice) === input.value) ?? null;
   if (type === "boolean") return input.checked;
   return Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null;
 }
