@@ -3,7 +3,6 @@
 from typing import Any
 
 import pytest
-
 from web_pages import Frame, Page, open_page
 
 
