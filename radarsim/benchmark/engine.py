@@ -33,8 +33,9 @@ from radarsim.sensors.scan_batch import scan_batch
 from radarsim.sensors.scan_plan import ScanRequest
 
 BATCH = 100
-# Upper limits of the ratio to a raw first-hit call, for the foliage wall.
-LIMITS = {"361 beams": 3.2, "1801 beams": 2.9, "100 scans of 361 beams": 2.9}
+# Upper limits of the ratio to a raw first-hit call, for the foliage wall and the room.
+LIMITS = {"361 beams": 2.0, "1801 beams": 2.0, "100 scans of 361 beams": 2.0}
+ROOM_LIMITS = dict.fromkeys(LIMITS, 1.7)
 
 
 def radar_with(beams: int) -> RangeScanner:
@@ -44,7 +45,8 @@ def radar_with(beams: int) -> RangeScanner:
 
 def scans_against_first_hits(seconds: float) -> Iterator[BenchmarkRow]:
     """Measure whole scans, with the drawing of rays, against raw first-hit calls."""
-    for scene, limits in ((foliage_wall(), LIMITS), (load_map("foliage_room"), {})):
+    room = load_map("foliage_room")
+    for scene, limits in ((foliage_wall(), LIMITS), (room, ROOM_LIMITS)):
         meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
         for name, scan, rays in _workloads(scene):
             first = FirstHits(meshes, rays.origins, rays.directions)
