@@ -40,6 +40,9 @@ from radarsim.simulation.ray_items import RayItem, read_together
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
+# Scans of a tick whose echoes are listed for watchers only, each of which takes a
+# millisecond or two: so these delay no one else, however many robots are watched.
+MAX_SHOWN: Final = 4
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
 NOTHING: Final = Boxes(np.zeros((0, 8)))
 
@@ -209,10 +212,13 @@ class Simulation:
         boxes = self.boxes() if scanners or ray_items else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
         echoes: dict[int, list[ScanEchoes]] = {}
-        taken = self._scan(scanners, boxes)
-        for (vehicle, mounted), scan in zip(scanners, taken, strict=True):
+        listing = self._select_listing(scanners)
+        taken = self._scan(scanners, listing, boxes)
+        for (vehicle, mounted), lists, scan in zip(
+            scanners, listing, taken, strict=True
+        ):
             scans[vehicle.number].append(self._scan_report(mounted, scan))
-            if vehicle.lists_echoes(mounted.item):
+            if lists:
                 is_requested = vehicle.has_echoes_enabled(mounted.item)
                 found = ScanEchoes(mounted.item.name, scan.echoes, is_requested)
                 echoes.setdefault(vehicle.number, []).append(found)
@@ -234,14 +240,35 @@ class Simulation:
         """Return the robots as boxes whose ids are the numbers of the vehicles."""
         return Boxes(self._fleet.boxes())
 
+    def _select_listing(self, due: list[tuple[Vehicle, MountedScanner]]) -> list[bool]:
+        """Return which scanners list their echoes in this tick.
+
+        Those do whose clients have asked for it. Others only list them for watchers:
+        of these no more than ``MAX_SHOWN`` do, which have waited for it longest.
+        """
+        listing = [vehicle.has_echoes_enabled(mounted.item) for vehicle, mounted in due]
+        shown = [
+            k
+            for k, (vehicle, _) in enumerate(due)
+            if vehicle.shows_echoes and not listing[k]
+        ]
+        shown.sort(key=lambda k: due[k][1].shown_at)
+        for k in shown[:MAX_SHOWN]:
+            listing[k] = True
+            due[k][1].shown_at = self.ticks
+        return listing
+
     def _scan(
-        self, due: list[tuple[Vehicle, MountedScanner]], boxes: Boxes
+        self,
+        due: list[tuple[Vehicle, MountedScanner]],
+        listing: list[bool],
+        boxes: Boxes,
     ) -> list[Scan]:
-        """Take all scans in one batch."""
+        """Take all scans in one batch, some of them with all echoes."""
         requests = []
-        for vehicle, mounted in due:
+        for (vehicle, mounted), lists in zip(due, listing, strict=True):
             scanner = mounted.scanner
-            if vehicle.lists_echoes(mounted.item):
+            if lists:
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
             requests.append(ScanRequest(scanner, pose, mounted.rng, vehicle.number))

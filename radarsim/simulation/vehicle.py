@@ -32,11 +32,19 @@ STATUS_TICKS = ticks_of(DEFAULT_INTERVAL)
 
 @dataclass(slots=True, eq=False)
 class MountedScanner:
-    """A scanner on a robot, which can be replaced, and the random numbers it draws."""
+    """A scanner on a robot.
+
+    Attributes:
+        item: The item of the robot's class.
+        scanner: The scanner, which can be replaced.
+        rng: The random numbers that it draws.
+        shown_at: Tick in which it last listed its echoes for watchers only.
+    """
 
     item: Item
     scanner: RangeScanner
     rng: np.random.Generator
+    shown_at: int = -1
 
 
 class DueItems(NamedTuple):
@@ -236,10 +244,6 @@ class Vehicle:
     def has_echoes_enabled(self, item: Item) -> bool:
         """Return whether the client of the robot gets the echoes of a scanner."""
         return item.name in self._with_echoes
-
-    def lists_echoes(self, item: Item) -> bool:
-        """Return whether a scanner lists its echoes, for whomever."""
-        return self.shows_echoes or item.name in self._with_echoes
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Replace the pose of an INS; do nothing if the item is not one."""
