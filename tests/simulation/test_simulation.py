@@ -1,6 +1,7 @@
 """Robots in a scene: motion, readings and scans."""
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from radarsim.protocol.reports import (
 )
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import Simulation, TickOutput
+from radarsim.simulation.simulation import MAX_SHOWN, Simulation, TickOutput
 from radarsim.simulation.vehicle import Vehicle
 
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
@@ -357,3 +358,22 @@ def test_scanner_scans_at_its_rate(empty_room: Scene) -> None:
     outputs = run(simulation, 300)[vehicle.number]
     when = [tick for tick, output in outputs if output.scans]
     assert np.diff(when).tolist() == [100, 100]
+
+
+def test_echoes_for_watchers_are_listed_in_turns(empty_room: Scene) -> None:
+    simulation, robots = Simulation(empty_room), 2 * MAX_SHOWN + 1
+    vehicles = [spawned(simulation, Pose2(k - 4, 3), f"R{k}") for k in range(robots)]
+    asking, *watched = vehicles
+    asking.enable_echoes(asking.model.items_of("RangeScanner")[0], True)
+    for vehicle in watched:
+        vehicle.shows_echoes = True
+    outputs = run(simulation, 80)
+    scans = sum(len(output.scans) for _, output in outputs[asking.number])
+    listed = {
+        number: [tick for tick, output in each if output.echoes]
+        for number, each in outputs.items()
+    }
+    assert len(listed[asking.number]) == scans
+    ticks = Counter(tick for v in watched for tick in listed[v.number])
+    assert set(ticks.values()) == {MAX_SHOWN}
+    assert {len(listed[v.number]) for v in watched} == {scans // 2}
