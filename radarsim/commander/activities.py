@@ -112,6 +112,7 @@ class Activities:
             BadRequest: If that is not possible.
         """
         name = request.robot
+        self._roster.find(name)
         self._colours[name] = request.colours
         if not request.on:
             self._stop_map(name)

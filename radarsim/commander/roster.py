@@ -170,7 +170,8 @@ class Roster:
             match report:
                 case RobotJoined(robot, class_name):
                     self.add(robot, class_name)
-                case RobotLeft(robot):
+                case RobotLeft(robot) if robot not in self.own:
+                    # own ones by their connections: it may have been one before
                     if self.views.pop(robot, None) is not None:
                         self.on_left(robot)
                         news = True

@@ -86,6 +86,7 @@ class TaskBoard:
         """
         self.running: dict[int, Task] = {}
         self._tell = tell
+        self._threads: set[int] = set()  # also of cancelled tasks, until they notice
         self._loop = asyncio.get_running_loop()
         self._count = 0
 
@@ -101,11 +102,12 @@ class TaskBoard:
             BadRequest: If there are too many tasks.
         """
         self.cancel_of(robot.name)
-        if len(self.running) >= MOST_TASKS:
+        if len(self._threads) >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
         self._count += 1
         task = Task(self._count, robot, kind, RobotClient(robot))
         self.running[task.number] = task
+        self._threads.add(task.number)
         self._tell(task.describe())
         threading.Thread(target=self._run, args=(task, work), daemon=True).start()
 
@@ -141,6 +143,7 @@ class TaskBoard:
         self._call(self._end, task, state, text)
 
     def _end(self, task: Task, state: str, text: str) -> None:
+        self._threads.discard(task.number)
         if self.running.pop(task.number, None) is None:
             return  # it was cancelled
         task.client.cancel()
