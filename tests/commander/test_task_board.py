@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from radarsim.commander.requests import BadRequest
-from radarsim.commander.task_board import MOST_TASKS, TaskBoard, Work
+from radarsim.commander.task_board import MOST_TASKS, TaskBoard
 
 
 class Waiting:
@@ -21,23 +21,21 @@ class Waiting:
 
 
 async def test_cancelled_tasks_count_until_their_threads_have_ended() -> None:
-    board = TaskBoard(lambda _: None)
-    work: Any = Waiting()
+    ended = asyncio.Event()
+
+    def tell(message: dict[str, Any]) -> None:
+        if message["state"] == "done":
+            ended.set()
+
+    board = TaskBoard(tell)
+    waiting: Any = Waiting()
     robot: Any = SimpleNamespace(name="R1", listeners=[], set_wheels=lambda *_: None)
     for _ in range(MOST_TASKS):
-        board.begin(robot, "explore", work)
+        board.begin(robot, "explore", waiting)
     assert len(board.running) == 1  # a robot has one, the others are cancelled
+    other: Any = SimpleNamespace(name="R2", listeners=[], set_wheels=lambda *_: None)
     with pytest.raises(BadRequest, match="tasks"):
-        board.begin(robot, "explore", work)
-    work.end.set()
-    async with asyncio.timeout(240):
-        while not _can_begin(board, robot, work):
-            await asyncio.sleep(0.01)
-
-
-def _can_begin(board: TaskBoard, robot: Any, work: Work) -> bool:
-    try:
-        board.begin(robot, "explore", work)
-    except BadRequest:
-        return False
-    return True
+        board.begin(other, "explore", waiting)
+    waiting.end.set()
+    await asyncio.wait_for(ended.wait(), 240)
+    board.begin(other, "explore", waiting)
