@@ -7,6 +7,7 @@ import logging
 import sys
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlencode
 
 import typer
 
@@ -147,7 +148,8 @@ def announce_commander(address: tuple[str, int], token: str) -> None:
     """Tell on stdout, on one line, what a browser has to open."""
     set_exit_code_of_sigterm(0)
     host = f"[{address[0]}]" if ":" in address[0] else address[0]
-    typer.echo(f"radarsim: commander on http://{host}:{address[1]}/#token={token}")
+    fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
+    typer.echo(f"radarsim: commander on http://{host}:{address[1]}/#{fragment}")
     sys.stdout.flush()
 
 

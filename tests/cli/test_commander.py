@@ -4,6 +4,7 @@ import socket
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
@@ -136,3 +137,12 @@ def test_port_in_use_is_told_with_its_cure(
         run = radarsim(*words, "--web", port)
     assert run.code == 1
     assert "--web 0 takes a free one" in run.err
+
+
+def test_page_reads_any_token_from_the_address(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    token = "a+b/c=&d#e%20f 0123"
+    announce_commander(("127.0.0.1", 8000), token)
+    fragment = urlsplit(capsys.readouterr().out.split()[-1]).fragment
+    assert parse_qs(fragment) == {"token": [token]}
