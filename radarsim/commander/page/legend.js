@@ -50,7 +50,7 @@ export function writeFinding(world, view) {
   if (!world.hello) return;
   if (!robot) setText(byId("finding"), "No robot yet: add one.");
   else if (view === "map" && !world.maps.has(robot.name)) {
-    setText(byId("finding"), `${robot.name} has no map yet: tick “Build a map”, then drive or explore.`);
+    setText(byId("finding"), `${robot.name} has no map yet: tick “Build a map” and drive, or explore.`);
   } else setText(byId("finding"), sentence(world));
 }
 
