@@ -81,7 +81,9 @@ export class Polar extends EventTarget {
       pen.lineTo(left - outer * scale * Math.sin(turn), top - outer * scale * Math.cos(turn));
     }
     pen.stroke();
-    const [across, ahead] = half > 3 ? [0, 1] : [Math.sin(half), Math.cos(half)];
+    // Of a full circle not ahead, where most readings matter.
+    const turn = half > 3 ? Math.PI / 4 : half;
+    const [across, ahead] = [Math.sin(turn), Math.cos(turn)];
     pen.textAlign = "center";
     for (let range = step; range <= outer * 1.001; range += step) {
       const label = `${+range.toFixed(1)}${range >= outer ? " m" : ""}`;
