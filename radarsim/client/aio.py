@@ -97,9 +97,10 @@ class AsyncClient:
         name: str | None = None,
         start: str | None = None,
         pose: Pose2 | Pose3 | None = None,
+        timeout: float | None = None,  # noqa: ASYNC109
     ) -> None:
         """See ``Client.spawn``."""
-        await self._run(self._requests.spawn(class_name, name, start, pose))
+        await self._run(self._requests.spawn(class_name, name, start, pose, timeout))
 
     async def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None

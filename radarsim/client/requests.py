@@ -107,13 +107,18 @@ class Requests:
         name: str | None,
         start: str | None,
         pose: Pose2 | Pose3 | None,
+        timeout: float | None = None,
     ) -> Exchange[None]:
         """Request a robot and wait for its first report, which can still be read."""
         question = questions.spawn(class_name, name=name, start=start, pose=pose)
         self.has_robot = True
         self._pending.clear()
         self.session.scans.clear()  # another robot's
-        first = yield from self.ask(question)
+        try:
+            first = yield from self.ask(question, timeout)
+        except ClientTimeout as error:
+            hint = "a server that still compiles spawns no robots yet"
+            raise ClientTimeout(f"{error}; {hint}") from None
         self._pending.insert(0, first)
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:

@@ -110,24 +110,27 @@ class Client:
         name: str | None = None,
         start: str | None = None,
         pose: Pose2 | Pose3 | None = None,
+        timeout: float | None = None,
     ) -> None:
         """Spawn a robot and wait for its first report.
 
         A server does not report a failure: without such a class, or without a free
-        place, no report comes.
+        place, no report comes. The first server on a machine spawns robots when it has
+        compiled, after up to a minute.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
             name: Name of the robot; None lets the server choose.
             start: Name of a start pose.
             pose: Pose of the robot if ``start`` is None; without both, the server's.
+            timeout: Longest time to wait, s; None for the default.
 
         Raises:
             ClientError: If no report comes.
             ValueError: If both ``start`` and ``pose`` are given, or a text cannot be
                 written on a line.
         """
-        self._run(self._requests.spawn(class_name, name, start, pose))
+        self._run(self._requests.spawn(class_name, name, start, pose, timeout))
 
     def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None

@@ -44,6 +44,7 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.commander.scene_message import SceneMessages
 
+LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
 NOT_OWN: Final = Owner(mine=False, driver=None)
 
 
@@ -185,8 +186,16 @@ class Commander:
             raise BadRequest("a start and a pose, expected only one of them")
         name = self.roster.begin_spawning(request)
 
+        def tell_wait() -> None:
+            text = f"{name} is not there yet: there is no free place, or the server"
+            viewer.send({"op": "notice", "text": f"{text} still compiles"})
+
         async def spawn() -> None:
-            robot = await self.roster.spawn(name, request, self._link.state.starts)
+            waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
+            try:
+                robot = await self.roster.spawn(name, request, self._link.state.starts)
+            finally:
+                waiting.cancel()
             robot.on_expiry = lambda: self._tell_driver(robot)
             self._begin(viewer, self.roster.run(robot))
             viewer.send({"op": "spawned", "robot": name})

@@ -16,7 +16,8 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
-SPAWN_TIMEOUT: Final = 5.0  # s
+ANSWER: Final = 5.0  # s that a server has to answer
+SPAWN_TIMEOUT: Final = 120.0  # s; a server may have to compile first
 SILENCE: Final = 60.0  # s that one call waits for reports
 
 
@@ -78,11 +79,13 @@ class OwnRobot:
             ClientError: If the server is not there, or no robot comes.
             ValueError: If a text cannot be written on a line.
         """
-        client = await AsyncClient.connect(*address, timeout=SPAWN_TIMEOUT)
+        client = await AsyncClient.connect(*address, timeout=ANSWER)
         try:
             start = place if isinstance(place, str) else None
             pose = place if isinstance(place, Pose2) else None
-            await client.spawn(class_name, name=name, start=start, pose=pose)
+            await client.spawn(
+                class_name, name=name, start=start, pose=pose, timeout=SPAWN_TIMEOUT
+            )
             info = await client.robot_info(drive_unit=drive_unit)
         except BaseException:
             await client.close()

@@ -51,6 +51,7 @@ class RobotClient(Client):
         name: str | None = None,
         start: str | None = None,
         pose: Pose2 | Pose3 | None = None,
+        timeout: float | None = None,
     ) -> None:
         """Take the robot that is there, where it is."""
 

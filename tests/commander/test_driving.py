@@ -148,3 +148,16 @@ async def test_wrong_setting_is_told_and_not_sent(commander: Any) -> None:
         assert "max_range" in (await page.hear("error"))["text"]
         await page.send("setting", **change | {"scanner": "x"}, value=1)
         assert "no scanner 'x'" in (await page.hear("error"))["text"]
+
+
+async def test_browser_is_told_why_a_robot_does_not_come(
+    commander: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.commander.commander.LONG_WAIT", 0.1)
+    monkeypatch.setattr("radarsim.commander.own_robot.SPAWN_TIMEOUT", 1.0)
+    async with open_page(commander.web, commander.token) as page:
+        await page.send("spawn", **{"class": "Tank", "name": "T1"})
+        notice = await page.hear("notice")
+        assert "T1" in notice["text"]
+        error = await page.hear("error")
+        assert "'Tank' within 1 s" in error["text"]

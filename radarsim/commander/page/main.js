@@ -79,6 +79,7 @@ const takers = {
   },
   spawned({ robot }) {
     world.wanted = robot;
+    setText(byId("notice"), "");
   },
   viewer: () => {},
   recording: ({ on, path }) => {
