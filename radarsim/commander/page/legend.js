@@ -59,7 +59,8 @@ function sentence(world) {
   const { robot, scan } = world;
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
   const parts = scans.map((one, place) => {
-    const { beams, through } = world.countBeams(one);
+    const { beams, through, returned } = world.countBeams(one);
+    if (!returned) return `${one.kind} reads nothing${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
     const count = `${through || "none"} of ${beams}`;
     return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} beams`;
   });

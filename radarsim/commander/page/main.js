@@ -114,6 +114,10 @@ function takeFrame(frame) {
   unacknowledged = frame.t ?? 0;
 }
 
+// What went wrong is shown until something else is done.
+document.addEventListener("click", ({ target }) => {
+  if (target.closest?.("button")) setText(byId("error"), "");
+}, true);
 link.addEventListener("message", ({ detail }) => receive(detail));
 link.addEventListener("state", ({ detail }) => {
   if (detail === "open") {
