@@ -55,4 +55,4 @@ def test_all_steps_run_in_turn_and_report_progress(
     done = [what[1] for what in described]
     assert done == sorted(done)
     assert described[-1] == ("done", 2 * len(STEPS), 2 * len(STEPS))
-    assert set("abcdefghijk") == set(GROUPS)
+    assert set("abcdefghijkl") == set(GROUPS)
