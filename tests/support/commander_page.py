@@ -88,11 +88,14 @@ class CommanderPage:
 
     def remove_robots(self) -> None:
         """Remove all robots of the commander."""
-        for _ in range(20):
+        for _ in range(100):
             mine = [r["name"] for r in self.frames[-1]["robots"] if r["mine"]]
             if not mine:
                 return
             row = self.page.locator("#robots button").filter(has_text=mine[0]).first
+            if not row.count():  # another page has removed it just now
+                self.page.wait_for_timeout(100)
+                continue
             row.click()
             self.page.locator("#remove").click()
             gone = mine[0]
