@@ -47,7 +47,7 @@ from radarsim.protocol.reports import (
     WatchedLine,
     decode_report,
 )
-from radarsim.protocol.watching import RobotChoice, Watch
+from radarsim.protocol.watch import RobotChoice, Watch
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"

@@ -24,7 +24,7 @@ from radarsim.protocol.commands import (
 )
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
-from radarsim.protocol.watching import CommandError, Watch
+from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 from radarsim.suggestions import expected_one_of

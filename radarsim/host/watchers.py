@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from radarsim.host.connection import Client
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, to_bytes
-from radarsim.protocol.watching import RobotJoined, RobotLeft, Watch, Watching, see_head
+from radarsim.protocol.watch import RobotJoined, RobotLeft, Watch, Watching, see_head
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect

@@ -33,7 +33,7 @@ from radarsim.protocol.numbers import (
     parse_number,
     parse_numbers,
 )
-from radarsim.protocol.watching import Watch
+from radarsim.protocol.watch import Watch
 from radarsim.suggestions import expected_one_of
 
 PACKAGE: Final = "USARBot."  # of robot classes

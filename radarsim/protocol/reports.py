@@ -57,7 +57,7 @@ from radarsim.protocol.sensor_reports import (
     Tachometer,
     Touch,
 )
-from radarsim.protocol.watching import (
+from radarsim.protocol.watch import (
     CommandError,
     RobotJoined,
     RobotLeft,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.raycast.aiming import (
+from radarsim.raycast.aimed_rays import (
     Frame,
     Nodes,
     NodeTable,

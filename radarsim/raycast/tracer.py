@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.aiming import Nodes, Sides, UnaimedScans
+from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.material_table import (

@@ -39,7 +39,7 @@ from radarsim.presets.divergence import (
     two_way_deviation,
 )
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.aiming import (
+from radarsim.raycast.aimed_rays import (
     ALL,
     DRAWN,
     GIVEN,

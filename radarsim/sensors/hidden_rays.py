@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.raycast.aiming import AimedRays
+from radarsim.raycast.aimed_rays import AimedRays
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.aiming import Sides
+from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer

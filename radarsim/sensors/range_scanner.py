@@ -10,7 +10,7 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.aiming import Nodes, Sides, UnaimedScans
+from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of

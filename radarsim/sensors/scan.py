@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.late_plotting import load_plotting
-from radarsim.raycast.aiming import Sides
+from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import Rays
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes

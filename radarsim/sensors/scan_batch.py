@@ -16,7 +16,7 @@ import numpy as np
 
 from radarsim.cpu_count import process_cpu_count
 from radarsim.geometry import Floats, Pose3
-from radarsim.raycast.aiming import Sides
+from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import TracedScans, Tracer

@@ -23,7 +23,7 @@ from radarsim.protocol.reports import (
     WatchedLine,
     Watching,
 )
-from radarsim.protocol.watching import RobotChoice
+from radarsim.protocol.watch import RobotChoice
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig

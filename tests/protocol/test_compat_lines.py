@@ -37,7 +37,7 @@ from radarsim.protocol.reports import (
     WatchedLine,
     Watching,
 )
-from radarsim.protocol.watching import RobotChoice
+from radarsim.protocol.watch import RobotChoice
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
 LASER = Pose3(0.2085, 0.0, 0.2)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.raycast.aiming import NodeTable, SensorRays, UnaimedScans
+from radarsim.raycast.aimed_rays import NodeTable, SensorRays, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer

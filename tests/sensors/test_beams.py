@@ -11,7 +11,7 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.presets.divergence import offset_units, two_way_deviation
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.aiming import AimedRays, Sides
+from radarsim.raycast.aimed_rays import AimedRays, Sides
 from radarsim.rng import generator_for
 from radarsim.sensors.beams import BeamPattern, RayTemplate, beam_angles
 

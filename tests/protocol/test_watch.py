@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.commands import encode_command, parse_command
 from radarsim.protocol.dialect import COMPAT, UDK
-from radarsim.protocol.watching import (
+from radarsim.protocol.watch import (
     MOST_NAMES,
     CommandError,
     RobotChoice,
