@@ -12,7 +12,7 @@ import io
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,7 +23,13 @@ from radarsim.scene.mesh_files import MeshBudget, MeshError, MeshFiles
 from radarsim.scene.mesh_headers import check_ply, check_stl
 from radarsim.scene.obj import read_obj
 from radarsim.scene.shapes import Faces, Mesh, concatenate
-from radarsim.scene.topology import count_degenerate, orient_outward
+from radarsim.scene.topology import (
+    OrientedFaces,
+    count_degenerate,
+    orient_outward,
+)
+
+_OrientedSurface: TypeAlias = tuple[Floats, OrientedFaces]
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -105,8 +111,11 @@ def join_volume(surfaces: list[Surface]) -> Mesh:
     Raises:
         MeshError: If the mesh is open, or parts of it enclose nothing, see `topology`.
     """
-    vertices, faces = _weld(surfaces)
-    doubled, flat = count_degenerate(vertices, faces)
+    welded = _weld(surfaces)
+    vertices, faces = _concatenate_oriented(welded)
+    # Connecting the faces takes long; those of a single surface are connected already.
+    known = welded[0][1].connections if len(welded) == 1 else None
+    doubled, flat = count_degenerate(vertices, faces, known)
     if doubled:
         text = "faces are present in both orientations, with nothing inside"
         raise MeshError(f"{doubled} {text}")
@@ -122,13 +131,22 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
         surfaces: Each of them welded by itself.
     """
     try:
-        return _weld(surfaces)
+        return _concatenate_oriented(_weld(surfaces))
     except MeshError:
         return concatenate([surface.mesh for surface in surfaces])
 
 
-def _weld(surfaces: list[Surface]) -> Mesh:
-    closed: list[Mesh] = []
+def _concatenate_oriented(surfaces: list[_OrientedSurface]) -> Mesh:
+    return concatenate([(vertices, oriented.faces) for vertices, oriented in surfaces])
+
+
+def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
+    """Orient the closed surfaces, and weld the others into one that has to be closed.
+
+    Raises:
+        MeshError: If that one is open.
+    """
+    closed: list[_OrientedSurface] = []
     remaining: list[Mesh] = []
     for surface in surfaces:
         oriented = orient_outward(*surface.mesh)
@@ -145,7 +163,7 @@ def _weld(surfaces: list[Surface]) -> Mesh:
             count = connect_faces(faces).open_edges
             raise MeshError(f"not closed: {count} edges have no partner")
         closed.append((vertices, oriented))
-    return concatenate(closed)
+    return closed
 
 
 def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:

@@ -18,7 +18,7 @@ corners in opposite orientations; where the two sides of a sheet are triangulate
 differently, the volume of the whole component shows it.
 """
 
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,19 @@ def is_closed(faces: Faces) -> bool:
     return connect_faces(faces).open_edges == 0
 
 
-def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
+class OrientedFaces(NamedTuple):
+    """The faces of a closed surface, oriented outward, and how they share edges.
+
+    Attributes:
+        faces: (F, 3) vertex indices.
+        connections: Of the faces as they were before; ``flipped`` refers to those.
+    """
+
+    faces: Faces
+    connections: Connections
+
+
+def orient_outward(vertices: Floats, faces: Faces) -> OrientedFaces | None:
     """Orient the faces of a closed surface so that their normals point outward.
 
     Flips faces where neighbours disagree, and components that are inside out. A
@@ -63,12 +75,14 @@ def orient_outward(vertices: Floats, faces: Faces) -> Faces | None:
     """
     connections = connect_faces(faces)
     if connections.open_edges == 0:
-        return _flip_inverted_components(vertices, faces, connections)
+        oriented = _flip_inverted_components(vertices, faces, connections)
+        return OrientedFaces(oriented, connections)
     if connections.unpaired_edges or connections.has_one_side:
         return None
     consistent = _flip(faces, connections.flipped)
     volumes, *_ = _measure(vertices, consistent, connections)
-    return _flip(consistent, (volumes < 0)[connections.labels])
+    oriented = _flip(consistent, (volumes < 0)[connections.labels])
+    return OrientedFaces(oriented, connections)
 
 
 def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
@@ -91,19 +105,23 @@ def encloses(vertices: Floats, faces: Faces, point: Floats) -> bool:
     return bool(angles.sum() > 2 * np.pi)
 
 
-def count_degenerate(vertices: Floats, faces: Faces) -> tuple[int, int]:
+def count_degenerate(
+    vertices: Floats, faces: Faces, connections: Connections | None = None
+) -> tuple[int, int]:
     """Count the faces of a closed mesh, oriented outward, that enclose nothing.
 
     Args:
         vertices: (V, 3) m, merged.
         faces: (F, 3) vertex indices.
+        connections: How the faces share edges, if that is known; whether they were
+            flipped since then does not matter.
 
     Returns:
         How many faces are present in both orientations, each counted once, without
         being a wall inside of a volume; and how many of the others belong to flat
         components.
     """
-    connections = connect_faces(faces)
+    connections = connections or connect_faces(faces)
     walls = faces[:0]
     if connections.may_coincide:
         cancelled = _cancelled(faces)

@@ -94,7 +94,7 @@ def test_volumes_are_oriented_as_by_sorting(mesh: Mesh) -> None:
         volumes = measure_components(vertices, expected, labels, origins).volumes
         # On which side of nothing the outside is, is a matter of rounding.
         assume((np.abs(volumes) > 0.1).all())
-        assert triangles((others, oriented)) == triangles((vertices, expected))
+        assert triangles((others, oriented.faces)) == triangles((vertices, expected))
 
 
 @settings(max_examples=50)
@@ -103,8 +103,9 @@ def test_degenerate_faces_are_counted_as_by_sorting(mesh: Mesh) -> None:
     vertices, faces = weld_vertices(*mesh)
     oriented = orient_outward(vertices, faces)
     if oriented is not None:
-        expected = numpy_topology.count_degenerate(vertices, oriented)
-        assert count_degenerate(vertices, oriented) == expected
+        expected = numpy_topology.count_degenerate(vertices, oriented.faces)
+        assert count_degenerate(vertices, *oriented) == expected
+        assert count_degenerate(vertices, oriented.faces) == expected
 
 
 def fan(count: int) -> Mesh:

@@ -42,10 +42,10 @@ def volume(vertices: Floats, faces: Faces) -> float:
 
 
 def oriented_volume(mesh: Mesh) -> float:
-    faces = orient_outward(*mesh)
-    assert faces is not None
-    assert is_closed(faces)
-    return volume(mesh[0], faces)
+    oriented = orient_outward(*mesh)
+    assert oriented is not None
+    assert is_closed(oriented.faces)
+    return volume(mesh[0], oriented.faces)
 
 
 def test_welding_closes_a_soup_of_triangles() -> None:
@@ -117,9 +117,9 @@ def test_any_orientation_of_a_closed_surface_is_repaired(flips: list[bool]) -> N
 
 def test_consistent_surface_is_not_changed() -> None:
     mesh = stack(cube(), cube(at=(3, 0, 0)))
-    faces = orient_outward(*mesh)
-    assert faces is not None
-    assert faces.tolist() == mesh[1].tolist()
+    oriented = orient_outward(*mesh)
+    assert oriented is not None
+    assert oriented.faces.tolist() == mesh[1].tolist()
 
 
 @pytest.mark.parametrize(
