@@ -34,7 +34,6 @@ import warnings
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Mapping
-from itertools import islice
 from typing import TYPE_CHECKING
 
 from radarsim.host.commands import CommandHandler, Handled
@@ -289,7 +288,7 @@ class Host:
     def _queue_replies(self, client: Client) -> None:
         replies = self._put_replies(client)
         if client.vehicle is not None and client.vehicle in self._watchers:
-            self._watchers.copy(client.vehicle, replies)
+            self._watchers.copy(client.vehicle, b"".join(replies))
 
     def _put_replies(self, client: Client) -> list[bytes]:
         """Queue replies for a client alone, and return them."""
@@ -302,60 +301,71 @@ class Host:
 
     def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
         """Queue what robots report in a tick; all lines are encoded together."""
-        from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
+        from radarsim.protocol.line_writer import (  # noqa: PLC0415
+            ReportBlock,
+            encode_blocks,
+        )
 
         robots = self._commands.clients_by_robot  # others may have been spawned
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
-        reports = [output.reports() for _, output in heard]
-        lines = iter(
-            encode_lines(
-                [
-                    (report, output.dialect)
-                    for (_, output), some in zip(heard, reports, strict=True)
-                    for report in some
-                ]
+        blocks = [
+            ReportBlock(
+                [*output.cast, *output.scans],
+                output.group.dialect,
+                output.group,
+                output.numbers,
             )
-        )
-        for (client, output), some in zip(heard, reports, strict=True):
-            self._queue_output(client, output, list(islice(lines, len(some))))
+            for _, output in heard
+        ]
+        encoded = encode_blocks(blocks)
+        for (client, output), lines in zip(heard, encoded, strict=True):
+            self._queue_output(client, output, lines)
 
-    def _queue_output(
-        self, client: Client, output: TickOutput, lines: list[bytes]
-    ) -> None:
+    def _queue_output(self, client: Client, output: TickOutput, lines: bytes) -> None:
         """Queue what one robot reports; ``lines`` are those of its reports."""
-        first, last = int(output.status is not None), len(lines) - len(output.scans)
-        requested, shown = self._echo_lines(output) if output.echoes else ([], [])
-        replies: list[bytes] = []
+        requested, shown = self._echo_lines(output) if output.echoes else (b"", b"")
+        replies = b""
         put = client.send_queue.put_readings
-        if client.replies or requested:
-            put(lines[:first])
-            replies = self._put_replies(client)
-            put([*lines[first:last], *requested, *lines[last:]])
+        if client.replies or requested or shown:
+            status, readings, scans = _split_lines(output, lines)
+            put(status)
+            replies = b"".join(self._put_replies(client))
+            put(readings + requested + scans)
         else:
             put(lines)
         if client.send_queue:
             self._unsent.add(client.number)
         if client.vehicle is not None and client.vehicle in self._watchers:
             if replies or shown:
-                before = [*lines[:first], *replies, *lines[first:last]]
-                own, others = ([*before, *x, *lines[last:]] for x in (requested, shown))
+                before = status + replies + readings
+                own, others = (before + x + scans for x in (requested, shown))
                 self._watchers.copy(client.vehicle, own, others)
             else:
                 self._watchers.copy(client.vehicle, lines)
 
-    def _echo_lines(self, output: TickOutput) -> tuple[list[bytes], list[bytes]]:
+    def _echo_lines(self, output: TickOutput) -> tuple[bytes, bytes]:
         """Return the echo lines that a client asked for, and those of all its scans."""
         from radarsim.host.echo_reports import echo_lines  # noqa: PLC0415
-        from radarsim.protocol.line_writer import encode_lines  # noqa: PLC0415
+        from radarsim.protocol.line_writer import (  # noqa: PLC0415
+            ReportBlock,
+            encode_blocks,
+        )
 
         names = {v.number: v.robot.name for v in self.simulation.vehicles}
         time = self.simulation.time
-        requested: list[bytes] = []
-        shown: list[bytes] = []
+        requested = shown = b""
         for scan in output.echoes:
             reports = echo_lines(time, scan.scanner, scan.echoes, names)
-            lines = encode_lines([(report, output.dialect) for report in reports])
+            (lines,) = encode_blocks([ReportBlock(reports, output.group.dialect)])
             shown += lines
             if scan.is_requested:
                 requested += lines
         return requested, shown
+
+
+def _split_lines(output: TickOutput, lines: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return the lines of a robot's status, of its readings, and of its scans."""
+    each = lines.splitlines(keepends=True)
+    first, last = int(output.has_status), len(each) - len(output.scans)
+    status, readings, scans = each[:first], each[first:last], each[last:]
+    return b"".join(status), b"".join(readings), b"".join(scans)

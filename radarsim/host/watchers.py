@@ -7,7 +7,6 @@ answers, nor the news of which robots there are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -105,14 +104,14 @@ class Watchers:
     def copy(
         self,
         vehicle: Vehicle,
-        lines: Sequence[bytes],
-        with_echoes: Sequence[bytes] | None = None,
+        lines: bytes,
+        with_echoes: bytes | None = None,
     ) -> None:
         """Queue copies of what the client of a robot is sent.
 
         Args:
             vehicle: A robot that is watched.
-            lines: What its client is sent, in order.
+            lines: What its client is sent.
             with_echoes: The same with the echoes of all scanners; None where nothing
                 differs.
         """
@@ -120,11 +119,9 @@ class Watchers:
         self._put(audience.head, lines, audience.plain)
         self._put(audience.head, with_echoes or lines, audience.with_echoes)
 
-    def _put(
-        self, head: bytes, lines: Sequence[bytes], clients: dict[int, Client]
-    ) -> None:
+    def _put(self, head: bytes, lines: bytes, clients: dict[int, Client]) -> None:
         if clients and lines:
-            copies = head + head.join(lines)
+            copies = head + head.join(lines.splitlines(keepends=True))
             for client in clients.values():
                 client.watch_queue.put(copies, keep=False)
             self._unsent.update(clients)

@@ -6,7 +6,9 @@ numbers, so that their halves are exact. Whatever the kernel cannot write, as a 
 that is not finite, its report writes itself.
 """
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +18,53 @@ from radarsim.jit import njit_cached, njit_inline
 from radarsim.protocol.dialect import COMPAT, Dialect
 from radarsim.protocol.line_template import (
     FIRST_MARK,
+    FLIPPED,
     FLOAT32,
     IN_SERIES,
     LINE_END,
     NEAREST,
     NO_SERIES,
+    POSITIVE,
     SKIPPED,
     TRUNCATED,
+    TRUTH,
+    WRAPPED,
+    fill,
 )
 from radarsim.protocol.numbers import LARGEST
-from radarsim.protocol.periodic_reports import PeriodicReport
+from radarsim.protocol.periodic_reports import PeriodicReport, ReportGroup
 from radarsim.protocol.reports import Report, Status, to_bytes
 
-_SKIPPED, _LINE_END = ord(SKIPPED), ord(LINE_END)
-_LEFT_OUT = LINE_END.encode("latin-1")  # template of a line that its report writes
+_SKIPPED, _LINE_END, _TRUTH = ord(SKIPPED), ord(LINE_END), ord(TRUTH)
+_FLIPPED, _WRAPPED, _POSITIVE = ord(FLIPPED), ord(WRAPPED), ord(POSITIVE)
+_BLOCK_END = b"\xf9"  # after the templates of each block
+_REFUSED = b"\xfa"  # instead of a template, in a block that is written without kernel
+_BLOCK_END_MARK, _REFUSED_MARK = ord(_BLOCK_END), ord(_REFUSED)
 _CR, _LF, _MINUS, _POINT = b"\r\n-."
 _ZERO = np.uint64(ord("0"))
 _POWERS = 10.0 ** np.arange(17)
+_TRUE, _FALSE = (np.frombuffer(text, np.uint8) for text in (b"True", b"False"))
 _WHOLE_POWERS = _POWERS.astype(np.uint64)
 _TEN = np.uint64(10)
 _MOST_DECIMALS = 6
-_LONGEST_NUMBER = 19  # sign, ten digits, point, six decimals; a line end is less
+_LONGEST_NUMBER = 19  # sign, ten digits, point, six decimals; a truth value is less
 _SPLITTER = 2.0**27 + 1.0  # of a double into two halves of its digits
+
+
+class ReportBlock(NamedTuple):
+    """Reports of which the lines are sent together.
+
+    Attributes:
+        reports: Reports that are there; they follow those of the group.
+        dialect: Their dialect.
+        group: Reports of which there are only the numbers; None for no group.
+        numbers: The numbers of the group.
+    """
+
+    reports: Sequence[Report]
+    dialect: Dialect
+    group: ReportGroup | None = None
+    numbers: Sequence[float] = ()
 
 
 def encode_lines(reports: Sequence[tuple[Report, Dialect]]) -> list[bytes]:
@@ -49,29 +76,51 @@ def encode_lines(reports: Sequence[tuple[Report, Dialect]]) -> list[bytes]:
     Raises:
         ValueError: If a number is not finite or does not fit into 32 bits.
     """
-    if not reports:
+    return encode_blocks([ReportBlock((each,), dialect) for each, dialect in reports])
+
+
+def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
+    """Return the lines of each block, with CRLF.
+
+    Raises:
+        ValueError: If a number is not finite or does not fit into 32 bits.
+    """
+    if not blocks:
         return []
     templates: list[bytes] = []
     numbers: list[float] = []
     series = [NO_SERIES]
     # A loop that keeps nothing else: what it kept would be looked at by the collector.
-    for report, dialect in reports:
-        if isinstance(report, PeriodicReport):
+    for reports, dialect, group, group_numbers in blocks:
+        if group is not None:
+            templates.append(group.template)
+            numbers += group_numbers
+        for report in reports:
+            if not isinstance(report, PeriodicReport):
+                templates.append(_REFUSED)
+                continue
             line, its_numbers, its_series = report.split(dialect)
             templates.append(line)
             numbers += its_numbers
             if its_series is not NO_SERIES:
                 series.append(its_series)
-        else:
-            templates.append(_LEFT_OUT)
-    data, ends = _write(templates, numbers, series)
+        templates.append(_BLOCK_END)
+    data, ends = _write(templates, numbers, series, len(blocks))
     lines = [data[start:end] for start, end in zip([0, *ends], ends, strict=False)]
     if all(lines):
         return lines
     return [
-        line or to_bytes([report.encode(dialect)])
-        for line, (report, dialect) in zip(lines, reports, strict=True)
+        line or _encode_slowly(block) for line, block in zip(lines, blocks, strict=True)
     ]
+
+
+def _encode_slowly(block: ReportBlock) -> bytes:
+    """Return the lines of a block that the kernel cannot write, or that is empty."""
+    lines = [report.encode(block.dialect) for report in block.reports]
+    if block.group is None:
+        return to_bytes(lines)
+    group = fill(block.group.template, block.numbers, NO_SERIES)
+    return group.encode("ascii", "replace") + to_bytes(lines)
 
 
 def warm_up() -> None:
@@ -80,13 +129,18 @@ def warm_up() -> None:
 
 
 def _write(
-    templates: Sequence[bytes], numbers: Sequence[float], series: Sequence[Floats]
+    templates: Sequence[bytes],
+    numbers: Sequence[float],
+    series: Sequence[Floats],
+    blocks: int,
 ) -> tuple[bytes, list[int]]:
-    """Return the lines after each other, and the end of each; empty if refused."""
-    codes = np.frombuffer(b"".join(templates), np.uint8)
+    """Return the blocks after each other, and the end of each; empty if refused."""
+    joined = b"".join(templates)
+    codes = np.frombuffer(joined, np.uint8)
     values, entries = np.array(numbers, np.float64), np.concatenate(series)
-    most = len(codes) + len(templates) + _LONGEST_NUMBER * (len(values) + len(entries))
-    out, ends = np.zeros(most, np.uint8), np.zeros(len(templates), np.int64)
+    most = len(codes) + joined.count(_LINE_END)
+    most += _LONGEST_NUMBER * (len(values) + len(entries))
+    out, ends = np.zeros(most, np.uint8), np.zeros(blocks, np.int64)
     write_lines(codes, values, entries, out, ends)
     return out[: ends[-1]].tobytes(), ends.tolist()
 
@@ -99,48 +153,78 @@ def write_lines(
     out: NDArray[np.uint8],
     ends: NDArray[np.int64],
 ) -> None:
-    """Write lines.
+    """Write blocks of lines.
 
     Args:
-        codes: Templates of the lines.
+        codes: Templates of the lines; a mark ends each block.
         numbers: Numbers of the lines, in the order of their marks.
         series: Series of the lines, after each other, in the order of their marks.
         out: For the lines, after each other.
-        ends: For the end of each line in ``out``. A line that is not written because of
-            one of its numbers ends where it begins.
+        ends: For the end of each block in ``out``. A block that is not written because
+            of one of its numbers or lines ends where it begins.
     """
-    at = start = line = number = entry = 0
+    at = start = block = number = entry = changes = 0
     is_refused = False
     for code in codes:
         if code < FIRST_MARK:
             out[at] = code
             at += 1
+        elif _FLIPPED <= code <= _POSITIVE:
+            changes |= 1 << (code - _FLIPPED)
         elif code == _LINE_END:
-            at = start if is_refused else _end_line(out, start, at)
-            ends[line] = start = at
-            line += 1
+            out[at], out[at + 1] = _CR, _LF
+            at += 2
+        elif code == _BLOCK_END_MARK:
+            ends[block] = start = at = start if is_refused else at
+            block += 1
             is_refused = False
-        elif code == _SKIPPED:
-            number += 1
-        else:
-            if code & IN_SERIES:
-                value = series[entry]
-                entry += 1
-            else:
-                value = numbers[number]
-                number += 1
-            end = _write_number(value, code, out, at)
+        elif code == _REFUSED_MARK:
+            is_refused = True
+        elif code & IN_SERIES:
+            end = _write_number(series[entry], code, out, at)
             is_refused |= end == at
-            at = end
+            at, entry = end, entry + 1
+        else:
+            value = _change_number(numbers[number], changes)
+            end = _write_alone(value, code, out, at)
+            is_refused |= end == at and code != _SKIPPED
+            at, number, changes = end, number + 1, 0
 
 
 @njit_inline
-def _end_line(out: NDArray[np.uint8], start: int, at: int) -> int:
-    """Write the end of a line, unless it is empty; return the place after it."""
-    if at == start:
+def _change_number(value: float, changes: int) -> float:
+    """Return a number as the marks before its own change it; their bits are set."""
+    if changes & 1:  # FLIPPED
+        value = 0.0 - value
+    if changes & 2:  # WRAPPED
+        value = _wrap_angle(value)
+    if changes & 4:  # POSITIVE
+        value += math.tau if value < 0.0 else 0.0  # -0.0 becomes 0.0
+    return value
+
+
+@njit_inline
+def _wrap_angle(angle: float) -> float:
+    """Return what ``geometry.wrap_angle`` does, for an angle that can be written."""
+    if -math.pi < angle <= math.pi or not abs(angle) < LARGEST:
+        return angle
+    rest = np.fmod(abs(angle), math.tau)  # exact, as all that follows
+    other = math.tau - rest
+    wrapped = math.copysign(1.0, angle) * (rest if rest <= other else -other)
+    return wrapped if wrapped > -math.pi else math.pi
+
+
+@njit_inline
+def _write_alone(value: float, mark: int, out: NDArray[np.uint8], at: int) -> int:
+    """Write a number that is not of a series; result as of ``_write_number``."""
+    if mark == _SKIPPED:
         return at
-    out[at], out[at + 1] = _CR, _LF
-    return at + 2
+    if mark != _TRUTH:
+        return _write_number(value, mark, out, at)
+    text = _TRUE if value != 0.0 else _FALSE
+    for k in range(len(text)):
+        out[at + k] = text[k]
+    return at + len(text)
 
 
 @njit_inline

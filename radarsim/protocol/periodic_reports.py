@@ -1,14 +1,15 @@
 """Reports that are sent many times, and written from a template.
 
 Between two readings of an item only numbers in its line change. Its template is made
-once for each item and dialect.
+once for each item and dialect. Where the numbers of many reports are computed together,
+a ``ReportGroup`` stands for the reports, and none of them has to exist.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, ClassVar, Final, Self, TypeAlias
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar, Final, NamedTuple, Self, TypeAlias
 
 from radarsim.geometry import Floats
 from radarsim.protocol.dialect import Dialect
@@ -41,7 +42,63 @@ class PeriodicReport:
         Raises:
             ValueError: If a number is not finite.
         """
-        return fill(*self.split(dialect))
+        return fill(*self.split(dialect)).removesuffix("\r\n")
+
+
+class NumberedReport(PeriodicReport):
+    """A report that follows from numbers, and from what stays the same in many."""
+
+    __slots__ = ()
+
+    @classmethod
+    @abstractmethod
+    def template(cls, dialect: Dialect, fixed: Any) -> bytes:
+        """Return the template of lines with a time stamp, if the dialect has one.
+
+        Args:
+            dialect: Dialect of the line.
+            fixed: What stays the same, as names and counts.
+        """
+
+    @classmethod
+    @abstractmethod
+    def build(cls, fixed: Any, numbers: Iterator[float]) -> Self:
+        """Create a report from its numbers, which are taken from ``numbers``."""
+
+
+class ReportForm(NamedTuple):
+    """All of a report but its numbers.
+
+    Attributes:
+        report: Class of the report.
+        fixed: What stays the same, as its ``template`` takes it.
+    """
+
+    report: type[NumberedReport]
+    fixed: Any
+
+
+class ReportGroup:
+    """Reports of one robot that are sent together, again and again.
+
+    Attributes:
+        forms: The reports, in the order of their lines.
+        dialect: The dialect of their lines.
+    """
+
+    def __init__(self, forms: Iterable[ReportForm], dialect: Dialect) -> None:
+        self.forms = tuple(forms)
+        self.dialect = dialect
+
+    @cached_property
+    def template(self) -> bytes:
+        """The templates of the lines, after each other."""
+        return b"".join([report.template(self.dialect, x) for report, x in self.forms])
+
+    def build(self, numbers: Iterable[float]) -> tuple[NumberedReport, ...]:
+        """Return the reports; ``numbers`` are those of all of them."""
+        each = iter(numbers)
+        return tuple(report.build(fixed, each) for report, fixed in self.forms)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +140,11 @@ class SensorReport(PeriodicReport, ABC):
     def has_time(_: Dialect) -> bool:
         """Return whether the lines of a dialect have a time stamp."""
         return True
+
+    @classmethod
+    def template(cls, dialect: Dialect, fixed: Any) -> bytes:
+        """Return the template of lines with a time stamp, if the dialect has one."""
+        return find_template(cls, dialect, False, fixed)
 
 
 def build_template(

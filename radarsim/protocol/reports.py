@@ -6,7 +6,7 @@ the dialect. A line is ASCII, has single blanks, and never contains an exponent,
 an infinity. ``decode_report`` reads the lines of servers of all generations.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import accumulate
@@ -30,7 +30,7 @@ from radarsim.protocol.message import (
     wrapped_pose_on_wire,
 )
 from radarsim.protocol.numbers import parse_flag, parse_number
-from radarsim.protocol.periodic_reports import PeriodicReport, SensorReport, Split
+from radarsim.protocol.periodic_reports import NumberedReport, SensorReport, Split
 from radarsim.protocol.robot_reports import (
     VEHICLE,
     EncoderConf,
@@ -166,7 +166,7 @@ class StartPoses:
 
 
 @dataclass(frozen=True, slots=True)
-class Status(PeriodicReport):
+class Status(NumberedReport):
     """The state of a robot.
 
     Attributes:
@@ -189,6 +189,16 @@ class Status(PeriodicReport):
         battery = message.parse_optional("Battery", parse_number)
         light = parse_flag(message.get("LightToggle") or "")
         return cls(message.number_or_nan("Time"), int(battery or 0), light)
+
+    @classmethod
+    def build(cls, light: bool, numbers: Iterator[float]) -> Self:
+        """Create a status from the time, and the time that the battery lasts."""
+        return cls(next(numbers), int(next(numbers)), light)
+
+    @classmethod
+    def template(cls, dialect: Dialect, light: bool) -> bytes:
+        """Return the template of lines with the light off, or on."""
+        return _status_template(dialect, light)
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and no series."""

@@ -14,7 +14,6 @@ b'NFO {A b}\r\n'
 """
 
 from collections import deque
-from collections.abc import Sequence
 
 
 class SendQueue:
@@ -34,7 +33,8 @@ class SendQueue:
         self.ceiling = ceiling
         self.dropped = 0
         self.overflowed = False
-        self._lines: deque[tuple[bytes, bool]] = deque()
+        # Lines and whether they are kept; None if they are dropped one by one.
+        self._lines: deque[tuple[bytes, bool | None]] = deque()
         self._readings = 0
         self._answers = 0
 
@@ -58,15 +58,14 @@ class SendQueue:
             if self._readings > self.limit:
                 self._drop_readings()
 
-    def put_readings(self, lines: Sequence[bytes]) -> None:
-        """Add many lines that may be dropped, as if they were added one by one."""
-        size = sum(map(len, lines))
-        if self._readings + size > self.limit:
-            for line in lines:
+    def put_readings(self, lines: bytes) -> None:
+        """Add lines that may be dropped, as if they were added one by one."""
+        if self._readings + len(lines) > self.limit:
+            for line in lines.splitlines(keepends=True):
                 self.put(line, keep=False)
-        else:
-            self._lines.extend([(line, False) for line in lines])
-            self._readings += size
+        elif lines:
+            self._lines.append((lines, None))
+            self._readings += len(lines)
 
     def take(self) -> bytes:
         """Remove and return all lines, in order."""
@@ -80,10 +79,13 @@ class SendQueue:
 
         Half, so that this pass over the queue is rare, however long the queue is.
         """
-        answers: deque[tuple[bytes, bool]] = deque()
+        answers: deque[tuple[bytes, bool | None]] = deque()
         while self._readings > self.limit // 2:
             line, keep = self._lines.popleft()
-            if keep:
+            if keep is None:
+                each = line.splitlines(keepends=True)
+                self._lines.extendleft([(line, False) for line in reversed(each)])
+            elif keep:
                 answers.append((line, keep))
             else:
                 self._readings -= len(line)

@@ -4,9 +4,9 @@ Each report writes and reads its own fields. Fields are read in any order, and k
 types in any case. A time stamp that a server leaves out is NaN, in both directions.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import isnan
 from typing import ClassVar, Final, Self
 
@@ -17,18 +17,20 @@ from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
     NO_SERIES,
+    TRUTH,
     WHOLE,
     Fields,
+    angle_marks,
     marks,
     reduce_text,
     series_marks,
+    vector_marks,
 )
 from radarsim.protocol.message import (
     Message,
     parse_flipped,
     parse_triple,
     wrapped_pose,
-    wrapped_pose_on_wire,
 )
 from radarsim.protocol.numbers import (
     NumberFormat,
@@ -37,7 +39,12 @@ from radarsim.protocol.numbers import (
     parse_number,
     parse_numbers,
 )
-from radarsim.protocol.periodic_reports import SensorReport, Split, find_template
+from radarsim.protocol.periodic_reports import (
+    NumberedReport,
+    SensorReport,
+    Split,
+    find_template,
+)
 
 _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 
@@ -91,7 +98,7 @@ class RangeScan(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class GroundTruth(SensorReport):
+class GroundTruth(SensorReport, NumberedReport):
     """The true pose of the robot's body in the world."""
 
     sensor_type: ClassVar[str] = "GroundTruth"
@@ -104,6 +111,11 @@ class GroundTruth(SensorReport):
         """Read the report from its message."""
         return cls(message.number_or_nan("Time"), message.name, _decode_pose(message))
 
+    @classmethod
+    def build(cls, name: str, numbers: Iterator[float]) -> Self:
+        """Create a reading from the time and the pose."""
+        return cls(next(numbers), name, Pose3(*islice(numbers, 6)))
+
     @staticmethod
     def fields(dialect: Dialect, name: str) -> Fields:
         """Return the fields after time and type, without what changes in them."""
@@ -112,11 +124,11 @@ class GroundTruth(SensorReport):
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
         line = find_template(GroundTruth, dialect, isnan(self.time), self.name)
-        return line, (self.time, *wrapped_pose_on_wire(self.pose)), NO_SERIES
+        return line, (self.time, *self.pose.numbers()), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)
-class Ins(SensorReport):
+class Ins(SensorReport, NumberedReport):
     """The pose in the world that the inertial navigation system estimates."""
 
     sensor_type: ClassVar[str] = "INS"
@@ -129,18 +141,20 @@ class Ins(SensorReport):
         """Read the report from its message."""
         return cls(message.number_or_nan("Time"), message.name, _decode_pose(message))
 
+    @classmethod
+    def build(cls, name: str, numbers: Iterator[float]) -> Self:
+        """Create a reading from the time and the pose."""
+        return cls(next(numbers), name, Pose3(*islice(numbers, 6)))
+
     @staticmethod
     def fields(dialect: Dialect, name: str) -> Fields:
         """Return the fields after time and type, without what changes in them."""
-        return _pose_fields(name, dialect.ins)
+        return _pose_fields(name, dialect.ins, positive=dialect.ins_angles_positive)
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
         line = find_template(Ins, dialect, isnan(self.time), self.name)
-        x, y, z, roll, pitch, yaw = wrapped_pose_on_wire(self.pose)
-        if dialect.ins_angles_positive:
-            roll, pitch, yaw = roll % math.tau, pitch % math.tau, yaw % math.tau
-        return line, (self.time, x, y, z, roll, pitch, yaw), NO_SERIES
+        return line, (self.time, *self.pose.numbers()), NO_SERIES
 
     @staticmethod
     def has_time(dialect: Dialect) -> bool:
@@ -149,7 +163,7 @@ class Ins(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class Odometry(SensorReport):
+class Odometry(SensorReport, NumberedReport):
     """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
 
     sensor_type: ClassVar[str] = "Odometry"
@@ -164,16 +178,22 @@ class Odometry(SensorReport):
         pose = Pose2(x, 0.0 - y, 0.0 - yaw)
         return cls(message.number_or_nan("Time"), message.name, pose)
 
+    @classmethod
+    def build(cls, name: str, numbers: Iterator[float]) -> Self:
+        """Create a reading from the time and the pose."""
+        return cls(next(numbers), name, Pose2(*islice(numbers, 3)))
+
     @staticmethod
     def fields(dialect: Dialect, name: str) -> Fields:
         """Return the fields after time and type, without what changes in them."""
-        return (("Name", reduce_text(name)), ("Pose", marks(dialect.plain, 3)))
+        # The yaw is flipped as y and z of a vector are.
+        return (("Name", reduce_text(name)), ("Pose", vector_marks(dialect.plain)))
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
         line = find_template(Odometry, dialect, isnan(self.time), self.name)
         pose = self.pose
-        return line, (self.time, pose.x, 0.0 - pose.y, 0.0 - pose.yaw), NO_SERIES
+        return line, (self.time, pose.x, pose.y, pose.yaw), NO_SERIES
 
     @staticmethod
     def has_time(dialect: Dialect) -> bool:
@@ -182,7 +202,7 @@ class Odometry(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class Tachometer(SensorReport):
+class Tachometer(SensorReport, NumberedReport):
     """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
 
     sensor_type: ClassVar[str] = "Tachometer"
@@ -200,6 +220,14 @@ class Tachometer(SensorReport):
             tuple(message.parse("Vel", parse_list)),
             tuple(message.parse("Pos", parse_list)),
         )
+
+    @classmethod
+    def build(cls, fixed: tuple[str, int, int], numbers: Iterator[float]) -> Self:
+        """Create a reading from the time, the velocities, and the positions."""
+        name, *counts = fixed
+        time = next(numbers)
+        velocities, positions = (tuple(islice(numbers, count)) for count in counts)
+        return cls(time, name, velocities, positions)
 
     @staticmethod
     def fields(dialect: Dialect, fixed: tuple[str, int, int]) -> Fields:
@@ -219,7 +247,7 @@ class Tachometer(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class Encoder(SensorReport):
+class Encoder(SensorReport, NumberedReport):
     """Name and tick count of each wheel encoder."""
 
     sensor_type: ClassVar[str] = "Encoder"
@@ -234,6 +262,11 @@ class Encoder(SensorReport):
             for item in message.split_fields("Tick").items()
         ]
         return cls(message.number_or_nan("Time"), tuple(ticks))
+
+    @classmethod
+    def build(cls, names: tuple[str, ...], numbers: Iterator[float]) -> Self:
+        """Create a reading from the time, and the ticks of all wheels."""
+        return cls(next(numbers), tuple((name, int(next(numbers))) for name in names))
 
     @staticmethod
     def fields(dialect: Dialect, names: tuple[str, ...]) -> Fields:
@@ -254,7 +287,7 @@ class Encoder(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
-class Touch(SensorReport):
+class Touch(SensorReport, NumberedReport):
     """Whether something touches the robot."""
 
     sensor_type: ClassVar[str] = "Touch"
@@ -269,18 +302,21 @@ class Touch(SensorReport):
         touched = fields.parse("Touch", parse_flag)
         return cls(fields.number_or_nan("Time"), fields.name, touched)
 
+    @classmethod
+    def build(cls, name: str, numbers: Iterator[float]) -> Self:
+        """Create a reading from the time, and 1 if it is touched, else 0."""
+        return cls(next(numbers), name, next(numbers) != 0)
+
     @staticmethod
-    def fields(dialect: Dialect, fixed: tuple[str, bool]) -> Fields:
+    def fields(dialect: Dialect, name: str) -> Fields:
         """Return the fields after time and type, without what changes in them."""
-        name, touched = fixed
-        values = [(reduce_text(name), str(touched))]
+        values = [(reduce_text(name), TRUTH)]
         return _item_fields("Touch", values, joined=dialect.joins_touch)
 
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series."""
-        fixed = (self.name, self.touched)
-        line = find_template(Touch, dialect, isnan(self.time), fixed)
-        return line, (self.time,), NO_SERIES
+        line = find_template(Touch, dialect, isnan(self.time), self.name)
+        return line, (self.time, self.touched), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,12 +412,13 @@ class Gps(SensorReport):
         return line, (self.time, *position, self.satellites), NO_SERIES
 
 
-def _pose_fields(name: str, number_format: NumberFormat) -> Fields:
-    numbers = marks(number_format, 3)
+def _pose_fields(
+    name: str, number_format: NumberFormat, *, positive: bool = False
+) -> Fields:
     return (
         ("Name", reduce_text(name)),
-        ("Location", numbers),
-        ("Orientation", numbers),
+        ("Location", vector_marks(number_format)),
+        ("Orientation", angle_marks(number_format, positive=positive)),
     )
 
 

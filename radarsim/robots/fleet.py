@@ -14,6 +14,7 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
 from radarsim.robots.collision import Surroundings
 from radarsim.robots.fleet_columns import (
+    BODY_Z,
     BOTTOM,
     FLOOR,
     HALF_LENGTH,
@@ -36,6 +37,7 @@ from radarsim.robots.fleet_columns import (
 from radarsim.robots.motion import drive_robots, find_touched
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.odometry import (
+    FREE,
     ODOMETRY_COLUMNS,
     POSE_LEFT,
     POSE_RIGHT,
@@ -60,7 +62,8 @@ class Fleet:
         robots: The robots, in the order of spawning, in which they also move.
         slots: (R,) their slots, int64.
         steps: Number of steps so far.
-        odometry: (M, 7) table of the odometry of robots that have one.
+        odometry: (M, 7) table of the odometry of robots that have one; some rows may be
+            free.
     """
 
     def __init__(self) -> None:
@@ -107,7 +110,6 @@ class Fleet:
             wheel_drive=wheel_drive,
             fleet=self,
             slot=slot,
-            floor=obstacles.floor,
         )
         self._spawned += 1
         self._fill_slot(robot, pose, obstacles)
@@ -117,12 +119,18 @@ class Fleet:
 
     def add_odometry(self, robot: Robot) -> WheelOdometry:
         """Integrate the turns of a robot's wheels from now on."""
-        numbers = np.zeros((1, ODOMETRY_COLUMNS))
-        numbers[0, SLOT] = robot.slot
-        numbers[0, SEPARATION] = robot.model.wheel_separation
-        numbers[0, [POSE_LEFT, POSE_RIGHT]] = robot.side_angles
-        odometry = WheelOdometry(robot, len(self.odometry))
-        self.odometry = np.concatenate([self.odometry, numbers])
+        numbers = np.zeros(ODOMETRY_COLUMNS)
+        numbers[SLOT] = robot.slot
+        numbers[SEPARATION] = robot.model.wheel_separation
+        numbers[[POSE_LEFT, POSE_RIGHT]] = robot.side_angles
+        free = np.flatnonzero(self.odometry[:, SLOT] == FREE)
+        if not free.size:
+            count = len(self.odometry)
+            more = np.full((max(_FIRST_SLOTS, count), ODOMETRY_COLUMNS), FREE)
+            free = np.array([count])
+            self.odometry = np.concatenate([self.odometry, more])
+        odometry = WheelOdometry(robot, int(free[0]))
+        self.odometry[odometry.row] = numbers
         self._odometries.append(odometry)
         return odometry
 
@@ -136,7 +144,9 @@ class Fleet:
             raise ValueError(f"robot {robot.name!r} is not in this fleet")
         alone, slot = Fleet(), robot.slot
         alone._take_over(robot)
-        self._keep_odometries([o for o in self._odometries if o.robot is not robot])
+        for odometry in alone._odometries:
+            self.odometry[odometry.row, SLOT] = FREE
+            self._odometries.remove(odometry)
         self._free_slots.append(slot)
         self.robots = tuple(each for each in self.robots if each is not robot)
         self._update_slots()
@@ -202,6 +212,7 @@ class Fleet:
         )
         row[[X, Y, YAW]] = pose.x, pose.y, pose.yaw
         row[[BOTTOM, TOP]] = floor, floor + model.height
+        row[BODY_Z] = floor + model.origin_height
         row[[HALF_LENGTH, HALF_WIDTH]] = model.length / 2, model.width / 2
         row[[RADIUS, TRACK, WHEEL_RADIUS]] = radius, model.track, model.wheel_radius
         row[TOP_SPEED] = top_speed
@@ -216,17 +227,13 @@ class Fleet:
         self._around = _surroundings(columns, other._around.walls)
         self._spawned, self.steps = robot.number, other.steps
         self.robots = (robot,)
-        self.odometry = other.odometry
-        self._keep_odometries([o for o in other._odometries if o.robot is robot])
-        self.odometry[:, SLOT] = 0.0
+        self._odometries = [o for o in other._odometries if o.robot is robot]
+        self.odometry = np.full_like(other.odometry, FREE)
+        for odometry in self._odometries:
+            self.odometry[odometry.row] = other.odometry[odometry.row]
+            self.odometry[odometry.row, SLOT] = 0.0
         robot.fleet, robot.slot = self, 0
         self._update_slots()
-
-    def _keep_odometries(self, kept: list[WheelOdometry]) -> None:
-        self.odometry = self.odometry[[odometry.row for odometry in kept]]
-        self._odometries = kept
-        for row, odometry in enumerate(kept):
-            odometry.row = row
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)

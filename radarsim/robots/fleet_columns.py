@@ -27,7 +27,8 @@ TRACK, WHEEL_RADIUS, TOP_SPEED = range(21, 24)
 FLOOR, NUMBER = range(24, 26)
 # Whether the robot was blocked or touches something, UNKNOWN until that is asked for.
 TOUCHED: Final = 26
-COLUMNS: Final = 27
+BODY_Z: Final = 27  # z of the body frame, m
+COLUMNS: Final = 28
 
 UNKNOWN: Final = -1.0
 

@@ -1,7 +1,7 @@
 """Wheel odometry: where robots would be if their wheels never slipped."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.jit import njit_inline
@@ -10,10 +10,12 @@ from radarsim.robots.fleet_columns import LEFT_ANGLE, RIGHT_ANGLE, WHEEL_RADIUS
 if TYPE_CHECKING:
     from radarsim.robots.robot import Robot
 
-# Columns of the table of odometry: slot of the robot; distance between its left and
-# right wheels, m; pose since the reset, m, rad; angles of the wheels at the pose, rad.
+# Columns of the table of odometry: slot of the robot, or FREE; distance between its
+# left and right wheels, m; pose since the reset, m, rad; angles of the wheels at the
+# pose, rad.
 SLOT, SEPARATION, POSE_X, POSE_Y, POSE_YAW, POSE_LEFT, POSE_RIGHT = range(7)
 ODOMETRY_COLUMNS = 7
+FREE: Final = -1.0  # of a row without odometry
 
 
 class WheelOdometry:
@@ -21,7 +23,7 @@ class WheelOdometry:
 
     Attributes:
         robot: The robot.
-        row: Its row in the fleet's table of odometry.
+        row: Its row in the fleet's table of odometry, in which it stays.
     """
 
     def __init__(self, robot: "Robot", row: int) -> None:
@@ -52,6 +54,8 @@ def integrate_odometry(odometry: Any, robots: Any) -> Any:
     """
     for row in range(len(odometry)):
         slot = int(odometry[row, SLOT])
+        if slot < 0:
+            continue
         left, right = robots[slot, LEFT_ANGLE], robots[slot, RIGHT_ANGLE]
         left_turn = left - odometry[row, POSE_LEFT]
         right_turn = right - odometry[row, POSE_RIGHT]

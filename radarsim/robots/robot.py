@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.robots.fleet_columns import (
+    BODY_Z,
     LEFT_ANGLE,
     LEFT_SPIN,
     NUMBER,
@@ -77,7 +78,6 @@ class Robot:
         wheel_drive: WheelDrive,
         fleet: "Fleet",
         slot: int,
-        floor: float,
     ) -> None:
         """Describe a robot; its fleet fills the slot.
 
@@ -87,7 +87,6 @@ class Robot:
             wheel_drive: Conversion of drive commands to wheel speeds.
             fleet: The fleet that drives it.
             slot: Its row in the columns of the fleet.
-            floor: z of the floor that it stays on, m.
         """
         self.name = name
         self.model = model
@@ -97,7 +96,6 @@ class Robot:
         self.fleet = fleet
         self.slot = slot
         self._normalized = False
-        self._body_height = floor + model.origin_height
         self._wheel_columns = [
             LEFT_ANGLE if side == "left" else RIGHT_ANGLE for side in model.wheels
         ]
@@ -183,8 +181,8 @@ class Robot:
 
     def _read_columns(self) -> None:
         """Read what several items ask for after the same step."""
-        row = self.fleet.columns[self.slot, : RIGHT_ANGLE + 1].tolist()
-        self._body = Pose3(row[X], row[Y], self._body_height, 0.0, 0.0, row[YAW])
+        row = self.fleet.columns[self.slot].tolist()
+        self._body = Pose3(row[X], row[Y], row[BODY_Z], 0.0, 0.0, row[YAW])
         self._wheel_angles = tuple([row[column] for column in self._wheel_columns])
         self._read_at = self.fleet.steps
 

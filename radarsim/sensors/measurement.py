@@ -105,6 +105,7 @@ class ScanBuilder:
         selects_ray: Whether one ray of each beam is selected after all are traced.
         needs_incidence: Whether it needs the angles of incidence.
         needs_events: Whether it needs the events along the rays.
+        reads_ends: Whether a beam has one ray, of which only the end is read.
         is_noisy: Whether ranges have random errors.
         is_random: Whether it needs random numbers for either.
     """
@@ -124,6 +125,7 @@ class ScanBuilder:
             or settings.range_resolution > 0
             or (many_rays and not self.selects_ray)
         )
+        self.reads_ends = not (self.needs_events or self.selects_ray)
         self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
         self.is_random = self.selects_ray or self.is_noisy
         self._resolution = math.radians(settings.resolution_deg)
@@ -161,11 +163,23 @@ class ScanBuilder:
             outcomes, ranges = outcomes[rows], traces.ranges[first:end][rows]
         else:
             ranges = traces.ranges[first:end].copy()
-        self._add_errors(ranges, plan.draws.range_error)
-        if self._settings.spent_reads != "range":
-            ranges[outcomes == Outcome.SPENT] = self._spent_range()
+        self.read_ends(ranges, outcomes, plan.draws.range_error)
         find_echoes = partial(self._end_echoes, plan, traces, first, rows)
         return self._scan(plan, ranges, rows, find_echoes, scene)
+
+    def read_ends(
+        self, ranges: Floats, outcomes: NDArray[np.uint8], error: Floats
+    ) -> None:
+        """Turn the ends of rays into readings of the sensor, in place.
+
+        Args:
+            ranges: (M,) m, distances of the ends; the readings afterwards.
+            outcomes: (M,) how each ray ended.
+            error: (M,) errors in standard deviations; empty for a sensor without noise.
+        """
+        self._add_errors(ranges, error)
+        if self._settings.spent_reads != "range":
+            ranges[outcomes == Outcome.SPENT] = self._spent_range()
 
     def _spent_range(self) -> float:
         return 0.0 if self._settings.spent_reads == "zero" else math.inf

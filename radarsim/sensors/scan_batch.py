@@ -54,6 +54,18 @@ class ScanArrays(NamedTuple):
     rays: Sides | None
 
 
+class BatchRanges(NamedTuple):
+    """What many scans read.
+
+    Attributes:
+        ranges: Of each scan (N,) m; beams without return have the maximum range.
+        scans: Scans for which events were traced, by number.
+    """
+
+    ranges: list[Floats]
+    scans: dict[int, Scan]
+
+
 def scan_batch(
     tracer: Tracer,
     requests: Sequence[ScanRequest],
@@ -104,6 +116,56 @@ def trace_groups(
         taken = _trace_group(tracer, group, boxes, scene)
         scans.update(zip(group.indices, taken, strict=True))
     return [scans[i] for i in range(len(scans))]
+
+
+def scan_ranges(
+    tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
+) -> BatchRanges:
+    """Take many scans of which little else is asked for than the ranges.
+
+    Where only the ends of rays are read, no ``Scan`` is built.
+
+    Args:
+        tracer: Tracer of the scene.
+        requests: The scans.
+        boxes: Boxes of the robots.
+
+    Returns:
+        The ranges that ``scan_batch`` would give.
+
+    Raises:
+        ValueError: If an rng is needed and missing.
+    """
+    ranges: dict[int, Floats] = {}
+    scans: dict[int, Scan] = {}
+    for group in draw_scans(tracer, requests):
+        most = group.scanner.settings.max_range
+        if group.scanner.builder.reads_ends and not group.draws[0].events:
+            rows = _trace_ranges(tracer, group, boxes)
+            ranges.update(zip(group.indices, np.minimum(rows, most), strict=True))
+        else:
+            taken = _trace_group(tracer, group, boxes, None)
+            scans.update(zip(group.indices, taken, strict=True))
+            for i, scan in zip(group.indices, taken, strict=True):
+                ranges[i] = np.minimum(scan.ranges, most)
+    return BatchRanges([ranges[i] for i in range(len(requests))], scans)
+
+
+def _trace_ranges(tracer: Tracer, group: ScanGroup, boxes: Boxes | None) -> Floats:
+    """Return the ranges, (J, N), of scans of equal sensors that read ends of rays."""
+    scanner, builder = group.scanner, group.scanner.builder
+    traced = tracer.trace_scans(scanner.unaimed(group), boxes)
+    readings = traced.traces.ranges
+    builder.read_ends(readings, traced.traces.outcomes, group.range_errors())
+    ranges = readings.reshape(len(group.indices), -1)
+    if traced.crowded:
+        crowded = np.flatnonzero(~traced.clear)
+        some = group.take(crowded.tolist())
+        plans = aim_scans_apart(tracer, some, boxes)
+        traces = tracer.trace(Rays.concatenate([plan.rays for plan in plans]), boxes)
+        builder.read_ends(traces.ranges, traces.outcomes, some.range_errors())
+        ranges[crowded] = traces.ranges.reshape(len(crowded), -1)
+    return ranges
 
 
 def _trace_group(

@@ -60,6 +60,10 @@ class ScanGroup(NamedTuple):
         columns = ([column[row] for row in rows] for column in self)
         return ScanGroup(*columns)
 
+    def range_errors(self) -> Floats:
+        """Return the errors of all ranges, scan by scan; empty without noise."""
+        return np.concatenate([draws.range_error for draws in self.draws])
+
     def places(self) -> Floats:
         """Return the sensors' places, (J, 7), as in ``UnaimedScans``."""
         rows = [(*each.pose.numbers(), each.carrier_id) for each in self.requests]

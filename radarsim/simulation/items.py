@@ -1,39 +1,59 @@
 """The items of a robot that give readings without casting rays.
 
-Scanners, sonars and GPS are not among them, because the rays of all robots in a tick
-are cast together.
+What they read is computed for all robots together: an item has instructions for that,
+and numbers in the row of its robot. Scanners, sonars and GPS are not among them.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item
-from radarsim.protocol import reports
-from radarsim.robots.robot import Robot
-from radarsim.sensors.proprioceptive import (
+from radarsim.protocol.periodic_reports import ReportForm
+from radarsim.protocol.reports import (
     Encoder,
+    GroundTruth,
     Ins,
-    InsNoise,
+    Odometry,
     Tachometer,
-    encoded_wheels,
+    Touch,
 )
+from radarsim.robots.robot import Robot
+from radarsim.sensors.motion_readings import (
+    ANGLE_ZERO,
+    DRAWN,
+    INS_DRAWS,
+    INS_USED,
+    TICK_ZERO,
+    USED,
+    draw_drift,
+    draw_errors,
+    new_encoder,
+    new_ins,
+    new_tachometer,
+    overwrite_ins,
+)
+from radarsim.sensors.proprioceptive import InsNoise, encoded_wheels
 from radarsim.simulation.config import SimulationConfig
-
-
-class SensorItem(Protocol):
-    """An item that gives readings."""
-
-    def read(self, time: float) -> reports.Report:
-        """Return a reading at a simulated time in s."""
-        ...
-
-    def reset(self) -> None:
-        """Start counting again."""
-        ...
+from radarsim.simulation.reading_kernel import (
+    BODY_POSE,
+    DRIFT,
+    INS_POSE,
+    IS_TOUCHED,
+    MEASURE,
+    TICKS,
+    TIME,
+    WHEEL_ANGLE,
+    WHEEL_POSE,
+    WHEEL_SPEED,
+)
+from radarsim.simulation.reading_table import (
+    Instruction,
+    NumberRow,
+    instruction,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +63,7 @@ class Mounting:
     Attributes:
         item: The item of the robot's class.
         robot: The robot that carries it.
+        numbers: The numbers of the robot.
         rng: The item's own random numbers.
         config: Configuration of the simulation.
         time: Time of the spawn, s.
@@ -50,128 +71,171 @@ class Mounting:
 
     item: Item
     robot: Robot
+    numbers: NumberRow
     rng: np.random.Generator
     config: SimulationConfig
     time: float
 
 
-class _StatelessItem:
-    """An item that reads the robot's state, and has none of its own."""
+class SensorItem:
+    """An item whose readings follow from the numbers of its robot.
+
+    Attributes:
+        name: Name of the item.
+        robot: The robot that carries it.
+        form: Its report without numbers.
+        instructions: What writes the numbers of its report after the time.
+    """
+
+    form: ReportForm
+    instructions: Sequence[Instruction]
 
     def __init__(self, mounting: Mounting) -> None:
         self.name = mounting.item.name
         self.robot = mounting.robot
+        self._numbers = mounting.numbers
+        self._rng = mounting.rng
 
     def reset(self) -> None:
-        """Do nothing."""
+        """Start counting again, if it counts."""
+
+    def draw(self) -> None:
+        """Draw random numbers, if it needs some and they are used up."""
 
 
-class GroundTruthItem(_StatelessItem):
+class GroundTruthItem(SensorItem):
     """Reads the true pose of the robot's body."""
-
-    def read(self, time: float) -> reports.Report:
-        """Return a reading."""
-        return reports.GroundTruth(time, self.name, self.robot.body)
-
-
-class TouchItem(_StatelessItem):
-    """Reads whether something touches the robot."""
-
-    def read(self, time: float) -> reports.Report:
-        """Return a reading."""
-        return reports.Touch(time, self.name, self.robot.touched)
-
-
-class InsItem(_StatelessItem):
-    """Reads the drifting pose of an inertial navigation system."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        body = mounting.robot.body
-        settings = mounting.config.settings(mounting.item)
-        self._ins = Ins(
-            body.compose(mounting.item.mount),
-            body,
-            mounting.rng,
-            InsNoise.from_settings(settings),
-        )
+        self.form = ReportForm(GroundTruth, self.name)
+        self.instructions = [instruction(BODY_POSE)]
 
-    def drift(self) -> None:
-        """Draw the drift since the last call; due every ``INS_DRIFT_INTERVAL``."""
-        self._ins.drift(self.robot.body)
 
-    def read(self, time: float) -> reports.Report:
-        """Return a reading."""
-        return reports.Ins(time, self.name, self._ins.reading(self.robot.body))
+class TouchItem(SensorItem):
+    """Reads whether something touches the robot."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        self.form = ReportForm(Touch, self.name)
+        self.instructions = [instruction(IS_TOUCHED)]
+
+
+class InsItem(SensorItem):
+    """Reads the drifting pose of an inertial navigation system.
+
+    Attributes:
+        drifting: The instruction that lets it drift; due every ``INS_DRIFT_INTERVAL``.
+    """
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        body = self.robot.body
+        sensor = body.compose(mounting.item.mount)
+        noise = InsNoise.from_settings(mounting.config.settings(mounting.item))
+        self._places = self._numbers.add(new_ins(sensor, body, noise, self._rng))
+        self.form = ReportForm(Ins, self.name)
+        self.instructions = [instruction(INS_POSE, self._places.start)]
+        self.drifting = instruction(DRIFT, self._places.start)
+
+    def draw(self) -> None:
+        """Draw random numbers for the drift, if they are used up."""
+        ins = self._numbers[self._places]
+        if ins[INS_USED] >= len(ins) - INS_DRAWS:
+            draw_drift(ins, self._rng)
 
     def overwrite(self, pose: Pose3) -> None:
         """Replace the estimated pose."""
-        self._ins.overwrite(pose, self.robot.body)
+        overwrite_ins(self._numbers[self._places], pose, self.robot.body)
 
 
-class OdometryItem(_StatelessItem):
+class OdometryItem(SensorItem):
     """Reads the pose that follows from the turns of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._odometry = mounting.robot.fleet.add_odometry(mounting.robot)
-
-    def read(self, time: float) -> reports.Report:
-        """Return a reading."""
-        return reports.Odometry(time, self.name, self._odometry.pose)
+        self._odometry = self.robot.fleet.add_odometry(self.robot)
+        places = self._numbers.add([self._odometry.row])
+        self.form = ReportForm(Odometry, self.name)
+        self.instructions = [instruction(WHEEL_POSE, places.start)]
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""
         self._odometry.reset()
 
 
-class TachometerItem(_StatelessItem):
+class TachometerItem(SensorItem):
     """Reads speeds and angles of the wheels."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._tachometer = Tachometer(mounting.time, self.robot.wheel_angles)
-
-    def read(self, time: float) -> reports.Report:
-        """Return a reading."""
-        reading = self._tachometer.read(time, self.robot.wheel_angles)
-        return reports.Tachometer(
-            time, self.name, reading.velocities, reading.positions
-        )
+        start = new_tachometer(mounting.time, *self.robot.side_angles)
+        self._places = self._numbers.add(start)
+        place = self._places.start
+        sides = [int(side == "right") for side in self.robot.model.wheels]
+        self.form = ReportForm(Tachometer, (self.name, len(sides), len(sides)))
+        self.instructions = [
+            instruction(MEASURE, place),
+            *[instruction(WHEEL_SPEED, place, side) for side in sides],
+            *[instruction(WHEEL_ANGLE, place, side) for side in sides],
+        ]
 
     def reset(self) -> None:
         """Count angles from zero again."""
-        self._tachometer.reset(self.robot.wheel_angles)
+        zero = slice(ANGLE_ZERO, ANGLE_ZERO + 2)
+        self._numbers[self._places][zero] = self.robot.side_angles
 
 
-class EncoderItem(_StatelessItem):
+class EncoderItem(SensorItem):
     """Reads ticks of the wheels that are in the item's name."""
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        wheels = encoded_wheels(self.name, self.robot.model.wheels)
-        self._encoder = Encoder(wheels, self.robot.wheel_angles, mounting.rng)
-
-    def read(self, time: float) -> reports.Report:
-        """Return a reading."""
-        return reports.Encoder(time, self._encoder.ticks(self.robot.wheel_angles))
+        model = self.robot.model
+        wheels = encoded_wheels(self.name, model.wheels)
+        start = new_encoder(len(wheels), *self.robot.side_angles, self._rng)
+        self._places = self._numbers.add(start)
+        names = tuple(wheel.name for wheel in wheels)
+        self.form = ReportForm(Encoder, names)
+        self.instructions = []
+        for wheel in wheels:
+            side = int(model.wheels[wheel.index] == "right")
+            self.instructions.append(
+                instruction(TICKS, self._places.start, side, wheel.sign)
+            )
 
     def reset(self) -> None:
         """Count ticks from zero again."""
-        self._encoder.reset(self.robot.wheel_angles)
+        zero = slice(TICK_ZERO, TICK_ZERO + 2)
+        self._numbers[self._places][zero] = self.robot.side_angles
+
+    def draw(self) -> None:
+        """Draw random numbers for the errors, if they are used up."""
+        encoder = self._numbers[self._places]
+        if encoder[USED] >= encoder[DRAWN]:
+            draw_errors(encoder, self._rng)
 
 
-def join_encoders(readings: Sequence[reports.Report]) -> list[reports.Report]:
-    """Return readings of one time with one report of all encoders, at the first's."""
-    encoders = [each for each in readings if isinstance(each, reports.Encoder)]
-    others: list[reports.Report] = [
-        each for each in readings if not isinstance(each, reports.Encoder)
-    ]
-    if encoders:
-        ticks = tuple(tick for each in encoders for tick in each.ticks)
-        at = readings.index(encoders[0])
-        others.insert(at, reports.Encoder(encoders[0].time, ticks))
-    return others
+def join_reports(
+    items: Sequence[SensorItem], *, joins_encoders: bool
+) -> tuple[list[ReportForm], list[Instruction]]:
+    """Return the reports of items without their numbers, and what writes the numbers.
+
+    Args:
+        items: Items that are due, in the order of readings.
+        joins_encoders: Whether there is one report of all encoders.
+    """
+    forms: list[ReportForm] = []
+    instructions: list[Instruction] = []
+    for item in items:
+        form, before = item.form, forms[-1] if forms else None
+        if joins_encoders and before and before.report is form.report is Encoder:
+            forms[-1] = form._replace(fixed=(*before.fixed, *form.fixed))
+        else:
+            forms.append(form)
+            instructions.append(instruction(TIME))
+        instructions += item.instructions
+    return forms, instructions
 
 
 # By item type, in the order of readings within a tick: clients expect a pose before the

@@ -6,8 +6,10 @@ nothing due costs nothing but its motion.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from itertools import islice
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
-from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.periodic_reports import ReportGroup
 from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
@@ -29,14 +31,13 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.proprioceptive import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import scan_batch
+from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.items import InsItem
 from radarsim.simulation.ray_items import RayItem, read_together
+from radarsim.simulation.reading_table import Program, ReadingTable
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
@@ -62,28 +63,41 @@ class ScanEchoes:
     is_requested: bool
 
 
-@dataclass(frozen=True, slots=True)
-class TickOutput:
+class TickOutput(NamedTuple):
     """The reports of one robot in one tick.
 
     Attributes:
-        status: The status; None when it is not due.
-        readings: Readings of all items but scanners, poses first.
+        group: The status, if it is due, and readings of items that cast no rays.
+        numbers: The numbers of these.
+        cast: Readings of sonars and GPS.
         echoes: Echoes of the scans of scanners that list them.
         scans: Scans.
-        dialect: The dialect of the robot's lines.
     """
 
-    status: Status | None
-    readings: tuple[Report, ...]
-    echoes: tuple[ScanEchoes, ...]
-    scans: tuple[RangeScan, ...]
-    dialect: Dialect
+    group: ReportGroup
+    numbers: Sequence[float]
+    cast: Sequence[Report]
+    echoes: Sequence[ScanEchoes]
+    scans: Sequence[RangeScan]
 
-    def reports(self) -> tuple[Report, ...]:
-        """Return all reports but the echoes, in the order of their lines."""
-        status = () if self.status is None else (self.status,)
-        return (*status, *self.readings, *self.scans)
+    @property
+    def has_status(self) -> bool:
+        """Whether the status is due, which is the first of the group."""
+        return bool(self.group.forms) and self.group.forms[0].report is Status
+
+    @property
+    def status(self) -> Status | None:
+        """The status; None when it is not due."""
+        return next((r for r in self._built if isinstance(r, Status)), None)
+
+    @property
+    def readings(self) -> tuple[Report, ...]:
+        """Readings of all items but scanners, poses first."""
+        return (*[r for r in self._built if not isinstance(r, Status)], *self.cast)
+
+    @property
+    def _built(self) -> tuple[Report, ...]:
+        return self.group.build(self.numbers)
 
 
 class Simulation:
@@ -106,9 +120,10 @@ class Simulation:
         self._obstacles_by_floor: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
         self._fleet = Fleet()
+        self._readings = ReadingTable(self._fleet)
         self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
         self._reporting: Schedule[Vehicle] = Schedule(self._clock)
-        self._drifting: Schedule[InsItem] = Schedule(self._clock)
+        self._drifting: Schedule[Vehicle] = Schedule(self._clock)
         self._warm_up()
 
     @property
@@ -164,18 +179,18 @@ class Simulation:
             wheel_drive=self.config.wheel_drive(),
         )
         vehicle = Vehicle(
-            robot.number,
             robot,
             self.config,
             seed=self.seed,
             schedule=self._reporting,
+            readings=self._readings,
             gps_origin=self.scene.gps_origin,
         )
         self._vehicles[vehicle.number] = vehicle
         if vehicle.battery.runs_out:
             self._mortal[vehicle] = None
-        for ins in vehicle.ins_items:
-            self._drifting.add(ins, DRIFT_TICKS)
+        if vehicle.drift.end > vehicle.drift.first:
+            self._drifting.add(vehicle, DRIFT_TICKS)
         return vehicle
 
     def remove(self, vehicle: Vehicle) -> None:
@@ -184,8 +199,7 @@ class Simulation:
         self._fleet.remove(vehicle.robot)
         self._mortal.pop(vehicle, None)
         self._reporting.remove(vehicle)
-        for ins in vehicle.ins_items:
-            self._drifting.remove(ins)
+        self._drifting.remove(vehicle)
 
     def step(self) -> None:
         """Advance by one tick of 10 ms."""
@@ -194,8 +208,9 @@ class Simulation:
             if not vehicle.alive:
                 vehicle.robot.halt()
         self._fleet.step(TICK)
-        for ins in self._drifting.due():
-            ins.drift()
+        drifting = self._drifting.due()
+        if drifting:
+            self._compute([(vehicle, vehicle.drift) for vehicle in drifting])
 
     def collect_reports(self) -> dict[int, TickOutput]:
         """Take all readings that are due in this tick.
@@ -214,27 +229,36 @@ class Simulation:
         echoes: dict[int, list[ScanEchoes]] = {}
         listing = self._select_listing(scanners)
         taken = self._scan(scanners, listing, boxes)
-        for (vehicle, mounted), lists, scan in zip(
-            scanners, listing, taken, strict=True
-        ):
-            scans[vehicle.number].append(self._scan_report(mounted, scan))
-            if lists:
-                is_requested = vehicle.has_echoes_enabled(mounted.item)
-                found = ScanEchoes(mounted.item.name, scan.echoes, is_requested)
-                echoes.setdefault(vehicle.number, []).append(found)
+        for (vehicle, mounted), ranges in zip(scanners, taken.ranges, strict=True):
+            scans[vehicle.number].append(self._scan_report(mounted, ranges))
+        for k, (vehicle, mounted) in enumerate(scanners):
+            if not listing[k]:
+                continue
+            is_requested = vehicle.has_echoes_enabled(mounted.item)
+            found = ScanEchoes(mounted.item.name, taken.scans[k].echoes, is_requested)
+            echoes.setdefault(vehicle.number, []).append(found)
         cast = self._cast(ray_items, boxes)
-        # All at once, for their items to read.
         self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
+        numbers = iter(self._compute([(v, items.program) for v, items in due]))
         return {
             vehicle.number: TickOutput(
-                vehicle.status(),
-                (*vehicle.read(items.items), *cast.get(vehicle.number, ())),
-                tuple(echoes.get(vehicle.number, ())),
-                tuple(scans[vehicle.number]),
-                vehicle.dialect,
+                items.groups[vehicle.robot.light],
+                list(islice(numbers, items.program.count)),
+                cast.get(vehicle.number, ()),
+                echoes.get(vehicle.number, ()),
+                scans[vehicle.number],
             )
             for vehicle, items in due
         }
+
+    def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
+        """Return what programs write for robots, one after the other."""
+        jobs = [(vehicle.robot.slot, program) for vehicle, program in programs]
+        numbers, is_spent = self._readings.run(jobs, self.ticks)
+        if is_spent:
+            for vehicle, _ in programs:
+                vehicle.draw()
+        return numbers
 
     def boxes(self) -> Boxes:
         """Return the robots as boxes whose ids are the numbers of the vehicles."""
@@ -263,7 +287,7 @@ class Simulation:
         due: list[tuple[Vehicle, MountedScanner]],
         listing: list[bool],
         boxes: Boxes,
-    ) -> list[Scan]:
+    ) -> BatchRanges:
         """Take all scans in one batch, some of them with all echoes."""
         requests = []
         for (vehicle, mounted), lists in zip(due, listing, strict=True):
@@ -272,7 +296,7 @@ class Simulation:
                 scanner = scanner.with_all_echoes
             pose = vehicle.sensor_pose(mounted.item)
             requests.append(ScanRequest(scanner, pose, mounted.rng, vehicle.number))
-        return scan_batch(self._tracer, requests, boxes)
+        return scan_ranges(self._tracer, requests, boxes)
 
     def _cast(
         self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
@@ -296,21 +320,22 @@ class Simulation:
             ScanRequest(scanner, pose, rng, 0)
             for scanner in (radar, radar.with_all_echoes, together)
         ]
-        scan_batch(self._tracer, requests, boxes)
+        scan_ranges(self._tracer, requests, boxes)
         radar.plan(self._tracer, pose, rng, boxes, 0)  # as beside a wall
         sonar = SonarArray([pose], [sonar_settings()])
         self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
         self._fleet.step(TICK)
         self._fleet.touched([])
+        self._readings.run([], 0)
 
-    def _scan_report(self, mounted: MountedScanner, scan: Scan) -> RangeScan:
+    def _scan_report(self, mounted: MountedScanner, ranges: Floats) -> RangeScan:
         settings = mounted.scanner.settings
         return RangeScan(
             self.time,
             mounted.item.name,
             math.radians(settings.resolution_deg),
             math.radians(settings.fov_deg),
-            np.minimum(scan.ranges, settings.max_range),
+            ranges,
         )
 
     def _obstacles(self, floor: float) -> Obstacles:

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
-from radarsim.protocol.reports import Report, Status
+from radarsim.protocol.periodic_reports import ReportForm, ReportGroup
+from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
@@ -23,11 +24,19 @@ from radarsim.simulation.items import (
     Mounting,
     SensorItem,
     TouchItem,
-    join_encoders,
+    join_reports,
 )
 from radarsim.simulation.ray_items import GpsItem, RayItem, SonarItems
+from radarsim.simulation.reading_kernel import CHARGE, TIME
+from radarsim.simulation.reading_table import (
+    NumberRow,
+    Program,
+    ReadingTable,
+    instruction,
+)
 
-STATUS_TICKS = ticks_of(DEFAULT_INTERVAL)
+STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
+STATUS_ONLY: Final = -1  # among intervals: those of items do not count
 
 
 @dataclass(slots=True, eq=False)
@@ -48,20 +57,20 @@ class MountedScanner:
 
 
 class DueItems(NamedTuple):
-    """Items of a robot that are due in the same tick.
+    """What is due of a robot in the same tick.
 
     Attributes:
-        items: Items that give readings without casting rays, in the order of readings.
+        groups: The status, if it is due, and the readings of items that cast no rays:
+            one group with the light off, and one with the light on.
+        program: What computes their numbers.
         ray_items: Sonars and GPS.
         scanners: Range scanners, in mounting order.
     """
 
-    items: tuple[SensorItem, ...]
+    groups: tuple[ReportGroup, ReportGroup]
+    program: Program
     ray_items: tuple[RayItem, ...]
     scanners: tuple[MountedScanner, ...]
-
-
-NOTHING_DUE: Final = DueItems((), (), ())
 
 
 class Vehicle:
@@ -74,7 +83,7 @@ class Vehicle:
         spawn_tick: Tick of the spawn, from which all its intervals are counted.
         battery: Remaining time of operation.
         scanners: Range scanners, in mounting order.
-        ins_items: Inertial navigation systems, which drift.
+        drift: What lets its inertial navigation systems drift; empty without any.
         has_touch: Whether it has a touch sensor.
         dialect: The dialect of its lines.
         shows_echoes: Whether its scanners list their echoes for others than its client.
@@ -82,26 +91,26 @@ class Vehicle:
 
     def __init__(
         self,
-        number: int,
         robot: Robot,
         config: SimulationConfig,
         *,
         seed: int,
         schedule: "Schedule[Vehicle]",
+        readings: ReadingTable,
         gps_origin: tuple[float, float],
     ) -> None:
         """Create a vehicle; this tick is that of its spawn.
 
         Args:
-            number: Identifies the robot within the simulation.
             robot: The body that drives.
             config: Configuration of the simulation.
             seed: Seed of the simulation.
             schedule: The vehicle adds itself for the ticks in which it has something to
                 report.
+            readings: For the numbers from which its readings follow.
             gps_origin: Latitude and longitude of the map's origin, degrees.
         """
-        self.number = number
+        self.number = robot.number
         self.robot = robot
         self.config = self._first_config = config
         dialect = config.dialect.of_generation(robot.model.generation)
@@ -116,25 +125,14 @@ class Vehicle:
         self.shows_echoes = False
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
-        self._due_items: dict[frozenset[int], DueItems] = {}
+        self._due_items: dict[tuple[int, ...], DueItems] = {}
+        self._readings = readings
+        self._numbers = NumberRow(readings, robot.slot)
+        least = 0.0 if self.battery.runs_out else 1.0
+        charge = self._numbers.add([self.battery.life, least, self.spawn_tick])
+        self._battery_place = charge.start
         self._changed: set[str] = set()  # scanners that are to be replaced
-        scanners = []
-        ray_items: list[RayItem] = []
-        sonars = robot.model.items_of("Sonar")
-        if sonars:
-            ray_items.append(SonarItems(sonars, robot, config, carrier_id=number))
-        for item in robot.model.items:
-            rng = generator_for(seed, robot.name, item.name)
-            self._interval_ticks[item.name] = ticks_of(config.interval(item))
-            mounting = Mounting(item, robot, rng, config, self._clock.time)
-            if item.type == "RangeScanner":
-                scanners.append(MountedScanner(item, config.scanner(item), rng))
-            elif item.type == "GPS":
-                ray_items.append(GpsItem(mounting, gps_origin, carrier_id=number))
-            elif item.type in SENSOR_ITEMS:
-                self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
-        self.scanners = tuple(scanners)
-        self._ray_items = tuple(ray_items)
+        self._mount_items(seed, gps_origin)
         order = list(SENSOR_ITEMS)
         self._reading_order = sorted(
             (item for item in robot.model.items if item.name in self._sensor_items),
@@ -142,7 +140,8 @@ class Vehicle:
         )
         items = self._sensor_items.values()
         self.has_touch = any(isinstance(i, TouchItem) for i in items)
-        self.ins_items = tuple(i for i in items if isinstance(i, InsItem))
+        drifting = [item.drifting for item in items if isinstance(item, InsItem)]
+        self.drift = readings.program(drifting)
         self._reschedule()
 
     @property
@@ -160,27 +159,22 @@ class Vehicle:
         """Ticks since the spawn."""
         return self._clock.ticks - self.spawn_tick
 
-    def status(self) -> Status | None:
-        """Return the status of the robot; None when it is not due."""
-        if self._age % STATUS_TICKS:
-            return None
-        left = self.battery.seconds_left(seconds(self._age))
-        return Status(self._clock.time, left, self.robot.light)
-
     def due(self) -> DueItems:
-        """Return the items that are due in this tick; none with an empty battery.
+        """Return what is due in this tick; only the status with an empty battery.
 
         A scanner that is due and of which a scan was requested is there twice, since
         that is an extra one. Requests are forgotten with that.
         """
-        if not self.alive:
-            return NOTHING_DUE
         age = self._age
         # Items are selected once for each set of intervals that end together.
-        ended = frozenset([each for each in self._intervals if age % each == 0])
+        ended = tuple([each for each in self._intervals if age % each == 0])
+        if age >= self._empty_age:
+            ended = (STATUS_ONLY, *ended)
         due = self._due_items.get(ended)
         if due is None:
             due = self._due_items[ended] = self._select_items(ended)
+        if age >= self._empty_age:
+            return due
         if self._changed and (due.scanners or self._requested_scans):
             self._replace_scanners()
         if not self._requested_scans:
@@ -189,11 +183,12 @@ class Vehicle:
         self._requested_scans.clear()
         return due._replace(scanners=(*due.scanners, *requested))
 
-    def read(self, items: Sequence[SensorItem]) -> list[Report]:
-        """Return the readings of items that are due, in their order."""
-        time = self._clock.time
-        reports = [item.read(time) for item in items]
-        return join_encoders(reports) if self.dialect.joins_encoders else reports
+    def draw(self) -> None:
+        """Draw random numbers for the readings that follow, if some are used up."""
+        if self._numbers.is_spent:
+            self._numbers.is_spent = False
+            for item in self._sensor_items.values():
+                item.draw()
 
     def sensor_pose(self, item: Item) -> Pose3:
         """Return the pose of an item in the map frame."""
@@ -251,6 +246,28 @@ class Vehicle:
         if isinstance(ins, InsItem):
             ins.overwrite(pose)
 
+    def _mount_items(self, seed: int, gps_origin: tuple[float, float]) -> None:
+        """Create the items; arguments as of ``__init__``."""
+        robot, config, number = self.robot, self.config, self.number
+        scanners = []
+        ray_items: list[RayItem] = []
+        sonars = robot.model.items_of("Sonar")
+        if sonars:
+            ray_items.append(SonarItems(sonars, robot, config, carrier_id=number))
+        for item in robot.model.items:
+            rng = generator_for(seed, robot.name, item.name)
+            self._interval_ticks[item.name] = ticks_of(config.interval(item))
+            mounting = Mounting(
+                item, robot, self._numbers, rng, config, self._clock.time
+            )
+            if item.type == "RangeScanner":
+                scanners.append(MountedScanner(item, config.scanner(item), rng))
+            elif item.type == "GPS":
+                ray_items.append(GpsItem(mounting, gps_origin, carrier_id=number))
+            elif item.type in SENSOR_ITEMS:
+                self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
+        self.scanners, self._ray_items = tuple(scanners), tuple(ray_items)
+
     def _replace_scanners(self) -> None:
         for mounted in self.scanners:
             if mounted.item.name in self._changed:
@@ -267,11 +284,24 @@ class Vehicle:
         if self._requested_scans:
             self._schedule.request(self)
 
-    def _select_items(self, intervals: frozenset[int]) -> DueItems:
+    def _select_items(self, intervals: Collection[int]) -> DueItems:
         due = {name for name, each in self._interval_ticks.items() if each in intervals}
+        if STATUS_ONLY in intervals:
+            due.clear()
         names = [item.name for item in self._reading_order if item.name in due]
+        forms, instructions = join_reports(
+            [self._sensor_items[name] for name in names],
+            joins_encoders=self.dialect.joins_encoders,
+        )
+        groups = [forms, forms]
+        if STATUS_TICKS in intervals:
+            groups = [[ReportForm(Status, light), *forms] for light in (False, True)]
+            charge = instruction(CHARGE, self._battery_place)
+            instructions = [instruction(TIME), charge, *instructions]
+        off, on = (ReportGroup(group, self.dialect) for group in groups)
         return DueItems(
-            tuple([self._sensor_items[name] for name in names]),
+            (off, on),
+            self._readings.program(instructions),
             tuple([each for each in self._ray_items if each.item.name in due]),
             tuple([each for each in self.scanners if each.item.name in due]),
         )

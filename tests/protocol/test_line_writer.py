@@ -8,8 +8,13 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.line_writer import encode_lines
+from radarsim.protocol.line_writer import ReportBlock, encode_blocks, encode_lines
 from radarsim.protocol.numbers import NumberFormat, Rounding
+from radarsim.protocol.periodic_reports import (
+    NumberedReport,
+    ReportForm,
+    ReportGroup,
+)
 from radarsim.protocol.reports import (
     EchoLine,
     Encoder,
@@ -153,3 +158,50 @@ def test_a_thousand_scans_are_written_at_once() -> None:
     scan = RangeScan(1.0, "radar", 0.1, 0.2, np.full(181, -(2.0**31) + 1))
     line = to_bytes([scan.encode(COMPAT)])
     assert encode_lines([(scan, COMPAT)] * 1000) == [line] * 1000
+
+
+NUMBERED = [
+    (Status(1.5, 3599, light=True), True),
+    (GroundTruth(1.5, "GndTruth", Pose3(1, 2, 3, 0.1, 0.2, 0.3)), "GndTruth"),
+    (Ins(1.5, "InsTest", Pose3(1, 2, -0.0, -0.0, -9.0, 1e-9)), "InsTest"),
+    (Odometry(1.5, "Odometer", Pose2(1, 0, -9)), "Odometer"),
+    (Tachometer(1.5, "TachTest", (1.0, 2.0), (3.0, 4.0)), ("TachTest", 2, 2)),
+    (Encoder(1.5, (("W1", 9), ("W2", -9))), ("W1", "W2")),
+    (Touch(1.5, "Bumper", touched=True), "Bumper"),
+    (Touch(1.5, "Bumper", touched=False), "Bumper"),
+]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_group_of_reports_is_its_forms_and_their_numbers(dialect: Dialect) -> None:
+    reports: list[NumberedReport] = [report for report, _ in NUMBERED]
+    group = ReportGroup(
+        [ReportForm(type(report), fixed) for report, fixed in NUMBERED], dialect
+    )
+    numbers = [number for report in reports for number in report.split(dialect)[1]]
+    scan = RangeScan(1.5, "radar", 0.1, 0.2, np.array([1.0, 2.0]))
+    lines = [report.encode(dialect) for report in reports]
+    assert [each.encode(dialect) for each in group.build(numbers)] == lines
+    alone = ReportBlock([], dialect, group, numbers)
+    followed = ReportBlock([scan], dialect, group, numbers)
+    empty = ReportBlock([], dialect)
+    assert encode_blocks([alone, empty, followed]) == [
+        to_bytes(lines),
+        b"",
+        to_bytes([*lines, scan.encode(dialect)]),
+    ]
+
+
+def test_number_of_a_group_that_cannot_be_written_is_an_error() -> None:
+    group = ReportGroup([ReportForm(Odometry, "Odometer")], COMPAT)
+    with pytest.raises(ValueError, match="expected less than"):
+        encode_blocks([ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])])
+
+
+def test_angles_of_any_size_are_wrapped() -> None:
+    turns = [k * math.pi / 3 + e for k in range(-50, 50) for e in (0, 1e-9, -1e-9)]
+    turns += [math.pi, -math.pi, 3 * math.pi, -3 * math.pi, 1e9, -1e9, 2.0**31]
+    for dialect in DIALECTS:
+        reports = [(Ins(1.0, "I", Pose3(0, 0, 0, a, a, a)), dialect) for a in turns]
+        expected = [to_bytes([report.encode(dialect)]) for report, _ in reports]
+        assert encode_lines(reports) == expected

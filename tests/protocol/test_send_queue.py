@@ -43,6 +43,23 @@ def test_oldest_readings_are_dropped_whole_beyond_the_limit(
     ]
 
 
+@given(st.lists(LINES, max_size=9), st.integers(1, 200))
+def test_readings_that_are_added_together_are_dropped_one_by_one(
+    ticks: list[list[tuple[bytes, bool]]], limit: int
+) -> None:
+    together, apart = SendQueue(limit=limit), SendQueue(limit=limit)
+    for lines in ticks:
+        readings = [b"%d\n" % len(line) for line, _ in lines]
+        together.put_readings(b"".join(readings))
+        together.put(b"reply\n", keep=True)
+        for line in readings:
+            apart.put(line, keep=False)
+        apart.put(b"reply\n", keep=True)
+        assert together.dropped == apart.dropped
+        assert len(together) == len(apart)
+    assert together.take() == apart.take()
+
+
 def test_half_of_the_readings_remain_after_a_drop() -> None:
     queue = SendQueue(limit=100)
     for number in range(11):

@@ -1,0 +1,307 @@
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Floats, Pose3
+from radarsim.rng import generator_for
+from radarsim.robots.fleet_columns import (
+    BODY_Z,
+    LEFT_ANGLE,
+    RIGHT_ANGLE,
+    YAW,
+    X,
+    Y,
+    new_columns,
+)
+from radarsim.sensors.motion_readings import (
+    ANGLE_ZERO,
+    TICK_ZERO,
+    draw_drift,
+    draw_errors,
+    new_encoder,
+    new_ins,
+    new_tachometer,
+    overwrite_ins,
+)
+from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION, InsNoise
+from radarsim.simulation.reading_kernel import (
+    DRIFT,
+    INS_POSE,
+    MEASURE,
+    SPENT,
+    TICKS,
+    WHEEL_ANGLE,
+    WHEEL_SPEED,
+    fill_readings,
+)
+
+CALM = InsNoise(sigma=0, position_bias=0, angle_bias=0)
+SPAWN = Pose3(1, 2, 0.146, 0, 0, 0.5)
+MOUNTED = Pose3(1, 2, 0.346, 0, 0, 0.5)
+LEFT, RIGHT = 0, 1
+places = st.builds(
+    Pose3, st.floats(-9, 9), st.floats(-9, 9), st.just(0.146), yaw=st.floats(-3, 3)
+)
+
+
+class Sensor:
+    """A sensor of a robot whose pose and wheels are given."""
+
+    def __init__(self, numbers: Floats, rng: np.random.Generator) -> None:
+        self.row = np.concatenate([[0.0], numbers])
+        self.numbers = self.row[1:]
+        self.rng = rng
+
+    def read(
+        self,
+        *instructions: tuple[int, int],
+        body: Pose3 = SPAWN,
+        wheels: tuple[float, float] = (0, 0),
+        ticks: int = 0,
+    ) -> list[float]:
+        """Follow instructions, each of a kind and a side."""
+        robots = new_columns(1)
+        robots[0, [X, Y, BODY_Z, YAW]] = body.x, body.y, body.z, body.yaw
+        robots[0, [LEFT_ANGLE, RIGHT_ANGLE]] = wheels
+        rows = np.array([(kind, 1, side, 1) for kind, side in instructions])
+        jobs, out = np.array([[0, 0, len(rows)]]), np.zeros(6)
+        fill_readings(jobs, rows, self.row[None], ticks, out, robots, np.zeros((0, 7)))
+        return out.tolist()
+
+
+class Ins(Sensor):
+    def __init__(self, noise: InsNoise = CALM, *, seed: int = 0) -> None:
+        rng = generator_for(seed, "R1", "InsTest")
+        super().__init__(new_ins(MOUNTED, SPAWN, noise, rng), rng)
+
+    def drift(self, body: Pose3) -> None:
+        self.read((DRIFT, 0), body=body)
+        if self.row[SPENT]:
+            draw_drift(self.numbers, self.rng)
+            self.row[SPENT] = 0
+
+    def reading(self, body: Pose3) -> Pose3:
+        return Pose3(*self.read((INS_POSE, 0), body=body))
+
+    def overwrite(self, pose: Pose3, body: Pose3) -> None:
+        overwrite_ins(self.numbers, pose, body)
+
+
+def ins(noise: InsNoise = CALM, *, seed: int = 0) -> Ins:
+    return Ins(noise, seed=seed)
+
+
+def moved(by: Sequence[float]) -> Pose3:
+    """Return the body's pose after a motion from the spawn."""
+    return Pose3.from_numbers(np.add(SPAWN.numbers(), by).tolist())
+
+
+def close(one: Pose3, other: Pose3) -> bool:
+    apart = np.subtract(one.numbers(), other.numbers())
+    apart[3:] = np.arctan2(np.sin(apart[3:]), np.cos(apart[3:]))
+    return bool(np.abs(apart).max() < 1e-9)
+
+
+def test_ins_starts_at_the_pose_of_the_sensor() -> None:
+    assert ins(InsNoise()).reading(SPAWN) == MOUNTED
+
+
+@given(path=st.lists(places))
+def test_ins_without_noise_keeps_its_offset_from_the_body(path: list[Pose3]) -> None:
+    calm = ins()
+    for body in path:
+        calm.drift(body)
+        above = Pose3(body.x, body.y, body.z + 0.2, yaw=body.yaw)
+        assert close(calm.reading(body), above)
+
+
+@given(path=st.lists(places, min_size=1))
+def test_true_motion_is_added_between_drift_updates(path: list[Pose3]) -> None:
+    drifting = ins(InsNoise())
+    drifting.drift(moved([1, 0, 0, 0, 0, 1]))
+    last = drifting.reading(moved([1, 0, 0, 0, 0, 1]))
+    drift = np.subtract(last.numbers(), moved([1, 0, 0, 0, 0, 1]).numbers())
+    for body in path:
+        expected = Pose3.from_numbers(np.add(body.numbers(), drift).tolist())
+        assert close(drifting.reading(body), expected)
+
+
+def test_ins_does_not_drift_at_standstill() -> None:
+    drifting = ins(InsNoise(sigma=0.5, position_bias=0.5, angle_bias=0.5))
+    for _ in range(100):
+        drifting.drift(SPAWN)
+    assert drifting.reading(SPAWN) == MOUNTED
+
+
+def test_position_deviation_is_a_fraction_of_the_distance() -> None:
+    motion = [3, 4, 0, 0, 0, 0]
+    errors = []
+    for seed in range(2000):
+        drifting = ins(InsNoise(), seed=seed)
+        drifting.drift(moved(motion))
+        reading = drifting.reading(moved(motion))
+        errors.append(np.subtract(reading.numbers(), MOUNTED.numbers()) - motion)
+    spread = np.std(errors, axis=0)
+    assert spread[:3] == pytest.approx([0.25] * 3, rel=0.06)
+    assert spread[3:].tolist() == [0, 0, 0]
+    assert np.mean(errors, axis=0)[:3] == pytest.approx([0] * 3, abs=0.02)
+
+
+def test_angle_deviation_is_a_fraction_of_the_turn() -> None:
+    motion = [0, 0, 0, 0, 0, 2]
+    errors = []
+    for seed in range(2000):
+        drifting = ins(InsNoise(), seed=seed)
+        drifting.drift(moved(motion))
+        errors.append(drifting.reading(moved(motion)).yaw - MOUNTED.yaw - 2)
+    assert np.std(errors) == pytest.approx(0.1, rel=0.06)
+
+
+def test_bias_is_constant_within_a_run_and_bounded() -> None:
+    biased = InsNoise(sigma=0, position_bias=0.5, angle_bias=0.1)
+    seen = []
+    for seed in range(300):
+        drifting = ins(biased, seed=seed)
+        errors = []
+        for k in range(1, 4):
+            body = moved([k, 0, 0, 0, 0, k / 2])
+            drifting.drift(body)
+            error = np.subtract(drifting.reading(body).numbers(), body.numbers())
+            errors.append(error - [0, 0, 0.2, 0, 0, 0])
+        assert errors[2] == pytest.approx(3 * errors[0])
+        seen.append(errors[0])
+    largest = np.abs(seen).max(axis=0)
+    assert largest[:3] == pytest.approx([0.5] * 3, rel=0.05)
+    assert largest[5] == pytest.approx(0.05, rel=0.05)
+
+
+def test_same_generator_gives_the_same_drift() -> None:
+    def track(one: Ins) -> Pose3:
+        for k in range(20):
+            one.drift(moved([k, 0, 0, 0, 0, k / 9]))
+        return one.reading(SPAWN)
+
+    first, again = track(ins(InsNoise())), track(ins(InsNoise()))
+    assert first == again
+    assert first != track(ins(InsNoise(), seed=1))
+
+
+def test_overwriting_sets_the_estimate_and_removes_the_bias() -> None:
+    drifting = ins(InsNoise(sigma=0, position_bias=0.5, angle_bias=0.5))
+    drifting.drift(moved([1, 1, 0, 0, 0, 1]))
+    here = moved([2, 2, 0, 0, 0, 1])
+    drifting.overwrite(Pose3(0, 0, 0), here)
+    assert drifting.reading(here) == Pose3(0, 0, 0)
+    there = moved([5, 6, 0, 0, 0, 1.5])
+    drifting.drift(there)
+    assert close(drifting.reading(there), Pose3(3, 4, 0, yaw=0.5))
+
+
+def test_turn_across_180_degrees_is_the_short_one() -> None:
+    calm = ins()
+    calm.drift(Pose3(1, 2, 0.146, yaw=3.0))
+    calm.drift(Pose3(1, 2, 0.146, yaw=-3.0))
+    turned = 2.5 + 2 * math.pi - 6.0
+    assert calm.reading(Pose3(1, 2, 0.146, yaw=-3.0)).yaw == pytest.approx(0.5 + turned)
+
+
+def test_drift_draws_the_same_numbers_however_many_at_a_time() -> None:
+    drifting = ins(InsNoise(sigma=1, position_bias=0, angle_bias=0), seed=5)
+    rng = generator_for(5, "R1", "InsTest")
+    rng.uniform(-1.0, 1.0, 6)  # the bias
+    for k in range(1, 50):
+        before = drifting.reading(moved([k - 1, 0, 0, 0, 0, 0]))
+        drifting.drift(moved([k, 0, 0, 0, 0, 0]))
+        after = drifting.reading(moved([k, 0, 0, 0, 0, 0]))
+        errors = np.add(rng.standard_normal(6)[:3], (1, 0, 0))
+        step = np.subtract(after.numbers(), before.numbers())[:3]
+        assert step == pytest.approx(errors)
+
+
+def tachometer() -> Sensor:
+    return Sensor(new_tachometer(0.0, 0, 0), generator_for(0))
+
+
+def speeds(one: Sensor, ticks: int, wheels: tuple[float, float]) -> list[float]:
+    sides = [(WHEEL_SPEED, LEFT), (WHEEL_SPEED, RIGHT)]
+    return one.read((MEASURE, 0), *sides, wheels=wheels, ticks=ticks)[:2]
+
+
+def angles(one: Sensor, wheels: tuple[float, float]) -> list[float]:
+    return one.read((WHEEL_ANGLE, LEFT), (WHEEL_ANGLE, RIGHT), wheels=wheels)[:2]
+
+
+def test_tachometer_averages_since_its_last_reading() -> None:
+    measuring = tachometer()
+    assert speeds(measuring, 20, (0.4, -0.2)) == pytest.approx([2, -1])
+    assert angles(measuring, (0.4, -0.2)) == [0.4, -0.2]
+    assert speeds(measuring, 40, (0.4, -0.2)) == [0, 0]
+
+
+def test_second_reading_at_the_same_time_repeats_the_first() -> None:
+    measuring = tachometer()
+    assert speeds(measuring, 0, (0, 0)) == [0, 0]
+    first = speeds(measuring, 50, (1, 2))
+    assert speeds(measuring, 50, (1, 2)) == first == [2, 4]
+
+
+def test_tachometer_zero_moves_positions_but_not_velocities() -> None:
+    measuring = tachometer()
+    speeds(measuring, 100, (5, 6))
+    measuring.numbers[ANGLE_ZERO : ANGLE_ZERO + 2] = 5, 6
+    assert speeds(measuring, 200, (6, 8)) == [1, 2]
+    assert angles(measuring, (6, 8)) == [1, 2]
+
+
+class Encoder(Sensor):
+    def __init__(self, noise: float = 0.0, wheels: int = 1) -> None:
+        rng = generator_for(0, "W1")
+        super().__init__(new_encoder(wheels, 0, 0, rng, noise=noise), rng)
+
+    def ticks(self, left: float, right: float = 0.0) -> float:
+        """Return the ticks of the left wheel."""
+        ticks, *_ = self.read((TICKS, LEFT), wheels=(left, right))
+        if self.row[SPENT]:
+            draw_errors(self.numbers, self.rng)
+            self.row[SPENT] = 0
+        return ticks
+
+
+@pytest.mark.parametrize(
+    ("angle", "ticks"),
+    [
+        pytest.param(0.0, 0, id="at rest"),
+        pytest.param(2.5 * ENCODER_RESOLUTION, 2, id="part of a tick"),
+        pytest.param(-2.5 * ENCODER_RESOLUTION, -2, id="backward"),
+        pytest.param(math.pi, 180, id="half a turn"),
+        pytest.param(2 * math.pi + 2.5 * ENCODER_RESOLUTION, 2, id="after a turn"),
+        pytest.param(-2 * math.pi - 1, -57, id="backward after a turn"),
+    ],
+)
+def test_ticks_without_noise(angle: float, ticks: int) -> None:
+    assert Encoder().ticks(angle, 9) == ticks
+
+
+def test_encoder_error_is_a_fraction_of_the_angle() -> None:
+    noisy = Encoder(0.005)
+    seen = [noisy.ticks(3.0) for _ in range(500)]
+    assert min(seen) == int(3.0 * 0.995 / ENCODER_RESOLUTION)
+    assert max(seen) == int(3.0 * 1.005 / ENCODER_RESOLUTION)
+    assert noisy.ticks(0) == 0
+
+
+def test_encoder_draws_the_same_errors_however_many_at_a_time() -> None:
+    noisy, rng = Encoder(0.5), generator_for(0, "W1")
+    for _ in range(50):
+        ticks = int(3.0 * (1 + rng.uniform(-0.5, 0.5)) / ENCODER_RESOLUTION)
+        assert noisy.ticks(3.0) == ticks
+
+
+def test_encoder_counts_from_its_reset() -> None:
+    counted = Encoder()
+    counted.numbers[TICK_ZERO : TICK_ZERO + 2] = 1, 1
+    assert counted.ticks(1 + 3.5 * ENCODER_RESOLUTION) == 3
