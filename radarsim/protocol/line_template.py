@@ -118,7 +118,7 @@ def fill(lines: bytes, numbers: Iterable[float], series: Floats) -> str:
     alone, in_series = iter(numbers), iter(series.tolist())
 
     def write(match: re.Match[str]) -> str:
-        *changes, last = match[0]
+        changes, last = match[0][:-1], match[0][-1]
         if last == LINE_END:
             return "\r\n"
         mark = ord(last)

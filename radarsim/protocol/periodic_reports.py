@@ -95,7 +95,7 @@ class ReportGroup:
         """The templates of the lines, after each other."""
         return b"".join([report.template(self.dialect, x) for report, x in self.forms])
 
-    def build(self, numbers: Iterable[float]) -> tuple[NumberedReport, ...]:
+    def build(self, numbers: Iterable[float]) -> tuple[Any, ...]:
         """Return the reports; ``numbers`` are those of all of them."""
         each = iter(numbers)
         return tuple(report.build(fixed, each) for report, fixed in self.forms)

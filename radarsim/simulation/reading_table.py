@@ -36,12 +36,12 @@ class Program(NamedTuple):
     Attributes:
         first: The first of them.
         end: That after the last.
-        count: How many numbers they write.
+        size: How many numbers they write.
     """
 
     first: int
     end: int
-    count: int
+    size: int
 
 
 class ReadingTable:
@@ -80,7 +80,7 @@ class ReadingTable:
             random numbers, so that ``NumberRow.is_spent``.
         """
         rows = np.array([(slot, each.first, each.end) for slot, each in jobs], np.int64)
-        out = np.zeros(sum([each.count for _, each in jobs]))
+        out = np.zeros(sum([each.size for _, each in jobs]))
         fleet = self._fleet
         spent = fill_readings(
             *(rows.reshape(-1, 3), self._instructions, self._numbers, ticks, out),

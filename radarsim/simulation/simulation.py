@@ -243,7 +243,7 @@ class Simulation:
         return {
             vehicle.number: TickOutput(
                 items.groups[vehicle.robot.light],
-                list(islice(numbers, items.program.count)),
+                list(islice(numbers, items.program.size)),
                 cast.get(vehicle.number, ()),
                 echoes.get(vehicle.number, ()),
                 scans[vehicle.number],

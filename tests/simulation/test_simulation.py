@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -54,7 +55,7 @@ def scan_after(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> Ran
     return scan
 
 
-def types(reports: tuple[Report, ...]) -> list[type]:
+def types(reports: Sequence[Report]) -> list[type]:
     return [type(report) for report in reports]
 
 
