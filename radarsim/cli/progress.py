@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Final, TypeVar
 
 from rich.console import Console
 from rich.live import Live
@@ -11,6 +11,8 @@ from rich.text import Text
 from radarsim.printable_text import escape_unprintable
 
 REFRESH_RATE: Final = 8  # Hz
+
+_Result = TypeVar("_Result")
 
 
 @contextmanager
@@ -32,6 +34,23 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
     line = _StatusLine(describe)
     with Live(line, console=console, refresh_per_second=REFRESH_RATE, transient=True):
         yield lambda _: None
+
+
+def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Result]:
+    """Yield results, and show on stderr how many of them there are."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TimeElapsedColumn,
+    )
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=total)
+        for result in results:
+            bar.advance(task)
+            yield result
 
 
 class _StatusLine:

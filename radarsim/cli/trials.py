@@ -18,6 +18,8 @@ from rich.text import Text
 from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import JsonOption
 from radarsim.cli.output import print_lines
+from radarsim.cli.progress import with_bar
+from radarsim.cli.random_trials import run_random
 from radarsim.cpu_count import process_cpu_count
 from radarsim.errors import MapError, PresetError
 from radarsim.navigation.options import Algorithm
@@ -58,10 +60,34 @@ def trials(
         typer.Option(min=1, help="Number of processes; one for each core by default."),
     ] = None,
     as_json: JsonOption = False,
+    random: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Run on random maps 0 to N - 1 instead: radar and laser by turn.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="With --random: add a line of JSON for each trial; those that are in"
+            " the file are not run again.",
+        ),
+    ] = None,
 ) -> None:
     """Run Bug1 and Bug2 on several maps, and score them by the ground truth."""
     from radarsim.evaluation.trials import MAPS, all_trials, run_trials
 
+    if random is not None:
+        _refuse_others(maps, as_json=as_json)
+        chosen = _split(algorithms, "--algorithms")
+        _check((), chosen, ())
+        run_random(random, chosen, output, workers or process_cpu_count())
+        return
+    if output is not None:
+        raise typer.BadParameter("expected with --random", param_hint="--output")
     names = MAPS if maps is None else _split(maps, "--maps")
     chosen_algorithms = _split(algorithms, "--algorithms")
     chosen_sensors = _split(sensors, "--sensors")
@@ -71,7 +97,7 @@ def trials(
     compile_now()
     began = time.perf_counter()
     with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:
-        scores = list(_with_bar(running, len(todo)))
+        scores = list(with_bar(running, "trials", len(todo)))
     duration = time.perf_counter() - began
     if as_json:
         typer.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))
@@ -86,6 +112,15 @@ def trials(
     by = "1 process" if processes == 1 else f"{processes} processes"
     trials_in = "1 trial" if len(scores) == 1 else f"{len(scores)} trials"
     typer.echo(f"{trials_in} in {duration:.1f} s by {by}")
+
+
+def _refuse_others(maps: str | None, *, as_json: bool) -> None:
+    """Refuse what has no meaning for random maps."""
+    if maps is not None:
+        raise typer.BadParameter("not with --random", param_hint="--maps")
+    if as_json:
+        text = "not with --random, whose --output is JSON"
+        raise typer.BadParameter(text, param_hint="--json")
 
 
 def _split(text: str, hint: str) -> list[str]:
@@ -126,22 +161,6 @@ def _check_map(name: str) -> None:
             raise
         text = f"{error}; those made for trials are {list(MAPS)}"
         raise MapError([text]) from None
-
-
-def _with_bar(scores: Iterator[TrialResult], total: int) -> Iterator[TrialResult]:
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TimeElapsedColumn,
-    )
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("trials", total=total)
-        for score in scores:
-            bar.advance(task)
-            yield score
 
 
 def _table(scores: Sequence[TrialResult]) -> Table:

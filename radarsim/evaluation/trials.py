@@ -136,7 +136,6 @@ def run_trial(spec: TrialSpec) -> TrialResult:
     """
     scene, trial, shortest = _prepare(spec.map)
     host = Host(scene, config=config_with_sensor(spec.sensor), seed=spec.seed)
-    monitor = GroundTruthMonitor(host)
     mission = Mission(
         algorithm=Algorithm(spec.algorithm),
         goals=(trial.goal,),
@@ -144,23 +143,42 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         safety_distance=trial.safety_distance,
         time_limit=TIME_LIMIT,
     )
+    drive = drive_mission(host, mission)
+    return TrialResult(**asdict(spec), **asdict(drive), shortest_path=shortest)
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """How a mission went, in truth; attributes as in ``TrialResult``."""
+
+    outcome: str
+    collisions: int
+    path_length: float
+    time: float
+    circuits: int
+    off: float
+    note: str
+
+
+def drive_mission(host: Host, mission: Mission) -> Drive:
+    """Run a mission in lockstep with a server of its own, and score its outcome."""
+    monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
     with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits
-            note = "" if outcome != "failed" else f"not there after {TIME_LIMIT:g} s"
+            limit = f"not there after {mission.time_limit:g} s"
+            note = "" if outcome != "failed" else limit
         except (ClientError, NavigationError) as error:
             note = str(error)
-    off = monitor.distance(trial.goal)
+    off = monitor.distance(mission.goals[-1])
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
-    return TrialResult(
-        **asdict(spec),
+    return Drive(
         outcome=outcome,
         collisions=monitor.collisions,
         path_length=monitor.path_length,
-        shortest_path=shortest,
         time=host.simulation.time,
         circuits=circuits,
         off=off,

@@ -61,3 +61,10 @@ def test_file_that_would_be_no_map_is_refused(
 ) -> None:
     assert radarsim("new", str(tmp_path / name)).code == 2
     assert not [*tmp_path.iterdir()]
+
+
+def test_random_map_is_written_by_its_number(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "yard.yaml"
+    assert radarsim("new", str(path), "--random", "4").code == 0
+    assert "family 'mazes'" in path.read_text()
+    assert radarsim("check", str(path), "--strict").code == 0

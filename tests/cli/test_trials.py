@@ -100,3 +100,35 @@ def test_failed_trial_is_described() -> None:
     assert _failure_text(score) == (
         "bug_maze bug1 radar seed 3: failed; no scan; collisions: 2"
     )
+
+
+def test_random_trials_are_resumed(radarsim: Command, tmp_path: Any) -> None:
+    file = tmp_path / "results.jsonl"
+    options = ("--algorithms", "bug2", "--workers", "1", "--output", str(file))
+    run = radarsim("trials", "--random", "1", *options)
+    assert run.code == 0
+    (line,) = file.read_text().splitlines()
+    told = json.loads(line)
+    assert (told["number"], told["family"], told["correct"]) == (0, "boxes", True)
+    again = radarsim("trials", "--random", "1", *options)
+    assert file.read_text().splitlines() == [line]
+    assert again.text == run.text
+    assert run.text.splitlines()[1].split() == ["boxes", "1/1", "0", "0", "0"]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        pytest.param(["--output", "x"], "with --random", id="without"),
+        pytest.param(["--random", "1", "--maps", "bug_box"], "--maps", id="maps"),
+        pytest.param(["--random", "1", "--json"], "--json", id="json"),
+        pytest.param(["--random", "0"], "--random", id="none"),
+        pytest.param(["--random", "1", "--output", __file__], "expected", id="file"),
+    ],
+)
+def test_random_trials_refuse_other_options(
+    radarsim: Command, options: list[str], text: str
+) -> None:
+    run = radarsim("trials", *options)
+    assert (run.code, run.out) == (2, b"")
+    assert text in run.err

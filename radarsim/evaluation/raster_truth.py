@@ -1,0 +1,134 @@
+"""What a robot can reach on a random map, by a raster of its plan.
+
+The distance of each cell's centre from the plan's blocks and discs is exact; cells that
+are far enough from everything are connected with their eight neighbours. Nothing is
+shared with navigators, nor with the free space of scenes: a truth of its own.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from radarsim.evaluation.random_maps import Point, RandomMap
+from radarsim.geometry import Floats
+
+CELL: Final = 0.05  # m
+HALF_PASSAGE: Final = 0.2  # m beyond the safety distance: half of what passages need
+ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
+_MARGIN: Final = 3.0  # m of floor around everything
+# Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.
+_MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
+
+
+_Cell = TypeVar("_Cell", bound=np.generic)
+
+
+class Expectation(StrEnum):
+    """What a navigator has to tell of a map."""
+
+    REACHED = "reached"
+    NO_PATH = "no_path"
+    EITHER = "either"  # the passages are between those that count and those that do not
+    TOO_NEAR = "too_near"  # the start or the goal is inside the safety distance
+
+
+@dataclass(frozen=True, slots=True)
+class RasterTruth:
+    """The truth about a map.
+
+    Attributes:
+        expectation: What a navigator has to tell.
+        shortest: Length of the shortest path of a disc of ``ROBOT_RADIUS``, m; None if
+            there is none.
+    """
+
+    expectation: Expectation
+    shortest: float | None
+
+
+def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> RasterTruth:
+    """Compute what a navigator has to tell of a map.
+
+    Args:
+        map_: The map.
+        safety_distance: The navigator's, m.
+        reach: How far beside its beams the navigator's sensor sees, m; what it passes
+            looks that much wider.
+    """
+    raster = _Raster(map_)
+    wide = raster.connects(safety_distance + HALF_PASSAGE + reach)
+    narrow = raster.connects(ROBOT_RADIUS)
+    near = min(raster.clearance(map_.start), raster.clearance(map_.goal))
+    expectation = Expectation.EITHER
+    if near < safety_distance:
+        expectation = Expectation.TOO_NEAR
+    elif wide:
+        expectation = Expectation.REACHED
+    elif not narrow:
+        expectation = Expectation.NO_PATH
+    return RasterTruth(expectation, raster.shortest_path(ROBOT_RADIUS))
+
+
+class _Raster:
+    """Distances of cells from everything solid."""
+
+    def __init__(self, map_: RandomMap) -> None:
+        self._map = map_
+        places = np.array([map_.start, map_.goal, *((s.x, s.y) for s in map_.solids)])
+        self._low = places.min(axis=0) - _MARGIN
+        shape = np.ceil((places.max(axis=0) + _MARGIN - self._low) / CELL).astype(int)
+        cells = np.stack(np.indices(shape), axis=-1).reshape(-1, 2)
+        self._distances = self._from_solids(self._low + (cells + 0.5) * CELL)
+        self._distances = self._distances.reshape(shape)
+
+    def _from_solids(self, points: Floats) -> Floats:
+        nearest = np.full(len(points), math.inf)
+        for solid in self._map.solids:
+            np.minimum(nearest, solid.distances(points), out=nearest)
+        return nearest
+
+    def clearance(self, place: Point) -> float:
+        """Return the distance of a place from everything solid, m."""
+        return float(self._from_solids(np.array([place]))[0])
+
+    def connects(self, distance: float) -> bool:
+        """Return whether start and goal are connected that far from everything."""
+        labels, _ = ndimage.label(self._distances >= distance, np.ones((3, 3)))
+        start, goal = labels[self._cell(self._map.start)], self._cell(self._map.goal)
+        return bool(start and start == labels[goal])
+
+    def shortest_path(self, distance: float) -> float | None:
+        """Return the length of the shortest path that far from everything, m."""
+        free = self._distances >= distance
+        numbers = np.arange(free.size).reshape(free.shape)
+        rows, columns, lengths = [], [], []
+        for dx, dy in _MOVES:
+            here, there = _shifted(free, dx, dy), _shifted(free, -dx, -dy)
+            both = here & there
+            rows.append(_shifted(numbers, dx, dy)[both])
+            columns.append(_shifted(numbers, -dx, -dy)[both])
+            lengths.append(np.full(both.sum(), CELL * math.hypot(dx, dy)))
+        edges = (np.concatenate(rows), np.concatenate(columns))
+        graph = coo_array((np.concatenate(lengths), edges), shape=(free.size,) * 2)
+        start, goal = (
+            numbers[self._cell(p)] for p in (self._map.start, self._map.goal)
+        )
+        found = dijkstra(graph.tocsr(), directed=False, indices=start)[goal]
+        return float(found) if np.isfinite(found) else None
+
+    def _cell(self, place: Point) -> tuple[int, int]:
+        column, row = np.floor((np.array(place) - self._low) / CELL).astype(int)
+        return int(column), int(row)
+
+
+def _shifted(cells: NDArray[_Cell], dx: int, dy: int) -> NDArray[_Cell]:
+    """Return the cells that have a neighbour at a shift, in the same order."""
+    columns, rows = cells.shape
+    return cells[max(-dx, 0) : columns - max(dx, 0), max(-dy, 0) : rows - max(dy, 0)]

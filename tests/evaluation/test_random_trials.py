@@ -1,0 +1,86 @@
+"""Trials on random maps: what counts as right, and a sample of runs."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from radarsim.evaluation.random_trials import (
+    RandomTrialResult,
+    RandomTrialSpec,
+    all_random_trials,
+    cut_incomplete_line,
+    read_results,
+    run_random_trial,
+)
+
+DONE = RandomTrialResult(
+    *(3, "bug2", "traps", "laser", 0, "reached", "reached"),
+    collisions=0,
+    path_length=14.20049,
+    shortest_path=12.1,
+    time=55.0,
+    note="",
+)
+
+
+@pytest.mark.parametrize(
+    ("expected", "outcome", "is_correct"),
+    [
+        ("reached", "reached", True),
+        ("reached", "no_path", False),
+        ("no_path", "no_path", True),
+        ("no_path", "reached", False),
+        ("either", "reached", True),
+        ("either", "no_path", True),
+        ("either", "failed", False),
+    ],
+)
+def test_right_is_what_the_raster_allows(
+    expected: str, outcome: str, is_correct: bool
+) -> None:
+    result = replace(DONE, expected=expected, outcome=outcome)
+    assert result.is_correct is is_correct
+    assert not replace(result, collisions=1).is_correct
+
+
+def test_only_trials_without_a_line_are_run(tmp_path: Path) -> None:
+    file = tmp_path / "results.jsonl"
+    assert read_results(file) == []
+    line = DONE.as_line()
+    file.write_text(line + line[:30])  # the second line is what a killed run leaves
+    (done,) = read_results(file)
+    assert done["path_length"] == 14.2
+    assert done["correct"] is True
+    cut_incomplete_line(file)
+    assert file.read_text() == line
+    left = all_random_trials(4, ["bug1", "bug2"], [done])
+    assert len(left) == 7
+    assert RandomTrialSpec(3, "bug2") not in left
+
+
+def test_other_file_is_no_result(tmp_path: Path) -> None:
+    file = tmp_path / "notes.txt"
+    for text in ("hello\n", "[1]\n", '{"number": 1}\n'):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=r"notes\.txt:1: expected the result"):
+            read_results(file)
+
+
+def test_sensors_and_side_beams_take_turns() -> None:
+    kinds = {
+        (spec.family, spec.sensor, spec.side_offset)
+        for spec in (RandomTrialSpec(number, "bug1") for number in range(42))
+    }
+    assert len(kinds) == 42
+    assert RandomTrialSpec(2, "bug1").reach == pytest.approx(0.2)
+    assert RandomTrialSpec(1, "bug1").reach == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(20))
+def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
+    algorithm = "bug1" if number % 4 < 2 else "bug2"
+    result = run_random_trial(RandomTrialSpec(number, algorithm))
+    assert result.is_correct, json.dumps(result.to_dict())
