@@ -166,8 +166,8 @@ class _Maker:
 
 def _boxes(maker: _Maker) -> Iterator[Solid]:
     def box(place: Point) -> Solid:
-        sides = (maker.between(0.3, 2.5) for _ in range(2))
-        return Block(*place, *sides, maker.between(0, math.pi))
+        length, width = (maker.between(0.3, 2.5) for _ in range(2))
+        return Block(*place, length, width, maker.between(0, math.pi))
 
     return maker.scattered(int(maker.between(6, 14)), box)
 

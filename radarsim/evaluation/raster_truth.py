@@ -84,7 +84,8 @@ class _Raster:
         places = np.array([map_.start, map_.goal, *((s.x, s.y) for s in map_.solids)])
         self._low = places.min(axis=0) - _MARGIN
         shape = np.ceil((places.max(axis=0) + _MARGIN - self._low) / CELL).astype(int)
-        cells = np.stack(np.indices(shape), axis=-1).reshape(-1, 2)
+        columns, rows = np.indices(shape)
+        cells = np.column_stack([columns.ravel(), rows.ravel()])
         self._distances = self._from_solids(self._low + (cells + 0.5) * CELL)
         self._distances = self._distances.reshape(shape)
 
