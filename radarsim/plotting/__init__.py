@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         plot_scan,
         plot_scans,
     )
+    from radarsim.plotting.spectra import draw_spectrum, plot_spectrum
 
 # Modules are imported on first use: colours alone do not need all that draws.
 _MODULES = {
@@ -21,9 +22,11 @@ _MODULES = {
     "compare": "comparison",
     "draw_scans": "scans",
     "draw_scene": "scans",
+    "draw_spectrum": "spectra",
     "plot_scan": "scans",
     "plot_scans": "scans",
     "plot_scene": "plan",
+    "plot_spectrum": "spectra",
     "render": "rendering",
 }
 
@@ -32,9 +35,11 @@ __all__ = [
     "compare",
     "draw_scans",
     "draw_scene",
+    "draw_spectrum",
     "plot_scan",
     "plot_scans",
     "plot_scene",
+    "plot_spectrum",
     "render",
 ]
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim.errors import PresetError
+from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.preset_files import (
     SourcedValue,
     preset_names,
@@ -29,12 +30,14 @@ class SensorPreset(BaseModel):
     Attributes:
         about: Description; the first sentence names the sensor.
         settings: Settings by name; the others have their default.
+        fmcw: Settings of its FMCW radar likewise; empty if it measures ranges only.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     about: str
     settings: dict[str, SourcedValue]
+    fmcw: dict[str, SourcedValue] = {}
 
 
 @functools.cache
@@ -60,16 +63,36 @@ def load_settings(name: str, /, **settings: Any) -> SensorSettings:
     try:
         return SensorSettings.model_validate({**values, **settings})
     except ValidationError as error:
-        raise PresetError(_describe(name, error)) from None
+        raise PresetError(_describe(name, error, SensorSettings)) from None
 
 
-def _describe(name: str, error: ValidationError) -> str:
+def load_fmcw_settings(name: str, /, **settings: Any) -> FmcwSettings:
+    """Return the settings of a preset's FMCW radar, with some of them changed.
+
+    Raises:
+        PresetError: If there is no such preset or setting, or it has no such radar, or
+            a value is invalid; one line for each problem.
+    """
+    presets = sensor_presets()
+    if name not in presets:
+        raise unknown_preset("sensor", name, preset_names("sensors"))
+    if not presets[name].fmcw:
+        known = ", ".join(each for each, preset in presets.items() if preset.fmcw)
+        raise PresetError(f"sensor {name}: no spectrum, expected one of {known}")
+    values = {key: setting.value for key, setting in presets[name].fmcw.items()}
+    try:
+        return FmcwSettings.model_validate({**values, **settings})
+    except ValidationError as error:
+        raise PresetError(_describe(name, error, FmcwSettings)) from None
+
+
+def _describe(name: str, error: ValidationError, model: type[BaseModel]) -> str:
     lines = []
     for problem in error.errors():
         path = ".".join(str(step) for step in problem["loc"])
         text = describe_invalid(problem)
         if problem["type"] == "extra_forbidden":
-            expected = expected_one_of(path, sorted(SensorSettings.model_fields))
+            expected = expected_one_of(path, sorted(model.model_fields))
             text = f"no setting {expected}"
         elif problem["type"] == "value_error" and path:
             text = f"{path}: {short_repr(problem['input'])}, {text}"

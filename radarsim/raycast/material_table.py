@@ -39,6 +39,8 @@ def absorption_of(material: Material, ray_class: RayClass) -> float:
     if ray_class.medium == SONAR:
         return 0.0
     radar = ray_class.medium == RADAR
+    if radar and not (ray_class.is_absorbed or material.radar_mirror):
+        return 0.0
     decibels = material.absorption_db if radar else material.laser_absorption_db
     if decibels == 0 or math.isinf(decibels):
         return decibels  # also if the power per dB is 0

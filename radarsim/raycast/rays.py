@@ -28,12 +28,15 @@ class RayClass(NamedTuple):
         power_per_db: Penetration power per decibel of attenuation.
         max_reflections: How many mirrors reflect a ray; the next one ends it like any
             other surface.
+        is_absorbed: Whether opaque surfaces that are no mirrors absorb power; not for a
+            radar that measures how much of it they scatter.
     """
 
     medium: int
     band: int = 2
     power_per_db: float = 1.0
     max_reflections: int = 0
+    is_absorbed: bool = True
 
 
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))

@@ -18,10 +18,6 @@ beam. A beam that has no other end ends there.
 
 Nothing is detected nearer than ``BLIND_RANGE`` or than the sensor's minimum range,
 where the antenna receives its own signal.
-
-The reflectivities are those of rain with Marshall and Palmer's drop sizes, by Mie's
-theory, computed for this project at 24, 77 and 94 GHz. Between the tabulated rates the
-reflectivity is a power of the rain rate.
 """
 
 import math
@@ -32,40 +28,16 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
+from radarsim.presets.rain_reflectivity import rain_reflectivity
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import Tracer
 from radarsim.sensors.echo_extraction import ENTER, LEAVE, START_INSIDE, EchoColumns
 
-RATES: Final = (1.0, 5.0, 12.5, 25.0, 50.0, 100.0)  # mm/h
-REFLECTIVITY_DB: Final = (  # radar cross section per volume, dB(m^2/m^3), by band
-    (-53.4, -43.0, -37.5, -33.7, -30.2, -27.0),
-    (-39.3, -33.6, -30.9, -29.0, -27.2, -25.5),
-    (-38.8, -33.7, -31.2, -29.5, -27.8, -26.2),
-)
 BLIND_RANGE: Final = 1.0  # m
 DEFAULT_CELL: Final = 0.25  # m, for a sensor without range resolution
 DEFAULT_BEAMWIDTH: Final = 2.0  # degrees, for a sensor without beamwidth
 REFERENCE_RANGE: Final = 10.0  # m, where ``least_rcs_dbsm`` holds
-
-
-def rain_reflectivity(band: int, mm_per_h: float) -> float:
-    """Return the radar cross section of a cubic metre of rain, m^2/m^3.
-
-    Args:
-        band: Index into ``BANDS_GHZ``.
-        mm_per_h: Rate of the rain; outside 1 to 100 the law is extrapolated.
-
-    >>> round(rain_reflectivity(1, 25), 5)
-    0.00126
-    """
-    if mm_per_h <= 0:
-        return 0.0
-    rates, decibels = np.log10(RATES), np.array(REFLECTIVITY_DB[band])
-    rate = np.log10(mm_per_h)
-    i = int(np.clip(np.searchsorted(rates, rate) - 1, 0, len(rates) - 2))
-    slope = (decibels[i + 1] - decibels[i]) / (rates[i + 1] - rates[i])
-    return float(10 ** ((decibels[i] + slope * (rate - rates[i])) / 10))
 
 
 class Speckle(NamedTuple):

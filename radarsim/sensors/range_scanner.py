@@ -1,15 +1,15 @@
 """Range scanners: radars and lasers, which differ only in their settings."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import load_settings
+from radarsim.presets.sensors import load_fmcw_settings, load_settings
 from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
@@ -25,6 +25,10 @@ from radarsim.sensors.scan_plan import (
     aim_scans_apart,
     draw_scans,
 )
+
+if TYPE_CHECKING:
+    from radarsim.fmcw.radar import FmcwRadar
+    from radarsim.fmcw.spectrum import Spectrum
 
 NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
@@ -45,9 +49,22 @@ class RangeScanner:
         needs_incidence: Whether tracing must record the angles of incidence.
     """
 
-    def __init__(self, name: str, settings: SensorSettings) -> None:
+    def __init__(
+        self,
+        name: str,
+        settings: SensorSettings,
+        fmcw: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Create a scanner.
+
+        Args:
+            name: Name of its preset.
+            settings: All its settings.
+            fmcw: Changed settings of its FMCW radar.
+        """
         self.name = name
         self.settings = settings
+        self._fmcw = dict(fmcw or {})
         self.pattern, self.template = pattern_of(settings), template_of(settings)
         self.angles = self.pattern.angles
         self.rays_per_scan = self.pattern.rays_per_scan
@@ -81,7 +98,40 @@ class RangeScanner:
             "return_mode": "all",
             "ray_choice": "together" if together else "drawn",
         }
-        return RangeScanner(self.name, self.settings.model_copy(update=update))
+        settings = self.settings.model_copy(update=update)
+        return RangeScanner(self.name, settings, self._fmcw)
+
+    @cached_property
+    def fmcw(self) -> "FmcwRadar":
+        """The FMCW radar that it is.
+
+        Raises:
+            PresetError: If its preset describes none.
+        """
+        from radarsim.fmcw.radar import FmcwRadar  # noqa: PLC0415 - scipy is slow
+
+        settings = load_fmcw_settings(self.name, **self._fmcw)
+        return FmcwRadar(self.name, settings, self.settings)
+
+    def spectrum(
+        self,
+        scene: Scene,
+        pose: Pose3 | Sequence[float],
+        rng: np.random.Generator,
+    ) -> "Spectrum":
+        """Record a turn as an FMCW radar: the power in each direction and range bin.
+
+        Args:
+            scene: From ``load_map``.
+            pose: As in ``scan``.
+            rng: Source of speckle and noise, for which it spawns a child: what scans
+                draw from it stays the same.
+
+        Raises:
+            PresetError: If its preset describes no FMCW radar.
+            ValueError: If the pose is invalid.
+        """
+        return self.fmcw.spectrum(scene, sensor_pose(scene, pose), rng)
 
     def scan(
         self,
@@ -222,10 +272,17 @@ class RangeScanner:
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
     """Create a scanner from a preset, with some of its settings changed.
 
+    Args:
+        name: Name of the preset.
+        **settings: Changed settings; ``fmcw`` is a mapping of those of its FMCW radar.
+
     Raises:
         PresetError: If there is no such preset or setting, or a value is invalid.
     """
-    return RangeScanner(name, load_settings(name, **settings))
+    fmcw = settings.pop("fmcw", None)
+    if fmcw:
+        load_fmcw_settings(name, **fmcw)
+    return RangeScanner(name, load_settings(name, **settings), fmcw)
 
 
 def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:

@@ -10,11 +10,16 @@ import pytest
 import radarsim
 from radarsim import Material, Part, Pose2, Pose3, Scan, Scene, SimulationConfig
 from radarsim.geometry import Floats
+from radarsim.presets.rain_reflectivity import (
+    RATES,
+    REFLECTIVITY_DB,
+    rain_reflectivity,
+)
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
-from radarsim.sensors.rain import RATES, REFLECTIVITY_DB, contrast, rain_reflectivity
+from radarsim.sensors.rain import contrast
 from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")

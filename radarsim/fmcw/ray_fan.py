@@ -1,0 +1,228 @@
+"""The rays of a turn: one set for all directions, finer where things are thin.
+
+Theory of operation
+===================
+The circle is divided into narrow columns, several for each direction of the radar, and
+each column from the lower edge of the beam to the upper one into cells, which are
+smaller where the pattern is stronger. Each cell has one ray. Within the cells the rays
+follow a sequence of low discrepancy: a fixed grid would draw rings on the ground that
+are not there, and random places would let a pole flicker. The same radar has the same
+rays in every turn.
+
+What is narrower than a few cells would be met by few rays or none. So the cells in
+which something thin stands are divided further, in both angles, until enough rays meet
+it. A ray stands for the solid angle of its cell, so that the sum over all of them
+stays that over the beam.
+"""
+
+import math
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.fmcw.antenna import elevation_limits, elevation_pattern
+from radarsim.geometry import Floats, Pose3
+from radarsim.presets.fmcw_settings import FmcwSettings
+
+# Multiples of these, without their integers, fill a square evenly: powers of the
+# inverse of the plastic number. Source: M. Roberts, "The Unreasonable Effectiveness of
+# Quasirandom Sequences".
+_FILL_ACROSS: Final = 0.5698402909980532
+_FILL_UP: Final = 0.7548776662466927
+_EDGE_STEPS: Final = 2001
+
+ENOUGH_RAYS: Final = 32  # on a thing in one beam: its power is right within 1 dB
+RAYS_ACROSS: Final = 10  # on the bounding box of a thing that has fewer
+RAYS_UP: Final = 8
+MOST_PARTS: Final = 40  # of a cell, in each angle
+MOST_RAYS: Final = 100_000  # that are added; the nearest things come first
+
+
+class RayFan(NamedTuple):
+    """The rays of a turn, ordered by their column; M rays.
+
+    Attributes:
+        directions: (M, 3) unit vectors, sensor frame.
+        column: (M,) int64, the column of each, clockwise from straight ahead.
+        across: (M,) how far into its column each is, 0 to 1.
+        weights: (M,) sr, the solid angle of its cell times the two-way pattern in
+            elevation.
+        spread: (M,) rad, the distance to neighbouring rays of the same beam.
+    """
+
+    directions: Floats
+    column: NDArray[np.int64]
+    across: Floats
+    weights: Floats
+    spread: Floats
+
+
+class Cells(NamedTuple):
+    """The grid of cells of a radar.
+
+    Attributes:
+        columns: Their number in a turn.
+        edges: (E + 1,) rad, elevations at which the cells begin and end.
+    """
+
+    columns: int
+    edges: Floats
+
+    @property
+    def rows(self) -> int:
+        """The number of cells in a column."""
+        return len(self.edges) - 1
+
+
+class Extents(NamedTuple):
+    """What directions things take up, seen from a sensor; N things.
+
+    Attributes:
+        azimuth: (N,) rad, of the right edge, clockwise from straight ahead.
+        width: (N,) rad.
+        low: (N,) rad, elevation of the lower edge.
+        high: (N,) rad, of the upper edge.
+        distance: (N,) m, to the middle.
+    """
+
+    azimuth: Floats
+    width: Floats
+    low: Floats
+    high: Floats
+    distance: Floats
+
+
+@lru_cache(maxsize=16)
+def cells_of(settings: FmcwSettings) -> Cells:
+    """Return the cells of a radar: of even steps in azimuth, and by pattern upwards."""
+    low, high = elevation_limits(settings)
+    elevations = np.linspace(low, high, _EDGE_STEPS)
+    # By the square root of the one-way power, so that the weak fan gets some of them.
+    density = np.sqrt(elevation_pattern(settings, elevations)) + 0.02
+    share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    places = np.linspace(0.0, share[-1], settings.rays_up + 1)
+    edges = np.interp(places, share, elevations)
+    return Cells(settings.azimuths * settings.rays_across, edges)
+
+
+@lru_cache(maxsize=16)
+def plain_fan(settings: FmcwSettings) -> RayFan:
+    """Return the fan of a radar, one ray in each cell."""
+    cells = cells_of(settings)
+    ones = np.ones(cells.columns * cells.rows, np.int64)
+    return _fill_cells(settings, np.arange(len(ones)), ones, ones)
+
+
+def refined_fan(settings: FmcwSettings, extents: Extents) -> RayFan:
+    """Return the fan with more rays where things are thinner than a few cells."""
+    fan, cells = plain_fan(settings), cells_of(settings)
+    across, up = _divisions(settings, cells, extents)
+    divided = np.flatnonzero((across > 1) | (up > 1))
+    if not len(divided):
+        return fan
+    added = _fill_cells(settings, divided, across[divided], up[divided])
+    kept = (across == 1) & (up == 1)
+    columns = [
+        np.concatenate([plain[kept], new])
+        for plain, new in zip(fan, added, strict=True)
+    ]
+    order = np.argsort(columns[1], kind="stable")
+    return RayFan(*(column[order] for column in columns))
+
+
+def extents_from(pose: Pose3, bounds: Floats) -> Extents:
+    """Return what directions bounding boxes take up.
+
+    Args:
+        pose: Pose of the sensor, map frame.
+        bounds: (N, 2, 3) m, lower and upper corners, map frame.
+    """
+    picks = np.array([[i >> axis & 1 for axis in range(3)] for i in range(8)])
+    corners = bounds[:, picks, np.arange(3)]  # (N, 8, 3)
+    seen = (corners - pose.position()) @ pose.rotation()
+    azimuth = -np.arctan2(seen[..., 1], seen[..., 0])
+    middle = seen.mean(axis=1)
+    centre = -np.arctan2(middle[:, 1], middle[:, 0])
+    turned = np.remainder(azimuth - centre[:, None] + math.pi, 2 * math.pi) - math.pi
+    first, last = turned.min(axis=1), turned.max(axis=1)
+    elevation = np.arctan2(seen[..., 2], np.hypot(seen[..., 0], seen[..., 1]))
+    return Extents(
+        centre + first,
+        last - first,
+        elevation.min(axis=1),
+        elevation.max(axis=1),
+        np.linalg.norm(middle, axis=1),
+    )
+
+
+def _fill_cells(
+    settings: FmcwSettings,
+    cell: NDArray[np.int64],
+    across: NDArray[np.int64],
+    up: NDArray[np.int64],
+) -> RayFan:
+    """Return the rays of cells, each divided into ``across`` times ``up`` parts."""
+    cells = cells_of(settings)
+    counts = across * up
+    owner = np.repeat(np.arange(len(cell)), counts)
+    part = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    column, row = np.divmod(cell[owner], cells.rows)
+    # The sequence goes on along the columns of a row, from another start in each row.
+    number = (column + 1) * 1.0 + 0.5 * row * cells.columns + part * 1.0
+    beside = (part % across[owner] + _fraction(number * _FILL_ACROSS)) / across[owner]
+    inside = _fraction((number // 2) * _FILL_UP)
+    # Every other ray is mirrored: a pattern that rises within a cell evens out.
+    inside = np.where(number % 2 >= 1, 1.0 - inside, inside)
+    above = (part // across[owner] + inside) / up[owner]
+    heights = np.diff(cells.edges)[row]
+    elevation = cells.edges[row] + above * heights
+    width = 2 * math.pi / cells.columns
+    azimuth = (column + beside) * width
+    level = np.cos(elevation)
+    directions = np.stack(
+        [level * np.cos(azimuth), -level * np.sin(azimuth), np.sin(elevation)], axis=-1
+    )
+    solid = width * heights * level / counts[owner]
+    weights = solid * elevation_pattern(settings, elevation) ** 2
+    in_beam = math.radians(settings.beamwidth_az_deg) / width
+    spread = np.maximum(heights / up[owner] / max(in_beam, 1.0), width)
+    return RayFan(directions, column, beside, weights, spread)
+
+
+def _fraction(numbers: Floats) -> Floats:
+    return np.asarray(numbers - np.floor(numbers))
+
+
+def _divisions(
+    settings: FmcwSettings, cells: Cells, extents: Extents
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return into how many parts each cell is divided, across and up."""
+    across = np.ones((cells.columns, cells.rows), np.int64)
+    up = np.ones_like(across)
+    width = 2 * math.pi / cells.columns
+    in_beam = math.radians(settings.beamwidth_az_deg) / width
+    rows = np.arange(cells.rows + 1)
+    bottom, top = (
+        np.interp(edge, cells.edges, rows) for edge in (extents.low, extents.high)
+    )
+    wide, high = extents.width / width, top - bottom
+    few = np.minimum(wide, in_beam) * high < ENOUGH_RAYS
+    thin = few & (high > 0) & (extents.width < math.pi) & np.isfinite(wide)
+    added = 0
+    for i in np.flatnonzero(thin)[np.argsort(extents.distance[thin])]:
+        parts = (
+            min(math.ceil(RAYS_ACROSS / max(wide[i], 1e-9)), MOST_PARTS),
+            min(math.ceil(RAYS_UP / max(high[i], 1e-9)), MOST_PARTS),
+        )
+        first = math.floor(extents.azimuth[i] / width)
+        last = math.floor((extents.azimuth[i] + extents.width[i]) / width)
+        columns = np.arange(first, last + 1) % cells.columns
+        patch = np.ix_(columns, np.arange(int(bottom[i]), math.ceil(top[i])))
+        added += across[patch].size * parts[0] * parts[1]
+        if added > MOST_RAYS:
+            break
+        across[patch] = np.maximum(across[patch], parts[0])
+        up[patch] = np.maximum(up[patch], parts[1])
+    return across.ravel(), up.ravel()

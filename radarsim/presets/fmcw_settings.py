@@ -1,0 +1,116 @@
+"""The settings of an FMCW radar that turns: from its antenna to its counts."""
+
+import math
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+SPEED_OF_LIGHT: Final = 299_792_458.0  # m/s
+MAX_CELLS: Final = 4_000_000  # azimuths times bins
+MAX_FAN_RAYS: Final = 500_000  # of a turn, before refinement
+
+Decibels = Annotated[float, Field(ge=-300, le=300, allow_inf_nan=False)]
+
+
+class FmcwSettings(BaseModel):
+    """What a turning FMCW radar sends, receives and stores.
+
+    Attributes:
+        carrier_ghz: Frequency in the middle of the sweep, GHz.
+        bandwidth_mhz: Width of the sweep, MHz.
+        azimuths: Directions in a turn, evenly spaced.
+        bins: Range bins of each direction.
+        bin_size: Distance between bins, m; smaller than c/2B if the FFT is padded.
+        rotation_hz: Turns per second. One sweep fills the time of one direction.
+        window: Window over the samples of a sweep.
+        transmit_dbm: Transmitted power, dBm.
+        noise_figure_db: Noise figure of the receiver, dB.
+        noise_tilt_db: By how much the noise falls from the first bin to the last, dB.
+        loss_db: Losses in lines and radome, out and back together, dB.
+        beamwidth_az_deg: Horizontal width between the one-way half-power points,
+            degrees.
+        beamwidth_el_deg: Vertical width likewise, degrees.
+        fan_deg: How far below the horizon the beam is filled in, as a squared
+            cosecant, degrees; 0 for a beam that is symmetric.
+        sidelobe_db: Mean two-way level of the sidelobes in azimuth, dB.
+        leakage_db: What the transmitter leaks into the receiver, dB over the noise.
+        leakage_range: Range at which the leakage shows, m.
+        full_scale_dbm: Power of a tone that just fills the converter, dBm; what is
+            more is clipped.
+        count_db: Decibels in a count.
+        floor_count: Count of the median of the noise.
+        rays_across: Rays in each step of azimuth.
+        rays_up: Rays between the lower and the upper edge of the beam.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    carrier_ghz: Annotated[float, Field(ge=1, le=1000)]
+    bandwidth_mhz: Annotated[float, Field(ge=1, le=100_000)]
+    azimuths: Annotated[int, Field(ge=4, le=36_000)]
+    bins: Annotated[int, Field(ge=16, le=65_536)]
+    bin_size: Annotated[float, Field(ge=1e-3, le=100)]
+    rotation_hz: Annotated[float, Field(ge=0.01, le=100)]
+    window: Literal["rectangular", "hann", "hamming", "blackman"] = "blackman"
+    transmit_dbm: Decibels = 10.0
+    noise_figure_db: Decibels = 15.0
+    noise_tilt_db: Annotated[float, Field(ge=0, le=60)] = 0.0
+    loss_db: Decibels = 0.0
+    beamwidth_az_deg: Annotated[float, Field(ge=0.05, le=45)]
+    beamwidth_el_deg: Annotated[float, Field(ge=0.05, le=45)]
+    fan_deg: Annotated[float, Field(ge=0, le=80)] = 0.0
+    sidelobe_db: Annotated[float, Field(ge=-300, le=-10)] = -50.0
+    leakage_db: Decibels = -300.0
+    leakage_range: Annotated[float, Field(ge=0, le=100)] = 0.0
+    full_scale_dbm: Decibels = 100.0
+    count_db: Annotated[float, Field(ge=0.01, le=10)] = 0.5
+    floor_count: Annotated[float, Field(ge=0, le=255)] = 17.0
+    rays_across: Annotated[int, Field(ge=1, le=64)] = 8
+    rays_up: Annotated[int, Field(ge=1, le=64)] = 8
+
+    @property
+    def wavelength(self) -> float:
+        """Wavelength of the carrier, m."""
+        return SPEED_OF_LIGHT / (self.carrier_ghz * 1e9)
+
+    @property
+    def resolution(self) -> float:
+        """c/2B: the distance at which the sweep tells two points apart, m."""
+        return SPEED_OF_LIGHT / (2e6 * self.bandwidth_mhz)
+
+    @property
+    def padding(self) -> float:
+        """Number of bins within the resolution."""
+        return self.resolution / self.bin_size
+
+    @property
+    def sweep_time(self) -> float:
+        """Duration of a sweep, s."""
+        return 1.0 / (self.rotation_hz * self.azimuths)
+
+    @property
+    def max_range(self) -> float:
+        """Range at which the last bin ends, m."""
+        return self.bins * self.bin_size
+
+    @property
+    def step(self) -> float:
+        """Angle between neighbouring directions, rad."""
+        return 2 * math.pi / self.azimuths
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        if self.azimuths * self.bins > MAX_CELLS:
+            raise ValueError(
+                f"{self.azimuths} azimuths of {self.bins} bins, expected at most"
+                f" {MAX_CELLS} in all"
+            )
+        rays = self.azimuths * self.rays_across * self.rays_up
+        if rays > MAX_FAN_RAYS:
+            raise ValueError(f"{rays} rays in a turn, expected at most {MAX_FAN_RAYS}")
+        if self.padding < 1:
+            raise ValueError(
+                f"bin_size {self.bin_size:g} m, expected at most c/2B,"
+                f" {self.resolution:.4g} m with a sweep of {self.bandwidth_mhz:g} MHz"
+            )
+        return self
