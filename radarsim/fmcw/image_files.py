@@ -65,7 +65,8 @@ def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
 
 def encoder_counts(azimuths: int) -> NDArray[np.int64]:
     """Return the encoder at each direction, (A,); 0 is straight ahead."""
-    return np.asarray(np.arange(azimuths) * ENCODER_COUNTS // azimuths)
+    counts: NDArray[np.int64] = np.arange(azimuths) * ENCODER_COUNTS // azimuths
+    return counts
 
 
 def file_name(spectrum: Spectrum, layout: Layout, *, time_us: int, number: int) -> str:

@@ -41,7 +41,7 @@ _START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT = map(int, list(EventKind)[:5])
 _MIRRORED = int(EventKind.MIRRORED)
 
 NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
-LONGEST_SPREAD: Final = 2.0  # m, over which a grazed surface is spread
+LONGEST_SPREAD: Final = 3.0  # m, over which a grazed surface is spread
 
 Power = NDArray[np.float32]
 

@@ -62,7 +62,7 @@ def noise_shape(settings: FmcwSettings) -> NDArray[np.float32]:
     It falls by ``noise_tilt_db`` over all bins; the mean of its decibels is 0.
     """
     places = np.linspace(0.5, -0.5, settings.bins)
-    return np.float32(10 ** (settings.noise_tilt_db * places / 10))
+    return (10 ** (settings.noise_tilt_db * places / 10)).astype(np.float32)
 
 
 def doppler_shift(

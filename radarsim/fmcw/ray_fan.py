@@ -33,6 +33,7 @@ _FILL_ACROSS: Final = 0.5698402909980532
 _FILL_UP: Final = 0.7548776662466927
 _EDGE_STEPS: Final = 2001
 
+WIDEST_GAP: Final = 2.5  # of mean gaps between the elevations of the rays of a beam
 ENOUGH_RAYS: Final = 32  # on a thing in one beam: its power is right within 1 dB
 RAYS_ACROSS: Final = 10  # on the bounding box of a thing that has fewer
 RAYS_UP: Final = 8
@@ -49,7 +50,7 @@ class RayFan(NamedTuple):
         across: (M,) how far into its column each is, 0 to 1.
         weights: (M,) sr, the solid angle of its cell times the two-way pattern in
             elevation.
-        spread: (M,) rad, the distance to neighbouring rays of the same beam.
+        spread: (M,) rad, the greatest distance to the next ray of the same beam.
     """
 
     directions: Floats
@@ -187,7 +188,7 @@ def _fill_cells(
     solid = width * heights * level / counts[owner]
     weights = solid * elevation_pattern(settings, elevation) ** 2
     in_beam = math.radians(settings.beamwidth_az_deg) / width
-    spread = np.maximum(heights / up[owner] / max(in_beam, 1.0), width)
+    spread = np.maximum(WIDEST_GAP * heights / up[owner] / max(in_beam, 1.0), width)
     return RayFan(directions, column, beside, weights, spread)
 
 
