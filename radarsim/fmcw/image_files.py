@@ -59,8 +59,9 @@ def rows_with_metadata(spectrum: Spectrum, time_us: int) -> NDArray[np.uint8]:
 def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
     """Return when each row was recorded, (A,) us."""
     sweep_us = 1e6 * spectrum.settings.sweep_time
-    numbers = np.arange(len(spectrum.angles))
-    return time_us + np.rint(numbers * sweep_us).astype(np.int64)
+    elapsed = np.rint(np.arange(len(spectrum.angles)) * sweep_us)
+    times: NDArray[np.int64] = elapsed.astype(np.int64) + time_us
+    return times
 
 
 def encoder_counts(azimuths: int) -> NDArray[np.int64]:
