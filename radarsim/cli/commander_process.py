@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Final
 
+from radarsim.cli.output import print_message
 from radarsim.errors import ServerError
 from radarsim.os_errors import describe_os_error
 
@@ -42,6 +44,8 @@ class CommanderProcess:
         except OSError as error:
             text = f"cannot start the commander: {describe_os_error(error)}"
             raise ServerError(text) from error
+        self._is_stopping = False
+        threading.Thread(target=self._watch, daemon=True).start()
 
     def connect(self, address: tuple[str, int]) -> None:
         """Tell it where the server listens."""
@@ -53,6 +57,7 @@ class CommanderProcess:
 
     def stop(self) -> None:
         """End it."""
+        self._is_stopping = True
         assert self._process.stdin is not None
         with suppress(OSError):
             self._process.stdin.close()
@@ -61,6 +66,13 @@ class CommanderProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+    def _watch(self) -> None:
+        """Tell when it ends by itself; robots are served on without it."""
+        code = self._process.wait()
+        if not self._is_stopping:
+            how = f"exit code {code}" if code >= 0 else f"signal {-code}"
+            print_message(f"the commander has ended ({how}); there is no page any more")
 
 
 @contextmanager

@@ -16,7 +16,7 @@ _NEXT: Final = f"""\
 Try next:
   {{0}} explain {MAP} --sensor radar --start {START} --beam 92
   {{0}} navigate --algorithm bug2 --serve bug_u_trap --plot run.png
-  {{0}} serve {MAP}
+  {{0}} serve {MAP} --web 0
 """
 
 

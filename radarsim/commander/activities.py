@@ -1,7 +1,8 @@
 """What goes on with robots beside driving: tasks, and the maps that are made.
 
-The modules that do it take seconds to import, so ``import_algorithms`` does that beside
-all else; who asks earlier waits for it.
+The modules that do it take seconds to import, and what they have compiled to load, so
+``import_algorithms`` and ``load_algorithms`` do that beside all else; who asks earlier
+waits for it.
 """
 
 import importlib
@@ -35,11 +36,18 @@ def import_algorithms() -> None:
     importlib.import_module("radarsim.commander.work")
 
 
+def load_algorithms() -> None:
+    """Load or compile what tasks and maps are made with."""
+    importlib.import_module("radarsim.exploration.exploration").warm_up()
+
+
 class Activities:
     """Tasks and maps of robots, and the newest messages about them.
 
     Attributes:
         on_mapped: Called when other robots than before are mapped.
+        bounds: Extent of the map, west, south, east and north, m; None if it is not
+            known.
         safety_distance: Distance that robots keep on the way to a goal, m; None for the
             least one that suits them.
     """
@@ -51,6 +59,7 @@ class Activities:
             roster: The robots.
             broadcast: Called with a message to all browsers, and its subject.
         """
+        self.bounds: tuple[float, float, float, float] | None = None
         self.safety_distance: float | None = None
         self.on_mapped: Callable[[], None] = lambda: None
         self._roster = roster
@@ -81,6 +90,7 @@ class Activities:
         """
         from radarsim.commander.work import GoingTo  # noqa: PLC0415
 
+        self._check_goal(request.goal)
         self._begin("goto", request.robot, GoingTo(request, self.safety_distance))
 
     def explore(self, request: Explore) -> None:
@@ -135,8 +145,22 @@ class Activities:
         for robot in {*self._makers, *self._roster.own}:
             self.forget(robot)
 
+    def _check_goal(self, goal: tuple[float, float]) -> None:
+        if self.bounds is None:
+            return
+        west, south, east, north = self.bounds
+        (x, y) = goal
+        if not (west <= x <= east and south <= y <= north):
+            raise BadRequest(
+                f"goal ({x:g}, {y:g}) is outside of the map, expected x from {west:g}"
+                f" to {east:g} m and y from {south:g} to {north:g} m"
+            )
+
     def _begin(self, kind: str, robot: str, work: Work) -> None:
-        self._tasks.begin(self._roster.find_own(robot), kind, work)
+        own = self._roster.find_own(robot)
+        if own.hindrance is not None:
+            raise BadRequest(f"{robot!r} cannot go by itself: {own.hindrance}")
+        self._tasks.begin(own, kind, work)
 
     def _make_map(self, request: Map) -> None:
         from radarsim.commander.map_maker import (  # noqa: PLC0415

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from radarsim.commander.scene_message import SceneMessages
 
 LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
-NOT_OWN: Final = Owner(mine=False, driver=None)
+NOT_OWN: Final = Owner(mine=False, driver=None, hindrance="it is another program's")
 
 
 class Commander:
@@ -114,6 +114,7 @@ class Commander:
         """Show the map that the server serves."""
         self._scene = scene
         self._activities.safety_distance = scene.safety_distance
+        self._activities.bounds = scene.bounds
         for viewer in self.viewers.values():
             viewer.send(self._hello(viewer), "hello")
             viewer.send(scene.plan, "scene")
@@ -126,8 +127,7 @@ class Commander:
         viewer.send(self._hello(viewer))
         if self._scene is not None:
             viewer.send(self._scene.plan)
-        if problem := self._link.state.problem:
-            viewer.send({"op": "lost", "text": problem}, "server")
+        self._tell_server(viewer)
         for text in self._activities.messages():
             viewer.send(text)
         self._frames.send_to(viewer)
@@ -280,8 +280,18 @@ class Commander:
             return
         for viewer in self.viewers.values():
             viewer.send(self._hello(viewer), "hello")
+            self._tell_server(viewer)
         if was_lost:
             self._broadcast({"op": "found"}, "server")
+
+    def _tell_server(self, viewer: Viewer) -> None:
+        """Tell a browser what the server does not do."""
+        state = self._link.state
+        if state.problem:
+            viewer.send({"op": "lost", "text": state.problem}, "server")
+        elif state.refusal:
+            text = f"robots of others are not shown: {state.refusal}"
+            viewer.send({"op": "notice", "text": text})
 
     def _tell_driver(self, robot: OwnRobot) -> None:
         message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
@@ -307,7 +317,11 @@ class Commander:
     def _frame(self, selected: str | None) -> bytes:
         roster = self.roster
         own = {
-            name: Owner(mine=True, driver=robot.driver or self._work_of(name))
+            name: Owner(
+                mine=True,
+                driver=robot.driver or self._work_of(name),
+                hindrance=robot.hindrance,
+            )
             for name, robot in roster.own.items()
         }
         owners = {name: own.get(name, NOT_OWN) for name in roster.views}

@@ -28,10 +28,12 @@ class Owner:
     Attributes:
         mine: Whether the commander spawned it.
         driver: Name of the viewer that drives it; ``task``, or None.
+        hindrance: Why it can do nothing by itself; None if it can.
     """
 
     mine: bool
     driver: str | None
+    hindrance: str | None = None
 
 
 def encode_frame(
@@ -74,6 +76,7 @@ def _robot(
         "class": robot.class_name,
         "mine": owner.mine,
         "driver": owner.driver,
+        "hindrance": owner.hindrance,
         "x": round(pose.x, 4),
         "y": round(pose.y, 4),
         "yaw": round(pose.yaw, 5),

@@ -14,8 +14,9 @@ from pydantic.fields import FieldInfo
 
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import Algorithm
-from radarsim.presets.robots import robot_names
+from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.presets.sensors import load_settings
 
 # What slides, the most useful first: smallest and greatest value, and step. Others take
 # any number within the limits of the settings.
@@ -26,7 +27,7 @@ SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
     "ray_choice": (0, 0, 0),  # choices have no limits, but a place in the order
     "return_mode": (0, 0, 0),
 }
-FIRST_CLASS: Final = "P3AT_Compare"  # a radar and a laser at the same place
+FIRST_CLASS: Final = "P3AT_Compare360"  # a radar and a laser that see all around
 _UNITS: Final = {
     "deg": "°",
     "uu": "UU",
@@ -49,11 +50,26 @@ _TYPES: Final = {float: "number", int: "integer", bool: "boolean"}
 def make_offers() -> dict[str, Any]:
     """Return the lists of classes, algorithms, strategies and settings."""
     return {
-        "classes": sorted(robot_names(), key=lambda name: name != FIRST_CLASS),
+        "classes": list(_classes()),
         "algorithms": _named(Algorithm),
         "strategies": _named(StrategyName),
         "settings": list(_settings()),
     }
+
+
+def _classes() -> Iterable[dict[str, str]]:
+    """Yield the robot classes, with what their scanners see."""
+    for name in sorted(robot_names(), key=lambda name: name != FIRST_CLASS):
+        scanners = load_robot(name).items_of("RangeScanner")
+        words = " + ".join([_scanner_words(item) for item in scanners])
+        yield {"name": name, "label": f"{name}: {words}"}
+
+
+def _scanner_words(item: Item) -> str:
+    settings = load_settings(item.sensor or "", **item.settings)
+    covered = settings.fov_deg + settings.resolution_deg  # with the gap behind
+    angle = 360 if covered >= 360 else round(settings.fov_deg)
+    return f"{settings.medium} {angle}\N{DEGREE SIGN}"
 
 
 def _named(choices: type[StrEnum]) -> list[dict[str, str]]:

@@ -11,6 +11,7 @@ from typing import Final, NoReturn, Self
 
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client.session import RANGE_SCANNER
+from radarsim.commander.hindrance import find_hindrance
 from radarsim.geometry import Pose2
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Report
@@ -28,6 +29,7 @@ class OwnRobot:
         name: Name that was asked for.
         class_name: Name of its class.
         info: Dimensions, limits and scanners.
+        hindrance: Why it can do nothing by itself; None if it can.
         driver: Name of the viewer that drives it; None for none.
         listeners: Called with the reports that arrive, at once.
         on_expiry: Called when it was stopped because nobody drove it any more.
@@ -47,6 +49,7 @@ class OwnRobot:
         self.name = name
         self.class_name = class_name
         self.info = info
+        self.hindrance = find_hindrance(info)
         self.driver: str | None = None
         self.listeners: list[Callable[[Sequence[Report]], None]] = []
         self.on_expiry: Callable[[], None] = lambda: None

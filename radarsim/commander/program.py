@@ -1,5 +1,7 @@
 """The program: listens for browsers, and ends by a signal or with its parent."""
 
+from __future__ import annotations
+
 import asyncio
 import os
 import sys
@@ -8,12 +10,12 @@ from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from socket import socket
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import uvicorn
 from starlette.types import ASGIApp
 
-from radarsim.commander.activities import import_algorithms
+from radarsim.commander.activities import import_algorithms, load_algorithms
 from radarsim.commander.app import create_app
 from radarsim.commander.commander import Commander
 from radarsim.commander.doors import Doors
@@ -21,8 +23,12 @@ from radarsim.commander.requests import LONGEST_MESSAGE
 from radarsim.server.lifecycle import bind, exit_code_of_signal
 from radarsim.simulation.config import SimulationConfig
 
+if TYPE_CHECKING:
+    from radarsim.commander.scene_message import SceneMessages
+
 MOST_CONNECTIONS: Final = 200
 END_TIMEOUT: Final = 1  # s that browsers have to go at the end
+FIRST_LOOK: Final = 3.0  # s in which nothing takes time from the first browser
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +42,8 @@ class CommanderSettings:
         token: What a browser has to know.
         config: How the server was started, as far as it is known.
         map: Name or file of the map that it serves; None if it is not known.
-        is_child: Whether to end when stdin is closed.
+        is_child: Whether to end when stdin is closed. The parent checks the map; else
+            it is loaded before browsers can connect.
     """
 
     server: tuple[str, int]
@@ -83,7 +90,13 @@ async def serve_page(
         doors = Doors(settings.web_host, address[1])
         app = create_app(commander, doors, settings.token)
         server = _WebServer(app, lambda: announce(address))
-        working = asyncio.ensure_future(_work(commander, settings.map))
+        loading = asyncio.ensure_future(_load(settings.map))
+        if not settings.is_child:
+            await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
+            if end.done():
+                return
+            loading.result()  # raises what is wrong with the map
+        working = asyncio.ensure_future(_work(commander, loading))
         serving = asyncio.ensure_future(server.serve([listening]))
         try:
             pending: set[asyncio.Future[Any]] = {end, working, serving}
@@ -98,20 +111,29 @@ async def serve_page(
                 task.result()  # raises what ended it
 
 
-async def _work(commander: Commander, map_: str | None) -> None:
+async def _work(
+    commander: Commander, loading: asyncio.Future[SceneMessages | None]
+) -> None:
     """Run a commander, and meanwhile load what takes long."""
     running = asyncio.ensure_future(commander.run())
     try:
-        if map_ is not None:
-            commander.show_scene(await _in_thread(_load_scene, map_))
+        scene = await loading
+        if scene is not None:
+            commander.show_scene(scene)
         await _in_thread(import_algorithms)
+        await asyncio.sleep(FIRST_LOOK)
+        await _in_thread(load_algorithms)
         await running
     finally:
         running.cancel()
         await asyncio.wait({running})
 
 
-def _load_scene(map_: str) -> Any:
+async def _load(map_: str | None) -> SceneMessages | None:
+    return None if map_ is None else await _in_thread(_load_scene, map_)
+
+
+def _load_scene(map_: str) -> SceneMessages:
     from radarsim.commander.scene_message import SceneMessages  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 

@@ -113,8 +113,7 @@ class RobotView:
         self._track: deque[tuple[float, Pose2]] = deque()
         self._echoes: dict[str, list[EchoLine]] = {}
         if config is not None:
-            with suppress(PresetError):
-                self._describe_by_class(load_robot(class_name), config)
+            self.learn_presets(config)
 
     @property
     def touched(self) -> bool:
@@ -127,6 +126,16 @@ class RobotView:
         for each in info.scanners:
             scanner = self.scanner(each.name)
             scanner.mount, scanner.max_range = each.mount, each.max_range
+
+    def learn_presets(self, config: SimulationConfig) -> None:
+        """Take what the class of that name has, unless that is known already.
+
+        Args:
+            config: How its items differ from their presets.
+        """
+        if not any(scanner.settings for scanner in self.scanners.values()):
+            with suppress(PresetError):
+                self._describe_by_class(load_robot(self.class_name), config)
 
     def scanner(self, name: str) -> Scanner:
         """Return the scanner of a name, in any case; a new one if it is unknown."""

@@ -169,7 +169,7 @@ class Roster:
         for report in reports:
             match report:
                 case RobotJoined(robot, class_name):
-                    self.add(robot, class_name)
+                    self.add(robot, class_name).learn_presets(self._config)
                 case RobotLeft(robot) if robot not in self.own:
                     # own ones by their connections: it may have been one before
                     if self.views.pop(robot, None) is not None:

@@ -28,6 +28,7 @@ class SceneMessages:
         plan: The message ``scene``, as JSON.
         triangles: The message ``triangles``, as JSON.
         materials: A legend of its materials.
+        bounds: Extent of the map, west, south, east and north, m.
         safety_distance: Distance from what a radar sees for which it is designed, m;
             None if it does not say.
     """
@@ -35,6 +36,7 @@ class SceneMessages:
     plan: str
     triangles: str
     materials: list[dict[str, str]]
+    bounds: tuple[float, float, float, float]
     safety_distance: float | None
 
     @classmethod
@@ -43,7 +45,10 @@ class SceneMessages:
         plan, triangles = describe_plan(scene), describe_triangles(scene)
         materials = describe_materials(scene)
         safety = None if scene.trial is None else scene.trial.safety_distance
-        return cls(encode_json(plan), encode_json(triangles), materials, safety)
+        bounds = plan["bounds"]
+        return cls(
+            encode_json(plan), encode_json(triangles), materials, (*bounds,), safety
+        )
 
 
 def describe_plan(scene: Scene) -> dict[str, Any]:

@@ -8,9 +8,10 @@ from typing import Final
 
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.geometry import Pose3
-from radarsim.protocol.reports import Report, Watching
+from radarsim.protocol.reports import CommandError, Report, Watching
 
 RETRY: Final = 1.0  # s between two attempts to connect
+ASK_AGAIN: Final = 5.0  # s after the server has refused to tell of all robots
 ANSWER: Final = 5.0  # s that the server has to answer
 SILENCE: Final = 60.0  # s that one call waits for reports
 
@@ -23,12 +24,14 @@ class ServerState:
         level: Name of its map.
         starts: Start poses by name.
         watches: Whether it tells of robots of other clients, as not every server does.
+        refusal: Why it does not at present; empty if it has not said so.
         problem: Why there is no connection; empty while there is one.
     """
 
     level: str = ""
     starts: dict[str, Pose3] = field(default_factory=dict)
     watches: bool = False
+    refusal: str = ""
     problem: str = "not connected yet"
 
 
@@ -38,7 +41,7 @@ class ServerLink:
     Attributes:
         state: What is known of the server.
         on_change: Called when the connection is there, when it is lost, and when the
-            server turns out to tell of robots.
+            server turns out to tell of robots, or refuses to.
         on_reports: Called with reports of all robots.
     """
 
@@ -108,6 +111,22 @@ class ServerLink:
         if not self.state.watches and any(
             isinstance(report, Watching) for report in reports
         ):
-            self.state.watches = True
+            self.state.watches, self.state.refusal = True, ""
             self.on_change()
         self.on_reports(reports)
+        for report in reports:
+            if isinstance(report, CommandError) and not self.state.watches:
+                self._take_refusal(report.text)
+
+    def _take_refusal(self, text: str) -> None:
+        """Ask again later: the server may have had too many watchers."""
+        if self._client is not None:
+            self._asking = asyncio.ensure_future(self._ask_later(self._client))
+        if self.state.refusal != text:
+            self.state.refusal = text
+            self.on_change()
+
+    async def _ask_later(self, client: AsyncClient) -> None:
+        await asyncio.sleep(ASK_AGAIN)
+        if client is self._client:
+            await self._ask(client)

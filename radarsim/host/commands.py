@@ -189,7 +189,9 @@ class CommandHandler:
             case Drive():
                 return drive(vehicle, command)
             case SetItem():
-                return set_items(vehicle, command)
+                clients = self.clients_by_robot.values()
+                others = (each.vehicle for each in clients if each.vehicle is not None)
+                return set_items(vehicle, command, others)
             case _:
                 return self._reply(client, command)
 

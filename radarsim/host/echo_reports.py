@@ -1,17 +1,53 @@
 """Split the echoes of a scan into echo lines, object by object."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.protocol.echoes import ECHOES_A_LINE
 from radarsim.protocol.reports import EchoLine, TargetEchoes
-from radarsim.sensors.echoes import KINDS, Echoes
+from radarsim.sensors.echoes import KINDS, ROBOT, Echoes, Target
 
-_KIND_NAMES = {int(kind): name for kind, name in KINDS.items()}
+KIND_NAMES: Final = {int(kind): name for kind, name in KINDS.items()}
+
+
+class EchoRows(NamedTuple):
+    """Echoes in the order of their lines.
+
+    Attributes:
+        numbers: (E, 4) beam, range, m, share of the beam's power that is left on
+            arrival, and share of the beam that is reflected back, both 0 to 1.
+        kinds: Number of the kind of each.
+        lines: Of each line the part, its first row, and the row after its last.
+    """
+
+    numbers: Floats
+    kinds: list[int]
+    lines: list[tuple[int, int, int]]
+
+    @classmethod
+    def of(cls, echoes: Echoes) -> "EchoRows":
+        """Sort echoes into lines of one part each, as many as fit into a line.
+
+        Parts are in the order of their first beam, and of their numbers for the same.
+        """
+        # Some hundred echoes are sorted as soon as numpy has begun to.
+        rows: dict[int, list[int]] = {}
+        for row, part in enumerate(echoes.parts.tolist()):
+            rows.setdefault(part, []).append(row)
+        beams, kinds = echoes.beams.tolist(), echoes.kinds.tolist()
+        parts = sorted(rows, key=lambda part: (beams[rows[part][0]], part))
+        order = [row for part in parts for row in rows[part]]
+        columns = (echoes.beams, echoes.ranges, _power_shares(echoes), echoes.strength)
+        numbers: Floats = np.column_stack(columns)[order].astype(np.float64, copy=False)
+        # Rounding errors are clipped off shares, and the sign off zeros.
+        shares = numbers[:, 2:]
+        np.add(np.clip(shares, 0.0, 1.0), 0.0, out=shares)
+        lines = _split(parts, [len(rows[part]) for part in parts])
+        return cls(numbers, [kinds[row] for row in order], lines)
 
 
 def echo_lines(
@@ -30,51 +66,60 @@ def echo_lines(
     Returns:
         At least one line, so that a client knows when it has all lines of a scan.
     """
-    groups = list(_target_echoes(echoes, robot_names))
-    if not groups:
+    rows = EchoRows.of(echoes)
+    count = len(rows.lines)
+    if not count:
         return (EchoLine(time, scanner, 0, 0, None),)
-    return tuple(
-        EchoLine(time, scanner, number, len(groups), group)
-        for number, group in enumerate(groups, start=1)
+    lines = []
+    for number, (part, start, end) in enumerate(rows.lines, start=1):
+        target = find_target(echoes, part, robot_names)
+        seen = _target_echoes(target, rows, slice(start, end))
+        lines.append(EchoLine(time, scanner, number, count, seen))
+    return tuple(lines)
+
+
+def find_target(echoes: Echoes, part: int, robot_names: Mapping[int, str]) -> Target:
+    """Return the object that a part belongs to.
+
+    Args:
+        echoes: Echoes of the scan.
+        part: As in ``Echoes.parts``.
+        robot_names: Names of the robots, by their numbers.
+    """
+    count = len(echoes.scene_parts)
+    if part >= count:
+        return Target.of(robot_names[part - count], ROBOT, echoes.settings)
+    found = echoes.scene_parts[part]
+    return Target.of(found.object_name, found.material, echoes.settings)
+
+
+def _target_echoes(target: Target, echoes: EchoRows, rows: slice) -> TargetEchoes:
+    return TargetEchoes(
+        object=target.object,
+        material=target.material,
+        density=target.density,
+        transparency=target.transparency,
+        laser_passes=target.laser_passes,
+        robot_passes=target.robot_passes,
+        beams=echoes.numbers[rows, 0].astype(np.int64),
+        ranges=echoes.numbers[rows, 1],
+        kinds=tuple([KIND_NAMES[kind] for kind in echoes.kinds[rows]]),
+        power=echoes.numbers[rows, 2],
+        strength=echoes.numbers[rows, 3],
     )
 
 
-def _target_echoes(
-    echoes: Echoes, robot_names: Mapping[int, str]
-) -> Iterator[TargetEchoes]:
-    targets = echoes.targets
-    power = _clip_to_unit(_power_shares(echoes))
-    strength = _clip_to_unit(echoes.strength)
-    for rows in _rows_of_lines(echoes):
-        part = int(echoes.parts[rows[0]])
-        target, robot = targets[part], part - len(echoes.scene_parts)
-        yield TargetEchoes(
-            object=target.object if robot < 0 else robot_names[robot],
-            material=target.material,
-            density=target.density,
-            transparency=target.transparency,
-            laser_passes=target.laser_passes,
-            robot_passes=target.robot_passes,
-            beams=echoes.beams[rows],
-            ranges=echoes.ranges[rows],
-            kinds=tuple([_KIND_NAMES[kind] for kind in echoes.kinds[rows].tolist()]),
-            power=power[rows],
-            strength=strength[rows],
-        )
-
-
-def _rows_of_lines(echoes: Echoes) -> Iterator[NDArray[np.int64]]:
-    """Yield the rows of each line: rows of one part, as many as fit into a line."""
-    _, first, part = np.unique(echoes.parts, return_index=True, return_inverse=True)
-    # Rows are sorted by beam and unique parts by number; a stable sort keeps both.
-    parts_by_beam = np.argsort(echoes.beams[first], kind="stable")
-    rank = np.argsort(parts_by_beam)[part]  # (E,) rank of the part of each row
-    rows = np.argsort(rank, kind="stable")
-    start = 0
-    for end in np.cumsum(np.bincount(rank, minlength=1)).tolist():
-        for begin in range(start, end, ECHOES_A_LINE):
-            yield rows[begin : min(end, begin + ECHOES_A_LINE)]
+def _split(parts: list[int], counts: list[int]) -> list[tuple[int, int, int]]:
+    """Return the part and the rows of each line."""
+    lines, start = [], 0
+    for part, count in zip(parts, counts, strict=True):
+        end = start + count
+        lines += [
+            (part, begin, min(end, begin + ECHOES_A_LINE))
+            for begin in range(start, end, ECHOES_A_LINE)
+        ]
         start = end
+    return lines
 
 
 def _power_shares(echoes: Echoes) -> Floats:
@@ -83,9 +128,3 @@ def _power_shares(echoes: Echoes) -> Floats:
     if math.isinf(full):
         return np.ones(len(echoes))
     return echoes.power / full if full else np.zeros(len(echoes))
-
-
-def _clip_to_unit(shares: Floats) -> Floats:
-    """Clip rounding errors off shares, and the sign off zeros."""
-    clipped: Floats = np.clip(shares, 0.0, 1.0) + 0.0
-    return clipped

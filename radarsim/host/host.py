@@ -44,6 +44,7 @@ from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
+    from radarsim.host.echo_writer import EchoWriter
     from radarsim.simulation.simulation import Simulation, TickOutput
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
@@ -98,6 +99,7 @@ class Host:
         self._watchers = Watchers(config.dialect, self._unsent)
         self._commands = CommandHandler(scene, config, self._watchers)
         self._arrival_work = ARRIVAL_WORK
+        self._echo_writer: EchoWriter  # from the beginning of the simulation on
         self._last_served = 0  # number of the client whose waiting command was last
         if begins:
             self.begin(self.make_simulation())
@@ -132,6 +134,11 @@ class Host:
 
     def begin(self, simulation: Simulation) -> None:
         """Begin a simulation that ``make_simulation`` has made."""
+        from radarsim.host.echo_writer import EchoWriter  # noqa: PLC0415
+
+        self._echo_writer = EchoWriter(
+            lambda: {v.number: v.robot.name for v in simulation.vehicles}
+        )
         self._commands.begin(simulation)
 
     def connect(self) -> int:
@@ -345,18 +352,12 @@ class Host:
 
     def _echo_lines(self, output: TickOutput) -> tuple[bytes, bytes]:
         """Return the echo lines that a client asked for, and those of all its scans."""
-        from radarsim.host.echo_reports import echo_lines  # noqa: PLC0415
-        from radarsim.protocol.line_writer import (  # noqa: PLC0415
-            ReportBlock,
-            encode_blocks,
-        )
-
-        names = {v.number: v.robot.name for v in self.simulation.vehicles}
-        time = self.simulation.time
         requested = shown = b""
         for scan in output.echoes:
-            reports = echo_lines(time, scan.scanner, scan.echoes, names)
-            (lines,) = encode_blocks([ReportBlock(reports, output.group.dialect)])
+            lines = self._echo_writer.write(
+                *(self.simulation.time, scan.scanner, scan.echoes),
+                output.group.dialect,
+            )
             shown += lines
             if scan.is_requested:
                 requested += lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -37,8 +37,16 @@ def drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     return None
 
 
-def set_items(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
-    """Apply an opcode to items; return what is wrong with the command, or None."""
+def set_items(
+    vehicle: Vehicle, command: SetItem, others: Iterable[Vehicle]
+) -> Diagnostic | None:
+    """Apply an opcode to items; return what is wrong with the command, or None.
+
+    Args:
+        vehicle: The robot.
+        command: The command.
+        others: Robots of other clients.
+    """
     items = find_items(vehicle.model, command.type, command.name)
     if not items:
         named = " ".join(filter(None, (command.type, command.name)))
@@ -48,6 +56,9 @@ def set_items(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
         text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
         return Diagnostic("opcode", text)
     try:
+        if opcode == SETTING and items[0].type == "RangeScanner":
+            vehicle.change_settings(items, parse_settings(command.params), others)
+            return None
         return _apply_opcode(vehicle, items, opcode, command.params)
     except (MalformedMessage, PresetError) as error:
         problems = "; ".join(str(error).splitlines())[:MAX_PROBLEMS]
@@ -75,9 +86,6 @@ def _apply_opcode(
         case _ if items[0].type != "RangeScanner":
             text = f"SET {opcode} of type {items[0].type!r}, expected RangeScanner"
             return Diagnostic("opcode", text)
-        case _ if opcode == SETTING:
-            vehicle.change_settings(items, parse_settings(params))
-            return None
         case _:
             apply = partial(vehicle.enable_echoes, enabled=parse_switch(params))
     for item in items:

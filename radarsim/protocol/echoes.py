@@ -6,8 +6,10 @@ contain.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Self
+from functools import lru_cache
+from typing import ClassVar, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,7 @@ from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
+    LINE_END,
     NO_SERIES,
     WHOLE,
     WHOLE_IN_SERIES,
@@ -38,6 +41,8 @@ from radarsim.protocol.periodic_reports import SensorReport, Split, build_templa
 ECHOES_A_LINE: Final = 90
 LARGEST_DENSITY: Final = 1e9  # no beam enters what is denser
 OPAQUE: Final = "Opaque"
+
+_END: Final = f"}}{LINE_END}".encode("latin-1")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,15 +98,34 @@ class TargetEchoes:
             strength=numbers[:, 3],
         )
 
+    def properties(self) -> "ObjectProperties":
+        """Return what is told of the object."""
+        return ObjectProperties(
+            *(self.object, self.material, self.density, self.transparency),
+            *(self.laser_passes, self.robot_passes),
+        )
+
+
+class ObjectProperties(NamedTuple):
+    """What an echo line tells of its object; see ``TargetEchoes``."""
+
+    object: str
+    material: str
+    density: float
+    transparency: float
+    laser_passes: bool
+    robot_passes: bool
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The numbers among them, in the order of their marks in the line."""
+        if self.density == math.inf:
+            return (self.transparency,)
+        return (min(self.density, LARGEST_DENSITY), self.transparency)
+
     def fields(self, dialect: Dialect) -> Fields:
-        """Return the fields, with marks for ``numbers`` and ``series``."""
+        """Return the fields, with marks for the numbers."""
         plain = marks(dialect.plain)
-        before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
-        after = series_marks(dialect.plain, 2)
-        echoes = {
-            kind: f"{before},{reduce_text(kind.capitalize())},{after}"
-            for kind in set(self.kinds)
-        }
         return (
             ("Object", printable_name(self.object)),
             ("Material", printable_name(self.material)),
@@ -109,20 +133,7 @@ class TargetEchoes:
             ("Transparency", plain),
             ("LaserPasses", str(self.laser_passes)),
             ("RobotPasses", str(self.robot_passes)),
-            ("Echoes", " ".join([echoes[kind] for kind in self.kinds])),
         )
-
-    def numbers(self) -> tuple[float, ...]:
-        """Return the numbers in the order of their marks in ``fields``."""
-        if self.density == math.inf:
-            return (self.transparency,)
-        return (min(self.density, LARGEST_DENSITY), self.transparency)
-
-    def series(self) -> Floats:
-        """Return beam, range, power and strength of each echo, (4 E,)."""
-        columns = (self.beams, self.ranges, self.power + 0.0, self.strength + 0.0)
-        series: Floats = np.column_stack(columns).astype(np.float64).ravel()
-        return series
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,19 +174,58 @@ class EchoLine(SensorReport):
         return (("Name", reduce_text(name)), *counts, *echoes)
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers, and its series.
+        """Return the template of the line, its numbers, and its series."""
+        numbers = (self.time, self.line, self.lines)
+        is_unstamped, seen = math.isnan(self.time), self.echoes
+        if seen is None:
+            fixed: tuple[str, Fields] = (self.name, ())
+            line = build_template(EchoLine, dialect, is_unstamped, fixed)
+            return line, numbers, NO_SERIES
+        properties = seen.properties()
+        head = build_head(dialect, is_unstamped, self.name, properties)
+        line = join_echoes(head, [find_mark(dialect, kind) for kind in seen.kinds])
+        # The sign of a zero is taken off, except for that of a range.
+        columns = (seen.beams, seen.ranges, seen.power + 0.0, seen.strength + 0.0)
+        series: Floats = np.column_stack(columns).astype(np.float64).ravel()
+        return line, (*numbers, *properties.numbers), series
 
-        The template holds the kinds of all echoes: it is hardly ever the same again.
-        """
-        fields: Fields = ()
-        numbers: tuple[float, ...] = ()
-        series = NO_SERIES
-        if self.echoes is not None:
-            fields, numbers = self.echoes.fields(dialect), self.echoes.numbers()
-            series = self.echoes.series()
-        fixed = (self.name, fields)
-        line = build_template(EchoLine, dialect, math.isnan(self.time), fixed)
-        return line, (self.time, self.line, self.lines, *numbers), series
+
+def build_head(
+    dialect: Dialect, is_unstamped: bool, scanner: str, properties: ObjectProperties
+) -> bytes:
+    """Return the template of a line up to its first echo.
+
+    Its numbers are the time, which is skipped if there is none, the number of the line,
+    that of lines, and those of the properties.
+
+    Args:
+        dialect: Dialect of the line.
+        is_unstamped: Whether there is no time.
+        scanner: Name of the scanner.
+        properties: What is told of the object.
+    """
+    # A mark stands for the echoes, and is taken off.
+    fields = (*properties.fields(dialect), ("Echoes", WHOLE))
+    line = build_template(EchoLine, dialect, is_unstamped, (scanner, fields))
+    return line.removesuffix(WHOLE.encode("latin-1") + _END)
+
+
+@lru_cache(100)  # kinds may be those of another server
+def find_mark(dialect: Dialect, kind: str) -> bytes:
+    """Return the template of an echo: beam, range, power and strength in the series."""
+    before = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges)}"
+    after = series_marks(dialect.plain, 2)
+    return f"{before},{reduce_text(kind.capitalize())},{after}".encode("latin-1")
+
+
+def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
+    """Return the template of a line.
+
+    Args:
+        head: From ``build_head``.
+        echoes: One or more from ``find_mark``.
+    """
+    return head + b" ".join(echoes) + _END
 
 
 def _parse_echo(word: str) -> tuple[str, list[float]]:

@@ -123,6 +123,20 @@ def _encode_slowly(block: ReportBlock) -> bytes:
     return group.encode("ascii", "replace") + to_bytes(lines)
 
 
+def fill_block(
+    templates: Sequence[bytes], numbers: Sequence[float], series: Floats
+) -> bytes:
+    """Return the lines of one block, with CRLF; empty if the kernel cannot write it.
+
+    Args:
+        templates: Templates of the lines.
+        numbers: Numbers of all lines, in the order of their marks.
+        series: Series of all lines, in the order of their marks.
+    """
+    data, _ = _write([*templates, _BLOCK_END], numbers, [series], 1)
+    return data
+
+
 def warm_up() -> None:
     """Compile the kernel, or read it from the cache."""
     encode_lines([(Status(0.0, 0, light=False), COMPAT)])

@@ -21,6 +21,7 @@ SEE: Final = "SEE"
 
 _ALL: Final = "all"
 _NONE: Final = "none"
+_ECHO_WORDS: Final = {"true": _ALL, "false": _NONE}
 _SEE: Final = re.compile(
     r"SEE\s*\{\s*Robot\s([^{}]*)\}\s*(\S.*)", re.IGNORECASE | re.DOTALL
 )
@@ -32,6 +33,11 @@ class RobotChoice:
 
     >>> RobotChoice.parse("r1, R2").includes("R1")
     True
+
+    A robot that is called like one of the words is named with a comma after it.
+
+    >>> str(RobotChoice(("All",)))
+    'All,'
 
     Attributes:
         names: Names as on the wire, in any case; None for all robots.
@@ -60,7 +66,10 @@ class RobotChoice:
     def __str__(self) -> str:
         if self.names is None:
             return _ALL.capitalize()
-        return ",".join(self.names) or _NONE.capitalize()
+        text = ",".join(self.names)
+        if text.casefold() in (_ALL, _NONE, *_ECHO_WORDS):
+            return f"{text},"
+        return text or _NONE.capitalize()
 
     def includes(self, name: str) -> bool:
         """Return whether the robot of a name, as on the wire, is meant."""
@@ -217,5 +226,4 @@ def is_seen(line: str) -> bool:
 
 def _parse_echoes(text: str) -> RobotChoice:
     """Parse a choice of robots, or whether all of them are meant."""
-    words = {"true": _ALL, "false": _NONE}
-    return RobotChoice.parse(words.get(text.strip().casefold(), text))
+    return RobotChoice.parse(_ECHO_WORDS.get(text.strip().casefold(), text))

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -15,7 +15,11 @@ from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.change_limits import check_rays
+from radarsim.simulation.change_limits import (
+    check_extra_rays,
+    check_rays,
+    count_extra_rays,
+)
 from radarsim.simulation.clock import Schedule, seconds, ticks_of
 from radarsim.simulation.config import DEFAULT_INTERVAL, SimulationConfig
 from radarsim.simulation.items import (
@@ -86,6 +90,7 @@ class Vehicle:
         drift: What lets its inertial navigation systems drift; empty without any.
         has_touch: Whether it has a touch sensor.
         dialect: The dialect of its lines.
+        extra_rays: Rays in a second that changed settings have added.
         shows_echoes: Whether its scanners list their echoes for others than its client.
     """
 
@@ -122,7 +127,7 @@ class Vehicle:
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
         self._with_echoes: set[str] = set()
-        self.shows_echoes = False
+        self.shows_echoes, self.extra_rays = False, 0.0
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
         self._due_items: dict[tuple[int, ...], DueItems] = {}
@@ -201,13 +206,17 @@ class Vehicle:
             self._schedule.request(self)
 
     def change_settings(
-        self, items: Sequence[Item], settings: Mapping[str, Any]
+        self,
+        items: Sequence[Item],
+        settings: Mapping[str, Any],
+        others: Iterable["Vehicle"] = (),
     ) -> None:
         """Change settings of scanners from their next scans on; all of them, or none.
 
         Args:
             items: Range scanners of the robot.
             settings: Settings by name, as in a configuration.
+            others: Robots that share what clients together may ask for.
 
         Raises:
             PresetError: If there is no such setting, or a value is out of range, or
@@ -217,7 +226,12 @@ class Vehicle:
         for item in items:
             config = config.with_settings(item, settings)
             check_rays(item, config, self._first_config)
-        self.config = config
+        extra = count_extra_rays(
+            [mounted.item for mounted in self.scanners], config, self._first_config
+        )
+        shared = sum(other.extra_rays for other in others if other is not self)
+        check_extra_rays(extra, self.extra_rays, shared)
+        self.config, self.extra_rays = config, extra
         self._changed |= {item.name for item in items}
         ticks = {item.name: ticks_of(config.interval(item)) for item in items}
         if not ticks.items() <= self._interval_ticks.items():

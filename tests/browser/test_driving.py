@@ -121,6 +121,29 @@ def test_a_robot_stops_when_its_browser_is_killed(
     check_rest(commander, truth, "K1")
 
 
+GAMEPAD = """() => {
+  window.pad = {connected: true, axes: [0, 0, 0, 0], buttons: []};
+  navigator.getGamepads = () => [null, window.pad];
+}"""
+
+
+def test_a_gamepad_drives_and_its_rest_stops_the_robot(
+    commander: CommanderPage, truth: Truth
+) -> None:
+    commander.page.evaluate(GAMEPAD)
+    commander.add_robot("GP", place=(-8, 0, 0))
+    start = truth.last("GP")
+    commander.page.evaluate("pad.axes[1] = -0.8")  # forward
+    commander.until(lambda: truth.last("GP").x > start.x + 0.2, "for a start")
+    commander.page.evaluate("pad.axes[1] = 0.1")  # as sticks rest
+    check_rest(commander, truth, "GP")
+    yaw = commander.robot("GP")["yaw"]  # type: ignore[index]
+    commander.page.evaluate("pad.axes[0] = -1")  # to the left
+    commander.until(lambda: commander.robot("GP")["yaw"] > yaw + 0.1)  # type: ignore[index]
+    commander.page.evaluate("pad.connected = false")  # it is pulled out
+    check_rest(commander, truth, "GP")
+
+
 def test_others_see_who_drives(
     commander: CommanderPage,
     served: Served,

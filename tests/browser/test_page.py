@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
-from served_page import Served, serve
+from served_page import CHROMIUM_OPTIONS, Served, serve
 from truth import Truth
 
 NASTY = "<img/src=x/onerror=alert(1)>"  # names of levels have no blanks
@@ -83,6 +83,54 @@ def test_a_wrong_token_shows_nothing(served: Served, browser: Browser) -> None:
     assert page.frames == []
     assert page.text("level") == ""
     page.page.close()
+
+
+def test_an_address_without_its_token_says_so(served: Served, browser: Browser) -> None:
+    context = browser.new_context()  # no token is left from before
+    page = CommanderPage(context.new_page())
+    page.page.goto(served.url.partition("#")[0])
+    page.until(lambda: page.text("link") == "no token")
+    assert "whole address" in page.text("lost")
+    context.close()
+
+
+def test_the_page_is_refused_under_a_foreign_name(
+    served: Served, browser: Browser, chromium: str
+) -> None:
+    rules = "--host-resolver-rules=MAP evil.example 127.0.0.1"
+    other = browser.browser_type.launch(
+        executable_path=chromium, args=[*CHROMIUM_OPTIONS, rules]
+    )
+    url = served.url.replace("127.0.0.1", "evil.example")
+    response = other.new_page().goto(url)
+    assert response is not None
+    assert response.status == 403
+    other.close()
+
+
+def test_a_page_of_another_site_gets_neither_page_nor_socket(
+    served: Served, browser: Browser
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as site:
+        page = browser.new_page()
+        page.route("**/evil", lambda route: route.fulfill(body="<p>hello</p>"))
+        page.goto(f"http://127.0.0.1:{site.getsockname()[1]}/evil")
+        own = served.url.partition("#")[0]
+        fetched = page.evaluate(
+            "url => fetch(url).then(() => 'answered', () => 'refused')", own
+        )
+        token = served.url.partition("token=")[2]
+        heard = page.evaluate(
+            """([url, token]) => new Promise((resolve) => {
+                const socket = new WebSocket(url);
+                socket.onopen = () => socket.send(JSON.stringify({op: "hello", token}));
+                socket.onmessage = () => resolve("told");
+                socket.onclose = () => resolve("closed");
+            })""",
+            [own.replace("http", "ws") + "ws", token],
+        )
+        page.close()
+    assert (fetched, heard) == ("refused", "closed")
 
 
 def test_names_of_robots_and_maps_are_text(

@@ -3,11 +3,14 @@
 import io
 import math
 from base64 import b64decode
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from commander_page import CommanderPage
 from PIL import Image
+from served_page import serve
 from truth import Truth
 
 GOAL = (-6.6, 0.8)
@@ -26,6 +29,73 @@ def test_a_shift_click_drives_the_robot_there_by_bug2(
     place = truth.last("Bug")
     assert place.x == pytest.approx(GOAL[0], abs=0.5)
     assert place.y == pytest.approx(GOAL[1], abs=0.5)
+
+
+BLOCKED_MAP = """
+version: 1
+level: DM-Blocked
+materials: {concrete: {density: opaque}}
+objects:
+  - {name: floor, box: [9, 6, 0.2], position: [0, 0, -0.1], material: concrete}
+  - {name: block, box: [0.6, 1.2, 1], position: [0, 0, 0.5], material: concrete}
+  - {name: west, box: [0.2, 6, 1], position: [-4.5, 0, 0.5], material: concrete}
+  - {name: east, box: [0.2, 6, 1], position: [4.5, 0, 0.5], material: concrete}
+  - {name: south, box: [9, 0.2, 1], position: [0, -3, 0.5], material: concrete}
+  - {name: north, box: [9, 0.2, 1], position: [0, 3, 0.5], material: concrete}
+starts:
+  - {name: RobotStart1, position: [-3, 0, 0]}
+"""
+PIXEL = """(canvas, [left, top]) => {
+  const density = canvas.width / canvas.clientWidth;
+  const pen = canvas.getContext("2d");
+  return [...pen.getImageData(left * density, top * density, 1, 1).data.slice(0, 3)];
+}"""
+RED = [0xC6, 0x2A, 0x1B]  # --hit
+PAPER = [255, 255, 255]
+
+
+@pytest.mark.slow
+def test_bug2_goes_around_a_block_and_the_page_shows_where(
+    open_page: Callable[..., CommanderPage], tmp_path: Path
+) -> None:
+    map_file = tmp_path / "blocked.yaml"
+    map_file.write_text(BLOCKED_MAP)
+    with serve(str(map_file), "--speed", "3") as served:
+        commander = open_page(served)
+        commander.add_robot("Bug", kind="P3AT_Compare360")
+        commander.page.locator("#goto [name=algorithm]").select_option(label="Bug2")
+        left, top = commander.point(3, 0)
+        plan = commander.page.locator("#plan")
+        plan.click(position={"x": left, "y": top}, modifiers=["Shift"])
+        commander.until(lambda: "done" in commander.text("tasks"), "for the goal")
+        path = commander.paths["Bug"]
+        (hit,), (leave,) = path["hits"], path["leaves"]
+        assert -2 < hit[0] < -0.3
+        assert 0.3 < leave[0] < 2
+        assert leave[1] == pytest.approx(0, abs=0.2)  # on the line to the goal
+        assert plan.evaluate(PIXEL, commander.point(*hit)) == RED
+        assert plan.evaluate(PIXEL, commander.point(*leave)) == PAPER
+        assert "hits an obstacle" in commander.text("legend")
+        commander.page.context.close()
+
+
+def test_go_is_offered_to_robots_that_can(commander: CommanderPage) -> None:
+    go = commander.page.locator("#goto button.main")
+    commander.add_robot("Half", kind="P3AT", place=(-8, 0, 0))
+    commander.until(lambda: "180°" in commander.text("hindrance"), "for the reason")
+    assert go.is_disabled()
+    commander.add_robot("Whole", kind="P3AT_Compare360", place=(-8, -2, 0))
+    commander.until(go.is_enabled, "for what it can do")
+    assert commander.text("hindrance") == ""
+
+
+def test_a_goal_outside_of_the_map_is_refused_in_words(
+    commander: CommanderPage,
+) -> None:
+    commander.add_robot("Out", kind="P3AT_Radar360", place=(-8, 0, 0))
+    commander.page.locator("#goto [name=x]").fill("99")
+    commander.page.locator("#goto button.main").click()
+    commander.until(lambda: "outside of the map" in commander.text("error"))
 
 
 def test_stop_cancels_a_task(commander: CommanderPage, truth: Truth) -> None:

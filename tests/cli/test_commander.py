@@ -1,3 +1,4 @@
+import os
 import re
 import signal
 import socket
@@ -66,6 +67,36 @@ def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> 
             server.send_signal(end)
         server.wait(TIMEOUT)
         wait_until_gone(url)
+
+
+@SLOW
+def test_server_tells_when_its_commander_has_ended_and_goes_on() -> None:
+    server = start_radarsim("serve", "empty_room", "--port", "0", "--web", "0")
+    with server:
+        try:
+            read_url(server)
+            threads = Path(f"/proc/{server.pid}/task").glob("*/children")
+            (child,) = {pid for each in threads for pid in each.read_text().split()}
+            os.kill(int(child), signal.SIGKILL)
+            assert server.stderr is not None
+            line = next(line for line in server.stderr if b"commander" in line)
+            assert b"signal 9" in line
+            assert server.poll() is None
+        finally:
+            server.terminate()
+        server.communicate(timeout=TIMEOUT)
+
+
+@pytest.mark.parametrize("text", [None, "version: 1\nobjects: 3\n"])
+def test_wrong_map_is_told_before_an_address_is(
+    radarsim: RunCommand, tmp_path: Path, text: str | None
+) -> None:
+    file = tmp_path / "wrong.yaml"
+    if text is not None:
+        file.write_text(text)
+    run = radarsim("commander", "--web", "0", "--map", str(file))
+    assert (run.code, run.out) == (1, b"")
+    assert "wrong.yaml" in run.err
 
 
 @SLOW

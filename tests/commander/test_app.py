@@ -137,7 +137,7 @@ async def test_hello_tells_what_there_is_and_the_map_follows(commander: Any) -> 
         hello = page.hello
         assert hello["level"] == "DM-FoliageRoom"
         assert next(start["name"] for start in hello["starts"]) == "RobotStart1"
-        assert "P3AT" in hello["classes"]
+        assert "P3AT" in [each["name"] for each in hello["classes"]]
         assert (await page.hear("scene"))["level"] == "DM-FoliageRoom"
         await page.send("triangles")
         assert (await page.hear("triangles"))["parts"]

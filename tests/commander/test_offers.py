@@ -7,7 +7,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 
 def test_lists_are_the_programs_own() -> None:
     offers = make_offers()
-    assert sorted(offers["classes"]) == [*robot_names()]
+    assert sorted(each["name"] for each in offers["classes"]) == [*robot_names()]
     assert [each["name"] for each in offers["algorithms"]] == [*Algorithm]
     assert [each["name"] for each in offers["strategies"]] == [*StrategyName]
     keys = {each["key"] for each in offers["settings"]}
@@ -25,3 +25,12 @@ def test_settings_tell_how_they_can_be_changed() -> None:
     assert settings["max_bounces"]["type"] == "integer"
     assert settings["max_bounces"]["max"] == 16
     assert settings["beamwidth_az_deg"]["max"] == 90
+
+
+def test_first_class_has_radar_and_laser_and_can_go_by_itself() -> None:
+    first, *others = make_offers()["classes"]
+    assert (
+        first["label"]
+        == f"{first['name']}: radar 360\N{DEGREE SIGN} + laser 360\N{DEGREE SIGN}"
+    )
+    assert {"name": "P3AT", "label": "P3AT: radar 180\N{DEGREE SIGN}"} in others

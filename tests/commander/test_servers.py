@@ -9,6 +9,7 @@ from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.protocol.dialect import UDK
+from radarsim.protocol.reports import Watching
 from radarsim.scene.scene import Scene
 from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
@@ -76,6 +77,45 @@ async def test_commander_waits_for_its_server(start_commander: Any) -> None:
             assert "no server" in (await page.hear("error"))["text"]
             await page.send("triangles")
             assert "--map" in (await page.hear("error"))["text"]
+
+
+async def test_commander_asks_again_when_there_were_too_many_watchers(
+    empty_room: Scene, start_commander: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.host.watchers.MAX_WATCHERS", 1)
+    monkeypatch.setattr("radarsim.commander.server_link.ASK_AGAIN", 0.1)
+    server = Server(Host(empty_room))
+    await server.start(port=0)
+    try:
+        other = await AsyncClient.connect(*server.address)
+        await other.watch()
+        await other.wait_for(Watching)
+        with start_commander(server.address) as commander:
+            async with open_page(commander.web, commander.token) as page:
+                assert "watcher" in (await page.hear("notice"))["text"]
+                name = await spawn(page)
+                assert page.frame is not None
+                assert not page.frame.robot(name)["scans"][0]["settings"]
+                await other.close()
+                await page.hear("hello", watch=True)
+                await page.see(lambda f: f.robot(name)["scans"][0]["settings"])
+    finally:
+        await server.stop()
+
+
+async def test_robot_that_is_called_all_or_none_is_a_robot_like_any(
+    commander: Any,
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        for name in ("All", "None", "true"):
+            await page.send("spawn", **{"class": "P3AT", "name": name})
+            await page.hear("spawned", robot=name)
+            await page.send("select", robot=name)
+            await page.see(
+                lambda frame, name=name: any(
+                    scan["objects"] for scan in frame.robot(name).get("echoes", [])
+                )
+            )
 
 
 async def test_original_dialect_is_understood(

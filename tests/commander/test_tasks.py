@@ -14,7 +14,9 @@ FAST = pytest.mark.parametrize("server", [5.0], indirect=True)
 async def spawn(page: Page, class_name: str, *pose: float) -> str:
     await page.send("spawn", **{"class": class_name, "pose": pose})
     name: str = (await page.hear("spawned"))["robot"]
-    await page.see(lambda frame: frame.robot(name).get("scans"))
+    await page.see(
+        lambda frame: frame.robot(name).get("scans") and frame.robot(name)["mine"]
+    )
     return name
 
 
@@ -58,13 +60,30 @@ async def test_robot_that_does_not_see_all_around_says_that_it_cannot(
 ) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)
+        assert page.frame is not None
+        assert "180\N{DEGREE SIGN}" in page.frame.robot(name)["hindrance"]
         await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 0.0])
-        failed = await page.hear("task", state="failed")
-        assert "180 degrees" in failed["text"]
+        assert "180\N{DEGREE SIGN}" in (await page.hear("error"))["text"]
+        await page.send("explore", robot=name, strategy="auto")
+        assert "180\N{DEGREE SIGN}" in (await page.hear("error"))["text"]
+
+
+async def test_robot_of_the_first_class_goes_explores_and_compares(
+    commander: Any,
+) -> None:
+    async with open_page(commander.web, commander.token) as page:
+        first = page.hello["classes"][0]["name"]
+        name = await spawn(page, first, -8.0, 0.0, 0.0)
+        assert page.frame is not None
+        robot = page.frame.robot(name)
+        assert robot["hindrance"] is None
+        assert {scan["kind"] for scan in robot["scans"]} == {"radar", "laser"}
         await page.send("goto", robot=name, algorithm="bug9", goal=[-7.0, 0.0])
         assert "'bug9'" in (await page.hear("error"))["text"]
         await page.send("explore", robot=name, strategy="x")
         assert "'x'" in (await page.hear("error"))["text"]
+        await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 99.0])
+        assert "outside of the map" in (await page.hear("error"))["text"]
 
 
 @FAST

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.host.echo_reports import echo_lines
+from radarsim.host.echo_writer import MOST_HEADS, MOST_SENSORS, EchoWriter
 from radarsim.presets.sensors import load_settings
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.echoes import ECHOES_A_LINE
-from radarsim.protocol.reports import EchoLine, TargetEchoes
+from radarsim.protocol.reports import EchoLine, TargetEchoes, to_bytes
 from radarsim.raycast.attenuation import EventKind
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
@@ -217,3 +219,45 @@ def test_fractions_are_clipped_to_zero_and_one() -> None:
     for shares in (target.power, target.strength):
         assert shares.tolist() == [0.0, 0.0, 0.5, 1.0]
         assert not np.signbit(shares).any()
+
+
+WRITER = EchoWriter(lambda: ROBOTS)
+
+
+def expected(rows: Sequence[Row], dialect: Dialect, power: float) -> bytes:
+    echoes = echoes_of(rows, penetration_power=power)
+    reports = echo_lines(14.2, "lms200", echoes, ROBOTS)
+    return to_bytes([report.encode(dialect) for report in reports])
+
+
+@given(
+    scans=st.lists(
+        st.tuples(
+            ROWS, st.sampled_from([COMPAT, UDK]), st.sampled_from([0.0, 0.7, math.inf])
+        ),
+        max_size=3,
+    )
+)
+def test_lines_are_those_of_the_reports_however_much_is_kept(
+    scans: list[tuple[list[Row], Dialect, float]],
+) -> None:
+    for rows, dialect, power in scans:
+        echoes = echoes_of(rows, penetration_power=power)
+        lines = WRITER.write(14.2, "lms200", echoes, dialect)
+        assert lines == expected(rows, dialect, power)
+
+
+def test_number_that_no_line_can_hold_is_an_error() -> None:
+    with pytest.raises(ValueError, match="2\\*\\*31"):
+        WRITER.write(1e10, "lms200", echoes_of([(90, 0)]), COMPAT)
+
+
+def test_what_is_kept_has_a_limit() -> None:
+    writer = EchoWriter(lambda: dict.fromkeys(range(3 * MOST_HEADS), "R"))
+    for number in range(MOST_SENSORS + 2):  # a client changes its settings
+        echoes = echoes_of([(90, 0)], penetration_power=1 + number)
+        assert writer.write(1.0, "lms200", echoes, COMPAT).count(b"\r\n") == 1
+    for first in range(0, 2 * MOST_HEADS + 2, 100):  # robots come and go
+        rows = [(0, 5 + number) for number in range(first, first + 100)]
+        lines = writer.write(1.0, "lms200", echoes_of(rows), COMPAT)
+        assert lines.count(b"\r\n") == 100

@@ -247,6 +247,34 @@ def test_wrong_setting_is_answered_and_changes_nothing(
     assert re.sub(rb"NFO {Error .*\r\n", b"", data) == silent.read(40)
 
 
+def test_clients_share_the_rays_that_they_add(
+    foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limit = "radarsim.simulation.change_limits.MOST_EXTRA_RAYS"
+    monkeypatch.setattr(limit, 3000)  # a robot has 1810 in a second
+    host = Host(foliage_room)
+    one = RobotClient(host)
+    one.read(SPAWN_COOLDOWN)
+    other = RobotClient(host, INIT.replace(b"1}", b"2}"))
+    other.read(SPAWN_COOLDOWN)
+    twice, same = "resolution_deg=0.5", "resolution_deg=1"
+
+    def refusals(client: RobotClient, params: str) -> list[str]:
+        client.set(params)
+        return errors_in(client.read(2))
+
+    assert refusals(one, twice) == []
+    assert refusals(one, f"{twice} max_range=20") == []
+    (error,) = refusals(other, twice)
+    assert "1200" in error  # what is left
+    assert refusals(other, "max_range=20") == []
+    assert refusals(one, same) == []
+    assert refusals(other, twice) == []
+    assert refusals(one, twice)
+    host.disconnect(other.number)
+    assert refusals(one, twice) == []
+
+
 @pytest.mark.parametrize(
     ("line", "kind"),
     [

@@ -20,6 +20,7 @@ NAMES = (
     "P2DX",
     "P3AT",
     "P3AT_Compare",
+    "P3AT_Compare360",
     "P3AT_Hokuyo",
     "P3AT_Radar360",
     "P3AT_SICK",

@@ -31,6 +31,8 @@ LINE = re.compile(r"[A-Z]+( \{[ -z|~]+\})+")
         ("watch {robots ALL} {echoes TRUE}", ALL, ALL),
         ("WATCH {Echoes false} {Robots R1}", RobotChoice(("R1",)), RobotChoice()),
         ("WATCH {Robots none}", RobotChoice(), RobotChoice()),
+        ("WATCH {Robots All,}", RobotChoice(("All",)), RobotChoice()),
+        ("WATCH {Robots All} {Echoes true,}", ALL, RobotChoice(("true",))),
         (
             "WATCH {Robots R1,, P3AT (2) ,} {Echoes r1}",
             RobotChoice(("R1", "P3AT (2)")),

@@ -22,6 +22,7 @@ class CommanderPage:
         hosts: Hosts that were asked for anything.
         problems: What the browser complained of.
         map: The newest map that was sent, or None.
+        paths: The newest path of each robot.
         bounds: West, south, east and north of the scene, m.
     """
 
@@ -32,6 +33,7 @@ class CommanderPage:
         self.problems: list[str] = []
         self.bounds = (-5.0, -5.0, 5.0, 5.0)
         self.map: dict[str, Any] | None = None
+        self.paths: dict[str, dict[str, Any]] = {}
         page.on("request", lambda request: self._note_host(request.url))
         page.on("websocket", self._follow)
         page.on("pageerror", lambda error: self.problems.append(str(error)))
@@ -72,9 +74,17 @@ class CommanderPage:
         name: str,
         *,
         kind: str = "P3AT_Compare",
+        echoes: bool = True,
         place: tuple[float, float, float] | None = None,
     ) -> None:
-        """Add a robot by the form, at the first start or at x, y (m) and yaw (deg)."""
+        """Add a robot by the form, and wait until it is shown.
+
+        Args:
+            name: Its name.
+            kind: Its class.
+            echoes: Whether the server tells what beams meet.
+            place: x and y, m, and yaw, deg; None for the first free start.
+        """
         form = self.page.locator("#spawn")
         self.page.evaluate("document.getElementById('add').open = true")
         form.locator("[name=class]").select_option(kind)
@@ -84,7 +94,7 @@ class CommanderPage:
             for key, value in zip(("x", "y", "yaw"), place, strict=True):
                 form.locator(f"[name={key}]").fill(str(value))
         form.locator("button.main").click()
-        self.until(lambda: self._is_shown(name), f"for robot {name}")
+        self.until(lambda: self._is_shown(name, echoes), f"for robot {name}")
 
     def remove_robots(self) -> None:
         """Remove all robots of the commander."""
@@ -109,10 +119,11 @@ class CommanderPage:
         canvas = self.page.locator("#plan").bounding_box()
         covered = [
             self.page.locator(f"#{name}").bounding_box()
-            for name in ("finding", "legend")
+            for name in ("finding", "zoom", "legend")
         ]
         assert canvas is not None
-        top, bottom = (0.0 if box is None else box["height"] for box in covered)
+        finding, zoom, bottom = (0 if box is None else box["height"] for box in covered)
+        top = max(finding, zoom)
         x0, y0, x1, y1 = self.bounds
         across = (canvas["width"] - 28) / (x1 - x0)
         scale = min(across, (canvas["height"] - top - bottom - 28) / (y1 - y0))
@@ -120,12 +131,12 @@ class CommanderPage:
         left = canvas["width"] / 2 + (x - (x0 + x1) / 2) * scale
         return left, canvas["height"] / 2 - (y - middle) * scale
 
-    def _is_shown(self, name: str) -> bool:
+    def _is_shown(self, name: str, echoes: bool) -> bool:
         robot = self.robot(name)
         return (
             robot is not None
             and bool(robot["scans"])
-            and bool(robot["echoes"])
+            and (bool(robot["echoes"]) or not echoes)
             and self.text("driven") == name
         )
 
@@ -153,6 +164,8 @@ class CommanderPage:
                 self.bounds = message["bounds"]
             elif message["op"] == "map":
                 self.map = message
+            elif message["op"] == "path":
+                self.paths[message["robot"]] = message
             return
         (length,) = struct.unpack_from("<I", payload)
         frame = json.loads(payload[4 : 4 + length])

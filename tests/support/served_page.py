@@ -31,7 +31,34 @@ class Served:
 @contextmanager
 def serve(*words: str) -> Iterator[Served]:
     """Serve a map and its page on free ports, and end both afterwards."""
-    process = start_radarsim("serve", *words, "--port", "0", "--web", "0")
+    words = ("serve", *words, "--port", "0", "--web", "0")
+    with _run("commander on", *words) as (process, told):
+        yield Served(process, _read_address(told), _read_url(told))
+
+
+@contextmanager
+def serve_robots(
+    *words: str, port: int = 0
+) -> Iterator[tuple[subprocess.Popen[bytes], tuple[str, int]]]:
+    """Serve a map without a page, and return the process, and host and port."""
+    words = ("serve", *words, "--port", str(port))
+    with _run("listening on", *words) as (process, told):
+        yield process, _read_address(told)
+
+
+@contextmanager
+def show(address: tuple[str, int], *words: str) -> Iterator[Served]:
+    """Serve the page of a server that runs already."""
+    host, port = address
+    words = ("commander", "--host", host, "--port", str(port), *words, "--web", "0")
+    with _run("commander on", *words) as (process, told):
+        yield Served(process, address, _read_url(told))
+
+
+@contextmanager
+def _run(last: str, *words: str) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """Run the program, and return what it told until ``last``."""
+    process = start_radarsim(*words)
     stdout, stderr = process.stdout, process.stderr
     assert stdout is not None
     assert stderr is not None
@@ -40,13 +67,13 @@ def serve(*words: str) -> Iterator[Served]:
     try:
         readers[0].start()
         told = ""
-        while "commander on" not in told:
+        while last not in told:
             line = stdout.readline().decode()
             assert line, f"it ended after {told!r} with {b''.join(complaints)!r}"
             told += line
         readers.append(Thread(target=stdout.read))
         readers[1].start()
-        yield _read(process, told)
+        yield process, told
     finally:
         process.terminate()
         process.wait(240)
@@ -56,10 +83,13 @@ def serve(*words: str) -> Iterator[Served]:
         stderr.close()
 
 
-def _read(process: subprocess.Popen[bytes], told: str) -> Served:
-    """Read the addresses that a server has told."""
+def _read_address(told: str) -> tuple[str, int]:
     address = re.search(r"listening on ([\d.]+):(\d+)", told)
-    url = re.search(r"commander on (\S+)", told)
     assert address
+    return address[1], int(address[2])
+
+
+def _read_url(told: str) -> str:
+    url = re.search(r"commander on (\S+)", told)
     assert url
-    return Served(process, (address[1], int(address[2])), url[1])
+    return url[1]

@@ -2,13 +2,20 @@
 
 import { swatch } from "./beam_panel.js";
 import { byId, element, setText } from "./elements.js";
+import { theme } from "./theme.js";
 
-const MARKS = [
+const RADAR = [
   ["ray", "radar ray, fainter with less power"],
   ["dot", "reads this behind"],
   ["hole", "hole it came through"],
   ["cross", "power spent"],
-  ["square", "laser reading"],
+];
+const LASER = [["square", "laser reading"]];
+const RUN = [
+  ["path", "its way"],
+  ["hit", "hits an obstacle"],
+  ["leave", "leaves it"],
+  ["goal", "goal"],
 ];
 
 const CELLS = {
@@ -21,28 +28,40 @@ const CELLS = {
   ],
 };
 
-/** List the materials of the scene, and the marks of the view. */
+let shown = ""; // what the legend lists
+
+/** List the marks of the view that can be there, and the materials of the scene. */
 export function updateLegend(world, view) {
+  const map = world.maps.get(world.chosen);
+  const marks = marksOf(world, view).map(([mark, text]) => ["mark", mark, text]);
+  const patches = view === "map" ? cellsOf(map) : materialsOf(world);
+  const rows = [...marks, ...patches.map(([colour, text]) => ["patch", colour, text])];
+  const key = JSON.stringify([rows, theme.dark]);
+  if (key === shown) return;
+  shown = key;
+  byId("legend").replaceChildren(...rows.map(([kind, sign, text]) => {
+    const icon = kind === "mark" ? element("i", { className: `mark ${sign}` }) : swatch(sign);
+    return element("li", {}, icon, text);
+  }));
+}
+
+function marksOf(world, view) {
+  const kinds = new Set(world.robot?.scans.map((scan) => scan.kind));
+  const run = world.paths.get(world.chosen)?.goal ? RUN : [];
+  if (view === "map") return [["true", "what is truly there"], ...run];
+  if (view === "space") return [];
+  return [...(kinds.has("radar") ? RADAR : []), ...(kinds.has("laser") ? LASER : []), ...run];
+}
+
+function materialsOf(world) {
   const materials = new Map();
   for (const part of world.scene?.parts ?? []) {
     if (part.outline.length) materials.set(part.material, part.colour);
   }
-  const rows = [...materials].map(([name, colour]) => element("li", {}, swatch(colour), name));
-  const marks = view === "plan" ? MARKS : [];
-  byId("legend").replaceChildren(
-    ...marks.map(([mark, text]) => element("li", {}, element("i", { className: `mark ${mark}` }), text)),
-    ...(view === "map" ? mapRows(world.maps.get(world.chosen)) : rows),
-  );
+  return [...materials].map(([name, colour]) => [colour, name]);
 }
 
-/** List the colours of the cells of a map, if there is one. */
-function mapRows(map) {
-  const cells = map ? CELLS[map.colours] : [];
-  return [
-    ...cells.map(([colour, text]) => element("li", {}, swatch(colour), text)),
-    element("li", {}, element("i", { className: "mark true" }), "what is truly there"),
-  ];
-}
+const cellsOf = (map) => (map ? CELLS[map.colours] : []);
 
 /** Say what the selected robot's sensors see through, or what is missing. */
 export function writeFinding(world, view) {
@@ -60,9 +79,12 @@ function sentence(world) {
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
   const parts = scans.map((one, place) => {
     const { beams, through, returned } = world.countBeams(one);
+    if (!world.hello.watch) return `${one.scanner} reads ${returned} of ${beams} beams`;
     if (!returned) return `${one.kind} reads nothing${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
     const count = `${through || "none"} of ${beams}`;
     return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} beams`;
   });
-  return parts.length ? `${robot.name}: ${parts.join(" · ")}` : `${robot.name} has no scan yet.`;
+  if (!parts.length) return `${robot.name} has no scan yet.`;
+  const rest = world.hello.watch ? "" : "; this server does not tell what they meet";
+  return `${robot.name}: ${parts.join(" · ")}${rest}`;
 }

@@ -19,7 +19,9 @@ import { World } from "./world.js";
 
 const world = new World();
 const link = new Link();
-const viewport = new Viewport(byId("plan"), () => [byId("finding").offsetHeight, byId("legend").offsetHeight]);
+const viewport = new Viewport(byId("plan"), () => [
+  Math.max(byId("finding").offsetHeight, byId("zoom").offsetHeight), byId("legend").offsetHeight,
+]);
 const plan = new Plan(byId("plan"), world, viewport);
 const space = new Space(byId("space"), world);
 const polars = ["radar", "laser"].map((kind) => new Polar(byId(kind), world, kind));
@@ -52,7 +54,6 @@ const takers = {
   scene(message) {
     world.takeScene(message);
     plan.takeScene(message);
-    updateLegend(world, view);
     fit();
     if (view === "space") link.send("triangles");
   },
@@ -63,7 +64,6 @@ const takers = {
   map(message) {
     world.takeMap(message, () => {
       tasks.updateMap();
-      updateLegend(world, view);
       redraw();
     });
   },
@@ -125,8 +125,8 @@ link.addEventListener("state", ({ detail }) => {
     world.reset();
     plan.takeScene(null);
   } else if (detail === "refused") {
-    tellLink("refused", "wrong token");
-    showLost("The token is wrong. Open the address that radarsim printed when it started.");
+    tellLink("refused", link.token ? "wrong token" : "no token");
+    showLost(`${link.token ? "The token is of another commander." : "There is no token."} Open the whole address that radarsim printed when it started.`);
   } else {
     tellLink("lost", "connection lost");
     showLost("No connection to the commander. Trying again…");
@@ -161,6 +161,7 @@ function draw() {
   for (const polar of polars) polar.draw();
   for (const panel of [robots, settings, beam]) panel.update();
   updateMaterials(world);
+  updateLegend(world, view);
   writeFinding(world, view);
   byId("stick").hidden = !(touch.matches && world.robot?.mine);
   byId("plan").setAttribute("aria-label", describePlan(world));
@@ -193,7 +194,6 @@ function select(name) {
   world.choose(name);
   link.send("select", { robot: name });
   tasks.updateMap();
-  updateLegend(world, view);
   redraw();
 }
 
@@ -239,7 +239,6 @@ async function show(name) {
   }
   byId("plan").hidden = name === "space";
   byId("space").hidden = name !== "space";
-  updateLegend(world, view);
   if (name === "space") {
     if (!world.triangles && world.scene) link.send("triangles");
     await space.open();
@@ -319,4 +318,4 @@ robots.addEventListener("pick", () => pick("robot"));
 tasks.addEventListener("pick", () => pick("goal"));
 followStick(byId("stick"), drive);
 followTheme(redraw);
-for (const part of ["stage", "legend", "finding"]) new ResizeObserver(fit).observe(byId(part));
+for (const part of ["stage", "legend", "finding", "zoom"]) new ResizeObserver(fit).observe(byId(part));

@@ -2,7 +2,6 @@
 
 import { byId, element, setOptions, setText } from "./elements.js";
 
-const BEST = "P3AT_Compare"; // has a radar and a laser, side by side
 const PLACE = "at a place"; // a name that no start has: those are single words
 
 export class RobotsPanel extends EventTarget {
@@ -20,10 +19,9 @@ export class RobotsPanel extends EventTarget {
 
   /** Take the classes and starts of a server. */
   takeHello({ classes, starts }) {
-    const chosen = this.form.elements.class.value;
-    setOptions(this.form.elements.class, classes);
-    if (!chosen && classes.includes(BEST)) this.form.elements.class.value = BEST;
-    setOptions(this.form.where, [...starts.map((start) => start.name), PLACE]);
+    setOptions(this.form.elements.class, classes); // the first one does for all there is
+    const first = starts.length ? [{ name: "", label: "first free start" }] : [];
+    setOptions(this.form.where, [...first, ...starts.map((start) => start.name), PLACE]);
     this.showPlace();
   }
 
@@ -45,7 +43,8 @@ export class RobotsPanel extends EventTarget {
     const { where, x, y, yaw } = this.form;
     const { class: robotClass, name } = this.form.elements;
     const turned = (yaw.valueAsNumber * Math.PI) / 180;
-    const place = where.value === PLACE ? { pose: [x.valueAsNumber, y.valueAsNumber, turned] } : { start: where.value };
+    const pose = [x.valueAsNumber, y.valueAsNumber, turned];
+    const place = where.value === PLACE ? { pose } : where.value ? { start: where.value } : {};
     const named = name.value.trim() ? { name: name.value.trim() } : {};
     this.link.send("spawn", { class: robotClass.value, ...named, ...place });
     name.value = "";
@@ -88,11 +87,20 @@ export class RobotsPanel extends EventTarget {
     const { robot } = this.world;
     byId("own").classList.toggle("off", !robot?.mine);
     for (const control of byId("own").querySelectorAll("button, input, select")) {
-      control.disabled = control.form?.id === "mapping" ? !robot : !robot?.mine;
+      control.disabled = !mayUse(control.form?.id, robot);
     }
+    const hindrance = robot?.mine ? robot.hindrance : null;
+    setText(byId("hindrance"), hindrance ? `It cannot go or explore by itself: ${hindrance}.` : "");
     setText(byId("driven"), robot?.name ?? "");
     setText(byId("driving"), robot ? describe(robot) : "Add a robot first.");
   }
+}
+
+/** Whether a control of a form, or of none, does something with a robot. */
+function mayUse(form, robot) {
+  if (form === "mapping") return Boolean(robot);
+  if (form === "goto" || form === "explore") return Boolean(robot?.mine && !robot.hindrance);
+  return Boolean(robot?.mine);
 }
 
 function describe(robot) {

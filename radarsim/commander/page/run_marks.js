@@ -3,15 +3,27 @@
 import { drawLabel } from "./label.js";
 import { theme } from "./theme.js";
 
+const REACH = 13; // px from the middle of a goal to the ends of its cross
+
 /** Draw the paths of all robots, and the goal that was clicked. */
 export function drawRuns(pen, viewport, world) {
   for (const [robot, path] of world.paths) {
     drawPath(pen, viewport, path, robot === world.chosen ? 2.5 : 1.2);
     drawPoints(pen, viewport, path.hits ?? [], "hit", "H");
     drawPoints(pen, viewport, path.leaves ?? [], "leave", "L");
-    if (path.goal) drawGoal(pen, viewport, path.goal);
+    if (path.goal) drawEndedGoal(pen, viewport, path.goal, world.stateOfGoal(robot));
   }
-  if (world.goal) drawGoal(pen, viewport, world.goal);
+  if (world.goal) drawGoal(pen, viewport, world.goal, theme.goal);
+}
+
+/** Draw a goal by how the drive to it goes: a cancelled one is no goal any more. */
+function drawEndedGoal(pen, viewport, goal, state) {
+  if (state === "cancelled") return;
+  drawGoal(pen, viewport, goal, state === "failed" ? theme.hit : theme.goal);
+  if (state === "running") return;
+  const [left, top] = viewport.toScreen(...goal);
+  pen.font = "600 11px system-ui, sans-serif";
+  drawLabel(pen, state === "failed" ? "not reached" : "reached", left + REACH + 3, top - 6);
 }
 
 function drawPath(pen, viewport, path, width) {
@@ -41,17 +53,17 @@ function drawPoints(pen, viewport, points, colour, letter) {
   });
 }
 
-function drawGoal(pen, viewport, [x, y]) {
+function drawGoal(pen, viewport, [x, y], ring) {
   const [left, top] = viewport.toScreen(x, y);
-  for (const [width, colour] of [[6, theme.paper], [2.5, theme.goal]]) {
+  for (const [width, colour] of [[6, theme.paper], [2.5, ring]]) {
     pen.lineWidth = width;
     pen.strokeStyle = colour;
     pen.beginPath();
     pen.arc(left, top, 9, 0, 2 * Math.PI);
-    pen.moveTo(left - 13, top);
-    pen.lineTo(left + 13, top);
-    pen.moveTo(left, top - 13);
-    pen.lineTo(left, top + 13);
+    pen.moveTo(left - REACH, top);
+    pen.lineTo(left + REACH, top);
+    pen.moveTo(left, top - REACH);
+    pen.lineTo(left, top + REACH);
     pen.stroke();
   }
 }

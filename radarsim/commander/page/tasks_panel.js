@@ -1,6 +1,6 @@
 // What a robot is told to do by itself: go to a goal, explore, build a map.
 
-import { byId, element, setOptions } from "./elements.js";
+import { byId, element, setOptions, setText } from "./elements.js";
 
 const WORDS = { running: "running", done: "done", failed: "failed", cancelled: "cancelled" };
 
@@ -36,8 +36,12 @@ export class TasksPanel extends EventTarget {
   go(x, y) {
     this.goto.x.value = x.toFixed(2);
     this.goto.y.value = y.toFixed(2);
-    const { chosen } = this.world;
-    if (!this.world.robot?.mine) return;
+    const { chosen, robot } = this.world;
+    if (!robot?.mine) return;
+    if (robot.hindrance) {
+      setText(byId("error"), `${chosen} cannot go by itself: ${robot.hindrance}`);
+      return;
+    }
     this.world.goal = [x, y];
     this.link.send("goto", { robot: chosen, algorithm: this.goto.algorithm.value, goal: [x, y] });
   }

@@ -12,6 +12,7 @@ export class World {
     this.maps = new Map(); // by robot: the last `map`, with its decoded image
     this.paths = new Map(); // by robot
     this.tasks = new Map(); // by id
+    this.drives = new Map(); // by robot: the state of its newest drive to a goal
     this.chosen = null; // name of the selected robot
     this.wanted = null; // name of a robot to select as soon as it is there
     this.scanner = null; // whose beam is explained
@@ -47,7 +48,7 @@ export class World {
 
   /** Forget what a former connection told. */
   reset() {
-    for (const told of [this.maps, this.paths, this.tasks, this.described]) told.clear();
+    for (const told of [this.maps, this.paths, this.tasks, this.drives, this.described]) told.clear();
     this.hello = this.scene = this.triangles = this.goal = this.held = null;
     this.frame = { t: 0, robots: [] };
     this.framed = false;
@@ -119,8 +120,14 @@ export class World {
   takeTask(task) {
     this.tasks.delete(task.id); // so that the newest is last
     this.tasks.set(task.id, task);
+    if (task.kind === "goto") this.drives.set(task.robot, task.state);
     const ended = [...this.tasks.values()].filter((one) => one.state !== "running");
     for (const old of ended.slice(0, -4)) this.tasks.delete(old.id);
+  }
+
+  /** Return how the newest drive of a robot to a goal goes: the state of its task. */
+  stateOfGoal(robot) {
+    return this.drives.get(robot) ?? "running";
   }
 
   /** Return the extent of the scene, or of robots and readings, [x0, y0, x1, y1] m. */

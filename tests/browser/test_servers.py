@@ -1,0 +1,70 @@
+"""The page with servers that are lost, speak another dialect, or cannot watch."""
+
+from collections.abc import Callable
+
+from commander_page import CommanderPage
+from deaf_to_watch import without_watch
+from served_page import serve, serve_robots, show
+from truth import Truth
+
+OpenPage = Callable[..., CommanderPage]
+
+
+def test_a_lost_server_is_told_and_a_new_one_is_found(open_page: OpenPage) -> None:
+    with (
+        serve_robots("empty_room") as (process, address),
+        show(address, "--map", "empty_room") as served,
+    ):
+        commander = open_page(served)
+        lost = commander.page.locator("#lost")
+        commander.add_robot("L1")
+        assert lost.is_hidden()
+        process.kill()
+        process.wait()
+        commander.until(lost.is_visible, "for the banner")
+        assert "connect" in commander.text("lost")
+        assert "stale" in (commander.page.locator("body").get_attribute("class") or "")
+        with serve_robots("empty_room", port=address[1]):
+            commander.until(lost.is_hidden, "for the new server")
+            commander.add_robot("L2")
+            assert commander.robot("L1") is None
+            commander.page.context.close()
+
+
+def test_a_server_in_the_original_dialect_is_shown_and_driven(
+    open_page: OpenPage,
+) -> None:
+    with serve("foliage_room", "--dialect", "udk") as served:
+        commander = open_page(served)
+        commander.add_robot("U1")
+        truth = Truth(served.address)
+        start = truth.last("U1")
+        assert start.x < -7.9
+        assert "U1:" in commander.text("finding")
+        commander.page.focus("#plan")
+        commander.page.keyboard.down("w")
+        commander.until(lambda: truth.last("U1").x > start.x + 0.2, "for a start")
+        commander.page.keyboard.up("w")
+        truth.close()
+        commander.page.context.close()
+
+
+def test_a_server_that_cannot_watch_shows_the_pages_own_robots(
+    open_page: OpenPage,
+) -> None:
+    with (
+        serve_robots("empty_room") as (_, address),
+        without_watch(address) as other,
+        show(other) as served,
+    ):
+        commander = open_page(served)
+        commander.add_robot("N1", kind="P3AT", echoes=False)
+        assert "does not tell what they meet" in commander.text("finding")
+        assert commander.page.locator("#settings input:visible").count() == 0
+        robot = commander.robot("N1")
+        assert robot is not None
+        commander.page.focus("#plan")
+        commander.page.keyboard.down("w")
+        commander.until(lambda: commander.robot("N1")["x"] > robot["x"] + 0.2)  # type: ignore[index]
+        commander.page.keyboard.up("w")
+        commander.page.context.close()
