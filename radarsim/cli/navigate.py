@@ -91,8 +91,8 @@ def navigate(
         typer.Option(
             metavar="PER_M",
             callback=check_positive,
-            help="Density of the thinnest foliage that the robot may meet: the radar"
-            " sees into it.",
+            help="Density of the thinnest foliage that the robot may meet, for servers"
+            " that send no echoes: the radar sees into it.",
         ),
     ] = None,
     penetration_power: PowerOption = 1.0,
@@ -119,6 +119,12 @@ def navigate(
     pose_from: Annotated[
         PoseSource, typer.Option(help="Sensor from which the pose is read.")
     ] = PoseSource.INS,
+    echoes: Annotated[
+        bool,
+        typer.Option(
+            help="Ask the server for the echoes of each beam, or use ranges alone."
+        ),
+    ] = True,
     speed: Annotated[
         float,
         typer.Option(
@@ -189,6 +195,7 @@ def navigate(
         wall_on_left=side is Side.LEFT,
         give_up=give_up,
         pose_source=pose_from,
+        echoes=echoes,
         speed_limits=SpeedLimits(speed=speed),
         time_limit=time_limit,
         timeout=timeout,

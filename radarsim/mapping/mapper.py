@@ -7,7 +7,7 @@ of a radar alone does not tell foliage from a wall.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -20,6 +20,7 @@ from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
 from radarsim.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
+from radarsim.navigation.echo_ranges import EchoCollector
 from radarsim.navigation.observation import Observation, ScanClock, from_centre
 from radarsim.protocol.reports import (
     EchoLine,
@@ -28,7 +29,6 @@ from radarsim.protocol.reports import (
     Odometry,
     RangeScan,
     Report,
-    TargetEchoes,
 )
 
 MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
@@ -36,36 +36,6 @@ MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
 TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
 
 _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odometry"}
-
-
-class EchoCollector:
-    """Collects the echo lines of one scan, which arrive before it."""
-
-    def __init__(self) -> None:
-        self._time = math.nan
-        self._lines: dict[int, TargetEchoes] = {}
-        self._line_count = -1
-
-    def take(self, line: EchoLine) -> None:
-        """Add a line; a line of another time starts anew."""
-        if not _is_same_time(line.time, self._time):
-            self._time, self._lines = line.time, {}
-        self._line_count = line.lines
-        if line.echoes is not None and 0 < line.line <= line.lines:
-            self._lines[line.line] = line.echoes
-
-    def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return all echoes of a scan; None if any line is missing."""
-        is_complete = len(self._lines) == self._line_count
-        if not is_complete or not _is_same_time(scan.time, self._time):
-            return None
-        echoes, self._lines, self._line_count = list(self._lines.values()), {}, -1
-        return echoes
-
-
-def _is_same_time(one: float, other: float) -> bool:
-    """Compare time stamps; some servers send none, which are nan."""
-    return one == other or (math.isnan(one) and math.isnan(other))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

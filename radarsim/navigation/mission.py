@@ -37,6 +37,8 @@ class Mission:
         wall_on_left: Whether boundaries are followed on the robot's left.
         give_up: When Bug2 concludes that there is no path.
         pose_source: The sensor that poses are taken from.
+        echoes: Whether to ask the server for echoes: what blocks robots then counts
+            where a beam first meets it, even if the beam goes through.
         speed_limits: Greatest speeds.
         tolerance: Distance from a goal at which it is reached, m.
         time_limit: Longest run, s of server time.
@@ -58,6 +60,7 @@ class Mission:
     wall_on_left: bool = True
     give_up: GiveUp = GiveUp.HIT_POINT
     pose_source: PoseSource = PoseSource.INS
+    echoes: bool = True
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
     tolerance: float = TOLERANCE
     time_limit: float = math.inf
@@ -109,6 +112,7 @@ def run_mission(
         scanner,
         pose_source=mission.pose_source,
         timeout=mission.timeout,
+        echoes=mission.echoes,
     )
     bug = Bug(mission.goals, settings)
     return navigator.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)

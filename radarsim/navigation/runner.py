@@ -21,9 +21,15 @@ from radarsim.navigation.control import (
     check_beams,
     moved,
 )
+from radarsim.navigation.echo_ranges import (
+    ECHO_WAIT,
+    EchoCollector,
+    blocked_ranges,
+)
 from radarsim.navigation.observation import Observation, ScanClock, from_centre
 from radarsim.navigation.options import PoseSource
 from radarsim.protocol.reports import (
+    EchoLine,
     GroundTruth,
     Ins,
     Odometry,
@@ -127,7 +133,12 @@ class ObservationBuilder:
     """
 
     def __init__(
-        self, scanner: ScannerInfo, pose_source: PoseSource, clock: Callable[[], float]
+        self,
+        scanner: ScannerInfo,
+        pose_source: PoseSource,
+        clock: Callable[[], float],
+        *,
+        echo_wait: float = 0.0,
     ) -> None:
         """Create a builder.
 
@@ -135,6 +146,8 @@ class ObservationBuilder:
             scanner: The scanner to use.
             pose_source: The sensor that poses are taken from.
             clock: Returns the time in s; used where time stamps do not advance.
+            echo_wait: How long scans without echoes are left out, since their echoes
+                may still come, s; 0 if the server was not asked for echoes.
         """
         self._scanner = scanner
         self._pose_report = POSE_REPORTS[pose_source]
@@ -142,6 +155,9 @@ class ObservationBuilder:
         self._pose: Pose2 | None = None
         self._start: Pose2 | None = None
         self._others: set[PoseSource] = set()  # other sources that sent poses
+        self._echoes = EchoCollector()
+        self._echo_wait = echo_wait
+        self._echoes_due = math.nan  # until when scans wait for their echoes, s
         self.missing = f"pose from {pose_source.value}"
 
     @property
@@ -158,6 +174,10 @@ class ObservationBuilder:
         Raises:
             ClientError: If a scan has so few beams that some bumper may see nothing.
         """
+        if isinstance(report, EchoLine):
+            if same_name(report.name, self._scanner.name):
+                self._echoes.take(report)
+            return None
         if isinstance(report, RangeScan):
             if self._pose is None or not same_name(report.name, self._scanner.name):
                 return None
@@ -179,13 +199,21 @@ class ObservationBuilder:
             self._pose = pose
             self.missing = f"scan of {self._scanner.name!r}"
 
-    def _observation(self, report: RangeScan, pose: Pose2) -> Observation:
+    def _observation(self, report: RangeScan, pose: Pose2) -> Observation | None:
         scanner = self._scanner
         check_beams(len(report.ranges), scanner)
-        bearings, ranges = from_centre(
-            report.ranges, beam_angles(report), scanner.mount, scanner.max_range
-        )
         time = self._scan_clock.time_of(report.time)
+        echoes = self._echoes.of(report)
+        if echoes is not None or math.isnan(self._echoes_due):
+            self._echoes_due = time + self._echo_wait
+        if echoes is None and time < self._echoes_due:
+            return None
+        known = report.ranges
+        if echoes is not None:
+            known = blocked_ranges(known, echoes)
+        bearings, ranges = from_centre(
+            known, beam_angles(report), scanner.mount, scanner.max_range
+        )
         return Observation(time, pose, bearings, ranges)
 
 
@@ -200,6 +228,7 @@ class Navigator:
         *,
         pose_source: PoseSource = PoseSource.INS,
         timeout: float = 2.0,
+        echoes: bool = True,
     ) -> None:
         """Create a navigator.
 
@@ -209,9 +238,17 @@ class Navigator:
             scanner: The scanner to steer by.
             pose_source: The sensor that poses are taken from.
             timeout: Time without a scan after which the run is given up, s.
+            echoes: Whether to ask the server for echoes, and to use them.
         """
         self._client = client
-        source = ObservationBuilder(scanner, pose_source, client.transport.time)
+        if echoes:
+            client.echoes(scanner.name)
+        source = ObservationBuilder(
+            scanner,
+            pose_source,
+            client.transport.time,
+            echo_wait=ECHO_WAIT if echoes else 0.0,
+        )
         self._loop = ControlLoop(client, robot_info, source, timeout=timeout)
 
     def run(
