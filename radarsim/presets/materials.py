@@ -41,8 +41,12 @@ Key: TypeAlias = Literal[
     "rain_alpha",
     "laser_rain_k",
     "laser_rain_alpha",
+    "backscatter_db",
+    "albedo",
 ]
 Losses: TypeAlias = tuple[float, float, float]
+BACKSCATTER_DB: Final = -10.0  # dB, of a rough surface of which nothing is known
+ALBEDO: Final = 0.2  # of foliage
 
 
 class LibraryEntry(BaseModel):
@@ -53,7 +57,9 @@ class LibraryEntry(BaseModel):
         numbers: Values by name; a map may set the same names. ``density`` is a word or
             0; ``db_per_m`` is the loss per metre in each of ``BANDS_GHZ``, dB;
             ``db_per_g`` the loss per metre for one gramme in a cubic metre, dB;
-            ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km.
+            ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km;
+            ``backscatter_db`` what a surface returns to a radar head-on, dB, and
+            ``albedo`` the share of a loss that is scattered.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -82,6 +88,8 @@ class MaterialProperties:
         radar_mirror: Whether it reflects radar waves like a mirror.
         laser_mirror: Whether it reflects light like a mirror.
         rain: Rate of the rain in it, mm/h.
+        backscatter_db: What its surface returns to a radar head-on, dB.
+        albedo: Share of what it takes from a radar wave that it scatters.
     """
 
     density: float
@@ -94,6 +102,8 @@ class MaterialProperties:
     radar_mirror: bool
     laser_mirror: bool
     rain: float
+    backscatter_db: float
+    albedo: float
 
 
 def library_names() -> tuple[str, ...]:
@@ -157,6 +167,8 @@ def library_material(
         radar_mirror=mirror in ("radar", "both"),
         laser_mirror=mirror in ("laser", "both"),
         rain=float(values.get("mm_per_h", 0.0)),
+        backscatter_db=float(values.get("backscatter_db", BACKSCATTER_DB)),
+        albedo=float(values.get("albedo", ALBEDO)),
     )
 
 

@@ -13,6 +13,7 @@ from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.raycast.traced_scene import MaterialTable
 from radarsim.scene.material import Material
+from radarsim.scene.reflectors import REFLECTOR
 from radarsim.scene.scene import Part, bounds_of
 
 # Sheets that a ray crosses in a metre of leaves: an estimate, which only decides how
@@ -26,6 +27,8 @@ def attenuation_of(material: Material, ray_class: RayClass) -> float:
         return math.inf if _reflects_sound(material) else 0.0
     per_db = ray_class.power_per_db
     if ray_class.medium == RADAR:
+        if ray_class.in_decibels and material.attenuation_db is not None:
+            return per_db * material.attenuation_db[ray_class.band]
         return material.density + per_db * material.radar_db[ray_class.band]
     return material.laser_density + per_db * material.laser_db
 
@@ -104,6 +107,7 @@ def material_table(
     density = _tabulate(parts, ray_classes, attenuation_of, np.float64)
     penetrable = np.isfinite(density)
     sheet_loss = _tabulate(parts, ray_classes, _sheet_loss_of, np.float64)
+    passed = _tabulate(parts, ray_classes, _is_passed, bool)
     equivalent = np.where(np.isnan(sheet_loss), density, SHEETS_PER_METRE * sheet_loss)
     return MaterialTable(
         density,
@@ -113,7 +117,9 @@ def material_table(
         air=np.array([attenuation_of(air, c) if air else 0.0 for c in ray_classes]),
         max_reflections=np.array([c.max_reflections for c in ray_classes], np.int64),
         max_density=np.where(penetrable, equivalent, 0.0).max(axis=1, initial=0.0),
-        forward_roles=np.where(penetrable, COLLECT, OPAQUE).astype(np.uint8),
+        forward_roles=np.where(
+            passed, IGNORE, np.where(penetrable, COLLECT, OPAQUE)
+        ).astype(np.uint8),
         backward_roles=np.where(penetrable & ~sheet, COLLECT, IGNORE).astype(np.uint8),
         **volumes._asdict(),
     )
@@ -123,7 +129,16 @@ def _sheet_loss_of(material: Material, ray_class: RayClass) -> float:
     """Return the loss per crossed sheet; only radar waves lose power there."""
     if material.sheet_loss is None:
         return math.nan
-    return material.sheet_loss if ray_class.medium == RADAR else 0.0
+    if ray_class.medium != RADAR:
+        return 0.0
+    if ray_class.in_decibels and material.sheet_attenuation_db is not None:
+        return ray_class.power_per_db * material.sheet_attenuation_db[ray_class.band]
+    return material.sheet_loss
+
+
+def _is_passed(material: Material, ray_class: RayClass) -> bool:
+    """Return whether a ray passes a material as if it were not there."""
+    return ray_class.in_decibels and material == REFLECTOR
 
 
 def _is_mirror(material: Material, ray_class: RayClass) -> float:
@@ -134,7 +149,7 @@ def _is_mirror(material: Material, ray_class: RayClass) -> float:
 def _tabulate(
     parts: Sequence[Part],
     ray_classes: Sequence[RayClass],
-    value: Callable[[Material, RayClass], float],
+    value: Callable[[Material, RayClass], float | bool],
     dtype: Any,
 ) -> NDArray[Any]:
     """Return a value for each class of rays and each part, (C, P)."""

@@ -30,6 +30,8 @@ class RayClass(NamedTuple):
             other surface.
         is_absorbed: Whether opaque surfaces that are no mirrors absorb power; not for a
             radar that measures how much of it they scatter.
+        in_decibels: Whether the attenuation in decibels that materials have beside
+            their units applies, and the hulls of point reflectors are no obstacle.
     """
 
     medium: int
@@ -37,6 +39,7 @@ class RayClass(NamedTuple):
     power_per_db: float = 1.0
     max_reflections: int = 0
     is_absorbed: bool = True
+    in_decibels: bool = False
 
 
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))

@@ -29,8 +29,9 @@ from radarsim.scene.mesh_files import (
     MeshError,
     find_inside,
 )
+from radarsim.scene.reflectors import POINT_EDGE, REFLECTOR, Reflector
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import Mesh, box, cylinder, sphere
+from radarsim.scene.shapes import Mesh, box, cylinder, octahedron, sphere
 from radarsim.suggestions import MAX_NAMES, expected_one_of
 from radarsim.validation import short_repr
 
@@ -56,7 +57,8 @@ def make_material(name: str, entry: MaterialEntry) -> Material:
 
     If an entry has any key of radar attenuation, these keys replace all radar
     attenuation of the base; the same holds for light. A material that beams enter has
-    no mirror, and its surface absorbs nothing.
+    no mirror, and its surface absorbs nothing. To a radar that counts in decibels, those
+    of the base remain, unless the entry has its own.
     """
     base = Material(name)
     if entry.based_on is not None:
@@ -66,8 +68,22 @@ def make_material(name: str, entry: MaterialEntry) -> Material:
         **_radar_properties(entry),
         **_light_properties(entry),
         **_surface_properties(entry),
+        **_scattering_properties(entry, base),
     }
     return replace(base, **changes)
+
+
+def _scattering_properties(entry: MaterialEntry, base: Material) -> dict[str, Any]:
+    """Return what matters only to a radar that counts in decibels."""
+    properties: dict[str, Any] = {}
+    has_units = entry.density is not None and math.isfinite(entry.density)
+    if has_units and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
+        properties["attenuation_db"] = base.radar_db
+    if entry.absorption_db is not None:
+        properties["backscatter_db"] = base.backscatter_db - entry.absorption_db
+    names = ("attenuation_db", "sheet_attenuation_db", "backscatter_db", "albedo")
+    given = {name: getattr(entry, name) for name in names}
+    return properties | {k: value for k, value in given.items() if value is not None}
 
 
 def _radar_properties(entry: MaterialEntry) -> dict[str, Any]:
@@ -186,6 +202,8 @@ class PartBuilder:
         self, entry: ObjectEntry, materials: Mapping[str, Material]
     ) -> list[_Piece]:
         """Return the object's meshes in its own frame, m, not rotated."""
+        if entry.reflector is not None:
+            return [(REFLECTOR, octahedron(entry.reflector.trihedral or POINT_EDGE))]
         if entry.mesh is None:
             return [(materials[entry.material or ""], _build_primitive(entry))]
         given = tuple((entry.materials or {}).items())
@@ -213,6 +231,23 @@ class PartBuilder:
         if isinstance(found, MeshError):
             raise BuildError([(("mesh",), str(found))]) from found
         return found
+
+
+def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
+    """Create the point reflectors of an object and its copies, if it is one.
+
+    Raises:
+        BuildError: If the copies do not fit into their area.
+    """
+    if entry.reflector is None:
+        return []
+    trihedral, rcs_dbsm = entry.reflector.trihedral, entry.reflector.rcs_dbsm
+    reflectors = []
+    for copy in place_copies(entry):
+        x, y, z = copy.position.tolist()
+        edge = None if trihedral is None else copy.scale * trihedral
+        reflectors.append(Reflector(copy.name, (x, y, z), edge, rcs_dbsm))
+    return reflectors
 
 
 def _join_groups(

@@ -18,12 +18,15 @@ from radarsim.yaml_reader import KeyPath
 
 Problem: TypeAlias = tuple[KeyPath, str]  # keys inside of the entry, and the message
 
-_SHAPES = {"box", "cylinder", "mesh", "sphere"}
+_SHAPES = {"box", "cylinder", "mesh", "reflector", "sphere"}
+_NOT_OF_REFLECTORS = {"material", "materials", "rotation_deg", "yaw_deg"}
 _MESH_KEYS = {"materials", "scale", "up_axis"}
 _EXCLUDED_BY_OPAQUE = (
     ("density", "sheet_loss"),
     ("density", "db_per_m"),
     ("laser_density", "laser_db_per_m"),
+    ("density", "attenuation_db"),
+    ("density", "sheet_attenuation_db"),
 )
 _EXCLUSIVE = (
     ("material", "materials"),
@@ -45,6 +48,9 @@ def material_problems(item: Any) -> Iterator[Problem]:
             yield (key,), f"{short_repr(item[key])} with 'opaque', {message}"
     if {"sheet_loss", "db_per_m"} <= given:
         yield ("db_per_m",), "expected either 'sheet_loss' or 'db_per_m'"
+    if {"sheet_attenuation_db", "attenuation_db"} <= given:
+        text = "expected either 'attenuation_db' or 'sheet_attenuation_db'"
+        yield ("attenuation_db",), text
     for key in sorted(given & set(AMOUNTS)):
         base = item.get("based_on")
         known = isinstance(base, str) and base in library_names()
@@ -54,7 +60,17 @@ def material_problems(item: Any) -> Iterator[Problem]:
 
 
 def surface_problems(entry: MaterialEntry, material: Material) -> Iterator[Problem]:
-    """Check a valid material: only opaque surfaces absorb or mirror."""
+    """Check a valid material: only opaque surfaces absorb or mirror.
+
+    The attenuation by a sheet belongs to a sheet, that inside to what has an inside.
+    """
+    is_sheet = material.sheet_loss is not None
+    for key, fits, of in (
+        ("attenuation_db", not is_sheet, "has an inside"),
+        ("sheet_attenuation_db", is_sheet, "has a 'sheet_loss'"),
+    ):
+        if getattr(entry, key) and not (fits and math.isfinite(material.density)):
+            yield (key,), f"expected only of what a radar enters and {of}"
     for wave, key, density in (
         ("radar", "absorption_db", material.density),
         ("laser", "laser_absorption_db", material.laser_density),
@@ -88,7 +104,10 @@ def object_problems(item: Any) -> Iterator[Problem]:
         return
     given = {key for key, value in item.items() if value is not None}
     yield from _shape_problems(given)
-    if not given & {"material", "materials"}:
+    if "reflector" in given:
+        for key in sorted(given & _NOT_OF_REFLECTORS):
+            yield (key,), "expected none of a reflector"
+    elif not given & {"material", "materials"}:
         yield (), "no material, expected 'material' or, for a mesh, 'materials'"
     for first, second in _EXCLUSIVE:
         if {first, second} <= given:

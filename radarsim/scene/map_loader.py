@@ -7,6 +7,7 @@ over those of the map; what it does not change is built once.
 
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from itertools import islice
 from typing import Any, Final, TypeAlias, TypeVar
 
@@ -19,6 +20,7 @@ from radarsim.scene.build import (
     Room,
     from_library,
     make_material,
+    make_reflectors,
 )
 from radarsim.scene.copies import BuildError, copy_names
 from radarsim.scene.map_checks import (
@@ -49,6 +51,7 @@ from radarsim.scene.map_schema import (
 )
 from radarsim.scene.material import Material
 from radarsim.scene.problem_list import ProblemList
+from radarsim.scene.reflectors import REFLECTOR, Reflector
 from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
 from radarsim.suggestions import expected_one_of
 from radarsim.validation import short_repr
@@ -117,10 +120,15 @@ class MapLoader:
         trial = self._trial(data)
         # What is too much is told before anything is built of the rest.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
+        reflectors = () if self._is_too_much else tuple(self._reflectors(entries))
+        if reflectors:
+            materials.setdefault(REFLECTOR.name, REFLECTOR)
         level = header.level if header else stem
         name = stem if variant is None else f"{stem}@{variant}"
         origin = header.gps_origin_deg if header else GPS_ORIGIN
-        scene = Scene(name, level, parts, starts, materials, air, trial, origin)
+        scene = Scene(
+            *(name, level, parts, starts, materials, air, trial, origin, reflectors)
+        )
         self._report(("objects",), extent_problems(scene.bounds))
         return scene
 
@@ -227,6 +235,14 @@ class MapLoader:
                 yield from self._build(at, entry, used, room)
             except BuildError as error:
                 self._report(at, error.problems)
+
+    def _reflectors(
+        self, entries: Iterable[tuple[KeyPath, ObjectEntry]]
+    ) -> Iterator[Reflector]:
+        """Create the point reflectors; problems with their copies were reported."""
+        for _, entry in entries:
+            with suppress(BuildError):
+                yield from make_reflectors(entry)
 
     def _build(
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Room

@@ -19,6 +19,7 @@ from pydantic import (
     Strict,
     ValidationInfo,
     field_validator,
+    model_validator,
 )
 
 from radarsim.presets.materials import library_names
@@ -42,6 +43,7 @@ MAX_NAME = 200  # characters in the name of an object or a level
 MAX_START_NAME = 40  # characters, so that the one line that lists starts holds many
 MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
 MAX_AMOUNT = 1000.0  # mm/h, g/m^3
+MAX_LEVEL = 200.0  # dB, of what returns to a radar
 
 START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
@@ -167,6 +169,7 @@ MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
 VariantName: TypeAlias = Annotated[Text, AfterValidator(_variant)]
 Density: TypeAlias = Annotated[float, PlainValidator(_density)]
 Decibels: TypeAlias = Annotated[Real, Ge(0), Le(MAX_DB)]
+Level: TypeAlias = Annotated[Real, Ge(-MAX_LEVEL), Le(MAX_LEVEL)]
 BandDecibels: TypeAlias = Annotated[Bands, PlainValidator(_bands)]
 Absorption: TypeAlias = Annotated[float, PlainValidator(_absorption)]
 Amount: TypeAlias = Annotated[Real, Ge(0), Le(MAX_AMOUNT)]
@@ -228,6 +231,12 @@ class MaterialEntry(Entry):
         mirror: The beams to which an opaque surface is a mirror.
         g_per_m3: Mass concentration of the library material's particles, g/m³.
         mm_per_h: Rain rate of the library material, mm/h.
+        attenuation_db: What a radar that counts in decibels loses inside, one way,
+            dB/m, in each band, instead of ``density`` and ``db_per_m``.
+        sheet_attenuation_db: The same at each surface, dB, instead of ``sheet_loss``.
+        backscatter_db: What an opaque surface that is met head-on returns to a radar,
+            dB, without what it absorbs.
+        albedo: Share of what it takes from a radar wave that it scatters.
     """
 
     based_on: LibraryName | None = None
@@ -242,6 +251,28 @@ class MaterialEntry(Entry):
     mirror: Literal["radar", "laser", "both", "none"] | None = None
     g_per_m3: Amount | None = None
     mm_per_h: Amount | None = None
+    attenuation_db: BandDecibels | None = None
+    sheet_attenuation_db: BandDecibels | None = None
+    backscatter_db: Level | None = None
+    albedo: Annotated[Real, Ge(0), Le(1)] | None = None
+
+
+class ReflectorEntry(Entry):
+    """A point reflector.
+
+    Attributes:
+        trihedral: Length of the legs of a trihedral's plates, m.
+        rcs_dbsm: Radar cross section, dBsm.
+    """
+
+    trihedral: Size | None = None
+    rcs_dbsm: Level | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "ReflectorEntry":
+        if (self.trihedral is None) == (self.rcs_dbsm is None):
+            raise ValueError("expected either 'trihedral' or 'rcs_dbsm'")
+        return self
 
 
 class RepeatEntry(Entry):
@@ -286,6 +317,7 @@ class ObjectEntry(Entry):
         sphere: Radius, m.
         cylinder: Radius and height, m.
         mesh: Path of a mesh file in the map's folder.
+        reflector: What a point reflector returns; it has neither material nor rotation.
         up_axis: Axis of the mesh file that points up.
         scale: Length of the mesh file's unit, m.
         material: Material of the whole object.
@@ -298,6 +330,7 @@ class ObjectEntry(Entry):
     sphere: Size | None = None
     cylinder: Annotated[list[Size], Len(2, 2)] | None = None
     mesh: MeshFile | None = None
+    reflector: ReflectorEntry | None = None
     up_axis: Literal["y", "z"] = "z"
     scale: Size = 1.0
     material: MaterialName | None = None

@@ -31,6 +31,17 @@ class Material:
         radar_mirror: Whether an opaque surface is a mirror to radar waves.
         laser_mirror: Whether an opaque surface is a mirror to light.
         rain: Rain rate inside, mm/h; a radar sees the drops.
+        attenuation_db: (3,) one-way attenuation of radar waves inside, dB/m, in each of
+            ``BANDS_GHZ``, instead of ``density`` and ``radar_db``, for a radar that
+            counts in decibels; None where these two hold for it too.
+        sheet_attenuation_db: (3,) one-way attenuation by each surface crossed, dB,
+            instead of ``sheet_loss``, likewise.
+        backscatter_db: What a radar receives from an opaque surface that it meets
+            head-on: its radar cross section per area seen, gamma 0, dB. What the
+            surface absorbs is missing from it.
+        albedo: The share of what a volume or a sheet takes from a radar wave that it
+            scatters to all sides; the rest turns into heat. The drops of ``rain`` come
+            on top.
     """
 
     name: str
@@ -45,6 +56,10 @@ class Material:
     radar_mirror: bool = False
     laser_mirror: bool = False
     rain: float = 0.0
+    attenuation_db: tuple[float, float, float] | None = None
+    sheet_attenuation_db: tuple[float, float, float] | None = None
+    backscatter_db: float = -10.0
+    albedo: float = 0.2
 
     def __repr__(self) -> str:
         """Return the call that makes it, without what is by default."""

@@ -16,6 +16,8 @@ from radarsim.scene.shapes import Faces
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from radarsim.scene.reflectors import Reflector
+
 # Degrees; that of the original server: 39° 8.0273' N, 77° 12.998' W.
 GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
 
@@ -121,6 +123,8 @@ class Scene:
             or rain; None for clear air, which attenuates nothing.
         trial: The navigation task of the map, if it has one.
         gps_origin: Latitude and longitude of the map frame's origin, degrees.
+        reflectors: The point reflectors, in the order of the map file; their hulls are
+            among the parts.
     """
 
     name: str
@@ -131,6 +135,7 @@ class Scene:
     air: Material | None = None
     trial: Trial | None = None
     gps_origin: tuple[float, float] = GPS_ORIGIN
+    reflectors: tuple["Reflector", ...] = ()
 
     def __repr__(self) -> str:
         objects = len({part.object_name for part in self.parts})

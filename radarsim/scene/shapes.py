@@ -66,6 +66,18 @@ def cylinder(radius: float, height: float) -> Mesh:
     return vertices, faces.astype(np.int32)
 
 
+def octahedron(radius: float) -> Mesh:
+    """Create an octahedron with its corners on the axes, at this distance, m."""
+    vertices = radius * np.vstack([np.eye(3), -np.eye(3)])
+    faces = [
+        (x, y, z) if (x < 3) ^ (y < 3) ^ (z < 3) else (x, z, y)
+        for x in (0, 3)
+        for y in (1, 4)
+        for z in (2, 5)
+    ]
+    return vertices, np.array(faces, dtype=np.int32)
+
+
 def concatenate(meshes: Sequence[Mesh]) -> Mesh:
     """Join one or more meshes into one; no vertices are shared."""
     if len(meshes) == 1:

@@ -129,4 +129,19 @@ def test_all_properties_of_a_material() -> None:
         radar_mirror=False,
         laser_mirror=False,
         rain=0,
+        backscatter_db=-10,
+        albedo=0.2,
     )
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_deep_canopy_returns_what_is_known_of_plants(name: str) -> None:
+    # gamma of a half-space is half the albedo: trees -8 to -10 dB, grass -12 to -15
+    gamma = 10 * math.log10(library_material(name).albedo / 2)
+    low, high = (-15, -12) if name == "tall_grass" else (-10.001, -8)
+    assert low <= gamma <= high
+
+
+def test_clouds_scatter_nothing_but_rain_by_its_drops() -> None:
+    for name in WEATHER:
+        assert library_material(name).albedo == 0

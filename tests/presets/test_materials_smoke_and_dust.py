@@ -42,6 +42,35 @@ def test_loss_of_light_in_smoke_is_inversely_proportional_to_wavelength() -> Non
     )
 
 
+# dB/m of one gramme in a cubic metre at 24, 77 and 94 GHz: soot by Mie's theory; dust
+# as above; fog by ITU-R P.840 at 10 degrees C. One way.
+@pytest.mark.parametrize(
+    ("name", "wanted", "light"),
+    [
+        ("smoke", (4.0e-4, 1.2e-3, 1.5e-3), 23.0),
+        ("dust", (4.4e-5, 1.41e-4, 1.72e-4), 0.33),
+        ("fog", (3.853e-4, 3.147e-3, 4.238e-3), 1.1),
+    ],
+)
+def test_loss_of_radar_waves_and_of_light_has_its_value(
+    name: str, wanted: tuple[float, float, float], light: float
+) -> None:
+    material = library_material(name, g_per_m3=1)
+    assert material.radar_db == pytest.approx(wanted, rel=1e-3)
+    assert material.laser_db == pytest.approx(light, rel=1e-3)
+
+
+def test_soot_absorbs_radar_waves_in_proportion_to_their_frequency() -> None:
+    # Rayleigh's law for grains of 1.8 g/cm^3: what is left is Im((e - 1) / (e + 2)),
+    # which has hardly another value at one band than at another
+    bands = zip(BANDS, library_material("smoke", g_per_m3=1).radar_db, strict=True)
+    left = [
+        db * (0.299792458 / f_ghz) * 1.8e6 / (6 * math.pi * 10 / math.log(10))
+        for f_ghz, db in bands
+    ]
+    assert left == pytest.approx([0.106] * 3, rel=0.05)
+
+
 @pytest.mark.parametrize("name", ["smoke", "dust", "fog"])
 def test_light_loses_over_100_times_as_much_as_radar(name: str) -> None:
     material = library_material(name)

@@ -64,7 +64,11 @@ def problems(text: str) -> list[str]:
         ),
         pytest.param(
             "{density: opaque, absorption_db: 12, laser_absorption_db: all}",
-            {"absorption_db": 12.0, "laser_absorption_db": math.inf},
+            {
+                "absorption_db": 12.0,
+                "backscatter_db": -22.0,
+                "laser_absorption_db": math.inf,
+            },
             id="absorbing",
         ),
         pytest.param(
@@ -81,6 +85,40 @@ def problems(text: str) -> list[str]:
             id="both",
         ),
         pytest.param("{density: opaque, mirror: none}", {}, id="none"),
+        pytest.param(
+            "{density: 0.7, attenuation_db: {24: 2, 77: 3, 94: 4}, albedo: 0.3}",
+            {"density": 0.7, "attenuation_db": (2.0, 3.0, 4.0), "albedo": 0.3},
+            id="dB beside a density",
+        ),
+        pytest.param(
+            "{sheet_loss: 0.4, sheet_attenuation_db: 0.2}",
+            {
+                "density": 0.0,
+                "sheet_loss": 0.4,
+                "sheet_attenuation_db": (0.2, 0.2, 0.2),
+            },
+            id="dB beside a sheet loss",
+        ),
+        pytest.param(
+            "{density: opaque, backscatter_db: -25}",
+            {"backscatter_db": -25.0},
+            id="soil",
+        ),
+        pytest.param(
+            "{density: opaque, absorption_db: 30}",
+            {"absorption_db": 30.0, "backscatter_db": -40.0},
+            id="an absorber returns less",
+        ),
+        pytest.param(
+            "{density: opaque, absorption_db: all}",
+            {"absorption_db": math.inf, "backscatter_db": -math.inf},
+            id="an absorber of all returns nothing",
+        ),
+        pytest.param(
+            "{density: opaque, absorption_db: all, backscatter_db: -25}",
+            {"absorption_db": math.inf, "backscatter_db": -25.0},
+            id="absorbs for one radar, and returns to another",
+        ),
     ],
 )
 def test_entry_becomes_a_material(entry: str, attributes: dict[str, Any]) -> None:
@@ -103,8 +141,12 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
         pytest.param(
             "{based_on: foliage, density: 0.7}",
             "foliage",
-            {"density": 0.7, "radar_db": (0.0, 0.0, 0.0)},
-            id="a density instead of dB",
+            {
+                "density": 0.7,
+                "radar_db": (0.0, 0.0, 0.0),
+                "attenuation_db": (2.37, 3.31, 3.5),
+            },
+            id="a density beside dB",
         ),
         pytest.param(
             "{based_on: foliage, db_per_m: 1, solid: false}",
@@ -268,6 +310,36 @@ def test_amounts_are_those_of_the_entry() -> None:
             "mirror",
             "'yes', expected 'radar', 'laser', 'both' or 'none'",
             id="another mirror",
+        ),
+        pytest.param(
+            "{density: opaque, attenuation_db: 3}",
+            "attenuation_db",
+            "3 with 'opaque', expected a density that is a number, or none",
+            id="decibels inside of what is opaque",
+        ),
+        pytest.param(
+            "{based_on: concrete, attenuation_db: 3}",
+            "attenuation_db",
+            "expected only of what a radar enters and has an inside",
+            id="decibels inside of concrete",
+        ),
+        pytest.param(
+            "{density: 1, sheet_attenuation_db: 3}",
+            "sheet_attenuation_db",
+            "expected only of what a radar enters and has a 'sheet_loss'",
+            id="decibels of a sheet for a volume",
+        ),
+        pytest.param(
+            "{sheet_loss: 1, attenuation_db: 1, sheet_attenuation_db: 3}",
+            "attenuation_db",
+            "expected either 'attenuation_db' or 'sheet_attenuation_db'",
+            id="decibels of both",
+        ),
+        pytest.param(
+            "{density: 1, albedo: 1.5}",
+            "albedo",
+            "1.5, expected at most 1",
+            id="scatters more than it takes",
         ),
         pytest.param(
             "{based_on: leaf}",

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
 from radarsim.scene.face_passes import connect_faces
-from radarsim.scene.shapes import Faces, box, cylinder, sphere
+from radarsim.scene.shapes import Faces, box, cylinder, octahedron, sphere
 from radarsim.scene.topology import is_closed
 
 Mesh = tuple[Floats, Faces]
@@ -35,6 +35,7 @@ SHAPES = [
     pytest.param(lambda: box(1.0, 2.0, 3.0), 8, 12, id="box"),
     pytest.param(lambda: sphere(1.5), 642, 1280, id="sphere"),
     pytest.param(lambda: cylinder(0.1, 2.0), 130, 256, id="cylinder"),
+    pytest.param(lambda: octahedron(0.1), 6, 8, id="octahedron"),
 ]
 
 
