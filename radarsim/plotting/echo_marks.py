@@ -81,7 +81,8 @@ def _style(shape: EchoMarker, material: Material) -> dict[str, Any]:
 
 def _areas(echoes: Echoes) -> Floats:
     """Return the areas of markers, (E,) square points, larger for stronger echoes."""
-    shares = MIN_AREA + (1 - MIN_AREA) * np.clip(echoes.strength, 0.0, 1.0)
+    levels = 1 + echoes.decibels / echoes.settings.margin_db
+    shares = MIN_AREA + (1 - MIN_AREA) * np.clip(levels, 0.0, 1.0)
     full = np.array(
         [ECHO_MARKERS[EventKind(kind)].area for kind in echoes.kinds.tolist()]
     )

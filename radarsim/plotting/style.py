@@ -166,7 +166,7 @@ def scan_points(scan: Scan) -> Floats:
 
 
 def echo_points(scan: Scan, echoes: Echoes) -> Floats:
-    """Return the places of echoes along their rays, (E, 2) m, map frame.
+    """Return where echoes begin along their rays, (E, 2) m, map frame.
 
     Where all rays of a cone answer together, the ray of an echo is unknown; the echo is
     placed along its beam.
@@ -176,14 +176,14 @@ def echo_points(scan: Scan, echoes: Echoes) -> Floats:
     if one_ray:
         starts, directions = scan.cast.origins[beams], scan.cast.directions[beams]
     elif settings.side_mode == "cone":
-        return _along_beams(scan, scan.angles[beams], echoes.ranges)
+        return _along_beams(scan, scan.angles[beams], echoes.fronts)
     else:
         scanner = RangeScanner(scan.sensor, settings)
         three = [scanner.aim_one_ray(scan.pose, s)[1] for s in (RIGHT, CENTRE, LEFT)]
         node = echoes.sides.astype(np.int64) + 1
         starts = np.stack([rays.origins for rays in three])[node, beams]
         directions = np.stack([rays.directions for rays in three])[node, beams]
-    return np.asarray((starts + echoes.ranges[:, None] * directions)[:, :2])
+    return np.asarray((starts + echoes.fronts[:, None] * directions)[:, :2])
 
 
 def _along_beams(scan: Scan, angles: Floats, ranges: Floats) -> Floats:

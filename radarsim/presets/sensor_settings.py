@@ -45,15 +45,16 @@ class SensorSettings(BaseModel):
             that is an ordinary surface.
         least_rcs_dbsm: Smallest radar cross section that is detected 10 m away, dBsm;
             rain shows where it exceeds this.
-        echo_threshold: Smallest share of a beam's power that counts as its first or
-            its strongest echo, 0 to 1.
+        echo_threshold: Strength above which an echo counts as the first or the
+            strongest of its beam, 0 to 1; 1e-5 is -50 dB, the default margin.
         penetration_power: Power that a beam can lose to densities; infinite for a beam
             that only an opaque surface stops.
         spent_reads: Reading of a beam whose power runs out: the ``range`` of that
             point, ``zero``, as of USARSim's Hokuyo in smoke, or ``nothing``.
         return_mode: Which echoes of a beam are kept: the ``last``, at which its ray
-            ended, the ``first``, the ``strongest``, or ``all``; with ``all``, the
-            range is that of the last echo.
+            ended, the ``first``, read at its leading edge, the ``strongest``, read
+            where half of its power has come back, or ``all``; with ``all``, the range
+            is that of the last echo.
         side_mode: Arrangement of the rays of a beam: three rays, of which the outer two
             are ``perpendicular`` to each beam, ``lateral`` on the sensor's left-right
             axis, or ``divergent`` from one point; or a ``cone`` of many rays.
@@ -93,7 +94,7 @@ class SensorSettings(BaseModel):
     margin_db: Annotated[float, Field(ge=1, le=300)] = 50.0
     max_bounces: Annotated[int, Field(ge=0, le=16)] = 2
     least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
-    echo_threshold: Annotated[float, Field(ge=0, le=1)] = 0.001
+    echo_threshold: Annotated[float, Field(ge=0, le=1)] = 1e-5
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
     spent_reads: Literal["range", "zero", "nothing"] = "range"
     return_mode: Literal["last", "first", "strongest", "all"] = "last"

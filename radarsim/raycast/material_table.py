@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.presets.materials import ALBEDO
 from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.raycast.traced_scene import MaterialTable
@@ -48,6 +49,14 @@ def absorption_of(material: Material, ray_class: RayClass) -> float:
     if decibels == 0 or math.isinf(decibels):
         return decibels  # also if the power per dB is 0
     return ray_class.power_per_db * decibels / 2
+
+
+def scattering_of(material: Material, ray_class: RayClass) -> float:
+    """Return what a volume or a sheet scatters of a loss, relative to foliage.
+
+    Of light, all clouds and plants are taken to scatter the same share.
+    """
+    return material.albedo / ALBEDO if ray_class.medium == RADAR else 1.0
 
 
 def _reflects_sound(material: Material) -> bool:

@@ -33,6 +33,7 @@ from radarsim.raycast.material_table import (
     centre_of,
     find_volumes,
     material_table,
+    scattering_of,
 )
 from radarsim.raycast.rays import (
     Event,
@@ -108,6 +109,7 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._tables: dict[tuple[RayClass, ...], MaterialTable] = {}
+        self._scattering: dict[RayClass, Floats] = {}
         self._packed: dict[tuple[RayClass, ...], PackedScene] = {}
         self._scene = EmbreeScene(
             [Mesh(part.vertices - self._centre, part.faces) for part in parts]
@@ -120,6 +122,14 @@ class Tracer:
         table = self._table_for((ray_class,))
         density: Floats = table.density[0]
         return density, float(table.air[0])
+
+    def scattering(self, ray_class: RayClass) -> Floats:
+        """Return what each part scatters of a ray's loss, relative to foliage, (P,)."""
+        found = self._scattering.get(ray_class)
+        if found is None:
+            each = [scattering_of(part.material, ray_class) for part in self.parts]
+            found = self._scattering[ray_class] = np.array(each, np.float64)
+        return found
 
     @property
     def air_part(self) -> int:

@@ -5,7 +5,7 @@ the nearest one that returns power, all that is less than the range resolution b
 it, and echoes without strength as close in front of it. The merged echo has the sum of
 their strengths and their mean range, weighted by strength. Its kind and object are
 those of the strongest end of a ray among them; if no ray ends there, those of the
-strongest echo.
+strongest echo. If that is a volume, the merged echo begins where the ray enters it.
 """
 
 from typing import Any, Final
@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.sensors.echo_extraction import EchoColumns
+from radarsim.sensors.echo_extraction import ENTER, EchoColumns
 
 LAST, FIRST, STRONGEST = 0, 1, 2
 ROUNDING: Final = 1e-12  # relative difference below which strengths are equal
@@ -67,8 +67,9 @@ def _merge_in_place(echoes: Any, resolution: Any) -> Any:
                 best = j
             j += 1
         t = nearest + mean / total if total > 0.0 else nearest
+        front = echoes.front[best] if echoes.kind[best] == ENTER else t
         _copy_row(echoes, best, left)
-        echoes.t[left] = t
+        echoes.t[left], echoes.front[left] = t, front
         echoes.strength[left] = min(total, 1.0)
         left += 1
         i = j

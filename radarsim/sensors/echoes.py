@@ -94,13 +94,17 @@ class Echoes:
     Attributes:
         beams: (E,) int64, number of the beam, counted from the right.
         sides: (E,) int8, ray of the beam: -1 right, 0 centre, 1 left.
-        ranges: (E,) distance from the start of the ray, m.
+        ranges: (E,) distance from the start of the ray, m; of a volume, that up to
+            which half of its power has come back, or for a sensor that keeps first
+            echoes that at which the ray enters.
+        fronts: (E,) distance at which the echo begins, m: of a volume always where the
+            ray enters; otherwise as ``ranges``.
         kinds: (E,) uint8, an ``EventKind`` each: the ray enters or leaves a volume,
             crosses a sheet, hits an opaque surface, has no power left, or rain shows.
         power: (E,) penetration power left on arrival, for a hit without what the
             surface absorbs; inf if it is unlimited.
-        strength: (E,) share of the beam's power that the echo returns, 0 to 1; see
-            ``echo_extraction``.
+        strength: (E,) power of the echo as a share of what comes back from a rough
+            wall that the whole beam meets head-on, 0 to 1; see ``echo_extraction``.
         parts: (E,) int64, index of the part in the scene; for a robot, the number of
             parts + the id of the robot.
         scene_parts: The parts of the scene.
@@ -110,6 +114,7 @@ class Echoes:
     beams: NDArray[np.int64]
     sides: NDArray[np.int8]
     ranges: Floats
+    fronts: Floats
     kinds: NDArray[np.uint8]
     power: Floats
     strength: Floats
@@ -119,6 +124,12 @@ class Echoes:
 
     def __len__(self) -> int:
         return len(self.beams)
+
+    @property
+    def decibels(self) -> Floats:
+        """The strengths in dB, (E,), at most 0; -inf for an echo without strength."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(10 * np.log10(self.strength))
 
     @property
     def targets(self) -> dict[int, Target]:
@@ -136,15 +147,18 @@ class Echoes:
         """Return a list of echoes for each beam, as JSON types."""
         targets = {part: target.to_dict() for part, target in self.targets.items()}
         lists: list[list[dict[str, Any]]] = [[] for _ in range(self.settings.beams)]
+        decibels = self.decibels.tolist()
         for i, beam in enumerate(self.beams.tolist()):
-            power = float(self.power[i])
+            power, level = float(self.power[i]), decibels[i]
             lists[beam].append(
                 {
                     "range": float(self.ranges[i]),
+                    "front": float(self.fronts[i]),
                     "kind": KINDS[EventKind(int(self.kinds[i]))],
                     "ray": int(self.sides[i]) if self.settings.has_side_rays else None,
                     "power": power if math.isfinite(power) else None,
                     "strength": float(self.strength[i]),
+                    "decibels": level if math.isfinite(level) else None,
                     **targets[int(self.parts[i])],
                 }
             )

@@ -30,6 +30,7 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, ray_class_of
 from radarsim.sensors.echo_extraction import (
     SPENT,
+    Densities,
     EchoColumns,
     backscatter,
     extract_echoes,
@@ -237,7 +238,10 @@ class ScanBuilder:
         if rows is not None:
             weights = np.zeros(len(plan.sides))
             weights[rows] = 1.0
-        densities = plan.tracer.densities(self._ray_class)
+        densities = Densities(
+            *plan.tracer.densities(self._ray_class),
+            plan.tracer.scattering(self._ray_class),
+        )
         columns = extract_echoes(
             traces, weights, self._pattern.rays, densities, settings
         )
@@ -250,6 +254,7 @@ class ScanBuilder:
         columns = merge_echoes(columns, settings.range_resolution)
         error = plan.draws.range_error[columns.beam] if self.is_noisy else None
         self._add_errors(columns.t, error)
+        self._add_errors(columns.front, error)
         return columns
 
     def _middle_rows(self) -> Rows:
@@ -304,6 +309,7 @@ class ScanBuilder:
             beams=columns.beam,
             sides=plan.sides[columns.row],
             ranges=columns.t,
+            fronts=columns.front,
             kinds=columns.kind,
             power=columns.power,
             strength=columns.strength,
@@ -318,11 +324,12 @@ class ScanBuilder:
         """Return the echoes at the ends of the rays, for which no events are needed."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
         own = traces.rows(first, first + len(plan.sides))
-        columns = extract_ray_ends(own, rows, self._settings.penetration_power)
+        columns = extract_ray_ends(own, rows, self._settings)
         if self._settings.spent_reads == "nothing":
             columns = columns.take(columns.kind != SPENT)
         error = plan.draws.range_error[columns.beam] if self.is_noisy else None
         self._add_errors(columns.t, error)
+        self._add_errors(columns.front, error)
         return self._echoes(plan, columns)
 
 

@@ -11,10 +11,11 @@ section that is detected grows with R^4. So a cell is detected with the probabil
 exp(-1/q), where the contrast q, the ratio of the mean to the smallest cross section,
 falls with R^2: rain shows near the radar.
 
-The nearest detected cell of each beam is an echo. Its strength is its level above the
-detection limit, dB, minus the loss of the beam on the way there and back, as a share of
-the sensor's margin: walls are stronger. If nothing is left of it, no rain shows in that
-beam. A beam that has no other end ends there.
+The nearest detected cell of each beam is an echo. A wall ahead is as far above the
+detection limit as the sensor's margin; the strength of the echo is its own level above
+the limit, dB, minus the loss of the beam on the way there and back, relative to that:
+walls are stronger. If nothing is left of the level, no rain shows in that beam. A beam
+that has no other end ends there.
 
 Nothing is detected nearer than ``BLIND_RANGE`` or than the sensor's minimum range,
 where the antenna receives its own signal.
@@ -47,7 +48,7 @@ class Speckle(NamedTuple):
         t: (N,) distance, m; inf for a beam without.
         part: (N,) the part in which it rains.
         power: (N,) power left on arrival there.
-        strength: (N,) share of the beam's power.
+        strength: (N,) share of what a rough wall ahead returns.
     """
 
     t: Floats
@@ -208,11 +209,12 @@ def _find_cells(events: Any, beams: Any, rain: Any, limits: Any, speckle: Any) -
                     1.0 + contrast / (t * t) * beams.random[1, beam]
                 )
                 share = (power - lost) / full if 0.0 < full < np.inf else 1.0
-                strength = min(level / limits.margin_db, 1.0) - (1.0 - share)
-                if strength > 0.0:
+                margin = limits.margin_db
+                above = min(level, margin) - margin * (1.0 - share)
+                if above > 0.0:
                     speckle.t[beam], speckle.part[beam] = t, part
                     speckle.power[beam] = power - lost
-                    speckle.strength[beam] = strength
+                    speckle.strength[beam] = 10.0 ** ((above - margin) / 10.0)
             if event.kind in (START_INSIDE, ENTER):
                 enclosing[event.part] = 1
             elif event.kind == LEAVE:
@@ -237,6 +239,7 @@ def add_rain(
         speckle.power[beams],
         speckle.strength[beams],
         (~has_end[beams]).astype(np.uint8),
+        speckle.t[beams],
     )
     pairs: list[Any] = list(zip(columns, added, strict=True))
     joined = EchoColumns(*[np.concatenate(pair) for pair in pairs])

@@ -48,7 +48,8 @@ def echoes_of(rows: Sequence[Row], **settings: Any) -> Echoes:
     return Echoes(
         beams=beams,
         sides=np.zeros(count, np.int8),
-        ranges=1.0 + np.arange(count, dtype=np.float64),
+        ranges=1.5 + np.arange(count, dtype=np.float64),
+        fronts=1.0 + np.arange(count, dtype=np.float64),
         kinds=np.resize(np.array([int(kind) for kind in KINDS], np.uint8), count),
         power=counted * full if math.isfinite(full) else np.full(count, math.inf),
         strength=counted[::-1].copy(),

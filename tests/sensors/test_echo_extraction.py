@@ -1,6 +1,7 @@
 """Echoes extracted from events, against closed forms."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,14 @@ from hypothesis import strategies as st
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EVENT, EventKind
-from radarsim.raycast.rays import DEFAULT_CLASSES, Rays, Traces
+from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, RayClass, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
     LEAF_BACKSCATTER,
+    Densities,
     EchoColumns,
     backscatter,
     extract_echoes,
@@ -46,6 +48,19 @@ def leaf(density: float) -> Material:
     return Material("leaf", density=density)
 
 
+def returned(left: float) -> float:
+    """Return what comes back of a beam with this share of its power left.
+
+    All of its power is 25 dB one way, half of the margin, and 50 dB out and back.
+    """
+    return float(10 ** (-5 * (1 - left)))
+
+
+def densities_of(tracer: Tracer) -> Densities:
+    radar = DEFAULT_CLASSES[0]
+    return Densities(*tracer.densities(radar), tracer.scattering(radar))
+
+
 def trace_ahead(
     parts: list[Part], power: float = 1.0, count: int = 1, *, incidence: bool = False
 ) -> Traces:
@@ -64,17 +79,17 @@ def extract(
 ) -> EchoColumns:
     settings = load_settings("radar", penetration_power=power)
     weights = np.ones(len(traces.ranges)) if weights is None else weights
-    densities = Tracer(parts).densities(DEFAULT_CLASSES[0])
+    densities = densities_of(Tracer(parts))
     return extract_echoes(traces, weights, of_a_beam, densities, settings)
 
 
 def echoes(parts: list[Part], power: float = 1.0) -> list[tuple[Any, ...]]:
-    """Return kind, range, power and strength of all echoes of one ray."""
+    """Return kind, front, power and strength of all echoes of one ray."""
     traces = trace_ahead(parts, power)
     found = extract(parts, traces, power)
     kinds = [EventKind(int(kind)) for kind in found.kind]
     numbers = zip(
-        found.t.round(9).tolist(),
+        found.front.round(9).tolist(),
         found.power.round(9).tolist(),
         found.strength.round(9).tolist(),
         strict=True,
@@ -82,23 +97,29 @@ def echoes(parts: list[Part], power: float = 1.0) -> list[tuple[Any, ...]]:
     return [(kind, *row) for kind, row in zip(kinds, numbers, strict=True)]
 
 
-def test_bush_returns_what_it_absorbs_and_wall_the_rest() -> None:
-    parts = [layer("bush", leaf(0.2), 2, 5), layer("wall", WALL, 8, 9)]
+def rounded(row: tuple[Any, ...]) -> tuple[Any, ...]:
+    return (row[0], *(round(number, 9) for number in row[1:]))
+
+
+def test_bush_returns_what_it_takes_out_and_back_and_wall_the_rest() -> None:
+    parts = [layer("bush", leaf(0.1), 2, 5), layer("wall", WALL, 8, 9)]
+    behind = returned(0.7)  # 15 dB
+    assert behind == pytest.approx(10**-1.5)
     assert echoes(parts) == [
-        (ENTER, 2.0, 1.0, 0.6),
-        (LEAVE, 5.0, 0.4, 0.0),
-        (HIT, 8.0, 0.4, 0.4),
+        rounded((ENTER, 2.0, 1.0, 1 - behind)),
+        (LEAVE, 5.0, 0.7, 0.0),
+        rounded((HIT, 8.0, 0.7, behind)),
     ]
 
 
-def test_bush_that_uses_up_a_beam_returns_all_of_it_at_its_front() -> None:
+def test_bush_that_uses_up_a_beam_returns_all_of_it() -> None:
     assert echoes([layer("bush", leaf(0.5), 2, 9)]) == [
         (ENTER, 2.0, 1.0, 1.0),
         (SPENT, 4.0, 0.0, 0.0),
     ]
 
 
-def test_smoke_that_absorbs_nothing_returns_nothing() -> None:
+def test_what_takes_nothing_returns_nothing() -> None:
     parts = [layer("smoke", SMOKE, 2, 5), layer("wall", WALL, 8, 9)]
     assert echoes(parts) == [
         (ENTER, 2.0, 1.0, 0.0),
@@ -107,20 +128,52 @@ def test_smoke_that_absorbs_nothing_returns_nothing() -> None:
     ]
 
 
-def test_sheet_returns_the_loss_of_each_crossing() -> None:
+@pytest.mark.parametrize("albedo", [0.0, 0.05, 0.1, 0.2])
+def test_volume_and_sheet_return_in_proportion_to_their_albedo(albedo: float) -> None:
+    cloud = Material("cloud", density=0.02, albedo=albedo)
+    curtain = Material("curtain", density=0.0, sheet_loss=0.1, albedo=albedo)
+    of_cloud = {kind: row[-1] for kind, *row in echoes([layer("c", cloud, 2, 5)])}
+    assert of_cloud[ENTER] == pytest.approx(albedo / 0.2 * (1 - returned(0.94)))
+    first, second = echoes([layer("curtain", curtain, 2, 5)])
+    assert first[-1] == pytest.approx(albedo / 0.2 * (1 - returned(0.9)))
+    lost = returned(0.9) - returned(0.8)
+    assert second[-1] == pytest.approx(albedo / 0.2 * lost)
+
+
+def test_sheet_returns_what_each_crossing_takes() -> None:
     parts = [layer("leaves", SHEET, 2, 3), layer("wall", WALL, 8, 9)]
+    first, second = returned(0.75), returned(0.5)
     assert echoes(parts) == [
-        (CROSS, 2.0, 1.0, 0.25),
-        (CROSS, 3.0, 0.75, 0.25),
-        (HIT, 8.0, 0.5, 0.5),
+        rounded((CROSS, 2.0, 1.0, 1 - first)),
+        rounded((CROSS, 3.0, 0.75, first - second)),
+        rounded((HIT, 8.0, 0.5, second)),
     ]
+
+
+def test_absorbed_decibels_are_missing_from_the_echo_of_a_wall() -> None:
+    dark = Material("dark", absorption_db=13.0)
+    ray_class = RayClass(RADAR, power_per_db=1 / 25)
+    directions = np.eye(3)[:1]
+    rays = Rays.uniform(np.zeros((1, 3)), directions, max_range=50.0, power=1.0)
+    tracer = Tracer([layer("wall", dark, 8, 9)])
+    traces = tracer.trace(replace(rays, ray_classes=(ray_class,)), events=True)
+    settings = load_settings("radar")
+    found = extract_echoes(traces, np.ones(1), 1, densities_of(tracer), settings)
+    assert 10 * np.log10(found.strength) == pytest.approx([-13.0])
+    assert extract_ray_ends(
+        traces, np.zeros(1, np.int64), settings
+    ).strength == pytest.approx(found.strength)
 
 
 def test_overlapping_volumes_share_the_loss_by_density() -> None:
     parts = [layer("one", leaf(0.1), 1, 4), layer("other", leaf(0.2), 2, 3)]
+    one, both, rest = (
+        returned(before) - returned(behind)
+        for before, behind in ((1.0, 0.9), (0.9, 0.6), (0.6, 0.5))
+    )
     assert echoes(parts) == [
-        (ENTER, 1.0, 1.0, 0.3),
-        (ENTER, 2.0, 0.9, 0.2),
+        rounded((ENTER, 1.0, 1.0, one + both / 3 + rest)),
+        rounded((ENTER, 2.0, 0.9, both * 2 / 3)),
         (LEAVE, 3.0, 0.6, 0.0),
         (LEAVE, 4.0, 0.5, 0.0),
     ]
@@ -129,13 +182,13 @@ def test_overlapping_volumes_share_the_loss_by_density() -> None:
 def test_smoke_inside_a_bush_gets_no_share_of_its_loss() -> None:
     parts = [
         layer("smoke", SMOKE, 1, 3),
-        layer("bush", leaf(0.2), 2, 6),
+        layer("bush", leaf(0.05), 2, 6),
         layer("puff", SMOKE, 4, 5),
         layer("wall", WALL, 8, 9),
     ]
     given_back = {(kind, t): strength for kind, t, _, strength in echoes(parts)}
-    assert given_back.pop((ENTER, 2.0)) == pytest.approx(0.8)
-    assert given_back.pop((HIT, 8.0)) == pytest.approx(0.2)
+    assert given_back.pop((ENTER, 2.0)) == pytest.approx(0.9)
+    assert given_back.pop((HIT, 8.0)) == pytest.approx(0.1)
     assert set(given_back.values()) == {0.0}
 
 
@@ -144,8 +197,8 @@ def test_sheet_on_the_face_of_a_bush_keeps_its_own_loss_in_any_order() -> None:
     for ordered in (parts, parts[::-1]):
         at_four = [row for row in echoes(ordered) if row[1] == 4.0]
         assert {kind: row[-1] for kind, *row in at_four} == {
-            CROSS: pytest.approx(0.25),
-            ENTER: pytest.approx(0.2),
+            CROSS: pytest.approx(1 - returned(0.75)),
+            ENTER: pytest.approx(returned(0.75) - returned(0.55)),
         }
 
 
@@ -156,15 +209,17 @@ def test_loss_in_the_air_returns_no_echo() -> None:
     rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=50.0, power=1.0)
     traces = tracer.trace(rays, events=True)
     settings = load_settings("radar")
-    found = extract_echoes(
-        traces, np.ones(1), 1, tracer.densities(DEFAULT_CLASSES[0]), settings
-    )
-    assert found.strength == pytest.approx([0.2, 0.0, 1 - 8 * 0.05 - 0.2])
+    found = extract_echoes(traces, np.ones(1), 1, densities_of(tracer), settings)
+    of_bush = (returned(0.9) - returned(0.6)) * 2 / 3
+    assert found.strength == pytest.approx([of_bush, 0.0, returned(0.4)])
 
 
 def test_loss_in_a_volume_around_the_start_returns_no_echo() -> None:
     parts = [layer("bush", leaf(0.25), -1, 2), layer("wall", WALL, 8, 9)]
-    assert echoes(parts) == [(LEAVE, 2.0, 0.5, 0.0), (HIT, 8.0, 0.5, 0.5)]
+    assert echoes(parts) == [
+        (LEAVE, 2.0, 0.5, 0.0),
+        rounded((HIT, 8.0, 0.5, returned(0.5))),
+    ]
 
 
 def test_unlimited_power_is_returned_whole_by_the_hit() -> None:
@@ -192,6 +247,83 @@ def test_strengths_of_a_beam_without_power(
     assert [(kind, strength) for kind, _, _, strength in found] == wanted
 
 
+def middles(parts: list[Part], power: float = 1.0) -> dict[float, float]:
+    """Return the ranges of volumes by their fronts."""
+    found = extract(parts, trace_ahead(parts, power), power)
+    entered = found.kind == ENTER
+    return dict(
+        zip(
+            found.front[entered].round(6).tolist(),
+            found.t[entered].tolist(),
+            strict=True,
+        )
+    )
+
+
+@pytest.mark.parametrize("density", [1e-4, 0.01, 0.1, 0.2])
+def test_range_of_a_bush_is_that_of_half_its_power(density: float) -> None:
+    # 10^(-5 density d) falls to the mean of 1 and what is left behind 4 m
+    half = (1 + 10 ** (-5 * density * 4)) / 2
+    parts = [layer("bush", leaf(density), 2, 6), layer("wall", WALL, 8, 9)]
+    depth = -math.log10(half) / (5 * density)
+    assert middles(parts) == {2.0: pytest.approx(2 + depth)}
+    assert depth <= 2.0
+
+
+def test_bush_that_uses_up_a_beam_has_half_its_power_3_db_deep() -> None:
+    parts = [layer("bush", leaf(0.5), 2, 9)]
+    assert middles(parts) == {2.0: pytest.approx(2 + math.log10(2) / 2.5, abs=1e-4)}
+
+
+def test_range_of_what_returns_nothing_is_its_front() -> None:
+    parts = [layer("smoke", SMOKE, 2, 5), layer("wall", WALL, 8, 9)]
+    assert middles(parts) == {2.0: 2.0}
+    assert middles([layer("bush", leaf(0.2), 2, 5)], math.inf) == {2.0: 2.0}
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 60), st.integers(1, 40), st.floats(0.02, 0.3)),
+        min_size=1,
+        max_size=4,
+        unique_by=lambda each: each[0],
+    )
+)
+def test_ranges_of_overlapping_volumes_match_a_sum_over_short_steps(
+    stack: list[tuple[int, int, float]],
+) -> None:
+    """Each step of 0.1 mm returns what the beam loses in it, to each by density."""
+    edges = [(1 + at / 10, 1 + (at + depth) / 10) for at, depth, _ in stack]
+    parts = [
+        layer(f"bush {i}", leaf(density), *edge)
+        for i, (edge, (_, _, density)) in enumerate(zip(edges, stack, strict=True))
+    ]
+    step = 1e-4
+    t = np.arange(0.0, 12.0, step) + step / 2
+    inside = np.array([(near < t) & (t < far) for near, far in edges])
+    rates = inside * np.array([density for *_, density in stack])[:, None]
+    total = rates.sum(axis=0)
+    left = np.maximum(1 - np.cumsum(total) * step, 0.0)
+    came = np.where(left > 0, 10 ** (-5 * (1 - left)), 0.0)
+    lost = -np.diff(came, prepend=1.0)
+    found = middles(parts)
+    for (near, _), own in zip(edges, rates, strict=True):
+        shares = np.divide(own, total, out=np.zeros(len(t)), where=total > 0)
+        grown = np.cumsum(lost * shares)
+        if round(near, 6) in found and grown[-1] > 1e-4:
+            wanted = t[np.searchsorted(grown, grown[-1] / 2)]
+            assert found[round(near, 6)] == pytest.approx(wanted, abs=2e-3)
+
+
+def test_sensor_that_keeps_first_echoes_reads_leading_edges() -> None:
+    parts = [layer("bush", leaf(0.1), 2, 5), layer("wall", WALL, 8, 9)]
+    settings = load_settings("radar", return_mode="first")
+    found = extract_echoes(
+        trace_ahead(parts), np.ones(1), 1, densities_of(Tracer(parts)), settings
+    )
+    assert found.t.tolist() == found.front.tolist() == pytest.approx([2, 5, 8])
+
+
 @given(
     st.lists(
         st.tuples(st.floats(0.01, 2), st.floats(0.01, 2), st.floats(0, 0.4)),
@@ -213,18 +345,20 @@ def test_strengths_of_a_ray_that_ends_add_up_to_1(
     assert found.strength.sum() == pytest.approx(1.0)
     assert (found.strength >= 0).all()
     assert (np.diff(found.t) >= 0).all()
+    assert (found.front <= found.t + 1e-9).all()
     assert found.ends.tolist() == [0] * (len(found.t) - 1) + [1]
 
 
 def test_combined_rays_share_the_beam() -> None:
-    parts = [layer("bush", leaf(0.2), 2, 5), layer("wall", WALL, 8, 9)]
+    parts = [layer("bush", leaf(0.1), 2, 5), layer("wall", WALL, 8, 9)]
     traces = trace_ahead(parts, count=6)
     weights = np.tile([0.25, 0.5, 0.25], 2)
     found = extract(parts, traces, 1.0, weights, 3)
     assert found.beam.tolist() == [0] * 9 + [1] * 9
-    assert found.t[:9].round(9).tolist() == [2.0] * 3 + [5.0] * 3 + [8.0] * 3
+    assert found.front[:9].round(9).tolist() == [2.0] * 3 + [5.0] * 3 + [8.0] * 3
     assert found.row[:9].tolist() == [0, 1, 2] * 3
-    assert found.strength[:3].tolist() == pytest.approx([0.15, 0.3, 0.15])
+    bush = 1 - returned(0.7)
+    assert found.strength[:3] == pytest.approx(bush * np.array([0.25, 0.5, 0.25]))
     assert [found.strength[:9].sum(), found.strength[9:].sum()] == pytest.approx([1, 1])
 
 
@@ -246,7 +380,8 @@ def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     parts = [layer("bush", leaf(0.2), 2, 4), wall]
     traces = trace_ahead(parts, incidence=True)
     found = extract(parts, traces)
-    assert found.strength == pytest.approx([0.4 * LEAF_BACKSCATTER, 0, 0.6 * 0.25])
+    wall = returned(0.6)
+    assert found.strength == pytest.approx([(1 - wall) * LEAF_BACKSCATTER, 0, wall / 2])
 
 
 @pytest.mark.parametrize(
@@ -254,12 +389,12 @@ def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     [
         pytest.param(1.0, 1, 1.0, id="head-on"),
         pytest.param(0.0, 1, 0.0, id="grazing"),
-        pytest.param(0.5, 1, 0.25, id="at 60 degrees"),
+        pytest.param(0.5, 1, 0.5, id="at 60 degrees"),
         pytest.param(math.nan, 2, LEAF_BACKSCATTER, id="in foliage"),
         pytest.param(math.nan, 0, 0.0, id="nowhere"),
     ],
 )
-def test_backscatter_follows_lamberts_law(
+def test_ray_carries_the_cosine_of_its_incidence(
     cosine: float, outcome: int, wanted: float
 ) -> None:
     traces = Traces(
@@ -279,11 +414,12 @@ def test_ray_ends_equal_the_last_echoes() -> None:
         there = parts if last else parts[:1]
         traces = trace_ahead(there, power, incidence=last)
         found = extract(there, traces, power)
-        ends = extract_ray_ends(traces, np.zeros(1, np.int64), power)
+        settings = load_settings("radar", penetration_power=power)
+        ends = extract_ray_ends(traces, np.zeros(1, np.int64), settings)
         rows = select_echoes(found, LAST, 1, 0.0)
         for name in EchoColumns._fields:
             wanted = getattr(found, name)[rows[rows >= 0]]
-            assert getattr(ends, name).tolist() == wanted.tolist(), name
+            assert getattr(ends, name) == pytest.approx(wanted), name
 
 
 @pytest.mark.parametrize("count", [1, 7, 16, 17, 32, 33, 100, 700])

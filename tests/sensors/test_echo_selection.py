@@ -32,11 +32,12 @@ class Row(NamedTuple):
     power: float
     strength: float
     ends: int
+    front: float = 0.0
 
 
 def columns_of(rows: list[Row]) -> EchoColumns:
-    names = ("i8", "i8", "f8", "u1", "i8", "f8", "f8", "u1")
-    columns = zip(*rows, strict=True) if rows else [()] * 8
+    names = ("i8", "i8", "f8", "u1", "i8", "f8", "f8", "u1", "f8")
+    columns = zip(*rows, strict=True) if rows else [()] * 9
     arrays: list[Any] = [
         np.array(column, name) for column, name in zip(columns, names, strict=True)
     ]
@@ -51,8 +52,10 @@ def sorted_rows(draw: st.DrawFn) -> list[Row]:
         strength = draw(st.sampled_from([0.0, 0.1, 0.1, 0.3, 1.0]))
         ends = draw(st.integers(0, 1))
         beam = draw(st.integers(0, 2))
+        kind, power = ENTER + i % 5, 1.0 / (i + 1)
+        front = t - draw(st.floats(0, 1)) if kind == ENTER else t
         rows.append(
-            Row(beam, 10 * beam + i, t, ENTER + i % 5, i, 1.0 / (i + 1), strength, ends)
+            Row(beam, 10 * beam + i, t, kind, i, power, strength, ends, front)
         )
     return sorted(rows, key=lambda row: (row.beam, row.t, row.row))
 
@@ -72,7 +75,10 @@ def merge_in_python(beam: list[Row], cell: float) -> list[Row]:
         t = giving[0].t if giving and giving[0] in near else near[0].t
         if total > 0:
             t = sum(row.strength * row.t for row in near) / total
-        merged.append(best._replace(t=t, strength=min(total, 1.0)))
+        front = best.front if best.kind == ENTER else t
+        if len(near) == 1 and best.kind != ENTER:
+            front = best.front
+        merged.append(best._replace(t=t, strength=min(total, 1.0), front=front))
     return merged
 
 

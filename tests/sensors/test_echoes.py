@@ -80,7 +80,8 @@ def test_strongest_mode_keeps_the_echo_of_most_weight(
 
 
 def test_each_return_mode_keeps_its_echoes() -> None:
-    bush, wall = block("bush", LEAF, (1, 4, 4), (3, 0, 0)), pole("pole", 7, 0.0, 0.5)
+    thin = Material("thin leaf", density=0.05)  # 2.5 dB out and back
+    bush, wall = block("bush", thin, (1, 4, 4), (3, 0, 0)), pole("pole", 7, 0.0, 0.5)
     kept = {
         mode: objects(take(scene(bush, wall), return_mode=mode).echoes, 1)
         for mode in ("last", "first", "strongest")
@@ -181,11 +182,14 @@ def test_echoes_convert_to_json_types() -> None:
     scan = take(world, return_mode="all", side_offset_uu=0, ray_choice="drawn")
     first, second = scan.to_dict()["echoes"][1]
     assert first == {
-        "range": pytest.approx(2.5),
+        # half of its 0.99 has come back where 0.505 would come back
+        "range": pytest.approx(2.5 - math.log10(0.505) / 2),
+        "front": pytest.approx(2.5),
         "kind": "enter",
         "ray": first["ray"],
         "power": 1.0,
-        "strength": pytest.approx(0.4),
+        "strength": pytest.approx(0.99),
+        "decibels": pytest.approx(10 * math.log10(0.99)),
         "object": "bush",
         "material": "leaf",
         "density": 0.4,
@@ -194,7 +198,29 @@ def test_echoes_convert_to_json_types() -> None:
         "robot_passes": False,
     }
     assert (second["kind"], second["power"]) == ("leave", pytest.approx(0.6))
+    assert (second["strength"], second["decibels"]) == (0.0, None)
+    assert second["front"] == second["range"] == pytest.approx(3.5)
     assert first["ray"] in (-1, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("mode", "wanted"),
+    [
+        pytest.param("first", 2.5, id="its front"),
+        pytest.param("strongest", 2.5 - math.log10(0.505) / 2, id="half of its power"),
+        pytest.param("last", 6.5, id="where the beam ends"),
+    ],
+)
+def test_each_mode_reads_a_bush_before_a_wall_at_its_range(
+    mode: str, wanted: float
+) -> None:
+    world = scene(
+        block("bush", LEAF, (1, 4, 4), (3, 0, 0)),
+        block("wall", WALL, (1, 9, 4), (7, 0, 0)),
+    )
+    scan = take(world, return_mode=mode, side_offset_uu=0)
+    assert scan.ranges[1] == pytest.approx(wanted)
+    assert scan.echoes.ranges[scan.echoes.beams == 1] == pytest.approx([wanted])
 
 
 def test_infinite_values_become_null() -> None:

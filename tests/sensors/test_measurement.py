@@ -102,7 +102,7 @@ def test_larger_offset_makes_more_beams_uncertain(foliage_room: Scene) -> None:
     assert found[3] > found[2] + 0.1
 
 
-# The law of weights by incidence: ray weight times cos^2 of the angle to the normal.
+# The law of weights by incidence: ray weight times cosine of the angle to the normal.
 
 
 def test_grazing_ray_is_never_selected() -> None:
@@ -125,14 +125,14 @@ def test_ray_that_met_nothing_is_not_selected_beside_a_hit() -> None:
 
 
 @pytest.mark.parametrize("weights", [(1, 1, 1), (1, 2, 0), (0, 1, 3)])
-def test_surface_at_60_degrees_weighs_a_quarter(
+def test_surface_at_60_degrees_weighs_half(
     weights: tuple[float, float, float],
 ) -> None:
     slanted = board("slanted", (0.01, 0.16, 4), (4, 0.08 + 0.02, 0), yaw_deg=60)
     world = scene(slanted, board("back", (1, 40, 4), (8.5, 0, 0)))
     scanner = radar(**AHEAD, incidence_weights=True, ray_weights=weights)
     found = scans(scanner, world, 6000)
-    chances = np.array(weights) * [1, 1, 0.25]
+    chances = np.array(weights) * [1, 1, 0.5]
     wanted = chances / chances.sum()
     error = np.sqrt(wanted * (1 - wanted) / len(found))
     assert (np.abs(np.array(shares(found, 1)) - wanted) <= 4 * error).all()
@@ -148,6 +148,52 @@ def test_weights_alone_decide_at_normal_incidence() -> None:
 def test_ray_of_weight_zero_is_never_selected_by_incidence() -> None:
     scanner = radar(**AHEAD, incidence_weights=True, ray_weights=(0, 0, 1))
     assert shares(scans(scanner, EDGE, 200), 1) == [0, 0, 1]
+
+
+def lambert_over_area(yaw: float, width: float) -> float:
+    """Return the mean power of a Gaussian beam over a wall 10 m ahead, turned by yaw.
+
+    Patches of the wall, not rays, are summed: a patch dA at R returns cos^2 dA / R^2 of
+    what a patch that faces the sensor does, by Lambert's law.
+    """
+    sigma = width / (4 * math.sqrt(math.log(2)))
+    step = 10 * sigma / 40
+    along = np.arange(-160, 161) * step / math.cos(yaw)
+    up = np.arange(-160, 161) * step
+    u, v = np.meshgrid(along, up, indexing="ij")
+    x, y, z = 10 - u * math.sin(yaw), u * math.cos(yaw), v
+    distance = np.sqrt(x**2 + y**2 + z**2)
+    cosine = np.abs(x * math.cos(yaw) + y * math.sin(yaw)) / distance
+    left, above = np.arctan2(y, x), np.arcsin(z / distance)
+    gain = np.exp(-(left**2 + above**2) / (2 * sigma**2)) / (2 * math.pi * sigma**2)
+    area = step**2 / math.cos(yaw)
+    return float((gain * cosine**2 * area / distance**2).sum())
+
+
+@pytest.mark.parametrize("yaw_deg", [0, 30, 60, 80])
+def test_mean_power_over_a_slanted_wall_is_that_of_its_area(yaw_deg: float) -> None:
+    wall = board("wall", (0.001, 400, 40), (10, 0, 0), yaw_deg=yaw_deg)
+    cone = {"side_mode": "cone", "beamwidth_az_deg": 2, "beamwidth_el_deg": 2}
+    scanner = radar(
+        **AHEAD, **cone, cone_rays=81, incidence_weights=True, return_mode="all"
+    )
+    echoes = scanner.scan(scene(wall), Pose3(0, 0, 0)).echoes
+    found = echoes.strength[echoes.beams == 1].sum()
+    assert found == pytest.approx(
+        lambert_over_area(math.radians(yaw_deg), math.radians(2)), rel=2e-3
+    )
+    assert found == pytest.approx(math.cos(math.radians(yaw_deg)), rel=2e-3)
+
+
+def test_leaves_that_face_all_directions_return_two_thirds() -> None:
+    """Of spheres of leaves, each seen by its shadow: the mean over random normals."""
+    normals = np.random.default_rng(1).standard_normal((200_000, 3))
+    cosines = np.abs(normals[:, 0]) / np.linalg.norm(normals, axis=1)
+    wanted = (cosines**2).sum() / cosines.sum()  # a leaf is met as often as it is wide
+    bush = board("bush", (9, 9, 9), (8, 0, 0), material=Material("leaf", density=0.5))
+    scanner = radar(**AHEAD, incidence_weights=True, return_mode="all", side_offset_uu=0)
+    echoes = scanner.scan(scene(bush), Pose3(0, 0, 0)).echoes
+    assert echoes.strength[echoes.beams == 1].sum() == pytest.approx(wanted, rel=5e-3)
 
 
 # All together.
@@ -335,6 +381,11 @@ def test_quantised_range_does_not_exceed_the_maximum() -> None:
     assert laser.scan(world, Pose3(0, 0, 0)).ranges[1] == pytest.approx(18.9)
 
 
+# A bush that begins at 6.9 m takes 10 dB out and back in a metre; half of the nine tenths
+# that it returns have come back where 0.55 of the power would.
+BUSH_RANGE = 6.9 - math.log10(0.55)
+
+
 def test_objects_within_the_resolution_merge() -> None:
     leaf = Material("leaf", density=0.2)
     bush = board("bush", (1, 9, 4), (7.4, 0, 0), material=leaf)
@@ -349,7 +400,7 @@ def test_objects_within_the_resolution_merge() -> None:
         counts[cell] = int(np.count_nonzero(echoes.beams == 1))
         assert echoes.strength[echoes.beams == 1].sum() == pytest.approx(1.0)
     assert counts == {0.0: 3, 0.5: 2, 2.0: 1}
-    assert scan.ranges[1] == pytest.approx(0.2 * 6.9 + 0.8 * 8.0)
+    assert scan.ranges[1] == pytest.approx(0.9 * BUSH_RANGE + 0.1 * 8.0)
 
 
 def test_resolution_applies_to_the_last_echo() -> None:
@@ -358,7 +409,7 @@ def test_resolution_applies_to_the_last_echo() -> None:
     world = scene(bush, board("back", (1, 40, 4), (8.5, 0, 0)))
     coarse = radar(**AHEAD, side_offset_uu=0, range_resolution=2)
     scan = coarse.scan(world, Pose3(0, 0, 0), generator_for(0))
-    assert scan.ranges[1] == pytest.approx(0.2 * 6.9 + 0.8 * 8.0)
+    assert scan.ranges[1] == pytest.approx(0.9 * BUSH_RANGE + 0.1 * 8.0)
 
 
 @pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
