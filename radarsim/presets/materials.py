@@ -43,6 +43,7 @@ Key: TypeAlias = Literal[
     "laser_rain_alpha",
     "backscatter_db",
     "albedo",
+    "transmission_db",
 ]
 Losses: TypeAlias = tuple[float, float, float]
 BACKSCATTER_DB: Final = -10.0  # dB, of a rough surface of which nothing is known
@@ -59,7 +60,8 @@ class LibraryEntry(BaseModel):
             ``db_per_g`` the loss per metre for one gramme in a cubic metre, dB;
             ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km;
             ``backscatter_db`` what a surface returns to a radar head-on, dB, and
-            ``albedo`` the share of a loss that is scattered.
+            ``albedo`` the share of a loss that is scattered; ``transmission_db`` the
+            loss on the way through a pane, in each band, dB.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -90,6 +92,8 @@ class MaterialProperties:
         rain: Rate of the rain in it, mm/h.
         backscatter_db: What its surface returns to a radar head-on, dB.
         albedo: Share of what it takes from a radar wave that it scatters.
+        transmission_db: Loss of radar waves on their way through a pane in each of
+            ``BANDS_GHZ``, dB; None for what is none.
     """
 
     density: float
@@ -104,6 +108,7 @@ class MaterialProperties:
     rain: float
     backscatter_db: float
     albedo: float
+    transmission_db: Losses | None
 
 
 def library_names() -> tuple[str, ...]:
@@ -156,6 +161,7 @@ def library_material(
     values |= amounts
     mirror = values.get("mirror", "none")
     radar_db, laser_db = _losses(values)
+    transmission = values.get("transmission_db")
     return MaterialProperties(
         density=float("inf" if values.get("density") == "opaque" else 0),
         laser_density=float("inf" if values.get("laser_density") == "opaque" else 0),
@@ -169,6 +175,7 @@ def library_material(
         rain=float(values.get("mm_per_h", 0.0)),
         backscatter_db=float(values.get("backscatter_db", BACKSCATTER_DB)),
         albedo=float(values.get("albedo", ALBEDO)),
+        transmission_db=None if transmission is None else _by_band(transmission),
     )
 
 

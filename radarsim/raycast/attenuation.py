@@ -82,7 +82,7 @@ class EventKind(IntEnum):
 
 
 # numba compiles plain integers faster than the members of an enumeration.
-_START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT, _SPENT = map(int, list(EventKind)[:6])
+_START_INSIDE, _ENTER, _LEAVE, SHEET, _HIT, _SPENT = map(int, list(EventKind)[:6])
 _OUT_OF_RANGE, MIRRORED, _ABSORBED = map(int, list(EventKind)[6:9])
 _END_NOTHING, END_HIT, END_SPENT, _END_ABSORBED = map(int, Outcome)
 
@@ -307,7 +307,7 @@ def _cross_surface(state: Any, costs: Any, crossing: Any, power: Any) -> Any:
     """
     loss = costs.sheet_loss[crossing.part]
     if not np.isnan(loss):
-        return _SHEET, max(power - loss, 0.0)
+        return SHEET, max(power - loss, 0.0)
     change = update_winding(state, crossing.part, crossing.sign)
     if change > 0:
         return _ENTER, power
@@ -350,7 +350,7 @@ def advance_ray(ray: Any, progress: Any, limit: Any, costs: Any, state: Any) -> 
             # An infinite power minus itself would be NaN.
             absorbed = arriving - power if power < arriving else 0.0
             record_event(state, ray, at, kind, crossing.part, arriving, absorbed)
-            if kind == _SHEET and power <= min_power:
+            if kind == SHEET and power <= min_power:
                 return Progress(at, 0.0, min_power, np.int64(crossing.part))
             density = _density(state, costs)
     return Progress(at, power, min_power, np.int64(-1))

@@ -51,6 +51,18 @@ def absorption_of(material: Material, ray_class: RayClass) -> float:
     return ray_class.power_per_db * decibels / 2
 
 
+def passing_of(material: Material, ray_class: RayClass) -> float:
+    """Return the power that each surface of a pane takes from a ray that passes it."""
+    decibels = material.transmission_db
+    if decibels is None or ray_class.medium != RADAR:
+        return math.inf
+    return ray_class.power_per_db * decibels[ray_class.band] / 2
+
+
+def _glint_cosine(angle: float) -> float:
+    return math.cos(angle) if angle > 0 else 2.0
+
+
 def scattering_of(material: Material, ray_class: RayClass) -> float:
     """Return what a volume or a sheet scatters of a loss, relative to foliage.
 
@@ -123,8 +135,10 @@ def material_table(
         sheet_loss,
         absorption=_tabulate(parts, ray_classes, absorption_of, np.float64),
         mirror=_tabulate(parts, ray_classes, _is_mirror, np.uint8),
+        passing=_tabulate(parts, ray_classes, passing_of, np.float64),
         air=np.array([attenuation_of(air, c) if air else 0.0 for c in ray_classes]),
         max_reflections=np.array([c.max_reflections for c in ray_classes], np.int64),
+        glint=np.array([_glint_cosine(c.glint) for c in ray_classes], np.float64),
         max_density=np.where(penetrable, equivalent, 0.0).max(axis=1, initial=0.0),
         forward_roles=np.where(
             passed, IGNORE, np.where(penetrable, COLLECT, OPAQUE)

@@ -15,6 +15,7 @@ from radarsim.raycast.attenuation import (
     END_HIT,
     END_SPENT,
     MIRRORED,
+    SHEET,
     T_START,
     Progress,
     RayCosts,
@@ -38,7 +39,15 @@ from radarsim.raycast.intersect import (
     select_scene,
 )
 from radarsim.raycast.rays import is_valid_ray
-from radarsim.raycast.reflection import end_before_mirror, incidence_of, reflect
+from radarsim.raycast.reflection import (
+    ENDS,
+    PASSED,
+    end_before_mirror,
+    find_way_on,
+    incidence_of,
+    pass_surface,
+    reflect,
+)
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 # The first window is as long as the path on which the densest volume takes all power,
@@ -303,24 +312,25 @@ def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
             reset_winding(state)
             return needed
         part = end.part
-        is_surface = progress.spent_in < 0 and 0 <= part < parts
-        absorption = materials.absorption[ray_class, part] if is_surface else 0.0
-        is_mirror = (
-            is_surface and reflections > 0 and materials.mirror[ray_class, part] > 0
-        )
-        # A reflected wave passes the mirror out and back.
-        absorption *= 2.0 if is_mirror else 1.0
-        left, min_power = progress.power, progress.min_power
-        if not is_mirror or is_absorbed(left, min_power, absorption):
+        cost = 0.0
+        if not (progress.spent_in < 0 and 0 <= part < parts):
             break
-        record_event(state, i, progress.t, MIRRORED, part, left, absorption)
+        way, cost, is_bounce = find_way_on(ray_class, part, reflections, scene, work)
+        left, min_power = progress.power, progress.min_power
+        if way == ENDS or is_absorbed(left, min_power, cost):
+            break
+        kind = SHEET if way == PASSED else MIRRORED
+        record_event(state, i, progress.t, kind, part, left, cost)
         reset_winding(state)
-        reflect(scene, progress.t, work)
+        if way == PASSED:
+            pass_surface(progress.t, work)
+        else:
+            reflect(scene, progress.t, work)
+            carrier_id = -1  # in a mirror a robot sees itself
         _start_segment(scene, t + progress.t, work)
-        progress = Progress(0.0, left - absorption, min_power, np.int64(-1))
-        reflections -= 1
-        carrier_id = -1  # in a mirror a robot sees itself
-    ray_end = end_ray(i, progress, end, absorption, state)
+        progress = Progress(0.0, left - cost, min_power, np.int64(-1))
+        reflections -= int(is_bounce)
+    ray_end = end_ray(i, progress, end, cost, state)
     _write_trace(traces, i, ray_end)
     if traces.incidence.size:
         traces.incidence[i] = incidence_of(ray_end, scene, work)

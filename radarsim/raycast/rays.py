@@ -32,6 +32,8 @@ class RayClass(NamedTuple):
             radar that measures how much of it they scatter.
         in_decibels: Whether the attenuation in decibels that materials have beside
             their units applies, and the hulls of point reflectors are no obstacle.
+        glint: Angle to the normal of a mirror, rad, up to which a ray comes straight
+            back, so that the mirror ends it like any other surface; 0 for none.
     """
 
     medium: int
@@ -40,6 +42,7 @@ class RayClass(NamedTuple):
     max_reflections: int = 0
     is_absorbed: bool = True
     in_decibels: bool = False
+    glint: float = 0.0
 
 
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))

@@ -1,9 +1,13 @@
-"""What depends on the triangle that a ray ends at: incidence, and reflection.
+"""What depends on the triangle that a ray ends at: incidence, and how it goes on.
+
+A mirror reflects a ray, unless the ray meets it so nearly head-on that it comes straight
+back: then the mirror ends it like any other surface, and answers. The surface of a pane
+is a mirror that passes a part. A ray has one way on; it takes the stronger one.
 
 Arguments named ``scene``, ``ray`` and ``work`` are those of ``propagate``.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -13,6 +17,21 @@ from radarsim.raycast.intersect import opaque_triangle
 from radarsim.raycast.robot_boxes import box_incidence
 
 MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
+ENDS, REFLECTED, PASSED = 0, 1, 2  # how a ray goes on from an opaque surface
+
+
+class WayOn(NamedTuple):
+    """How a ray goes on from an opaque surface.
+
+    Attributes:
+        way: ``ENDS``, ``REFLECTED`` or ``PASSED``.
+        cost: Power that the surface takes.
+        is_bounce: Whether it is one of those of which a ray has a limited number.
+    """
+
+    way: int
+    cost: float
+    is_bounce: bool
 
 
 @njit_inline
@@ -25,6 +44,42 @@ def _opaque_normal(scene: Any, work: Any) -> Any:
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     return nx / length, ny / length, nz / length
+
+
+@njit_inline
+def find_way_on(ray_class: Any, part: Any, bounces: Any, scene: Any, work: Any) -> Any:
+    """Return the ``WayOn`` from the opaque surface at which a segment ended.
+
+    Args:
+        ray_class: The index of the ray's class.
+        part: The part that the surface belongs to.
+        bounces: How many more mirrors reflect the ray.
+        scene: The ``TracedScene``.
+        work: The workspace.
+    """
+    materials, direction = scene.materials, work.direction
+    absorbed = materials.absorption[ray_class, part]
+    if not materials.mirror[ray_class, part]:
+        return WayOn(ENDS, absorbed, False)
+    passing = materials.passing[ray_class, part]
+    nx, ny, nz = _opaque_normal(scene, work)
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    if along > 0.0 and passing < np.inf:  # a ray inside a pane leaves it
+        return WayOn(PASSED, passing, False)
+    if bounces <= 0 or abs(along) >= materials.glint[ray_class]:
+        return WayOn(ENDS, absorbed, False)
+    if passing <= absorbed:  # each half of the loss on either way
+        return WayOn(PASSED, passing, True)
+    # A reflected wave passes the mirror out and back.
+    return WayOn(REFLECTED, 2.0 * absorbed, True)
+
+
+@njit_inline
+def pass_surface(t: Any, work: Any) -> None:
+    """Set the origin of the segment that goes on behind the end of the last one."""
+    origin, direction = work.origin, work.direction
+    for axis in range(3):
+        origin[axis] += (t + MIRROR_OFFSET) * direction[axis]
 
 
 @njit_inline

@@ -31,8 +31,12 @@ class MaterialTable(NamedTuple):
         sheet_loss: (C, P) power lost per crossed surface; nan for a volume.
         absorption: (C, P) power that an opaque surface absorbs.
         mirror: (C, P) uint8, whether an opaque surface is a mirror.
+        passing: (C, P) power that each surface of a pane takes from a ray that passes;
+            inf for what is none.
         air: (C,) power lost per metre everywhere.
         max_reflections: (C,) how many mirrors reflect a ray.
+        glint: (C,) cosine of the angle to a mirror's normal up to which the mirror ends
+            a ray; above 1 for none.
         max_density: (C,) the greatest density of the volumes, or its equivalent for
             sheets; 0 if there are neither.
         forward_roles: (C, P) uint8, what a ray does with the parts ahead of it:
@@ -49,8 +53,10 @@ class MaterialTable(NamedTuple):
     sheet_loss: Floats
     absorption: Floats
     mirror: NDArray[np.uint8]
+    passing: Floats
     air: Floats
     max_reflections: NDArray[np.int64]
+    glint: Floats
     max_density: Floats
     forward_roles: NDArray[np.uint8]
     backward_roles: NDArray[np.uint8]
@@ -102,7 +108,8 @@ HANDLE: Final = (
 )
 MATERIALS: Final = (
     *((types.float64, 2), (types.float64, 2), (types.float64, 2), (types.uint8, 2)),
-    *((types.float64, 1), (types.int64, 1), (types.float64, 1)),
+    *((types.float64, 2), (types.float64, 1), (types.int64, 1)),
+    *((types.float64, 1), (types.float64, 1)),
     *((types.uint8, 2), (types.uint8, 2)),
     *((types.int32, 1), (types.float64, 2), (types.float64, 2)),
 )
@@ -167,5 +174,5 @@ _leaves_of: Any = intrinsic(_unpack_leaves)
 def unpack_scene(words: Any, boxes: Any, unsliced: Any) -> Any:
     """Return the ``TracedScene`` of a ``PackedScene``'s words."""
     leaves = _leaves_of(words)
-    handle, materials = SceneHandle(*leaves[:8]), MaterialTable(*leaves[8:20])
-    return TracedScene(handle, leaves[20], materials, leaves[21], boxes, unsliced)
+    handle, materials = SceneHandle(*leaves[:8]), MaterialTable(*leaves[8:22])
+    return TracedScene(handle, leaves[22], materials, leaves[23], boxes, unsliced)

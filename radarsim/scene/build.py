@@ -97,6 +97,7 @@ def _radar_properties(entry: MaterialEntry) -> dict[str, Any]:
     }
     if math.isfinite(density):
         properties |= {"radar_mirror": False, "absorption_db": 0.0}
+        properties["transmission_db"] = None
     return properties
 
 
@@ -114,15 +115,19 @@ def _light_properties(entry: MaterialEntry) -> dict[str, Any]:
 
 
 def _surface_properties(entry: MaterialEntry) -> dict[str, Any]:
-    given = {
+    given: dict[str, Any] = {
         "solid": entry.solid,
+        "transmission_db": entry.transmission_db,
         "absorption_db": entry.absorption_db,
         "laser_absorption_db": entry.laser_absorption_db,
     }
+    properties = {key: value for key, value in given.items() if value is not None}
     if entry.mirror is not None:
-        given["radar_mirror"] = entry.mirror in ("radar", "both")
-        given["laser_mirror"] = entry.mirror in ("laser", "both")
-    return {key: value for key, value in given.items() if value is not None}
+        properties["radar_mirror"] = entry.mirror in ("radar", "both")
+        properties["laser_mirror"] = entry.mirror in ("laser", "both")
+        if not properties["radar_mirror"]:
+            properties["transmission_db"] = entry.transmission_db
+    return properties
 
 
 class Room:

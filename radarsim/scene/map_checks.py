@@ -71,6 +71,8 @@ def surface_problems(entry: MaterialEntry, material: Material) -> Iterator[Probl
     ):
         if getattr(entry, key) and not (fits and math.isfinite(material.density)):
             yield (key,), f"expected only of what a radar enters and {of}"
+    if entry.transmission_db is not None and not material.radar_mirror:
+        yield ("transmission_db",), "expected only of a mirror to radar"
     for wave, key, density in (
         ("radar", "absorption_db", material.density),
         ("laser", "laser_absorption_db", material.laser_density),

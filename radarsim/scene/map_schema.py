@@ -237,6 +237,7 @@ class MaterialEntry(Entry):
         backscatter_db: What an opaque surface that is met head-on returns to a radar,
             dB, without what it absorbs.
         albedo: Share of what it takes from a radar wave that it scatters.
+        transmission_db: What a radar wave loses on its way through a pane, dB.
     """
 
     based_on: LibraryName | None = None
@@ -255,6 +256,7 @@ class MaterialEntry(Entry):
     sheet_attenuation_db: BandDecibels | None = None
     backscatter_db: Level | None = None
     albedo: Annotated[Real, Ge(0), Le(1)] | None = None
+    transmission_db: BandDecibels | None = None
 
 
 class ReflectorEntry(Entry):

@@ -31,6 +31,9 @@ class Material:
         radar_mirror: Whether an opaque surface is a mirror to radar waves.
         laser_mirror: Whether an opaque surface is a mirror to light.
         rain: Rain rate inside, mm/h; a radar sees the drops.
+        transmission_db: (3,) what a radar wave loses on its way through a pane whose
+            surfaces are mirrors, one way, dB, in each of ``BANDS_GHZ``, half of it at
+            each; None for what no wave passes.
         attenuation_db: (3,) one-way attenuation of radar waves inside, dB/m, in each of
             ``BANDS_GHZ``, instead of ``density`` and ``radar_db``, for a radar that
             counts in decibels; None where these two hold for it too.
@@ -60,6 +63,7 @@ class Material:
     sheet_attenuation_db: tuple[float, float, float] | None = None
     backscatter_db: float = -10.0
     albedo: float = 0.2
+    transmission_db: tuple[float, float, float] | None = None
 
     def __repr__(self) -> str:
         """Return the call that makes it, without what is by default."""

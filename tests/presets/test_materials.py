@@ -131,6 +131,7 @@ def test_all_properties_of_a_material() -> None:
         rain=0,
         backscatter_db=-10,
         albedo=0.2,
+        transmission_db=None,
     )
 
 

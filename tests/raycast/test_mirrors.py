@@ -434,3 +434,101 @@ def test_boxes_are_numbered_after_the_air() -> None:
     boxes = Boxes(np.array([[5, 0, 0, -1, 1, 0.5, 0.5, 7.0]]))
     tracer = Tracer([brick(WALL, (1, 9, 9), (9, 0, 0))], mist)
     assert tracer.trace(cast(AHEAD), boxes).parts.tolist() == [2 + 7]
+
+
+# Mirrors that face the sensor, and panes, which pass a part.
+
+GLASS = Material(
+    "glass", radar_mirror=True, absorption_db=7.3, transmission_db=(3.8, 6.5, 8.3)
+)
+PER_DB = 1 / 25  # power 1 is 25 dB one way
+
+
+def kinds_of(tracer: Tracer, rays: Rays) -> list[EventKind]:
+    return [event.kind for event in tracer.explain(rays)[0]]
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "answers"), [(0.0, True), (0.9, True), (1.1, False), (-0.9, True)]
+)
+def test_mirror_that_faces_the_ray_within_its_glint_is_hit(
+    angle_deg: float, *, answers: bool
+) -> None:
+    plate = brick(MIRROR, (0.1, 2, 2), (5, 0, 0), angle_deg)
+    rays = cast(AHEAD, glint=math.radians(1))
+    traces = Tracer([plate, brick(WALL, (0.1, 9, 9), (-3, 0, 0))]).trace(rays)
+    assert traces.outcomes.tolist() == [Outcome.HIT]
+    assert traces.parts.tolist() == [0 if answers else 1]
+    if answers:
+        near = 5 - 0.05 / math.cos(math.radians(angle_deg))
+        assert traces.ranges == pytest.approx([near])
+
+
+def test_mirror_that_faces_the_ray_takes_its_decibels_once() -> None:
+    plate = Material("plate", radar_mirror=True, absorption_db=7.3)
+    rays = cast(AHEAD, glint=0.01, power_per_db=PER_DB)
+    traces = Tracer([brick(plate, (0.1, 2, 2), (5, 0, 0))]).trace(rays)
+    # 7.3 dB of what returns, of 50 dB out and back
+    assert traces.power == pytest.approx([1 - 7.3 / 50])
+
+
+def test_ray_without_glint_is_reflected_head_on() -> None:
+    plate = brick(MIRROR, (0.1, 2, 2), (5, 0, 0))
+    traces = Tracer([plate, brick(WALL, (0.1, 9, 9), (-3, 0, 0))]).trace(cast(AHEAD))
+    assert traces.parts.tolist() == [1]
+
+
+def pane(at: float, yaw_deg: float = 30.0) -> Part:
+    return brick(GLASS, (0.006, 4, 4), (at, 0, 0), yaw_deg)
+
+
+@pytest.mark.parametrize(
+    ("band", "passes"), [(0, True), (1, True), (2, False)], ids=["24", "77", "94"]
+)
+def test_ray_takes_the_stronger_way_on_from_a_pane(band: int, *, passes: bool) -> None:
+    """7.3 dB one way when reflected; 3.8, 6.5 and 8.3 dB when it passes."""
+    tracer = Tracer([pane(4), brick(WALL, (1, 40, 4), (9.5, 0, 0))])
+    rays = cast(AHEAD, band=band, power_per_db=PER_DB)
+    traces = tracer.trace(rays)
+    if not passes:
+        assert EventKind.MIRRORED in kinds_of(tracer, rays)
+        assert traces.parts.tolist() != [1]
+        return
+    assert kinds_of(tracer, rays) == [EventKind.SHEET, EventKind.SHEET, EventKind.HIT]
+    assert traces.ranges == pytest.approx([9.0])
+    lost = (GLASS.transmission_db or (0, 0, 0))[band]
+    assert traces.power == pytest.approx([1 - lost / 25])
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 2, 3])
+def test_number_of_panes_on_a_rays_way_is_bounded(bounces: int) -> None:
+    panes = [pane(at) for at in (2.0, 4.0, 6.0)]
+    tracer = Tracer([*panes, brick(WALL, (1, 40, 4), (9.5, 0, 0))])
+    rays = cast(AHEAD, band=0, power_per_db=PER_DB, bounces=bounces)
+    traces = tracer.trace(rays)
+    assert traces.outcomes.tolist() == [Outcome.HIT]
+    assert traces.parts.tolist() == [bounces]
+
+
+def test_what_is_between_panes_counts_as_without_them() -> None:
+    bush = brick(LEAF, (2, 4, 4), (5, 0, 0))
+    wall = brick(WALL, (1, 40, 4), (9.5, 0, 0))
+    rays = cast(AHEAD, band=1, power_per_db=PER_DB)
+    plain, glazed = (
+        Tracer([*panes, bush, wall]).trace(rays) for panes in ([], [pane(2)])
+    )
+    assert glazed.ranges == pytest.approx(plain.ranges)
+    assert glazed.power == pytest.approx(plain.power - 6.5 / 25)
+
+
+def test_ray_that_starts_inside_a_pane_leaves_it() -> None:
+    thick = brick(GLASS, (2, 4, 4), (0, 0, 0))
+    rays = cast(AHEAD, band=1, power_per_db=PER_DB, bounces=0)
+    traces = Tracer([thick, brick(WALL, (1, 40, 4), (9.5, 0, 0))]).trace(rays)
+    assert traces.ranges == pytest.approx([9.0])
+
+
+def test_pane_that_takes_all_that_is_left_ends_the_ray() -> None:
+    tracer = Tracer([pane(4), brick(WALL, (1, 40, 4), (9.5, 0, 0))])
+    rays = cast(AHEAD, band=1, power_per_db=PER_DB, power=0.1)
+    assert tracer.trace(rays).outcomes.tolist() == [Outcome.ABSORBED]

@@ -12,6 +12,7 @@ from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
+from radarsim.scene.build import from_library
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.echoes import Target
 
@@ -238,3 +239,42 @@ def test_range_is_that_of_the_last_echo(foliage_room: Scene) -> None:
         lists = scan.to_dict()["echoes"]
         assert [beam[-1]["range"] for beam in lists] == scan.ranges.tolist()
         assert len(scan.echoes) == sum(len(beam) for beam in lists)
+
+
+@pytest.mark.parametrize("sensor", ["radar", "hss94_marulan", "navtech_cts350x"])
+def test_metal_plate_that_faces_a_radar_answers(sensor: str) -> None:
+    metal = from_library("metal")
+    world = scene(block("plate", metal, (0.1, 3, 3), (10, 0, 0)))
+    radar = radarsim.load_sensor(sensor, return_mode="all", ray_choice="together")
+    middle = int(np.argmin(np.abs(radar.angles)))
+    echoes = radar.scan(world, (0, 0, 0.3, 0, 0, -radar.angles[middle]), generator_for(1))
+    mine = echoes.echoes.beams == middle
+    assert objects(echoes.echoes, middle) == ["plate"] * int(mine.sum())
+    assert echoes.ranges[middle] == pytest.approx(9.95, abs=0.4)
+    assert echoes.echoes.strength[mine].max() > 0.2
+
+
+@pytest.mark.parametrize("angle_deg", [30.0, 60.0])
+def test_metal_plate_that_is_turned_away_stays_dark(angle_deg: float) -> None:
+    vertices, faces = box(0.1, 3, 3)
+    turned = vertices @ Pose3(0, 0, 0, yaw=math.radians(angle_deg)).rotation().T
+    plate = Part("plate", from_library("metal"), turned + np.array([10, 0, 0]), faces)
+    radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2)
+    scan = radar.scan(scene(plate), (0, 0, 0), generator_for(1))
+    assert np.isinf(scan.ranges).all()
+
+
+def test_pane_shows_itself_and_what_is_behind_it() -> None:
+    """6.5 dB one way at 77 GHz: 13 dB out and back, half of it at each face."""
+    pane = block("pane", from_library("glass"), (0.006, 4, 4), (4, 0, 0))
+    world = scene(pane, block("wall", WALL, (1, 9, 4), (8, 0, 0)))
+    # pitched, so that it does not face the beam
+    radar = radarsim.load_sensor(
+        "radar", fov_deg=4, resolution_deg=2, band_ghz=77, return_mode="all",
+        side_offset_uu=0,
+    )  # fmt: skip
+    scan = radar.scan(world, (-2, 0, 0.3, 0, 0.15, 0), generator_for(1))
+    assert objects(scan.echoes, 1) == ["pane", "pane", "wall"]
+    mine = scan.echoes.beams == 1
+    assert scan.echoes.strength[mine][-1] == pytest.approx(10**-1.3)
+    assert scan.echoes.strength[mine].sum() == pytest.approx(1.0)
