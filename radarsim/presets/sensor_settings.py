@@ -72,8 +72,8 @@ class SensorSettings(BaseModel):
         beamwidth_el_deg: Vertical width of a cone between its one-way half-power
             points, degrees.
         cone_rays: Number of rays of a cone.
-        cone_sampling: Directions of a cone's rays: the nodes of a ``quadrature``, or
-            ``random``, drawn anew for each scan.
+        cone_sampling: Directions of a cone's rays: the nodes of a ``quadrature``,
+            ``even`` steps from edge to edge, or ``random``, drawn anew for each scan.
         range_noise: Standard deviation of ranges, m; 0 for none.
         range_noise_share: Standard deviation of ranges as a share of the range; the
             larger of both applies.
@@ -109,7 +109,7 @@ class SensorSettings(BaseModel):
     beamwidth_az_deg: Width = 0.0
     beamwidth_el_deg: Width = 0.0
     cone_rays: Annotated[int, Field(ge=1, le=10_000)] = 9
-    cone_sampling: Literal["quadrature", "random"] = "quadrature"
+    cone_sampling: Literal["quadrature", "even", "random"] = "quadrature"
     range_noise: NotNegative = 0.0
     range_noise_share: Annotated[float, Field(ge=0, le=1)] = 0.0
     range_resolution: NotNegative = 0.0
@@ -151,7 +151,7 @@ class SensorSettings(BaseModel):
 
     @property
     def cone_grid(self) -> tuple[int, int]:
-        """The number of quadrature nodes across, and that up and down."""
+        """The number of nodes across, and that up and down."""
         if not self.beamwidth_el_deg:
             return self.cone_rays, 1
         if not self.beamwidth_az_deg:
@@ -199,10 +199,10 @@ class SensorSettings(BaseModel):
             )
         if self.cone_sampling == "random":
             return
-        if max(self.cone_grid) > MAX_NODES:
+        if max(self.cone_grid) > MAX_NODES and self.cone_sampling == "quadrature":
             raise ValueError(
                 f"cone_rays {self.cone_rays}, {max(self.cone_grid)} in a row, expected"
-                f" at most {MAX_NODES}; random ones may be more"
+                f" at most {MAX_NODES}; even or random ones may be more"
             )
         if all(widths) and self.cone_grid[1] == 1:
             raise ValueError(

@@ -13,8 +13,10 @@ quadrature are those of Gauss and Hermite, a grid of them where the beam is wide
 directions. Three across stand at 0 and 0.5201 w with weights 2/3 and 1/6: the main ray
 and two side rays. Over a smooth target, n nodes in a row are exact to the order 2n - 1;
 over an edge three are off by at most 1/3 of the beam, where the edge runs through the
-main ray, and more nodes by less. Random rays are drawn from that Gaussian and have
-equal weights.
+main ray, and more nodes by less. Even nodes are all as far apart, over 0.6 widths to
+either side, where the Gaussian has 95 % of its power; their weights are its density. So
+nothing that is wider than a step is missed. Random rays are drawn from that Gaussian
+and have equal weights.
 
 Either one ray of each beam is drawn, by the nodes' weights, or all are traced.
 
@@ -58,6 +60,7 @@ EMPTY: Final = np.zeros(0)
 NO_VECTORS: Final = np.zeros((0, 3))
 RIGHT, CENTRE, LEFT = -1, 0, 1
 CENTRE_TOLERANCE: Final = 1e-9  # rad off the middle of a beam
+EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 widths, standard deviations
 
 
 class BeamPattern:
@@ -343,9 +346,8 @@ def _cone_nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
         return np.zeros((count, 1, 2)), np.full(count, 1 / count)
     widths = settings.beamwidth_az_deg, settings.beamwidth_el_deg
     deviations = [two_way_deviation(math.radians(width)) for width in widths]
-    (left, left_share), (up, up_share) = (
-        quadrature(count) for count in settings.cone_grid
-    )
+    place = even_nodes if settings.cone_sampling == "even" else quadrature
+    (left, left_share), (up, up_share) = (place(count) for count in settings.cone_grid)
     across, above = np.meshgrid(left * deviations[0], up * deviations[1])
     offsets = np.stack([across.ravel(), above.ravel()], axis=-1)[:, None]
     return offsets, np.outer(up_share, left_share).ravel()
@@ -354,6 +356,15 @@ def _cone_nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
 def quadrature(count: int) -> tuple[Floats, Floats]:
     """Return Gauss-Hermite nodes, in standard deviations, and weights that sum to 1."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+    return nodes, weights / weights.sum()
+
+
+def even_nodes(count: int) -> tuple[Floats, Floats]:
+    """Return evenly spaced nodes, in standard deviations, and weights that sum to 1."""
+    if count == 1:
+        return np.zeros(1), np.ones(1)
+    nodes: Floats = np.linspace(-EVEN_EDGE, EVEN_EDGE, count)
+    weights = np.exp(-(nodes**2) / 2)
     return nodes, weights / weights.sum()
 
 

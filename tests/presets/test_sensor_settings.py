@@ -106,8 +106,8 @@ def test_scan_has_one_beam_more_than_steps(fov: float, step: float, beams: int) 
         ),
         pytest.param(
             {"side_mode": "cone", "cone_rays": 371, "beamwidth_az_deg": 4},
-            "sensor radar: cone_rays 371, 371 in a row, expected at most 100; random"
-            " ones may be more",
+            "sensor radar: cone_rays 371, 371 in a row, expected at most 100; even"
+            " or random ones may be more",
             id="too many nodes in a row",
         ),
         pytest.param(

@@ -130,6 +130,16 @@ def test_range_bins_of_a_data_set_add_up_to_its_range(
     assert settings.max_range == pytest.approx(max_range, abs=0.05)
 
 
+@pytest.mark.parametrize("name", sorted(NAVTECH))
+def test_resolution_of_a_radar_is_that_of_its_sweep_not_its_bin(name: str) -> None:
+    settings = load_settings(name)
+    c = 299_792_458.0
+    assert settings.range_resolution == pytest.approx(c / (2 * 863e6), rel=1e-3)
+    assert settings.range_resolution > c / (2 * 1e9)  # 76 to 77 GHz
+    assert settings.range_quantum <= settings.range_resolution
+    assert settings.beamwidth_el_deg > settings.beamwidth_az_deg
+
+
 @pytest.mark.parametrize("name", sorted(THESIS))
 def test_thesis_presets_have_no_noise_or_later_features(name: str) -> None:
     settings = load_settings(name)

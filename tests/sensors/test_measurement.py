@@ -13,7 +13,8 @@ from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import sensor_presets
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.scene.shapes import box
+from radarsim.scene.shapes import box, cylinder
+from radarsim.sensors.beams import even_nodes
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan_batch import scan_batch
 from radarsim.sensors.scan_plan import ScanRequest
@@ -194,6 +195,34 @@ def test_leaves_that_face_all_directions_return_two_thirds() -> None:
     scanner = radar(**AHEAD, incidence_weights=True, return_mode="all", side_offset_uu=0)
     echoes = scanner.scan(scene(bush), Pose3(0, 0, 0)).echoes
     assert echoes.strength[echoes.beams == 1].sum() == pytest.approx(wanted, rel=5e-3)
+
+
+@pytest.mark.parametrize("distance", [5.0, 12.0, 27.0, 39.9])
+def test_pole_of_10_cm_is_seen_at_every_offset_from_the_beams(distance: float) -> None:
+    vertices, faces = cylinder(0.05, 2.0)
+    pole = Part("pole", WALL, vertices + np.array([distance, 0, 0.3]), faces)
+    scanner = radarsim.load_sensor("hss94_marulan", fov_deg=8)
+    offsets = np.radians(np.arange(0, 2, 0.02))
+    poses = [Pose3(0, 0, 0, yaw=float(offset)) for offset in offsets]
+    ranges = scanner.scan_many(scene(pole), poses, generator_for(3)).ranges
+    assert np.isfinite(ranges).any(axis=1).all()
+    nearest = np.where(np.isfinite(ranges), ranges, np.inf).min(axis=1)
+    assert np.abs(nearest - (distance - 0.05)).max() < 0.6  # noise of 0.1 m
+
+
+@pytest.mark.parametrize("count", [1, 2, 19])
+def test_even_nodes_are_as_far_apart_and_weigh_as_the_beam(count: int) -> None:
+    nodes, weights = even_nodes(count)
+    assert weights.sum() == pytest.approx(1.0)
+    assert nodes == pytest.approx(-nodes[::-1])
+    if count > 1:
+        widths = nodes / (4 * math.sqrt(math.log(2)))  # of one-way half-power
+        assert widths[[0, -1]] == pytest.approx([-0.6, 0.6])
+        assert np.diff(nodes) == pytest.approx(np.full(count - 1, nodes[1] - nodes[0]))
+        # twice half of the power, out and back, at half a width
+        decibels = 10 * np.log10(weights / weights.max())
+        middle = decibels - 2 * 10 * math.log10(0.5) * (widths / 0.5) ** 2
+        assert middle == pytest.approx(np.full(count, middle[0]), abs=1e-9)
 
 
 # All together.
