@@ -42,11 +42,12 @@ from radarsim.raycast.rays import is_valid_ray
 from radarsim.raycast.reflection import (
     ENDS,
     PASSED,
+    REFLECTED,
+    WayOn,
     end_before_mirror,
     find_way_on,
+    go_on,
     incidence_of,
-    pass_surface,
-    reflect,
 )
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
@@ -275,6 +276,17 @@ def _trace_segment(
 
 
 @njit_inline
+def _find_way_on(ray: Any, progress: Any, end: Any, scene: Any, work: Any) -> Any:
+    """Return the ``WayOn`` from the end of a segment; a ray that is absorbed ends."""
+    if progress.spent_in >= 0 or not 0 <= end.part < work.state.winding.size:
+        return WayOn(ENDS, 0.0, False)
+    on = find_way_on(ray, end.part, scene, work)
+    if is_absorbed(progress.power, progress.min_power, on.cost):
+        return WayOn(ENDS, on.cost, False)
+    return on
+
+
+@njit_inline
 def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
     """Trace one ray.
 
@@ -295,10 +307,7 @@ def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
         return -1 - i
     for axis in range(3):
         origin[axis] -= scene.centre[axis]
-    parts, reflections = (
-        materials.density.shape[1],
-        materials.max_reflections[ray_class],
-    )
+    reflections = materials.max_reflections[ray_class]
     _start_segment(scene, 0.0, work)
     progress = Progress(0.0, power, 0.0, np.int64(-1))
     while True:
@@ -311,24 +320,18 @@ def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
             # The caller traces all rays again, with room for this many crossings.
             reset_winding(state)
             return needed
-        part = end.part
-        cost = 0.0
-        if not (progress.spent_in < 0 and 0 <= part < parts):
-            break
-        way, cost, is_bounce = find_way_on(ray_class, part, reflections, scene, work)
-        left, min_power = progress.power, progress.min_power
-        if way == ENDS or is_absorbed(left, min_power, cost):
+        way, cost, is_bounce = _find_way_on(ray, progress, end, scene, work)
+        if way == ENDS:
             break
         kind = SHEET if way == PASSED else MIRRORED
-        record_event(state, i, progress.t, kind, part, left, cost)
+        record_event(state, i, progress.t, kind, end.part, progress.power, cost)
         reset_winding(state)
-        if way == PASSED:
-            pass_surface(progress.t, work)
-        else:
-            reflect(scene, progress.t, work)
+        go_on(way, scene, progress.t, work)
+        if way == REFLECTED:
             carrier_id = -1  # in a mirror a robot sees itself
         _start_segment(scene, t + progress.t, work)
-        progress = Progress(0.0, left - cost, min_power, np.int64(-1))
+        left = progress.power - cost
+        progress = Progress(0.0, left, progress.min_power, np.int64(-1))
         reflections -= int(is_bounce)
     ray_end = end_ray(i, progress, end, cost, state)
     _write_trace(traces, i, ray_end)

@@ -1,8 +1,8 @@
 """What depends on the triangle that a ray ends at: incidence, and how it goes on.
 
-A mirror reflects a ray, unless the ray meets it so nearly head-on that it comes straight
-back: then the mirror ends it like any other surface, and answers. The surface of a pane
-is a mirror that passes a part. A ray has one way on; it takes the stronger one.
+A mirror reflects a ray, unless the ray meets it so nearly head-on that it comes
+straight back: then the mirror ends it like any other surface, and answers. The surface
+of a pane is a mirror that passes a part. A ray has one way on, and takes the stronger.
 
 Arguments named ``scene``, ``ray`` and ``work`` are those of ``propagate``.
 """
@@ -47,17 +47,9 @@ def _opaque_normal(scene: Any, work: Any) -> Any:
 
 
 @njit_inline
-def find_way_on(ray_class: Any, part: Any, bounces: Any, scene: Any, work: Any) -> Any:
-    """Return the ``WayOn`` from the opaque surface at which a segment ended.
-
-    Args:
-        ray_class: The index of the ray's class.
-        part: The part that the surface belongs to.
-        bounces: How many more mirrors reflect the ray.
-        scene: The ``TracedScene``.
-        work: The workspace.
-    """
-    materials, direction = scene.materials, work.direction
+def find_way_on(ray: Any, part: Any, scene: Any, work: Any) -> Any:
+    """Return the ``WayOn`` from the opaque surface of a part that ended a segment."""
+    materials, direction, ray_class = scene.materials, work.direction, ray.ray_class
     absorbed = materials.absorption[ray_class, part]
     if not materials.mirror[ray_class, part]:
         return WayOn(ENDS, absorbed, False)
@@ -66,20 +58,12 @@ def find_way_on(ray_class: Any, part: Any, bounces: Any, scene: Any, work: Any) 
     along = nx * direction[0] + ny * direction[1] + nz * direction[2]
     if along > 0.0 and passing < np.inf:  # a ray inside a pane leaves it
         return WayOn(PASSED, passing, False)
-    if bounces <= 0 or abs(along) >= materials.glint[ray_class]:
+    if ray.reflections <= 0 or abs(along) >= materials.glint[ray_class]:
         return WayOn(ENDS, absorbed, False)
     if passing <= absorbed:  # each half of the loss on either way
         return WayOn(PASSED, passing, True)
     # A reflected wave passes the mirror out and back.
     return WayOn(REFLECTED, 2.0 * absorbed, True)
-
-
-@njit_inline
-def pass_surface(t: Any, work: Any) -> None:
-    """Set the origin of the segment that goes on behind the end of the last one."""
-    origin, direction = work.origin, work.direction
-    for axis in range(3):
-        origin[axis] += (t + MIRROR_OFFSET) * direction[axis]
 
 
 @njit_inline
@@ -103,9 +87,20 @@ def end_before_mirror(ray: Any, end: Any, scene: Any, work: Any) -> Any:
 
 
 @njit_inline
-def reflect(scene: Any, t: Any, work: Any) -> None:
-    """Set origin and direction of the segment that follows the last one at a mirror."""
+def go_on(way: Any, scene: Any, t: Any, work: Any) -> None:
+    """Set origin and direction of the segment that follows the last one.
+
+    Args:
+        way: ``REFLECTED`` or ``PASSED``.
+        scene: The ``TracedScene``.
+        t: Length of the last segment, m.
+        work: The workspace.
+    """
     origin, direction = work.origin, work.direction
+    if way == PASSED:
+        for axis in range(3):
+            origin[axis] += (t + MIRROR_OFFSET) * direction[axis]
+        return
     nx, ny, nz = _opaque_normal(scene, work)
     along = nx * direction[0] + ny * direction[1] + nz * direction[2]
     if along > 0.0:  # the back of the triangle is hit

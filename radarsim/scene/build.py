@@ -57,8 +57,8 @@ def make_material(name: str, entry: MaterialEntry) -> Material:
 
     If an entry has any key of radar attenuation, these keys replace all radar
     attenuation of the base; the same holds for light. A material that beams enter has
-    no mirror, and its surface absorbs nothing. To a radar that counts in decibels, those
-    of the base remain, unless the entry has its own.
+    no mirror, and its surface absorbs nothing. To a radar that counts in decibels,
+    those of the base remain, unless the entry has its own.
     """
     base = Material(name)
     if entry.based_on is not None:

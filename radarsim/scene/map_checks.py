@@ -28,6 +28,10 @@ _EXCLUDED_BY_OPAQUE = (
     ("density", "attenuation_db"),
     ("density", "sheet_attenuation_db"),
 )
+_EITHER_SHEET_OR_INSIDE = (
+    ("sheet_loss", "db_per_m"),
+    ("sheet_attenuation_db", "attenuation_db"),
+)
 _EXCLUSIVE = (
     ("material", "materials"),
     ("yaw_deg", "rotation_deg"),
@@ -46,11 +50,14 @@ def material_problems(item: Any) -> Iterator[Problem]:
     for density, key in _EXCLUDED_BY_OPAQUE:
         if item.get(density) == "opaque" and key in given:
             yield (key,), f"{short_repr(item[key])} with 'opaque', {message}"
-    if {"sheet_loss", "db_per_m"} <= given:
-        yield ("db_per_m",), "expected either 'sheet_loss' or 'db_per_m'"
-    if {"sheet_attenuation_db", "attenuation_db"} <= given:
-        text = "expected either 'attenuation_db' or 'sheet_attenuation_db'"
-        yield ("attenuation_db",), text
+    for sheet, key in _EITHER_SHEET_OR_INSIDE:
+        if {sheet, key} <= given:
+            yield (key,), f"expected either {sheet!r} or {key!r}"
+    yield from _amount_problems(item, given)
+
+
+def _amount_problems(item: dict[str, Any], given: set[str]) -> Iterator[Problem]:
+    """Check that amounts are given only of materials that have them."""
     for key in sorted(given & set(AMOUNTS)):
         base = item.get("based_on")
         known = isinstance(base, str) and base in library_names()

@@ -39,7 +39,7 @@ class Reflector:
         name: Name of the object in the map.
         position: x, y, z, m, map frame.
         trihedral: Length of the legs of the trihedral's plates, m; None if it is none.
-        rcs_dbsm: Radar cross section of what is no trihedral, dBsm, at every wavelength.
+        rcs_dbsm: Radar cross section of another target, at every wavelength, dBsm.
 
     Raises:
         ValueError: Unless exactly one of ``trihedral`` and ``rcs_dbsm`` is given.

@@ -290,10 +290,10 @@ def _find_middles(stretch: Any, densities: Any, law: Any, found: Any) -> None:
         stretch: The next stretch of the ray.
         densities: Densities of the parts and of the air.
         law: The ReturnLaw.
-        found: The volumes around the ray, how many these are, the strengths of all
-            events, what is still missing to half of each, and the ranges to be set.
+        found: The volumes around the ray, how many these are, what is missing to half
+            of the strength of each event, and the ranges to be set.
     """
-    volumes, count, strengths, missing, ranges = found
+    volumes, count, missing, ranges = found
     total = _total_density(densities, volumes, count)
     if stretch.loss <= 0.0 or total <= 0.0:
         return
@@ -356,7 +356,7 @@ def _compute_strengths(
             loss = _returned(before, law) - _returned(arriving, law)
             stretch = Stretch(near, event.t, before, arriving, loss)
             if is_second:
-                found = volumes, count, strengths, missing, ranges
+                found = volumes, count, missing, ranges
                 _find_middles(stretch, densities, law, found)
                 missing[i] = strengths[i] / 2.0 if event.kind == ENTER else 0.0
             else:

@@ -120,10 +120,11 @@ def test_problem_of_the_top_level_has_place_and_expectation(
         pytest.param("opaque", "4: m: 'opaque', expected keys with values"),
         pytest.param(
             "{density: 1, colour: red}",
-            "17: m.colour: unknown key, expected one of ['absorption_db', 'based_on',"
-            " 'db_per_m', 'density', 'g_per_m3', 'laser_absorption_db',"
-            " 'laser_db_per_m', 'laser_density', 'mirror', 'mm_per_h', 'sheet_loss',"
-            " 'solid']",
+            "17: m.colour: unknown key, expected one of ['absorption_db', 'albedo',"
+            " 'attenuation_db', 'backscatter_db', 'based_on', 'db_per_m', 'density',"
+            " 'g_per_m3', 'laser_absorption_db', 'laser_db_per_m', 'laser_density',"
+            " 'mirror', 'mm_per_h', 'sheet_attenuation_db', 'sheet_loss', 'solid',"
+            " 'transmission_db']",
         ),
     ],
 )

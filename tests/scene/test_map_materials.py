@@ -193,7 +193,12 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
         pytest.param(
             "{based_on: metal, mirror: none, absorption_db: 20}",
             "metal",
-            {"radar_mirror": False, "laser_mirror": False, "absorption_db": 20.0},
+            {
+                "radar_mirror": False,
+                "laser_mirror": False,
+                "absorption_db": 20.0,
+                "backscatter_db": -30.0,
+            },
             id="dull",
         ),
         pytest.param(
@@ -332,7 +337,7 @@ def test_amounts_are_those_of_the_entry() -> None:
         pytest.param(
             "{sheet_loss: 1, attenuation_db: 1, sheet_attenuation_db: 3}",
             "attenuation_db",
-            "expected either 'attenuation_db' or 'sheet_attenuation_db'",
+            "expected either 'sheet_attenuation_db' or 'attenuation_db'",
             id="decibels of both",
         ),
         pytest.param(

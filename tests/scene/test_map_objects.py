@@ -10,10 +10,11 @@ from radarsim.scene.build import LIMITS
 
 pytestmark = pytest.mark.usefixtures("mesh_folder")
 KEYS = (
-    "['box', 'cylinder', 'material', 'materials', 'mesh', 'name', 'position', 'repeat',"
-    " 'rotation_deg', 'scale', 'scatter', 'sphere', 'up_axis', 'yaw_deg']"
+    "['box', 'cylinder', 'material', 'materials', 'mesh', 'name', 'position',"
+    " 'reflector', 'repeat', 'rotation_deg', 'scale', 'scatter', 'sphere', 'up_axis',"
+    " 'yaw_deg']"
 )
-SHAPES = "expected one of ['box', 'cylinder', 'mesh', 'sphere']"
+SHAPES = "expected one of ['box', 'cylinder', 'mesh', 'reflector', 'sphere']"
 LIBRARY = f", or of the library, {list(library_names())}"
 CLOSED = (
     "expected a closed volume with one outside,"

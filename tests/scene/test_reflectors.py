@@ -111,7 +111,9 @@ def test_scattered_trihedrals_scale_with_their_copies(tmp_path: Path) -> None:
         pytest.param(
             "reflector: {trihedral: 0.1, rcs_dbsm: 3}", "reflector", "either", id="both"
         ),
-        pytest.param("reflector: {trihedral: 0}", "trihedral", "above 0", id="no size"),
+        pytest.param(
+            "reflector: {trihedral: 0}", "trihedral", "more than 0", id="no size"
+        ),
         pytest.param(
             "reflector: {rcs_dbsm: 0}, material: wood", "material", "none", id="wooden"
         ),
@@ -150,9 +152,7 @@ def test_scanner_hits_the_hull_of_a_reflector_unless_something_hides_it(
     scanner = radarsim.load_sensor(sensor)
     if sensor == "radar":
         scanner = radarsim.load_sensor("radar", side_offset_uu=0)
-    scan = scanner.scan(
-        yard(tmp_path), (0, 0, 0.3, 0, 0, 0), radarsim.generator_for(1)
-    )
+    scan = scanner.scan(yard(tmp_path), (0, 0, 0.3, 0, 0, 0), radarsim.generator_for(1))
     assert scan.ranges[90] == pytest.approx(4.8, abs=1e-9)  # 0.2 m before its middle
     echo = scan.to_dict()["echoes"][90][-1]
     assert (echo["object"], echo["kind"], echo["density"]) == ("corner", "hit", None)

@@ -263,7 +263,7 @@ def middles(parts: list[Part], power: float = 1.0) -> dict[float, float]:
 @pytest.mark.parametrize("density", [1e-4, 0.01, 0.1, 0.2])
 def test_range_of_a_bush_is_that_of_half_its_power(density: float) -> None:
     # 10^(-5 density d) falls to the mean of 1 and what is left behind 4 m
-    half = (1 + 10 ** (-5 * density * 4)) / 2
+    half = (1 + math.pow(10, -5 * density * 4)) / 2
     parts = [layer("bush", leaf(density), 2, 6), layer("wall", WALL, 8, 9)]
     depth = -math.log10(half) / (5 * density)
     assert middles(parts) == {2.0: pytest.approx(2 + depth)}
@@ -380,8 +380,9 @@ def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     parts = [layer("bush", leaf(0.2), 2, 4), wall]
     traces = trace_ahead(parts, incidence=True)
     found = extract(parts, traces)
-    wall = returned(0.6)
-    assert found.strength == pytest.approx([(1 - wall) * LEAF_BACKSCATTER, 0, wall / 2])
+    behind = returned(0.6)
+    wanted = [(1 - behind) * LEAF_BACKSCATTER, 0, behind / 2]
+    assert found.strength == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize(

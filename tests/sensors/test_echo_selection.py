@@ -54,9 +54,7 @@ def sorted_rows(draw: st.DrawFn) -> list[Row]:
         beam = draw(st.integers(0, 2))
         kind, power = ENTER + i % 5, 1.0 / (i + 1)
         front = t - draw(st.floats(0, 1)) if kind == ENTER else t
-        rows.append(
-            Row(beam, 10 * beam + i, t, kind, i, power, strength, ends, front)
-        )
+        rows.append(Row(beam, 10 * beam + i, t, kind, i, power, strength, ends, front))
     return sorted(rows, key=lambda row: (row.beam, row.t, row.row))
 
 

@@ -247,7 +247,9 @@ def test_metal_plate_that_faces_a_radar_answers(sensor: str) -> None:
     world = scene(block("plate", metal, (0.1, 3, 3), (10, 0, 0)))
     radar = radarsim.load_sensor(sensor, return_mode="all", ray_choice="together")
     middle = int(np.argmin(np.abs(radar.angles)))
-    echoes = radar.scan(world, (0, 0, 0.3, 0, 0, -radar.angles[middle]), generator_for(1))
+    echoes = radar.scan(
+        world, (0, 0, 0.3, 0, 0, -radar.angles[middle]), generator_for(1)
+    )
     mine = echoes.echoes.beams == middle
     assert objects(echoes.echoes, middle) == ["plate"] * int(mine.sum())
     assert echoes.ranges[middle] == pytest.approx(9.95, abs=0.4)
