@@ -105,7 +105,7 @@ def test_every_echo_is_reported_once_with_all_its_values(rows: list[Row]) -> Non
     ]
     expected = zip(
         echoes.beams.tolist(),
-        echoes.ranges.tolist(),
+        echoes.fronts.tolist(),
         [KINDS[EventKind(kind)] for kind in echoes.kinds.tolist()],
         echoes.power.tolist(),  # of a full power of 1
         echoes.strength.tolist(),
@@ -119,7 +119,7 @@ def test_objects_are_ordered_by_first_beam_then_part(
     rows: list[Row],
 ) -> None:
     echoes = echoes_of(rows)
-    part_at = dict(zip(echoes.ranges.tolist(), echoes.parts.tolist(), strict=True))
+    part_at = dict(zip(echoes.fronts.tolist(), echoes.parts.tolist(), strict=True))
     reported = [
         (int(beam), part_at[far], far)
         for target in targets_of(echo_lines(1.0, "lms200", echoes, ROBOTS))

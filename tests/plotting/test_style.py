@@ -103,7 +103,7 @@ def test_echoes_of_a_whole_cone_are_along_its_axis() -> None:
     echoes = scan.echoes
     assert len(echoes) > 9 * 9
     way = echo_points(scan, echoes) - SENSOR.position()[:2]
-    assert np.hypot(*way.T) == pytest.approx(echoes.ranges)
+    assert np.hypot(*way.T) == pytest.approx(echoes.fronts)
     angles = np.arctan2(way[:, 1], way[:, 0]) - SENSOR.yaw
     assert angles == pytest.approx(scan.angles[echoes.beams])
 

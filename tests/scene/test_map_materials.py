@@ -335,7 +335,7 @@ def test_amounts_are_those_of_the_entry() -> None:
             id="decibels of a sheet for a volume",
         ),
         pytest.param(
-            "{sheet_loss: 1, attenuation_db: 1, sheet_attenuation_db: 3}",
+            "{sheet_loss: 1, sheet_attenuation_db: 3, attenuation_db: 1}",
             "attenuation_db",
             "expected either 'sheet_attenuation_db' or 'attenuation_db'",
             id="decibels of both",
