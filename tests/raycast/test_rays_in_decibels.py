@@ -16,7 +16,7 @@ from radarsim.scene.shapes import box
 # 1 of power is 25 dB one way, as for a margin of 50 dB; the rays start with 75 dB
 PER_DB = 1 / 25
 IN_UNITS = RayClass(RADAR, 1, PER_DB)
-IN_DECIBELS = RayClass(RADAR, 1, PER_DB, in_decibels=True)
+IN_DECIBELS = RayClass(RADAR, 1, PER_DB, is_absorbed=False, in_decibels=True)
 LEAVES = Material("leaves", density=0.7, attenuation_db=(2.0, 3.0, 4.0))
 LEAF = Material(
     "leaf", density=0.0, sheet_loss=0.4, sheet_attenuation_db=(0.1, 0.2, 0.3)
