@@ -41,7 +41,9 @@ class EchoRows(NamedTuple):
         beams, kinds = echoes.beams.tolist(), echoes.kinds.tolist()
         parts = sorted(rows, key=lambda part: (beams[rows[part][0]], part))
         places = list(zip(beams, echoes.fronts.tolist(), strict=True))
-        order = [row for part in parts for row in sorted(rows[part], key=places.__getitem__)]
+        order = [
+            row for part in parts for row in sorted(rows[part], key=places.__getitem__)
+        ]
         columns = (echoes.beams, echoes.fronts, _power_shares(echoes), echoes.strength)
         numbers: Floats = np.column_stack(columns)[order].astype(np.float64, copy=False)
         # Rounding errors are clipped off shares, and the sign off zeros.
