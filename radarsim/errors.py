@@ -97,3 +97,7 @@ class MappingError(RadarsimError):
 
 class NavigationError(RadarsimError):
     """A robot cannot do a task."""
+
+
+class RecordingError(RadarsimError):
+    """A recording cannot be written, read, or repeated."""

@@ -227,13 +227,16 @@ class Host:
 
     def take(self, number: int) -> bytes:
         """Return and remove what is to be sent to a client: whole lines, in order."""
-        self._unsent.discard(number)
-        return self._clients[number].take()
+        return self._take(number)
 
     def finish(self, number: int) -> bytes:
         """Return the replies that are due to a client that sends no more."""
         self._queue_replies(self._clients[number])
-        return self.take(number)
+        return self._take(number)
+
+    def _take(self, number: int) -> bytes:
+        self._unsent.discard(number)
+        return self._clients[number].take()
 
     def unsent_bytes(self, number: int) -> int:
         """Return the number of bytes that are to be sent to a client."""
