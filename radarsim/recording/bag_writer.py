@@ -1,8 +1,9 @@
 """Bags of ROS 2: a folder with an MCAP file and its metadata.
 
 Every topic has the definition and the hash of its type, so that a bag can be read and
-played without radarsim. Messages are kept in chunks of 64 KiB or a second, each of which
-goes to the file at once when it is full: a process that is killed loses at most one.
+played without radarsim. Messages are kept in chunks of 64 KiB or a second, each of
+which goes to the file at once when it is full: a process that is killed loses at most
+one.
 
 Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, version 9.
 """
@@ -29,32 +30,28 @@ _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
 
 
 def _quality_of_service(*, latched: bool) -> list[dict[str, Any]]:
-    """Return what a topic offers, as rosbag2 writes it."""
+    """Return what a topic offers, as rosbag2 writes it.
+
+    No two values are one object: YAML would refer to it by an anchor, which rosbag2
+    does not read.
+    """
     return [
         {
             "history": "keep_last",
             "depth": 1 if latched else 10,
             "reliability": "reliable",
             "durability": "transient_local" if latched else "volatile",
-            "deadline": _UNLIMITED,
-            "lifespan": _UNLIMITED,
+            "deadline": dict(_UNLIMITED),
+            "lifespan": dict(_UNLIMITED),
             "liveliness": "automatic",
-            "liveliness_lease_duration": _UNLIMITED,
+            "liveliness_lease_duration": dict(_UNLIMITED),
             "avoid_ros_namespace_conventions": False,
         }
     ]
 
 
-class _Dumper(yaml.SafeDumper):
-    """Writes YAML without anchors, which rosbag2 does not read."""
-
-    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 - PyYAML's name
-        """Return whether equal values are written anew."""
-        return True
-
-
 def _to_yaml(content: object) -> str:
-    text: str = yaml.dump(content, Dumper=_Dumper, sort_keys=False)
+    text: str = yaml.safe_dump(content, sort_keys=False)
     return text
 
 
@@ -104,7 +101,7 @@ class BagWriter:
         # Unbuffered: what is written is in the file, also if the process is killed.
         self._file = _UnbufferedFile(self._path)
         file: Any = self._file
-        self._writer = Writer(
+        self._writer: Any = Writer(  # some of its methods have no types
             file,
             chunk_size=CHUNK_BYTES,
             compression=CompressionType.ZSTD,
@@ -171,14 +168,13 @@ class BagWriter:
 
     def _metadata(self) -> dict[str, Any]:
         first = self._first or 0
-        start = {"nanoseconds_since_epoch": first}
-        duration = {"nanoseconds": max(0, self._last - first)}
+        length = max(0, self._last - first)
         count = sum(topic.messages for topic in self._topics.values())
         return {
             "version": METADATA_VERSION,
             "storage_identifier": "mcap",
-            "duration": duration,
-            "starting_time": start,
+            "duration": {"nanoseconds": length},
+            "starting_time": {"nanoseconds_since_epoch": first},
             "message_count": count,
             "topics_with_message_count": [
                 {
@@ -201,8 +197,8 @@ class BagWriter:
             "files": [
                 {
                     "path": self._path.name,
-                    "starting_time": start,
-                    "duration": duration,
+                    "starting_time": {"nanoseconds_since_epoch": first},
+                    "duration": {"nanoseconds": length},
                     "message_count": count,
                 }
             ],

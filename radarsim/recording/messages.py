@@ -4,6 +4,7 @@ Times are simulated seconds, frames are those of REP-103 and REP-105, units SI.
 """
 
 import math
+import struct
 from collections.abc import Iterable, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -174,6 +175,25 @@ def octets(label: str, data: bytes) -> RosMessage:
     message.numbers("I", 0)  # offset
     message.octets(data)
     return RosMessage("std_msgs/msg/UInt8MultiArray", message.to_bytes())
+
+
+def read_octets(data: bytes) -> tuple[str, bytes]:
+    """Return label and bytes of a message of ``octets``.
+
+    Raises:
+        ValueError: If it is no such message.
+    """
+    try:
+        (length,) = struct.unpack_from("<I", data, 8)
+        label = data[12 : 11 + length].decode()
+        at = 12 + length + -length % 4 + 12
+        (count,) = struct.unpack_from("<I", data, at)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise ValueError(f"{len(data)} bytes, expected labelled bytes") from error
+    found = data[at + 4 : at + 4 + count]
+    if len(found) != count:
+        raise ValueError(f"{len(found)} bytes, expected {count}")
+    return label, found
 
 
 def echo_points(

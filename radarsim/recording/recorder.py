@@ -1,0 +1,54 @@
+"""Writes the calls of a host to a bag."""
+
+from pathlib import Path
+
+from radarsim.host.recorded_host import HostCall
+from radarsim.protocol.dialect import DriveUnit, get_dialect
+from radarsim.recording.bag_writer import BagWriter
+from radarsim.recording.call_converter import CallConverter
+from radarsim.recording.recording_info import RecordingInfo
+
+
+class Recorder:
+    """Records one run.
+
+    Attributes:
+        folder: Folder of the recording.
+        calls: Number of calls so far.
+    """
+
+    def __init__(self, folder: Path, info: RecordingInfo) -> None:
+        """Create the folder.
+
+        Args:
+            folder: Folder to create.
+            info: The conditions of the run.
+
+        Raises:
+            RecordingError: If the folder is there already, or cannot be created.
+        """
+        self.folder = folder
+        self.calls = 0
+        unit: DriveUnit = "rad_per_s" if info.drive_unit == "rad_per_s" else "rev_per_s"
+        self._converter = CallConverter(get_dialect(info.dialect), unit)
+        self._writer = BagWriter(folder, info.to_text())
+
+    def add(self, call: HostCall) -> None:
+        """Write a call, and the messages that it becomes.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        self.calls += 1
+        for time, message in self._converter.convert(call):
+            self._writer.write(
+                message.topic, message.message, time, latched=message.latched
+            )
+
+    def close(self) -> None:
+        """Write the index; the recording is complete.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        self._writer.close()

@@ -1,0 +1,197 @@
+"""From what one robot and its client say to each other to topics of ROS 2."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
+from radarsim.geometry import Pose3
+from radarsim.protocol.commands import Drive
+from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.reports import (
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    Report,
+)
+from radarsim.recording.legend import Legend
+from radarsim.recording.messages import (
+    Beams,
+    Points,
+    RosMessage,
+    Transform,
+    echo_points,
+    laser_scan,
+    odometry,
+    point_cloud,
+    pose_stamped,
+    transforms,
+    twist_stamped,
+)
+
+MAP: Final = "map"
+
+
+class TopicMessage(NamedTuple):
+    """A message for a topic.
+
+    Attributes:
+        topic: Name of the topic.
+        message: The message.
+        latched: Whether who subscribes later gets the last one.
+    """
+
+    topic: str
+    message: RosMessage
+    latched: bool = False
+
+
+class RobotTopics:
+    """The topics of one robot, below its name.
+
+    The transform from ``map`` to the robot's ``base_link`` is that of the ground truth
+    if the robot has such a sensor, else that of its INS.
+    """
+
+    def __init__(self, name: str, legend: Legend) -> None:
+        """Begin with a robot of which nothing else is known.
+
+        Args:
+            name: Name of the robot as part of topics; see ``topic_name``.
+            legend: The names of what echoes come from, for all robots.
+        """
+        self._name = name
+        self._legend = legend
+        self._scanners: tuple[ScannerInfo, ...] = ()
+        self._robot: RobotInfo | None = None
+        self._has_truth = False
+        self._echoes: dict[str, list[EchoLine]] = {}
+
+    def describe(
+        self, robot: RobotInfo | None, scanners: Sequence[ScannerInfo], time: float
+    ) -> TopicMessage:
+        """Use what is known of the robot from now on; return where its frames are."""
+        self._robot, self._scanners = robot, tuple(scanners)
+        frames = [
+            Transform(
+                time, self._frame("base_link"), self._frame(each.name), each.mount
+            )
+            for each in scanners
+        ]
+        return TopicMessage("/tf_static", transforms(frames), latched=True)
+
+    def of_report(self, report: Report) -> Iterator[TopicMessage]:
+        """Yield the messages that a report of the robot becomes; many become none."""
+        match report:
+            case RangeScan():
+                yield self._scan(report)
+            case EchoLine():
+                yield from self._echo_cloud(report)
+            case Odometry(time, _, pose):
+                placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
+                frames = self._frame("odom"), self._frame("base_link")
+                yield TopicMessage(self._topic("odom"), odometry(time, *frames, placed))
+            case GroundTruth(time, _, pose):
+                self._has_truth = True
+                yield self._pose("ground_truth", time, pose)
+                yield self._transform(time, pose)
+            case Ins(time, _, pose):
+                yield self._pose("ins", time, pose)
+                if not self._has_truth:
+                    yield self._transform(time, pose)
+            case _:
+                pass
+
+    def of_drive(self, command: Drive, time: float) -> TopicMessage | None:
+        """Return the motion that a command asks for; None if it asks for none."""
+        robot = self._robot
+        speeds = command.left, command.right
+        if robot is None or speeds[0] is None or speeds[1] is None:
+            return None
+        if command.normalized:
+            top = robot.max_wheel_speed / 100
+        else:
+            top = robot.wheel_radius / robot.drive_scale
+        left, right = speeds[0] * top, speeds[1] * top
+        turn = (right - left) / robot.wheel_separation
+        frame = self._frame("base_link")
+        message = twist_stamped(time, frame, (left + right) / 2, turn)
+        return TopicMessage(self._topic("cmd_vel"), message)
+
+    def _scan(self, scan: RangeScan) -> TopicMessage:
+        known = self._scanner(scan.name)
+        limits = (known.min_range, known.max_range) if known else (0.0, math.inf)
+        gaps = len(scan.ranges) - 1
+        resolution = scan.fov / gaps if gaps else scan.resolution
+        beams = Beams(scan.fov, resolution, *limits, scan.ranges)
+        frame = self._frame(scan.name)
+        message = laser_scan(scan.time, frame, beams)
+        return TopicMessage(self._topic(topic_name(scan.name), "scan"), message)
+
+    def _echo_cloud(self, line: EchoLine) -> Iterator[TopicMessage]:
+        """Yield the echoes of a scan once its last line has come."""
+        key = line.name.casefold()
+        if line.line <= 1:
+            self._echoes[key] = []
+        lines = self._echoes.setdefault(key, [])
+        lines.append(line)
+        if line.line < line.lines:
+            return
+        del self._echoes[key]
+        scanner = self._scanner(line.name)
+        if scanner is None:
+            return
+        groups = [each.echoes for each in lines if each.echoes is not None]
+        points = [self._points(scanner, group) for group in groups]
+        if self._legend.has_changed:
+            yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
+        cloud = np.concatenate(points) if points else echo_points((), np.zeros(0), {})
+        message = point_cloud(line.time, self._frame(line.name), cloud)
+        yield TopicMessage(self._topic(topic_name(line.name), "echoes"), message)
+
+    def _points(self, scanner: ScannerInfo, group: TargetEchoes) -> Points:
+        angles = scanner.beams - 1
+        step = scanner.fov / angles if angles else 0.0
+        columns: dict[str, NDArray[np.generic]] = {
+            "intensity": group.strength,
+            "power": group.power,
+            "beam": group.beams,
+            "kind": np.array([self._legend.kind(kind) for kind in group.kinds]),
+            "object": np.full(len(group.beams), self._legend.object(group.object)),
+            "material": np.full(
+                len(group.beams), self._legend.material(group.material)
+            ),
+        }
+        return echo_points(group.beams * step - scanner.fov / 2, group.ranges, columns)
+
+    def _scanner(self, name: str) -> ScannerInfo | None:
+        found = [each for each in self._scanners if same_name(each.name, name)]
+        return found[0] if found else None
+
+    def _pose(self, topic: str, time: float, pose: Pose3) -> TopicMessage:
+        return TopicMessage(self._topic(topic), pose_stamped(time, MAP, pose))
+
+    def _transform(self, time: float, pose: Pose3) -> TopicMessage:
+        frame = Transform(time, MAP, self._frame("base_link"), pose)
+        return TopicMessage("/tf", transforms([frame]))
+
+    def _topic(self, *names: str) -> str:
+        return "/" + "/".join((self._name, *names))
+
+    def _frame(self, name: str) -> str:
+        return f"{self._name}/{name}"
+
+
+def topic_name(name: str) -> str:
+    """Return a name as part of a topic of ROS: letters, digits and underscores.
+
+    >>> topic_name("lms 200"), topic_name("2nd")
+    ('lms_200', '_2nd')
+    """
+    letters = [c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name]
+    text = "".join(letters) or "_"
+    return f"_{text}" if text[0].isdigit() else text
