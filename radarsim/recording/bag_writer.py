@@ -25,6 +25,7 @@ CHUNK_BYTES: Final = 64 * 1024
 FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
 METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
+INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
 DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
 _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
 
@@ -66,32 +67,45 @@ class _Topic:
         self.messages = 0
 
 
-class BagWriter:
-    """Writes one bag.
+def file_name(folder: Path) -> str:
+    """Return the name of the file in the folder of a bag."""
+    return f"{folder.name}_0.mcap"
 
-    Attributes:
-        folder: Folder of the bag.
+
+def create_folder(folder: Path) -> None:
+    """Create the folder of a bag.
+
+    Raises:
+        RecordingError: If it is there already, or cannot be created.
     """
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        text = f"{folder} exists, expected a new folder for the recording"
+        raise RecordingError(text) from error
+    except OSError as error:
+        raise RecordingError(f"{folder}: {error.strerror}") from error
 
-    def __init__(self, folder: Path, information: Mapping[str, str]) -> None:
-        """Create the folder and begin its file.
+
+class BagWriter:
+    """Writes one bag into its folder."""
+
+    def __init__(
+        self, folder: Path, information: Mapping[str, str], *, path: Path | None = None
+    ) -> None:
+        """Begin the file.
 
         Args:
-            folder: Folder to create.
+            folder: The folder, which exists.
             information: What the bag is a recording of; see ``RecordingInfo``.
+            path: File to write, which replaces that of the folder when it is complete;
+                None for that of the folder itself.
 
         Raises:
-            RecordingError: If the folder is there already, or cannot be created.
+            OSError: If the file cannot be written.
         """
-        self.folder = folder
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError as error:
-            text = f"{folder} exists, expected a new folder for the recording"
-            raise RecordingError(text) from error
-        except OSError as error:
-            raise RecordingError(f"{folder}: {error.strerror}") from error
-        self._path = folder / f"{folder.name}_0.mcap"
+        self._folder = folder
+        self._path = path or folder / file_name(folder)
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, int] = {}
@@ -107,7 +121,7 @@ class BagWriter:
             compression=CompressionType.ZSTD,
         )
         self._writer.start(profile="ros2", library="radarsim")
-        self._writer.add_metadata("radarsim", dict(information))
+        self._writer.add_metadata(INFORMATION, dict(information))
 
     def write(
         self, topic: str, message: RosMessage, time: int, *, latched: bool = False
@@ -146,8 +160,9 @@ class BagWriter:
             self._writer.finish()
         finally:
             self._file.close()
+        self._path.replace(self._folder / file_name(self._folder))
         text = _to_yaml({"rosbag2_bagfile_information": self._metadata()})
-        write_atomically({self.folder / METADATA_FILE: text.encode()})
+        write_atomically({self._folder / METADATA_FILE: text.encode()})
 
     def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
         if type_ not in self._schemas:
@@ -193,10 +208,10 @@ class BagWriter:
             ],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [self._path.name],
+            "relative_file_paths": [file_name(self._folder)],
             "files": [
                 {
-                    "path": self._path.name,
+                    "path": file_name(self._folder),
                     "starting_time": {"nanoseconds_since_epoch": first},
                     "duration": {"nanoseconds": length},
                     "message_count": count,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from radarsim.host.recorded_host import HostCall
 from radarsim.protocol.dialect import DriveUnit, get_dialect
-from radarsim.recording.bag_writer import BagWriter
+from radarsim.recording.bag_writer import BagWriter, create_folder
 from radarsim.recording.call_converter import CallConverter
 from radarsim.recording.recording_info import RecordingInfo
 
@@ -26,11 +26,13 @@ class Recorder:
 
         Raises:
             RecordingError: If the folder is there already, or cannot be created.
+            OSError: If the file cannot be written.
         """
         self.folder = folder
         self.calls = 0
         unit: DriveUnit = "rad_per_s" if info.drive_unit == "rad_per_s" else "rev_per_s"
         self._converter = CallConverter(get_dialect(info.dialect), unit)
+        create_folder(folder)
         self._writer = BagWriter(folder, info.to_text())
 
     def add(self, call: HostCall) -> None:
