@@ -1,10 +1,10 @@
 """Read recordings, also those whose file ends in the middle of a record."""
 
 import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
-from zlib import error as ZlibError
 
 from mcap.exceptions import McapError
 from mcap.records import Channel, Footer, Message, Metadata, Schema
@@ -13,7 +13,8 @@ from zstandard import ZstdError
 
 from radarsim.errors import RecordingError
 from radarsim.host.recorded_host import CallKind, HostCall
-from radarsim.recording.bag_writer import INFORMATION, BagWriter, file_name
+from radarsim.recording.bag_folder import file_name
+from radarsim.recording.bag_writer import INFORMATION, BagWriter
 from radarsim.recording.call_converter import TO_CLIENT, TO_SERVER
 from radarsim.recording.messages import RosMessage, read_octets
 from radarsim.recording.recording_info import RecordingInfo
@@ -23,7 +24,7 @@ _BROKEN = (
     McapError,
     CRCValidationError,
     ZstdError,
-    ZlibError,
+    zlib.error,
     struct.error,
     ValueError,
 )
@@ -65,7 +66,7 @@ class BagReader:
         """
         self.folder = folder
         self.is_complete = False
-        self._path = folder / file_name(folder.resolve())
+        self._path = folder / file_name(folder)
         for record in self._records():
             if isinstance(record, Metadata) and record.name == INFORMATION:
                 self.info = RecordingInfo.from_text(record.metadata)
@@ -140,7 +141,7 @@ def repair(folder: Path) -> int:
         OSError: If it cannot be written; the bag is as it was then.
     """
     reader = BagReader(folder)
-    part = folder / f".{file_name(folder.resolve())}.part"
+    part = folder / f".{file_name(folder)}.part"
     count = 0
     try:
         writer = BagWriter(folder.resolve(), reader.info.to_text(), path=part.resolve())

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from radarsim.atomic_write import write_atomically
-from radarsim.errors import RecordingError
+from radarsim.recording.bag_folder import file_name
 from radarsim.recording.messages import RosMessage
 
 CHUNK_BYTES: Final = 64 * 1024
@@ -65,26 +65,6 @@ class _Topic:
         self.digest = digest
         self.latched = latched
         self.messages = 0
-
-
-def file_name(folder: Path) -> str:
-    """Return the name of the file in the folder of a bag."""
-    return f"{folder.name}_0.mcap"
-
-
-def create_folder(folder: Path) -> None:
-    """Create the folder of a bag.
-
-    Raises:
-        RecordingError: If it is there already, or cannot be created.
-    """
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError as error:
-        text = f"{folder} exists, expected a new folder for the recording"
-        raise RecordingError(text) from error
-    except OSError as error:
-        raise RecordingError(f"{folder}: {error.strerror}") from error
 
 
 class BagWriter:

@@ -18,7 +18,7 @@ from radarsim.protocol.dialect import Dialect, DriveUnit
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.reports import Report, RobotConf, RobotGeo, decode_report
 from radarsim.recording.legend import Legend
-from radarsim.recording.messages import clock, octets
+from radarsim.recording.messages import Transform, clock, octets, transforms
 from radarsim.recording.robot_topics import RobotTopics, TopicMessage, topic_name
 
 TICK: Final = 10_000_000  # ns
@@ -62,6 +62,7 @@ class CallConverter:
         self._legend = Legend()
         self._connections: dict[int, _Connection] = {}
         self._names: dict[str, str] = {}  # of topics, by names of robots
+        self._scanner_frames: dict[str, Transform] = {}
         self._time = -1
         self._next_clock = 0
 
@@ -110,7 +111,12 @@ class CallConverter:
         for report in reports:
             scanners.add(report)
         found = scanners.scanners(connection.session.scans)
-        return connection.topics.describe(self._robot(reports, found), found, time)
+        robot = self._robot(reports, found)
+        for each in connection.topics.describe(robot, found, time):
+            self._scanner_frames[each.child] = each
+        # All of them: who subscribes later gets only the last message.
+        message = transforms(list(self._scanner_frames.values()))
+        return TopicMessage("/tf_static", message, latched=True)
 
     def _robot(
         self, reports: list[Report], scanners: tuple[ScannerInfo, ...]

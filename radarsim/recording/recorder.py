@@ -4,7 +4,7 @@ from pathlib import Path
 
 from radarsim.host.recorded_host import HostCall
 from radarsim.protocol.dialect import DriveUnit, get_dialect
-from radarsim.recording.bag_writer import BagWriter, create_folder
+from radarsim.recording.bag_writer import BagWriter
 from radarsim.recording.call_converter import CallConverter
 from radarsim.recording.recording_info import RecordingInfo
 
@@ -18,21 +18,19 @@ class Recorder:
     """
 
     def __init__(self, folder: Path, info: RecordingInfo) -> None:
-        """Create the folder.
+        """Begin a recording.
 
         Args:
-            folder: Folder to create.
+            folder: Folder of the recording, which exists; see ``create_folder``.
             info: The conditions of the run.
 
         Raises:
-            RecordingError: If the folder is there already, or cannot be created.
             OSError: If the file cannot be written.
         """
         self.folder = folder
         self.calls = 0
         unit: DriveUnit = "rad_per_s" if info.drive_unit == "rad_per_s" else "rev_per_s"
         self._converter = CallConverter(get_dialect(info.dialect), unit)
-        create_folder(folder)
         self._writer = BagWriter(folder, info.to_text())
 
     def add(self, call: HostCall) -> None:

@@ -83,24 +83,28 @@ def repeat_run(host: Host, calls: Iterable[HostCall]) -> Repetition:
 def _repeat(host: Host, call: HostCall) -> bytes | None:
     """Repeat one call; return what the client is sent, None if it is sent nothing."""
     match call.kind:
-        case CallKind.BEGIN:
-            host.begin(host.make_simulation())
-        case CallKind.WAIT:
-            for _ in range(call.client):
-                host.step()
-        case CallKind.CONNECT:
-            host.connect()
-        case CallKind.DISCONNECT:
-            host.disconnect(call.client)
-        case CallKind.RECEIVE:
-            host.receive(call.client, call.data)
         case CallKind.TAKE:
             return host.take(call.client)
         case CallKind.FINISH:
             return host.finish(call.client)
+        case CallKind.RECEIVE:
+            host.receive(call.client, call.data)
+        case CallKind.CONNECT:
+            host.connect()
+        case CallKind.DISCONNECT:
+            host.disconnect(call.client)
         case _:
-            pass
+            _begin(host, call)
     return None
+
+
+def _begin(host: Host, call: HostCall) -> None:
+    """Repeat what is done before simulated time begins."""
+    if call.kind is CallKind.BEGIN:
+        host.begin(host.make_simulation())
+    elif call.kind is CallKind.WAIT:
+        for _ in range(call.client):
+            host.step()
 
 
 def _difference(call: HostCall, sent: bytes, lines_before: int) -> Difference:

@@ -73,16 +73,14 @@ class RobotTopics:
 
     def describe(
         self, robot: RobotInfo | None, scanners: Sequence[ScannerInfo], time: float
-    ) -> TopicMessage:
-        """Use what is known of the robot from now on; return where its frames are."""
+    ) -> list[Transform]:
+        """Use what is known of the robot from now on; return where its scanners are."""
         self._robot, self._scanners = robot, tuple(scanners)
-        frames = [
-            Transform(
-                time, self._frame("base_link"), self._frame(each.name), each.mount
-            )
+        base = self._frame("base_link")
+        return [
+            Transform(time, base, self._frame(each.name), each.mount)
             for each in scanners
         ]
-        return TopicMessage("/tf_static", transforms(frames), latched=True)
 
     def of_report(self, report: Report) -> Iterator[TopicMessage]:
         """Yield the messages that a report of the robot becomes; many become none."""

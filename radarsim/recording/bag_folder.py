@@ -1,0 +1,41 @@
+"""The folder of a recording, and whether recordings can be written and read."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+from radarsim.errors import RecordingError
+
+EXTRA: Final = ("mcap", "rosbags")  # packages of the extra ``record``
+
+
+def check_installed() -> None:
+    """Check that what recordings need is installed.
+
+    Raises:
+        RecordingError: If something is missing; it names the extra.
+    """
+    missing = [name for name in EXTRA if find_spec(name) is None]
+    if missing:
+        text = f"recordings need {' and '.join(missing)}"
+        raise RecordingError(f"{text}, expected: pip install 'radarsim[record]'")
+
+
+def create_folder(folder: Path) -> None:
+    """Create the folder of a bag.
+
+    Raises:
+        RecordingError: If it is there already, or cannot be created.
+    """
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        text = f"{folder} exists, expected a new folder for the recording"
+        raise RecordingError(text) from error
+    except OSError as error:
+        raise RecordingError(f"{folder}: {error.strerror}") from error
+
+
+def file_name(folder: Path) -> str:
+    """Return the name of the file in the folder of a bag."""
+    return f"{folder.resolve().name}_0.mcap"

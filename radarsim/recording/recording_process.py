@@ -1,0 +1,147 @@
+"""Recording in a process of its own, so that it holds up no tick of a server.
+
+The server only packs its calls and hands them to a thread, which writes them to a pipe.
+The process at the other end converts and writes them. It outlives a server that is
+killed: at the end of the pipe it completes the recording.
+"""
+
+import json
+import logging
+import os
+import queue
+import struct
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from radarsim.errors import RecordingError
+from radarsim.host.recorded_host import CallKind, HostCall
+from radarsim.os_errors import describe_os_error
+from radarsim.recording.recording_info import RecordingInfo
+
+log = logging.getLogger("radarsim.recording")
+
+NICENESS: Final = 10  # ticks of the server go first
+MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
+END_TIMEOUT: Final = 60.0  # s that it has to write what is left
+FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
+# The modules are found where this process has found them.
+PROGRAM: Final = (
+    "import sys; sys.path[:] = sys.argv[1:];"
+    "from radarsim.recording.recording_process import write_calls; write_calls()"
+)
+
+
+class RecordingProcess:
+    """Records the calls of a host.
+
+    Attributes:
+        folder: Folder of the recording.
+    """
+
+    def __init__(self, folder: Path, info: RecordingInfo) -> None:
+        """Start the process.
+
+        Args:
+            folder: Folder of the recording, which exists and is empty.
+            info: The conditions of the run.
+
+        Raises:
+            RecordingError: If it cannot be started.
+        """
+        self.folder = folder
+        self._queue: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._queued = self._written = 0  # bytes; each is changed by one thread only
+        self._has_ended = False
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", PROGRAM, *sys.path],
+                stdin=subprocess.PIPE,
+                start_new_session=True,  # Ctrl-C in a terminal is not for it
+            )
+        except OSError as error:
+            text = f"cannot start recording: {describe_os_error(error)}"
+            raise RecordingError(text) from error
+        first = json.dumps({"folder": str(folder.resolve()), "info": asdict(info)})
+        self._queue.put(first.encode() + b"\n")
+        self._thread = threading.Thread(target=self._pass_on, daemon=True)
+        self._thread.start()
+
+    def add(self, call: HostCall) -> None:
+        """Record a call; never waits, and never raises."""
+        if self._has_ended:
+            return
+        kind, tick, client, data = call
+        frame = FRAME.pack(kind, tick, client, len(data)) + data
+        self._queue.put(frame)
+        self._queued += len(frame)
+        if self._queued - self._written > MAX_WAITING:
+            self._has_ended = True
+            behind = MAX_WAITING // 2**20
+            log.warning(
+                "recording ends: it is %d MB behind; the server goes on", behind
+            )
+
+    def close(self) -> None:
+        """Complete the recording."""
+        self._queue.put(b"")
+        self._thread.join(END_TIMEOUT)
+        try:
+            self._process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
+
+    def _pass_on(self) -> None:
+        """Write what is queued to the pipe, up to an empty entry."""
+        pipe = self._process.stdin
+        assert pipe is not None
+        with suppress(OSError):  # the process has ended, and said why
+            while frame := self._queue.get():
+                pipe.write(frame)
+                self._written += len(frame)
+                if self._queue.empty():
+                    pipe.flush()
+        self._has_ended = True
+        with suppress(OSError):
+            pipe.close()
+
+
+def write_calls() -> None:
+    """Record the calls that come by standard input: the program of the process."""
+    if sys.platform != "win32":
+        os.nice(NICENESS)
+    pipe = sys.stdin.buffer
+    conditions = json.loads(pipe.readline() or "{}")
+    if not conditions:
+        return
+    from radarsim.recording.recorder import Recorder  # noqa: PLC0415 - imports much
+
+    folder = Path(conditions["folder"])
+    try:
+        recorder = Recorder(folder, RecordingInfo(**conditions["info"]))
+        while (call := _read_call(pipe)) is not None:
+            recorder.add(call)
+        recorder.close()
+    except OSError as error:
+        _complain(f"recording to {folder} ends: {describe_os_error(error)}")
+        sys.exit(1)
+
+
+def _read_call(pipe: BinaryIO) -> HostCall | None:
+    """Read a call; None at the end of the pipe, or for one that is not whole."""
+    head = pipe.read(FRAME.size)
+    if len(head) < FRAME.size:
+        return None
+    kind, tick, client, size = FRAME.unpack(head)
+    data = pipe.read(size)
+    return HostCall(CallKind(kind), tick, client, data) if len(data) == size else None
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"radarsim: {text}; the server goes on\n")
