@@ -26,6 +26,8 @@ from radarsim.cli.navigate import navigate
 from radarsim.cli.new import new
 from radarsim.cli.output import print_message
 from radarsim.cli.presets import materials, sensors
+from radarsim.cli.recording import recording
+from radarsim.cli.replay import replay
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
 from radarsim.cli.trials import trials
@@ -80,6 +82,8 @@ app.command()(with_compile_progress(navigate))
 app.command()(with_compile_progress(trials))
 app.command("map")(with_compile_progress(map_))
 app.command()(with_compile_progress(figures))
+app.command()(with_compile_progress(replay))
+app.add_typer(recording, name="recording")
 app.command()(docs)
 app.command()(with_compile_progress(bench))
 

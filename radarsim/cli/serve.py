@@ -6,7 +6,7 @@ import asyncio
 import logging
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -24,6 +24,7 @@ from radarsim.cli.options import (
     read_item_settings,
 )
 from radarsim.cli.output import program_name, start_log
+from radarsim.cli.recorded_host import RecordOption, open_host
 from radarsim.errors import PortUnavailable, PresetError, ServerError
 from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
@@ -95,6 +96,7 @@ def serve(
             help="Change a setting of the robots' items, such as lms200.max_range=20.",
         ),
     ] = None,
+    record: RecordOption = None,
     max_clients: Annotated[
         int, typer.Option(min=1, help="Refuse clients when this many are connected.")
     ] = DEFAULT_MAX_CLIENTS,
@@ -110,7 +112,8 @@ def serve(
         options = ["--web", str(web), "--map", map_, "--dialect", dialect.value]
         options += [] if drive_unit is None else ["--drive-unit", drive_unit.value]
         options += [word for text in settings or [] for word in ("--set", text)]
-    with commander_process(options) as page:
+    with ExitStack() as until_end:
+        page = until_end.enter_context(commander_process(options))
         from radarsim.protocol.dialect import get_dialect
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
@@ -124,7 +127,8 @@ def serve(
             read_item_settings(settings or []),
         )
         with compile_progress():  # which maps with meshes do, while they are read
-            simulated = load_host(map_, config, seed=seed, begins=False)
+            recorded = open_host(map_, config, record, seed=seed, begins=False)
+            simulated = until_end.enter_context(recorded)
         images = None
         if image_port is not None:
             images = make_image_server(simulated, image_port)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from radarsim.host.recorded_host import HostCall
-from radarsim.protocol.dialect import DriveUnit, get_dialect
+from radarsim.protocol.dialect import get_dialect
 from radarsim.recording.bag_writer import BagWriter
 from radarsim.recording.call_converter import CallConverter
 from radarsim.recording.recording_info import RecordingInfo
@@ -29,8 +29,7 @@ class Recorder:
         """
         self.folder = folder
         self.calls = 0
-        unit: DriveUnit = "rad_per_s" if info.drive_unit == "rad_per_s" else "rev_per_s"
-        self._converter = CallConverter(get_dialect(info.dialect), unit)
+        self._converter = CallConverter(get_dialect(info.dialect), info.drive_unit)
         self._writer = BagWriter(folder, info.to_text())
 
     def add(self, call: HostCall) -> None:

@@ -2,21 +2,23 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim.errors import RecordingError
+from radarsim.protocol.dialect import DriveUnit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordingInfo:
+class RecordingInfo(BaseModel):
     """The conditions of a recorded run.
 
     Attributes:
         version: Version of radarsim.
         level: Name of the level, as the server sends it.
-        map: The map, as it was named; empty if the server was another program.
+        map: Name of the map, or path of its file; empty if the server was another
+            program.
         map_digest: SHA-256 of the map file, hexadecimal; empty likewise.
         seed: Seed of all random numbers.
         dialect: Name of the dialect.
@@ -24,26 +26,22 @@ class RecordingInfo:
         settings: Settings of items that were changed, by item and key.
     """
 
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
     version: str
     level: str = ""
     map: str = ""
     map_digest: str = ""
     seed: int = 0
-    dialect: str = "compat"
-    drive_unit: str = "rad_per_s"
-    settings: dict[str, dict[str, Any]]
+    dialect: Literal["compat", "udk"] = "compat"
+    drive_unit: DriveUnit = "rad_per_s"
+    settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
 
     def to_text(self) -> dict[str, str]:
         """Return the conditions as a record of metadata."""
         return {
-            "version": self.version,
-            "level": self.level,
-            "map": self.map,
-            "map_digest": self.map_digest,
-            "seed": str(self.seed),
-            "dialect": self.dialect,
-            "drive_unit": self.drive_unit,
-            "settings": json.dumps(self.settings),
+            key: value if isinstance(value, str) else json.dumps(value)
+            for key, value in self.model_dump().items()
         }
 
     @classmethod
@@ -54,9 +52,9 @@ class RecordingInfo:
             RecordingError: If it lacks something, or is not readable.
         """
         try:
-            settings = json.loads(record["settings"])
-            return cls(**{**record, "seed": int(record["seed"]), "settings": settings})
-        except (KeyError, TypeError, ValueError) as error:
+            settings = json.loads(record.get("settings", "{}"))
+            return cls.model_validate({**record, "settings": settings})
+        except (ValidationError, ValueError) as error:
             text = f"metadata {sorted(record)} of the recording"
             raise RecordingError(f"{text}, expected those of radarsim") from error
 

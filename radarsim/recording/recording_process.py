@@ -14,7 +14,6 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -66,7 +65,7 @@ class RecordingProcess:
         except OSError as error:
             text = f"cannot start recording: {describe_os_error(error)}"
             raise RecordingError(text) from error
-        first = json.dumps({"folder": str(folder.resolve()), "info": asdict(info)})
+        first = json.dumps({"folder": str(folder.resolve()), "info": info.to_text()})
         self._queue.put(first.encode() + b"\n")
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
@@ -86,8 +85,9 @@ class RecordingProcess:
                 "recording ends: it is %d MB behind; the server goes on", behind
             )
 
-    def close(self) -> None:
-        """Complete the recording."""
+    def close(self) -> bool:
+        """Complete the recording; return whether all of it is written."""
+        is_whole = not self._has_ended
         self._queue.put(b"")
         self._thread.join(END_TIMEOUT)
         try:
@@ -96,6 +96,7 @@ class RecordingProcess:
             self._process.kill()
             self._process.wait()
             log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
+        return is_whole and self._process.returncode == 0
 
     def _pass_on(self) -> None:
         """Write what is queued to the pipe, up to an empty entry."""
@@ -124,7 +125,7 @@ def write_calls() -> None:
 
     folder = Path(conditions["folder"])
     try:
-        recorder = Recorder(folder, RecordingInfo(**conditions["info"]))
+        recorder = Recorder(folder, RecordingInfo.from_text(conditions["info"]))
         while (call := _read_call(pipe)) is not None:
             recorder.add(call)
         recorder.close()

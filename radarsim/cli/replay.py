@@ -1,0 +1,136 @@
+"""``radarsim replay``: play a recording to clients, or repeat its run."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from radarsim import __version__
+from radarsim.cli.options import DEFAULT_PORT, check_positive
+from radarsim.cli.output import print_message, start_log
+from radarsim.cli.serve import announce
+from radarsim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from radarsim.host import Host
+    from radarsim.recording.bag_reader import BagReader
+
+FolderArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of the recording.")
+]
+
+
+def replay(
+    folder: FolderArgument,
+    *,
+    verify: Annotated[
+        bool,
+        typer.Option(
+            "--verify",
+            help="Instead, simulate the run again from the recorded commands, and"
+            " compare all that clients were sent; exit with 1 if a byte differs.",
+        ),
+    ] = False,
+    map_: Annotated[
+        str | None,
+        typer.Option("--map", help="The map to verify with; the recorded one if none."),
+    ] = None,
+    client: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Number of the recorded client to play; the busiest if none."
+        ),
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
+    ] = DEFAULT_PORT,
+    speed: Annotated[
+        float,
+        typer.Option(
+            callback=check_positive, help="Recorded seconds per second of real time."
+        ),
+    ] = 1.0,
+) -> None:
+    """Play a recording to clients of the protocol, as they were sent it."""
+    from radarsim.recording.bag_folder import check_installed
+
+    check_installed()
+    from radarsim.recording.bag_reader import BagReader
+    from radarsim.recording.replay_server import (
+        ReplayServer,
+        choose_client,
+        recorded_clients,
+    )
+
+    bag = BagReader(folder)
+    if verify:
+        _verify(bag, map_)
+        return
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    recorded = choose_client(recorded_clients(bag.calls()), client)
+    _warn_of_end(bag)
+    server = ReplayServer(recorded, speed=speed)
+    raise typer.Exit(asyncio.run(server.serve(host, port, announce)))
+
+
+def _verify(bag: BagReader, map_: str | None) -> None:
+    """Simulate a run again, and tell whether it is the same.
+
+    Raises:
+        RecordingError: If the map has changed.
+        typer.Exit: If something differs.
+    """
+    from radarsim.recording.repetition import repeat_run
+
+    if bag.info.version != __version__:
+        print_message(f"recorded by version {bag.info.version}, this is {__version__}")
+    result = repeat_run(_host(bag, map_), bag.calls())
+    _warn_of_end(bag)
+    if result.difference is not None:
+        print_message(f"{bag.folder}: differs at {result.difference}")
+        raise typer.Exit(1)
+    typer.echo(
+        f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
+        f" {result.bytes} bytes: all the same"
+    )
+
+
+def _host(bag: BagReader, map_: str | None) -> Host:
+    """Return a host of the recorded conditions.
+
+    Raises:
+        RecordingError: If there is no map, or it is another one.
+    """
+    from radarsim.host import Host
+    from radarsim.protocol.dialect import get_dialect
+    from radarsim.recording.recording_info import digest_of
+    from radarsim.scene.map_file import find_map, load_map
+    from radarsim.simulation.config import SimulationConfig
+
+    info = bag.info
+    name = map_ or info.map
+    if not name:
+        raise RecordingError(
+            f"{bag.folder} is of a client alone, expected one of a server to verify"
+        )
+    path, _ = find_map(name)
+    if digest_of(path) != info.map_digest:
+        raise RecordingError(f"{path} is not as it was, expected the map recorded")
+    config = SimulationConfig(
+        get_dialect(info.dialect), info.drive_unit, item_settings=info.settings
+    )
+    return Host(load_map(name), config=config, seed=info.seed, begins=False)
+
+
+def _warn_of_end(bag: BagReader) -> None:
+    if not bag.is_complete:
+        print_message(
+            f"{bag.folder}: the recording breaks off;"
+            f" 'radarsim recording repair {bag.folder}' makes it whole"
+        )
