@@ -1,0 +1,87 @@
+"""Runs that are recorded in the process of a test."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from radarsim.host import Host
+from radarsim.host.recorded_host import CallKind, HostCall, RecordedHost
+from radarsim.recording.bag_folder import create_folder
+from radarsim.recording.recorder import Recorder
+from radarsim.recording.recording_info import RecordingInfo
+from radarsim.scene.scene import Scene
+from radarsim.simulation.config import SimulationConfig
+
+FIRST = b"INIT {ClassName USARBot.P3AT_Compare} {Name R 1} {Start RobotStart1}\r\n"
+SECOND = b"INIT {ClassName P3AT} {Name R_1} {Start RobotStart2}\r\n"
+ECHOES = b"SET {Type RangeScanner} {Name lms200} {Opcode ECHOES} {Params true}\r\n"
+DRIVE = b"DRIVE {Left 3} {Right 2}\r\n"
+
+
+class RecordedRun(NamedTuple):
+    """A run of two clients.
+
+    Attributes:
+        calls: The calls of the host.
+        sent: What each client was sent, by its number.
+        info: The conditions.
+    """
+
+    calls: list[HostCall]
+    sent: dict[int, bytes]
+    info: RecordingInfo
+
+
+def run_two_clients(
+    scene: Scene, *, ticks: int = 100, config: SimulationConfig | None = None
+) -> RecordedRun:
+    """Run two clients; one spawns before simulated time begins, and leaves first."""
+    config = config or SimulationConfig()
+    calls: list[HostCall] = []
+    host = RecordedHost(calls.append, scene, config=config, seed=1, begins=False)
+    first = host.connect()
+    sent = {first: host.take(first)}
+    for _ in range(3):
+        host.step()
+    host.receive(first, FIRST)
+    host.step()
+    host.begin(host.make_simulation())
+    second = host.connect()
+    sent[second] = b""
+    for tick in range(ticks):
+        host.step()
+        if tick == ticks // 10:
+            host.receive(first, ECHOES + DRIVE)
+            host.receive(second, SECOND + b"GETSTARTPOSES\r\n")
+        for number in host.clients_to_send():
+            sent[number] += host.take(number)
+    sent[first] += host.finish(first)
+    host.disconnect(first)
+    host.step()
+    host.end_recording()
+    info = RecordingInfo(
+        version="1", map=scene.name, seed=1, dialect=config.dialect.name
+    )
+    return RecordedRun(calls, sent, info)
+
+
+def write_run(run: RecordedRun, folder: Path) -> None:
+    """Write the bag of a run."""
+    create_folder(folder)
+    recorder = Recorder(folder, run.info)
+    for call in run.calls:
+        recorder.add(call)
+    recorder.close()
+
+
+def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:
+    """Create a host of the conditions of a run."""
+    from radarsim.protocol.dialect import get_dialect
+
+    config = SimulationConfig(get_dialect(run.info.dialect))
+    return Host(scene, config=config, seed=seed, begins=False)
+
+
+def without_descriptions(calls: Sequence[HostCall]) -> list[HostCall]:
+    """Return the calls that are written to bags."""
+    return [call for call in calls if call.kind is not CallKind.ROBOT]
