@@ -21,7 +21,8 @@ def calls_of(scene: Scene, *received: bytes) -> list[HostCall]:
     client = host.connect()
     for data in received:
         host.receive(client, data)
-        host.step()
+        for _ in range(120):  # who replaces its robot has to wait a second
+            host.step()
         host.take(client)
     return calls
 

@@ -87,7 +87,7 @@ def test_transforms_name_parent_and_child(each: list[Transform]) -> None:
 
 @given(st.integers(0, 50))
 def test_points_keep_their_columns(count: int) -> None:
-    numbers = np.arange(count)
+    numbers = np.arange(count, dtype=np.float64)
     columns = {"intensity": numbers / 64, "power": numbers / 32, "beam": numbers}
     points = messages.echo_points(numbers / 10, numbers + 1.0, columns)
     found = decoded(messages.point_cloud(1.0, "R1/lms200", points))

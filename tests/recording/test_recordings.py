@@ -11,6 +11,7 @@ import recorded_runs
 from mcap.reader import SeekingReader
 from recorded_runs import RecordedRun
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2
 
 from radarsim.client.session import Session
 from radarsim.errors import RecordingError
@@ -213,7 +214,8 @@ def test_latched_topics_are_offered_as_such(bag: Path) -> None:
         durable = {
             each.topic
             for each in reader.connections
-            if each.ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
+            if isinstance(each.ext, ConnectionExtRosbag2)
+            and each.ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
         }
     assert durable == {"/tf_static", "/radarsim/legend"}
 

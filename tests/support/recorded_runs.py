@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from radarsim.host import Host
 from radarsim.host.recorded_host import CallKind, HostCall, RecordedHost
+from radarsim.protocol.dialect import UDK, get_dialect
 from radarsim.recording.bag_folder import create_folder
 from radarsim.recording.recorder import Recorder
 from radarsim.recording.recording_info import RecordingInfo
@@ -60,7 +61,10 @@ def run_two_clients(
     host.step()
     host.end_recording()
     info = RecordingInfo(
-        version="1", map=scene.name, seed=1, dialect=config.dialect.name
+        version="1",
+        map=scene.name,
+        seed=1,
+        dialect="udk" if config.dialect is UDK else "compat",
     )
     return RecordedRun(calls, sent, info)
 
@@ -76,8 +80,6 @@ def write_run(run: RecordedRun, folder: Path) -> None:
 
 def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:
     """Create a host of the conditions of a run."""
-    from radarsim.protocol.dialect import get_dialect
-
     config = SimulationConfig(get_dialect(run.info.dialect))
     return Host(scene, config=config, seed=seed, begins=False)
 
