@@ -86,7 +86,8 @@ class Pose3:
 
     def compose(self, inner: "Pose3") -> "Pose3":
         """Transform a pose from the frame of this pose to the frame that this is in."""
-        if not (self.roll or self.pitch or inner.y or any(inner.numbers()[3:])):
+        tilt = self.roll or self.pitch or inner.roll or inner.pitch
+        if not (tilt or inner.y or inner.yaw):
             # A scanner ahead of the centre of a level robot: the same numbers, faster.
             c, s = math.cos(self.yaw), math.sin(self.yaw)
             x, y = self.x + c * inner.x, self.y + s * inner.x

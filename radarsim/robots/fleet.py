@@ -61,7 +61,6 @@ class Fleet:
     Attributes:
         robots: The robots, in the order of spawning, in which they also move.
         slots: (R,) their slots, int64.
-        steps: Number of steps so far.
         odometry: (M, 7) table of the odometry of robots that have one; some rows may be
             free.
     """
@@ -69,7 +68,6 @@ class Fleet:
     def __init__(self) -> None:
         self.robots: tuple[Robot, ...] = ()
         self.slots: NDArray[np.int64] = np.zeros(0, np.int64)
-        self.steps = 0
         self.odometry: Floats = np.zeros((0, ODOMETRY_COLUMNS))
         self._odometries: list[WheelOdometry] = []
         self._free_slots: list[int] = []
@@ -153,7 +151,6 @@ class Fleet:
 
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
-        self.steps += 1
         drive_robots(self._around, self.slots, self.odometry, dt)
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -225,7 +222,7 @@ class Fleet:
         self._floors = list(other._floors)
         columns = other.columns[slot : slot + 1].copy()
         self._around = _surroundings(columns, other._around.walls)
-        self._spawned, self.steps = robot.number, other.steps
+        self._spawned = robot.number
         self.robots = (robot,)
         self._odometries = [o for o in other._odometries if o.robot is robot]
         self.odometry = np.full_like(other.odometry, FREE)

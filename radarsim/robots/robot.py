@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import RobotModel
@@ -25,8 +25,6 @@ from radarsim.robots.wheel_drive import WheelDrive
 
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
-
-NEVER: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +94,6 @@ class Robot:
         self.fleet = fleet
         self.slot = slot
         self._normalized = False
-        self._wheel_columns = [
-            LEFT_ANGLE if side == "left" else RIGHT_ANGLE for side in model.wheels
-        ]
-        self._read_at = NEVER  # step of the fleet after which these two were read
-        self._body = Pose3(0.0, 0.0, 0.0)
-        self._wheel_angles: tuple[float, ...] = ()
 
     @property
     def number(self) -> int:
@@ -116,9 +108,9 @@ class Robot:
     @property
     def body(self) -> Pose3:
         """Pose of the body frame, map frame."""
-        if self._read_at != self.fleet.steps:
-            self._read_columns()
-        return self._body
+        number, slot = self.fleet.columns.item, self.slot
+        x, y, z = number(slot, X), number(slot, Y), number(slot, BODY_Z)
+        return Pose3(x, y, z, 0.0, 0.0, number(slot, YAW))
 
     @property
     def touched(self) -> bool:
@@ -142,9 +134,8 @@ class Robot:
     @property
     def wheel_angles(self) -> tuple[float, ...]:
         """Angle that each wheel turned forward since the spawn, rad, in wire order."""
-        if self._read_at != self.fleet.steps:
-            self._read_columns()
-        return self._wheel_angles
+        left, right = self.side_angles
+        return tuple(left if side == "left" else right for side in self.model.wheels)
 
     def drive(
         self,
@@ -178,13 +169,6 @@ class Robot:
         row = self.fleet.columns[self.slot]
         row[LEFT_SPIN] = spin(left, normalized=self._normalized)
         row[RIGHT_SPIN] = spin(right, normalized=self._normalized)
-
-    def _read_columns(self) -> None:
-        """Read what several items ask for after the same step."""
-        row = self.fleet.columns[self.slot].tolist()
-        self._body = Pose3(row[X], row[Y], row[BODY_Z], 0.0, 0.0, row[YAW])
-        self._wheel_angles = tuple([row[column] for column in self._wheel_columns])
-        self._read_at = self.fleet.steps
 
     def halt(self) -> None:
         """Stop the wheels."""
