@@ -13,7 +13,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scan_batch import scan_batch, scan_poses
+from radarsim.sensors.scan_batch import scan_batch, scan_poses, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -144,3 +144,35 @@ def test_scans_among_robots_are_the_same_together_as_alone(
         for column in ("origins", "directions", "power", "carrier_id"):
             one, other = getattr(scan.cast, column), getattr(alone.cast, column)
             np.testing.assert_array_equal(one, other)
+
+
+LASTS: dict[str, dict[str, Any]] = {
+    "laser": {},
+    "blinded": {"spent_reads": "zero", "max_range": 9.0},
+    "noisy": {"range_noise": 0.1, "range_quantum": 0.01},
+    "beside": {"side_mode": "perpendicular", "side_offset_uu": 100},
+    "all echoes": {"return_mode": "all"},
+}
+
+
+@pytest.mark.parametrize("settings", LASTS.values(), ids=LASTS)
+def test_ranges_without_scans_are_those_of_scans(
+    settings: dict[str, Any], foliage_room: Scene
+) -> None:
+    tracer, (poses, boxes) = tracer_of(foliage_room), crowd(12)
+    sensors = [load_sensor("radar", **settings), load_sensor("laser")]
+
+    def requests() -> list[ScanRequest]:
+        return [
+            ScanRequest(sensors[i % 2], pose, generator_for(i), i)
+            for i, pose in enumerate(poses)
+        ]
+
+    found = scan_ranges(tracer, requests(), boxes)
+    scans = scan_batch(tracer, requests(), boxes)
+    for i, (ranges, scan) in enumerate(zip(found.ranges, scans, strict=True)):
+        most = sensors[i % 2].settings.max_range
+        assert ranges.tobytes() == np.minimum(scan.ranges, most).tobytes()
+        if i in found.scans:
+            assert found.scans[i].to_dict() == scan.to_dict()
+    assert bool(found.scans) == (settings.get("return_mode") == "all")
