@@ -30,6 +30,7 @@ from radarsim.cli.recording import recording
 from radarsim.cli.replay import replay
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
+from radarsim.cli.spectrum import spectrum
 from radarsim.cli.trials import trials
 from radarsim.cli.usage import PlainGroup
 from radarsim.errors import RadarsimError
@@ -73,6 +74,7 @@ app.command()(serve)
 app.command()(with_compile_progress(check))
 app.command()(new)
 app.command()(with_compile_progress(scan))
+app.command()(with_compile_progress(spectrum))
 app.command()(with_compile_progress(explain))
 app.command()(sensors)
 app.command()(materials)

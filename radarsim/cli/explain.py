@@ -49,6 +49,14 @@ def explain(
         Ray,
         typer.Option(help="The ray that 'scan' draws with this seed, or another one."),
     ] = Ray.DRAWN,
+    budget: Annotated[
+        bool,
+        typer.Option(
+            "--budget",
+            help="Print the link budget of an FMCW radar in dB; --beam is its azimuth,"
+            " clockwise from 0 straight ahead.",
+        ),
+    ] = False,
     format_: Annotated[
         ExplanationFormat, typer.Option("--format", help="Output format.")
     ] = ExplanationFormat.TEXT,
@@ -59,6 +67,11 @@ def explain(
 
     scanner = load_scanner(sensor, settings)
     scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
+    if budget:
+        from radarsim.cli.budget_report import print_budget
+
+        print_budget(scanner, scene, sensor_pose, beam, format_ == "json")
+        return
     beams = scanner.settings.beams
     if beam >= beams:
         raise typer.BadParameter(

@@ -47,6 +47,9 @@ def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None
         console.print(_sensor_overview(chosen), "")
     for name, each in chosen.items():
         console.print(_details(f"{name}: {each.about}", "setting", each.settings))
+        if each.fmcw:
+            title = f"{name}: its FMCW radar, for spectra"
+            console.print(_details(title, "setting", each.fmcw))
 
 
 def materials(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:

@@ -20,7 +20,7 @@ situations", IEEE Trans. AES 19, 1983; for the k strongest bins D. Adolfsson and
 """
 
 import math
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,6 @@ from radarsim.presets.fmcw_settings import FmcwSettings
 if TYPE_CHECKING:
     from radarsim.fmcw.spectrum import Spectrum
 
-Detector: TypeAlias = Literal["ca", "os", "k"]
 DETECTORS: Final = ("ca", "os", "k")
 
 TRAINING: Final = 32  # bins, half of them on each side
@@ -90,7 +89,7 @@ def training_of(settings: FmcwSettings) -> Training:
 
 
 def detect(
-    spectrum: "Spectrum", detector: Detector, *, pfa: float, count: int
+    spectrum: "Spectrum", detector: str, *, pfa: float, count: int
 ) -> Detections:
     """Detect targets; see ``Spectrum.detections``.
 

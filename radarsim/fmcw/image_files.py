@@ -11,7 +11,7 @@ Source: the kit of the RADIATE data set.
 """
 
 import io
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from PIL import Image
 
 from radarsim.fmcw.spectrum import Spectrum
 
-Layout: TypeAlias = Literal["oxford", "boreas", "radiate"]
 LAYOUTS: Final = ("oxford", "boreas", "radiate")
 ENCODER_COUNTS: Final = 5600  # in a turn
 METADATA_BYTES: Final = 11
@@ -27,7 +26,7 @@ VALID: Final = 255
 _FASTEST: Final = 1  # of the levels of compression
 
 
-def image_of(spectrum: Spectrum, layout: Layout, *, time_us: int = 0) -> bytes:
+def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
     """Return a turn as a PNG file.
 
     Args:
@@ -70,7 +69,7 @@ def encoder_counts(azimuths: int) -> NDArray[np.int64]:
     return counts
 
 
-def file_name(spectrum: Spectrum, layout: Layout, *, time_us: int, number: int) -> str:
+def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> str:
     """Return the name that a file of a data set has.
 
     Args:

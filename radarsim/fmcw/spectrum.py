@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from radarsim.fmcw.detection import Detections, Detector, detect
+from radarsim.fmcw.detection import Detections, detect
 from radarsim.fmcw.radar_equation import dbm_of, noise_power
 from radarsim.fmcw.windows import fft_length, window_of
 from radarsim.geometry import Floats, Pose3
@@ -87,7 +87,7 @@ class Spectrum:
         return np.asarray((np.maximum(seen, 0) + 1) * shape * scale, np.float32)
 
     def detections(
-        self, detector: Detector = "ca", *, pfa: float = 1e-4, count: int = 12
+        self, detector: str = "ca", *, pfa: float = 1e-4, count: int = 12
     ) -> Detections:
         """Detect targets.
 

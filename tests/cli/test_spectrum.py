@@ -1,0 +1,157 @@
+"""``radarsim spectrum`` and ``radarsim explain --budget``."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+Command = Callable[..., Any]
+START = ("--start", "RobotStart1")
+# A radar small enough for quick tests.
+SMALL = (
+    *("--sensor", "navtech_cts350x"),
+    *("--set", "fmcw.azimuths=100", "--set", "fmcw.bins=500"),
+)
+
+
+def record(radarsim: Command, path: Path, *options: str) -> Any:
+    return radarsim(
+        "spectrum", "foliage_room", *SMALL, *START, "-o", str(path), *options
+    )
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    with Image.open(path) as image:
+        return image.size
+
+
+def test_archive_holds_all_numbers_of_each_turn(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "turns.npz"
+    assert record(radarsim, path, "--count", "2").code == 0
+    with np.load(path) as turns:
+        assert turns["power"].shape == turns["counts"].shape == (2, 100, 500)
+        assert turns["counts"].dtype == np.uint8
+        assert turns["ranges"][1] == pytest.approx(0.0438)
+        assert turns["angles"][25] == pytest.approx(-math.pi / 2)
+        # The west wall is 2.6 m behind the radar.
+        peak = turns["ranges"][turns["power"][0, 50].argmax()]
+        assert peak == pytest.approx(2.6, abs=0.3)
+        assert (turns["power"][0] != turns["power"][1]).any()
+
+
+def test_same_seed_gives_the_same_turn(radarsim: Command, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{name}.csv" for name in "abc"]
+    for path, seed in zip(paths, ("1", "1", "2"), strict=True):
+        assert record(radarsim, path, "--seed", seed).code == 0
+    first, second, third = (path.read_bytes() for path in paths)
+    assert first == second != third
+
+
+@pytest.mark.parametrize("detector", ["ca", "os", "k"])
+def test_detections_are_a_row_each(
+    radarsim: Command, tmp_path: Path, detector: str
+) -> None:
+    path = tmp_path / "targets.csv"
+    assert record(radarsim, path, "--detector", detector).code == 0
+    rows = list(csv.DictReader(io.StringIO(path.read_text())))
+    assert rows
+    near = [row for row in rows if row["azimuth"] == "25"]  # the south wall, at 6.4 m
+    assert any(abs(float(row["range"]) - 6.4) < 0.3 for row in near)
+    assert all(-130 < float(row["dbm"]) < 20 for row in rows)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param((), id="from above"),
+        pytest.param(("--view", "polar", "--range", "20"), id="polar"),
+        pytest.param(
+            ("--view", "ascope", "--azimuth", "3", "--detector", "k"), id="A-scope"
+        ),
+    ],
+)
+def test_pictures_are_drawn(
+    radarsim: Command, tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    path = tmp_path / "turn.png"
+    assert record(radarsim, path, *options).code == 0
+    assert size_of(path)[0] > 500
+
+
+def test_image_of_a_data_set_has_its_size(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "turn.png"
+    assert record(radarsim, path, "--layout", "oxford").code == 0
+    assert size_of(path) == (511, 100)
+    assert record(radarsim, path, "--layout", "radiate").code == 0
+    assert size_of(path) == (100, 500)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "told"),
+    [
+        pytest.param("a.gif", (), "expected a .png", id="unknown kind of file"),
+        pytest.param("a.npz", ("--view", "polar"), "expected a picture", id="view"),
+        pytest.param("a.png", ("--count", "2"), "expected 1", id="several pictures"),
+        pytest.param("a.png", ("--azimuth", "2"), "--view ascope", id="azimuth"),
+        pytest.param(
+            "a.png",
+            ("--view", "ascope", "--azimuth", "100"),
+            "expected 0 to 99",
+            id="no such azimuth",
+        ),
+        pytest.param(
+            "a.csv", ("--layout", "oxford"), "expected .png with --layout", id="layout"
+        ),
+        pytest.param("a.csv", ("--pfa", "0"), "expected above 0", id="no false alarms"),
+        pytest.param(
+            "a.png", ("--set", "fmcw.windw=hann"), "did you mean", id="setting"
+        ),
+    ],
+)
+def test_wrong_options_are_told(
+    radarsim: Command, tmp_path: Path, name: str, options: tuple[str, ...], told: str
+) -> None:
+    run = record(radarsim, tmp_path / name, *options)
+    assert run.code == 2
+    assert told in run.err.lower() or told in run.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_sensor_without_spectrum_is_told(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    run = radarsim(
+        *("spectrum", "foliage_room", "--sensor", "hokuyo", *START, "-o", str(path))
+    )
+    assert run.code == 2
+    assert "navtech_cts350x" in run.err
+
+
+def test_budget_adds_up(radarsim: Command) -> None:
+    run = radarsim(
+        *("explain", "foliage_room", "--sensor", "navtech_cts350x", *START),
+        *("--beam", "200", "--budget", "--format", "json"),
+    )
+    told = json.loads(run.text)
+    (wall,) = told["echoes"]
+    assert wall["object_name"] == "west_wall"
+    assert wall["range"] == pytest.approx(2.61, abs=0.01)
+    total = sum(entry["db"] for entry in [*told["entries"], *wall["entries"]])
+    assert total == pytest.approx(wall["received"])
+
+
+def test_budget_names_what_each_material_takes(radarsim: Command) -> None:
+    run = radarsim(
+        *("explain", "foliage_room", "--sensor", "navtech_cts350x", *START),
+        *("--beam", "3", "--budget"),
+    )
+    assert "lost in foliage" in run.text
+    assert run.text.count("signal to noise") >= 2
