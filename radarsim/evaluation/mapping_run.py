@@ -201,6 +201,10 @@ def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
         errors = asdict(trajectory_errors(mapper.trajectory, mapper.truth))
     except ValueError:
         return None
+    alone = mapper.slam.dead_reckoning
+    errors["motion_ate"] = (
+        trajectory_errors(alone, mapper.truth).ate if len(alone) else None
+    )
     for name in ("yaw", "yaw_max", "rpe_yaw"):
         errors[f"{name}_deg"] = math.degrees(errors.pop(name))
     return {name: _rounded(value, 5) for name, value in errors.items()}

@@ -12,6 +12,7 @@ wide one averages the noise out. The cells are in a hash table with open address
 few of them hold points.
 """
 
+import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from radarsim.jit import njit_cached, njit_inline
 FINEST: Final = 0.1  # m
 LEVELS: Final = 5
 MIN_WEIGHT: Final = 2.0  # of the points in a window; about eight points
+LINE_RATIO: Final = 4.0  # variance along a line by that across it, at least
 _MIN_ROWS: Final = 1 << 12  # rows of the table
 _OFFSET: Final = 1 << 27  # makes the numbers of cells positive
 _HASH_FACTOR: Final = np.uint64(0x9E3779B97F4A7C15)
@@ -180,15 +182,37 @@ class LocalShape(NamedTuple):
 
 
 @njit_inline
-def shape_around(table: Any, x: Any, y: Any) -> Any:
-    """Return the ``LocalShape`` of the map around a point, m."""
-    size = FINEST
+def is_line(xx: Any, xy: Any, yy: Any) -> Any:
+    """Return whether points of a covariance lie along a line."""
+    half, turn = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
+    # Rounding can make the smaller eigenvalue negative.
+    return half + turn >= LINE_RATIO * max(half - turn, 0.0)
+
+
+@njit_inline
+def shape_around(table: Any, x: Any, y: Any, wider: Any = 0) -> Any:
+    """Return the ``LocalShape`` of the map around a point, m.
+
+    Args:
+        table: Table of the map.
+        x: m.
+        y: m.
+        wider: How many wider windows are tried for a line, if the first shows none.
+    """
+    size, last = FINEST, LEVELS - 1
+    found = LocalShape(False, 0.0, 0.0, 0.0, 0.0, 0.0)
     for level in range(LEVELS):
         n, a, b, aa, ab, bb = _window(table, level, size, x, y)
         if n >= MIN_WEIGHT:
             a, b = a / n, b / n
-            return LocalShape(
+            shape = LocalShape(
                 True, a, b, aa / n - a * a, ab / n - a * b, bb / n - b * b
             )
+            if is_line(shape.xx, shape.xy, shape.yy):
+                return shape
+            if not found.found:
+                found, last = shape, min(level + wider, last)
+        if level == last:
+            break
         size *= 2.0
-    return LocalShape(False, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return found

@@ -10,8 +10,15 @@ the beam grazes, since an echo may come from anywhere across the beam. Outliers 
 almost nothing (Geman and McClure's weights).
 
 The motion that the robot reports is one more distance, from the predicted pose. Where
-the scan says nothing, in the open or along a corridor, that alone is left and the
-solution is the prediction, so the pose cannot run away.
+the scan says nothing, in the open, that alone is left and the solution is the
+prediction, so the pose cannot run away.
+
+Along a corridor, that must hold for one direction. Echoes of a thick beam scatter by
+centimetres, so that a wall is a spot in a window of a hand's breadth, and each spot
+holds the robot back a little, to where it was seen before. Where almost all
+information is about one direction, lines are therefore looked for in wider windows
+too; what is left across that direction is the error of the lines' own directions, and
+is dropped.
 """
 
 import math
@@ -21,14 +28,18 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.mapping.point_map import Table, shape_around
+from radarsim.mapping.point_map import LINE_RATIO, Table, shape_around
 
 MAX_ITERATIONS: Final = 12
 # Squared distance, in variances, at which the weight is a quarter.
 ROBUST_SCALE: Final = 4.0
 SAMPLED_POINTS: Final = 150  # at most, that are used to compare starts
-LINE_RATIO: Final = 4.0  # variance along a line by that across it, at least
 HALF_SCORE: Final = 1 / 0.05**2  # 1/m^2; a point known to 5 cm scores one half
+WIDER: Final = 2  # wider windows in which lines are looked for along a corridor
+CORRIDOR_RATIO: Final = 0.1  # least information by most, below which it is one
+# Normals are off by some degrees: along a wall its points seem to have up to this share
+# of the information that they have across it, and have none.
+LEAST_RATIO: Final = 0.02
 MAX_SPOT: Final = 0.15**2  # m^2, largest variance of a spot
 RANGE_ERROR: Final = 0.02  # m, of ranges and of the map's own lines
 
@@ -133,13 +144,15 @@ class _Match(NamedTuple):
 
 
 @njit_inline
-def _compare(table: Any, points: Any, i: Any, state: Any, turn: Any) -> Any:
+def _compare(
+    table: Any, points: Any, i: Any, state: Any, turn: Any, wider: Any = 0
+) -> Any:
     """Compare a point with the map; return a ``_Match``."""
     c, s = turn
     px, py = points.places[i, 0], points.places[i, 1]
     dx, dy = points.along[i, 0], points.along[i, 1]
     rx, ry = c * px - s * py, s * px + c * py
-    shape = shape_around(table, state[0] + rx, state[1] + ry)
+    shape = shape_around(table, state[0] + rx, state[1] + ry, wider)
     if not shape.found:
         return _Match(rx, ry, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0)
     across = (-s * dx - c * dy, c * dx - s * dy)
@@ -171,12 +184,15 @@ def _score(information: Any, weight: Any) -> Any:
 
 
 @njit_inline
-def _add_up(table: Any, points: Any, state: Any, normal: Any, gradient: Any) -> Any:
-    """Add the points to the normal equations, and return the sum of their scores."""
+def _add_up(
+    table: Any, points: Any, state: Any, normal: Any, gradient: Any, wider: Any
+) -> Any:
+    """Set the normal equations of the points, and return the sum of their scores."""
+    normal[:], gradient[:] = 0.0, 0.0
     turn = math.cos(state[2]), math.sin(state[2])
     score = 0.0
     for i in range(len(points.places)):
-        match = _compare(table, points, i, state, turn)
+        match = _compare(table, points, i, state, turn, wider)
         score += _score(match.information, match.weight)
         a = match.weight * match.information[0]
         b = match.weight * match.information[1]
@@ -195,6 +211,46 @@ def _add_up(table: Any, points: Any, state: Any, normal: Any, gradient: Any) -> 
         normal[2, 1] += q
         normal[2, 2] += rx * q - ry * p
     return score
+
+
+@njit_inline
+def _constraint(table: Any, points: Any, state: Any) -> Any:
+    """Return in which direction points constrain a translation, and how evenly.
+
+    Robust weights do not count: a robot that is off by more than a wall is thick is in
+    no corridor for that.
+
+    Returns:
+        The least information of a direction by the most, and the unit vector of the
+        most.
+    """
+    turn, a, b, c = (math.cos(state[2]), math.sin(state[2])), 0.0, 0.0, 0.0
+    for i in range(len(points.places)):
+        match = _compare(table, points, i, state, turn, WIDER)
+        a += match.information[0]
+        b += match.information[1]
+        c += match.information[2]
+    half, away = (a + c) / 2, math.hypot((a - c) / 2, b)
+    angle = math.atan2(2.0 * b, a - c) / 2
+    ratio = (half - away) / (half + away) if half > 0.0 else 1.0
+    return ratio, math.cos(angle), math.sin(angle)
+
+
+@njit_inline
+def _keep_only(normal: Any, gradient: Any, nx: Any, ny: Any) -> None:
+    """Keep of what points say of a translation only what is along a unit vector.
+
+    Source: Zhang, Kaess and Singh, "On degeneracy of optimization-based state
+    estimation problems" (2016), with a ratio in place of the absolute threshold.
+    """
+    a, b, c = normal[0, 0], normal[1, 0], normal[1, 1]
+    most = a * nx * nx + 2.0 * b * nx * ny + c * ny * ny
+    normal[0, 0], normal[1, 0] = most * nx * nx, most * nx * ny
+    normal[1, 1] = most * ny * ny
+    cross = nx * normal[2, 0] + ny * normal[2, 1]
+    normal[2, 0], normal[2, 1] = cross * nx, cross * ny
+    force = nx * gradient[0] + ny * gradient[1]
+    gradient[0], gradient[1] = force * nx, force * ny
 
 
 @njit_inline
@@ -227,12 +283,15 @@ def _solve(normal: Any, gradient: Any) -> None:
 def _fit(table: Any, points: Any, state: Any, prior: Any, information: Any) -> Any:
     """Move a pose to where the scan fits, and return the score before the last step."""
     normal, gradient, score = np.zeros((3, 3)), np.zeros(3), 0.0
+    ratio, nx, ny = _constraint(table, points, state)
+    wider = WIDER if ratio < CORRIDOR_RATIO else 0
     for _ in range(MAX_ITERATIONS):
-        normal[:] = 0.0
+        score = _add_up(table, points, state, normal, gradient, wider)
+        if ratio < LEAST_RATIO:
+            _keep_only(normal, gradient, nx, ny)
         for k in range(3):
-            normal[k, k] = information[k]
-            gradient[k] = information[k] * (prior[k] - state[k])
-        score = _add_up(table, points, state, normal, gradient)
+            normal[k, k] += information[k]
+            gradient[k] += information[k] * (prior[k] - state[k])
         _solve(normal, gradient)
         state += gradient
         # Nothing within 10 m of the robot moves by more than about 0.1 mm any more.

@@ -67,6 +67,7 @@ class Slam:
         settings: How scans are matched.
         pose: Pose of the robot at the last scan; before the first one its start.
         trajectory: The pose at the time of each scan.
+        dead_reckoning: The same by the motion source alone, which never sees a scan.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Slam:
         self.settings = settings or SlamSettings()
         self.pose = start or Pose2(0.0, 0.0)
         self.trajectory = Trajectory()
+        self.dead_reckoning = Trajectory()
         self._starts_at_prior = start is None
         self._map = PointMap()
         self._prior: Pose2 | None = None
@@ -113,6 +115,7 @@ class Slam:
             self.pose = self._next_pose(points, prior)
         self._starts_at_prior = False
         self._motion = self.pose.relative_to(last)
+        self._reckon(scan.time, prior)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
         if len(places) and self._is_keyframe():
@@ -135,17 +138,30 @@ class Slam:
         Returns:
             The pose and its standard deviations, (3,) m, m and rad.
         """
+        predicted = self._moved(self.pose, before, after)
         turn = wrap_angle(after.yaw - before.yaw)
         dx, dy = after.x - before.x, after.y - before.y
-        if self.settings.motion_source == "ins":
-            x, y = self.pose.x + dx, self.pose.y + dy
-            predicted = Pose2(x, y, wrap_angle(self.pose.yaw + turn))
-        else:
-            predicted = self.pose.compose(after.relative_to(before))
         sigma_distance, sigma_turn = self.settings.rest_sigma
         sigma_distance += self.settings.drift * math.hypot(dx, dy)
         sigma_turn += self.settings.drift * abs(turn)
         return predicted, np.array([sigma_distance, sigma_distance, sigma_turn])
+
+    def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
+        """Return a pose after the motion from one reported pose to another."""
+        if self.settings.motion_source != "ins":
+            return pose.compose(after.relative_to(before))
+        x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
+        return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
+
+    def _reckon(self, time: float, prior: Pose2 | None) -> None:
+        """Add the pose by the motion source alone, if it reports anything."""
+        if self.settings.motion_source == "none":
+            return
+        poses = self.dead_reckoning.poses
+        pose = poses[-1] if poses else self.pose
+        if poses and prior is not None and self._prior is not None:
+            pose = self._moved(pose, self._prior, prior)
+        self.dead_reckoning.add(time, pose)
 
     def _search(self, points: ScanPoints) -> Pose2:
         """Find the pose, knowing only how far a robot gets between scans."""

@@ -91,6 +91,32 @@ def test_along_a_corridor_the_prediction_decides(
     assert found.yaw == pytest.approx(0.0, abs=0.005)
 
 
+def test_thick_echoes_of_a_corridor_do_not_hold_the_robot_back(
+    look: Look, corridor: Floats
+) -> None:
+    """Walls that a thick beam blurs are lines still, and say nothing along them."""
+    rng = generator_for(2, "thick beam")
+
+    def blurred(ahead: float) -> ScanPoints:
+        points = points_of(look(corridor, Pose2(ahead, 0.0)), spread=0.08)
+        across = np.column_stack([-points.along[:, 1], points.along[:, 0]])
+        off = rng.normal(0.0, 0.05, len(across))[:, None]
+        near = np.hypot(*points.places.T) < 6.0
+        places = (points.places + off * across)[near]
+        return points._replace(places=places, along=points.along[near])
+
+    known, pose, sigma = PointMap(), Pose2(0.0, 0.0), np.array([0.01, 0.01, 0.01])
+    known.add(blurred(0.0).places)
+    for k in range(1, 200):
+        predicted = Pose2(pose.x + 0.05, pose.y, pose.yaw)
+        points = blurred(0.05 * k)
+        pose, _ = fit(known.table, points, predicted, predicted, sigma)
+        if k % 4 == 0:
+            known.add(on_the_map(points.places, pose))
+    assert pose.x == pytest.approx(0.05 * 199, abs=0.05)
+    assert pose.y == pytest.approx(0.0, abs=0.1)
+
+
 def test_prediction_with_less_variance_moves_less(look: Look, room: Floats) -> None:
     known = map_from(look, room, HERE)
     start = off_by(HERE, 0.08, 0.0, 0.0)
