@@ -91,6 +91,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     assert told["cells"]["resolution"] == 0.05
     assert list(told["pose_errors"]) == [
         *("poses", "length", "ate", "ate_max", "rpe", "rpe_over"),
+        "motion_ate",
         *("yaw_deg", "yaw_max_deg", "rpe_yaw_deg"),
     ]
     assert 0 < told["pose_errors"]["ate"] < 0.02

@@ -183,3 +183,24 @@ def test_same_scans_give_the_same_poses(
 ) -> None:
     one, other = (matched(scans, [*path], "ins") for _ in range(2))
     assert one.trajectory.poses == other.trajectory.poses
+
+
+@pytest.mark.parametrize("kind", ["ins", "odometry"])
+def test_dead_reckoning_follows_the_motion_source_whatever_the_scans_say(
+    scans: list[PlanarScan], path: list[Pose2], kind: MotionSource
+) -> None:
+    seeds = drifting(path, 0.15)
+    if kind == "odometry":
+        seeds = [pose.relative_to(seeds[0]) for pose in seeds]
+    slam = matched(scans, [*seeds], kind)
+    expected = [START.compose(pose.relative_to(seeds[0])) for pose in seeds]
+    found = slam.dead_reckoning
+    assert found.times == slam.trajectory.times
+    for pose, other in zip(found.poses, expected, strict=True):
+        assert (pose.x, pose.y) == pytest.approx((other.x, other.y), abs=1e-6)
+
+
+def test_without_a_motion_source_there_is_no_dead_reckoning(
+    scans: list[PlanarScan],
+) -> None:
+    assert len(matched(scans[:3], [None] * 3, "none").dead_reckoning) == 0
