@@ -62,6 +62,9 @@ class ScanGroup(NamedTuple):
 
     def range_errors(self) -> Floats:
         """Return the errors of all ranges, scan by scan; empty without noise."""
+        first = self.draws[0].range_error
+        if not first.size:
+            return first
         return np.concatenate([draws.range_error for draws in self.draws])
 
     def places(self) -> Floats:
