@@ -227,7 +227,7 @@ class Bug2Policy:
 
         Args:
             hit: The hit point.
-            line: Start of the line, and the goal.
+            line: Start of the line, and the goal, where it ends.
             give_up: When to conclude that there is no path.
             max_offset: How far beside a landmark a path still passes it, m.
         """
@@ -258,10 +258,17 @@ class Bug2Policy:
         return Decision.ONWARD
 
     def _meets_line(self, pose: Pose2) -> tuple[bool, bool]:
-        """Return whether the robot is at the line, and whether it just crossed it."""
+        """Return whether the robot is at the line, and whether it just crossed it.
+
+        The line ends at the goal: beyond it, it is no shorter way to the goal.
+        """
         goal_x, goal_y = self._goal
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
-        side = dx * (pose.y - self._start.y) - dy * (pose.x - self._start.x)
+        length = math.hypot(dx, dy)
+        x, y = pose.x - self._start.x, pose.y - self._start.y
+        side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
+        if not -AT_LINE * length <= along <= length * (length + AT_LINE):
+            return False, False
         crossed = before is not None and before * side <= 0
-        return crossed or abs(side) <= AT_LINE * math.hypot(dx, dy), crossed
+        return crossed or abs(side) <= AT_LINE * length, crossed
