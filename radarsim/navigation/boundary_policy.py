@@ -260,7 +260,8 @@ class Bug2Policy:
     def _meets_line(self, pose: Pose2) -> tuple[bool, bool]:
         """Return whether the robot is at the line, and whether it just crossed it.
 
-        The line ends at the goal: beyond it, it is no shorter way to the goal.
+        The line ends at the goal, since there is no shorter way beyond; that a path
+        crosses it counts before the start, too.
         """
         goal_x, goal_y = self._goal
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
@@ -268,7 +269,7 @@ class Bug2Policy:
         x, y = pose.x - self._start.x, pose.y - self._start.y
         side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
-        if not -AT_LINE * length <= along <= length * (length + AT_LINE):
-            return False, False
         crossed = before is not None and before * side <= 0
-        return crossed or abs(side) <= AT_LINE * length, crossed
+        is_beside = -AT_LINE * length <= along <= length * (length + AT_LINE)
+        at_line = is_beside and (crossed or abs(side) <= AT_LINE * length)
+        return at_line, crossed

@@ -29,14 +29,14 @@ from radarsim.navigation.control import (
     moved,
 )
 from radarsim.navigation.observation import Observation
-from radarsim.navigation.obstacle_beams import linked_beams
 from radarsim.navigation.options import Algorithm, GiveUp
-from radarsim.navigation.wall_following import Beams, FollowMode, WallFollower
+from radarsim.navigation.standing_obstacle import StandingObstacle
+from radarsim.navigation.wall_following import FollowMode, WallFollower
 
 TOLERANCE = 0.1  # m from the goal at which it is reached
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
-LINK = 0.1  # m beyond twice the safety distance: the widest gap within an obstacle
+_MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
 
 Point = tuple[float, float]
@@ -104,8 +104,8 @@ class Bug:
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
-        self._point: Point = (0.0, 0.0)  # of the boundary, the nearest one, map frame
-        self._own: Beams | None = None  # which beams end on the boundary
+        self._obstacle = StandingObstacle()  # that is followed
+        self._gone = 0  # number of obstacles that had gone when they were looked at
 
     @property
     def is_done(self) -> bool:
@@ -152,9 +152,7 @@ class Bug:
         ahead = self._settings.bumpers.towards(observation, goal)
         if self._is_beyond(observation, ahead.distance):
             return False
-        return self._follower.leads_into_boundary(
-            observation, self._mode, goal, self._own
-        )
+        return self._follower.leads_into_boundary(observation, self._mode, goal)
 
     def _is_beyond(self, observation: Observation, obstacle: float) -> bool:
         """Return whether an obstacle at a distance, m, is beyond the goal."""
@@ -180,10 +178,10 @@ class Bug:
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._mode, self._lost = Activity.ALIGNING, self._first_mode, 0.0
+        self._obstacle = StandingObstacle()
         max_offset = self._follower.target_distance
         obstacle = bearing_of(pose, *self.goals[0])
         direction = self._follower.direction(observation, self._mode, obstacle)
-        self._point = self._follower.point_towards(observation, self._mode, obstacle)
         hit = Landmark(pose, direction, max_offset=max_offset)
         if self._settings.algorithm == Algorithm.BUG1:
             self._policy = Bug1Policy(hit, self.goals[0], max_offset)
@@ -204,8 +202,9 @@ class Bug:
         if self._sees_goal(observation):
             self._seen_from = distance(observation.pose, *self.goals[0])
             return self._leave(observation)
-        self._look_at_boundary(observation)
-        direction = self._follower.tangent(observation, self._mode, self._own)
+        if point := self._follower.boundary_point(observation, self._mode):
+            self._obstacle.add(point)
+        direction = self._follower.tangent(observation, self._mode)
         circuits_before = policy.circuits
         free = not self._is_hidden(observation)
         decision = policy.step(Step(observation.pose, step, direction, free))
@@ -215,8 +214,7 @@ class Bug:
             and not policy.missed
             and self._is_no_nearer(observation.pose)
         ):
-            self.activity = Activity.NO_PATH
-            return STOP
+            return self._conclude(observation)
         if decision is Decision.LEAVE:
             return self._leave(observation)
         if decision is Decision.BACK:
@@ -225,23 +223,17 @@ class Bug:
             self.activity = Activity.RETURNING
         return self._follow_boundary(observation, step)
 
-    def _look_at_boundary(self, observation: Observation) -> None:
-        """Find the beams that end on what was hit, not on what else is near.
-
-        If it is out of sight, or on the other hand, whatever is near counts.
-        """
-        bumpers = self._settings.bumpers
-        gap = 2 * bumpers.safety_distance + LINK
-        max_range = bumpers.pressed_below + gap
-        self._own = linked_beams(observation, self._point, gap=gap, max_range=max_range)
-        point = self._follower.boundary_point(observation, self._mode, self._own)
-        if point is None:
-            self._own = None
-            point = self._follower.boundary_point(observation, self._mode)
-        self._point = point or self._point
+    def _conclude(self, observation: Observation) -> Twist:
+        """Conclude that there is no path, unless what was circled has gone."""
+        if self._gone < _MOST_GONE and self._obstacle.has_gone(observation):
+            self._gone += 1
+            self._best_leave = math.inf
+            return self._leave(observation)
+        self.activity = Activity.NO_PATH
+        return STOP
 
     def _follow_boundary(self, observation: Observation, step: float) -> Twist:
-        twist, found = self._follower.step(observation, self._mode, self._own)
+        twist, found = self._follower.step(observation, self._mode)
         self._lost = 0.0 if found else self._lost + step
         if self._lost > _LOST * 2 * math.pi * self._follower.target_distance:
             return self._leave(observation)

@@ -27,7 +27,6 @@ that are twice the safety distance wide, and 0.4 m for turning and noise.
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +49,6 @@ FACING_ANGLE = math.radians(
 _LOST_MARGIN = 0.1  # m beyond the band at which a boundary counts as lost
 _STEP_TOLERANCE = 0.02  # m that a step may come nearer than is allowed
 _EQUAL_RANGE = 0.05  # m within which points of the boundary count as equally near
-
-Beams: TypeAlias = NDArray[np.bool_]  # one flag for each beam
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,22 +116,15 @@ class WallFollower:
         """Distance at which the boundary is followed where there is space, m."""
         return self.bumpers.safety_distance + self.bumpers.band / 2
 
-    def step(
-        self, observation: Observation, mode: FollowMode, own: Beams | None = None
-    ) -> tuple[Twist, bool]:
+    def step(self, observation: Observation, mode: FollowMode) -> tuple[Twist, bool]:
         """Compute the motion until the next scan.
-
-        Args:
-            observation: The newest scan.
-            mode: How the boundary is followed.
-            own: (N,) whether beams may end on the boundary; all by default.
 
         Returns:
             The motion, and whether the boundary is seen; where it is not, the motion
             leads towards it.
         """
         view = mode.canonical(observation)
-        boundary = self._boundary(view, own)
+        boundary = self._boundary(view)
         if boundary is None:
             # the circle that a corner out of sight would ask for
             speed = self.speed_limits.speed
@@ -170,49 +160,31 @@ class WallFollower:
         heading = self._abeam_heading(mode.canonical(observation), mode, obstacle)
         return observation.pose.yaw + mode.bearing(heading)
 
-    def tangent(
-        self, observation: Observation, mode: FollowMode, own: Beams | None = None
-    ) -> float:
+    def tangent(self, observation: Observation, mode: FollowMode) -> float:
         """Return the direction along the boundary, rad, map frame, not wrapped.
 
-        Without a boundary it is the direction of motion. Arguments are those of
-        ``step``.
+        Without a boundary it is the direction of motion.
         """
-        boundary = self._boundary(mode.canonical(observation), own)
+        boundary = self._boundary(mode.canonical(observation))
         heading = 0.0 if boundary is None else boundary.bearing - ABEAM
         return observation.pose.yaw + mode.bearing(heading)
 
     def boundary_point(
-        self, observation: Observation, mode: FollowMode, own: Beams | None = None
+        self, observation: Observation, mode: FollowMode
     ) -> tuple[float, float] | None:
-        """Return the nearest point of the boundary, m, map frame; None without one.
-
-        Arguments are those of ``step``.
-        """
-        boundary = self._boundary(mode.canonical(observation), own)
+        """Return the nearest point of the boundary, m, map frame; None without one."""
+        boundary = self._boundary(mode.canonical(observation))
         if boundary is None:
             return None
-        return _point_at(observation, mode.bearing(boundary.bearing), boundary.distance)
-
-    def point_towards(
-        self, observation: Observation, mode: FollowMode, obstacle: float
-    ) -> tuple[float, float]:
-        """Return the nearest point of an obstacle in a direction, m, map frame.
-
-        Arguments are those of ``align``.
-        """
-        view = mode.canonical(observation)
-        bearing = mode.bearing(self._abeam_heading(view, mode, obstacle) + ABEAM)
-        distance = self.bumpers.towards(observation, bearing).distance
-        distance = min(distance, self.bumpers.pressed_below)
-        return _point_at(observation, bearing, distance)
+        pose = observation.pose
+        angle = pose.yaw + mode.bearing(boundary.bearing)
+        return (
+            pose.x + boundary.distance * math.cos(angle),
+            pose.y + boundary.distance * math.sin(angle),
+        )
 
     def leads_into_boundary(
-        self,
-        observation: Observation,
-        mode: FollowMode,
-        bearing: float,
-        own: Beams | None = None,
+        self, observation: Observation, mode: FollowMode, bearing: float
     ) -> bool:
         """Return whether a direction leads into the boundary that is followed.
 
@@ -222,15 +194,12 @@ class WallFollower:
             observation: The newest scan.
             mode: How the boundary is followed.
             bearing: The direction, rad from the robot's front.
-            own: (N,) whether beams may end on the boundary; all by default.
         """
         view = mode.canonical(observation)
-        boundary = self._boundary(view, own)
+        boundary = self._boundary(view)
         if boundary is None:
             return False
         side = self._near_side(view) & (view.ranges <= boundary.distance + CORNER_DEPTH)
-        if own is not None:
-            side &= own
         offsets = wrap_angles(view.bearings[side] - mode.bearing(bearing))
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
@@ -255,11 +224,9 @@ class WallFollower:
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
-    def _boundary(self, view: Observation, own: Beams | None) -> Boundary | None:
+    def _boundary(self, view: Observation) -> Boundary | None:
         """Find the nearest point ahead or on the left."""
         left = self._near_side(view)
-        if own is not None:
-            left &= own
         ranges, bearings = view.ranges[left], view.bearings[left]
         if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
             return None
@@ -321,17 +288,6 @@ class WallFollower:
 def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
     """Return x and y of the end points of beams, m from the robot's centre."""
     return ranges * np.cos(bearings), ranges * np.sin(bearings)
-
-
-def _point_at(
-    observation: Observation, bearing: float, distance: float
-) -> tuple[float, float]:
-    pose = observation.pose
-    angle = pose.yaw + bearing
-    return (
-        pose.x + distance * math.cos(angle),
-        pose.y + distance * math.sin(angle),
-    )
 
 
 def _mean_bearing(bearings: Floats) -> float:

@@ -70,6 +70,17 @@ def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy
     return Bug2Policy(mark(0.0), (start, goal), give_up, 0.7)
 
 
+def test_line_of_bug2_ends_at_the_goal() -> None:
+    """Beyond a goal inside the circle, the circle meets only its continuation."""
+    policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-1.0, 0.0))
+    angle, verdict = 0.0, Decision.ONWARD
+    while verdict is Decision.ONWARD:
+        angle, step = advance(angle, 1)
+        verdict = policy.step(Step(step.pose, step.moved, step.direction, free=True))
+    assert verdict is Decision.NO_PATH
+    assert angle == pytest.approx(2 * math.pi, abs=0.04)
+
+
 def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
     for free in (True, False):
         policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-9.0, 0.0))

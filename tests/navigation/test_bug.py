@@ -185,8 +185,7 @@ def test_robot_leaves_a_boundary_that_vanishes(flatland: World) -> None:
         world.move(navigator.step(world.scan()))
     empty = flatland(at=world.pose)
     empty.run(navigator)
-    assert navigator.is_done
-    assert not navigator.goals
+    assert navigator.activity is Activity.REACHED
 
 
 def turned_box(
@@ -289,3 +288,24 @@ def test_bug_leaves_a_dead_end(
         navigator = bug(algorithm, (6.0, 0.1), wall_on_left=wall_on_left)
         world.run(navigator)
         assert navigator.activity is Activity.REACHED
+
+
+@BOTH
+@HANDS
+def test_obstacle_that_drives_away_is_no_reason_to_give_up(
+    flatland: World, algorithm: Algorithm, wall_on_left: bool
+) -> None:
+    """Another robot crosses an empty field, is followed, and drives off."""
+    world = flatland(at=Pose2(-4.0, 0.0))
+    navigator = bug(algorithm, (6.0, 0.0), wall_on_left=wall_on_left)
+    hits = 0
+    for k in range(1500):
+        y = -1.2 + 0.03 * k
+        other = [] if y > 4 else [shapely.box(-1.3, y - 0.3, -0.7, y + 0.3)]
+        world.walls = flatland(*other, at=world.pose).walls
+        world.move(navigator.step(world.scan()))
+        hits = len(navigator.hit_points)
+        if navigator.is_done:
+            break
+    assert hits
+    assert navigator.activity is Activity.REACHED

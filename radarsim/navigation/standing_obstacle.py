@@ -1,0 +1,53 @@
+"""Whether an obstacle still stands where it was when a robot went around it.
+
+A robot that drives by looks like an obstacle, and a path around it closes like a
+circuit. So before a navigator concludes that there is no path, it looks again at the
+points of the boundary that it has followed: those that beams go through have gone.
+"""
+
+import math
+
+import numpy as np
+
+from radarsim.navigation.observation import Observation, wrap_angles
+
+SPACING = 0.25  # m between the points that are kept
+MAX_DISTANCE = 10.0  # m; points farther away are not looked at
+MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
+_BESIDE = 0.15  # m beside a point that beams still count as beams to it
+
+Point = tuple[float, float]
+
+
+class StandingObstacle:
+    """Keeps points of a boundary, to look at them again."""
+
+    def __init__(self) -> None:
+        self._points: list[Point] = []
+
+    def add(self, point: Point) -> None:
+        """Add a point of the boundary, m, map frame, if it is away from the last."""
+        if not self._points or math.dist(point, self._points[-1]) >= SPACING:
+            self._points.append(point)
+
+    def has_gone(self, observation: Observation) -> bool:
+        """Return whether more points have gone than stand, of those in sight.
+
+        A boundary of which no point is in sight has gone as well: who follows a
+        boundary that stands sees some of it.
+        """
+        points = np.array(self._points).reshape(-1, 2)
+        pose = observation.pose
+        x, y = (points - (pose.x, pose.y)).T
+        distances = np.hypot(x, y)
+        bearings = np.arctan2(y, x) - pose.yaw
+        is_near = distances < MAX_DISTANCE
+        distances, bearings = distances[is_near], bearings[is_near]
+        spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
+        offsets = wrap_angles(bearings[:, None] - observation.bearings)
+        beams = np.where(
+            np.abs(offsets) <= spread[:, None], observation.ranges, math.inf
+        )
+        beyond = beams.min(axis=1, initial=math.inf) - distances
+        gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
+        return bool(gone.sum() > standing.sum() or not standing.any())

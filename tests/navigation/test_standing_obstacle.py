@@ -1,0 +1,40 @@
+"""Whether what was circled still stands."""
+
+from typing import Any, Protocol
+
+import pytest
+import shapely
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.standing_obstacle import StandingObstacle
+
+BOX = shapely.box(1, -1, 2, 1)
+
+
+class World(Protocol):
+    """Makes a flat world of polygons, with the robot at a pose."""
+
+    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
+@pytest.mark.parametrize(
+    ("shapes", "has_gone"),
+    [
+        pytest.param([BOX], False, id="stands"),
+        pytest.param([], True, id="gone"),
+        pytest.param([shapely.box(1.1, -0.9, 2, 1)], False, id="pose has drifted"),
+        pytest.param([shapely.box(5, -4, 6, 4)], True, id="moved away"),
+        pytest.param([BOX, shapely.box(3, -4, 4, 4)], False, id="wall behind"),
+    ],
+)
+def test_obstacle_has_gone_if_beams_go_through_where_it_was(
+    flatland: World, shapes: list[shapely.Polygon], has_gone: bool, yaw: float
+) -> None:
+    obstacle = StandingObstacle()
+    ring = BOX.exterior
+    for along in range(int(ring.length * 10)):
+        point = ring.interpolate(along / 10)
+        obstacle.add((point.x, point.y))
+    world = flatland(*shapes, at=Pose2(0.0, 0.2, yaw))
+    assert obstacle.has_gone(world.scan()) is has_gone
