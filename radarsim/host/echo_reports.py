@@ -1,13 +1,12 @@
 """Split the echoes of a scan into echo lines, object by object."""
 
-import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.protocol.echoes import ECHOES_A_LINE
+from radarsim.host.echo_order import sort_into_lines
 from radarsim.protocol.reports import EchoLine, TargetEchoes
 from radarsim.sensors.echoes import KINDS, ROBOT, Echoes, Target
 
@@ -26,7 +25,7 @@ class EchoRows(NamedTuple):
 
     numbers: Floats
     kinds: list[int]
-    lines: list[tuple[int, int, int]]
+    lines: list[list[int]]
 
     @classmethod
     def of(cls, echoes: Echoes) -> "EchoRows":
@@ -34,23 +33,11 @@ class EchoRows(NamedTuple):
 
         Parts are in the order of their first beam, and of their numbers for the same.
         """
-        # Some hundred echoes are sorted as soon as numpy has begun to.
-        rows: dict[int, list[int]] = {}
-        for row, part in enumerate(echoes.parts.tolist()):
-            rows.setdefault(part, []).append(row)
-        beams, kinds = echoes.beams.tolist(), echoes.kinds.tolist()
-        parts = sorted(rows, key=lambda part: (beams[rows[part][0]], part))
-        places = list(zip(beams, echoes.fronts.tolist(), strict=True))
-        order = [
-            row for part in parts for row in sorted(rows[part], key=places.__getitem__)
-        ]
-        columns = (echoes.beams, echoes.fronts, _power_shares(echoes), echoes.strength)
-        numbers: Floats = np.column_stack(columns)[order].astype(np.float64, copy=False)
-        # Rounding errors are clipped off shares, and the sign off zeros.
-        shares = numbers[:, 2:]
-        np.add(np.clip(shares, 0.0, 1.0), 0.0, out=shares)
-        lines = _split(parts, [len(rows[part]) for part in parts])
-        return cls(numbers, [kinds[row] for row in order], lines)
+        numbers, order, lines = sort_into_lines(
+            *(echoes.parts, echoes.beams, echoes.fronts, echoes.power, echoes.strength),
+            echoes.settings.penetration_power,
+        )
+        return cls(numbers, echoes.kinds[order].tolist(), lines.tolist())
 
 
 def echo_lines(
@@ -110,24 +97,3 @@ def _target_echoes(target: Target, echoes: EchoRows, rows: slice) -> TargetEchoe
         power=echoes.numbers[rows, 2],
         strength=echoes.numbers[rows, 3],
     )
-
-
-def _split(parts: list[int], counts: list[int]) -> list[tuple[int, int, int]]:
-    """Return the part and the rows of each line."""
-    lines, start = [], 0
-    for part, count in zip(parts, counts, strict=True):
-        end = start + count
-        lines += [
-            (part, begin, min(end, begin + ECHOES_A_LINE))
-            for begin in range(start, end, ECHOES_A_LINE)
-        ]
-        start = end
-    return lines
-
-
-def _power_shares(echoes: Echoes) -> Floats:
-    """Return the share of a beam's power that is left on arrival, (E,)."""
-    full = echoes.settings.penetration_power
-    if math.isinf(full):
-        return np.ones(len(echoes))
-    return echoes.power / full if full else np.zeros(len(echoes))

@@ -126,10 +126,12 @@ class Host:
 
     def make_simulation(self) -> Simulation:
         """Load or compile the engine, and create a simulation; in any thread."""
-        from radarsim.protocol.line_writer import warm_up  # noqa: PLC0415
+        from radarsim.host import echo_order  # noqa: PLC0415
+        from radarsim.protocol import line_writer  # noqa: PLC0415
         from radarsim.simulation.simulation import Simulation  # noqa: PLC0415
 
-        warm_up()
+        line_writer.warm_up()
+        echo_order.warm_up()
         return Simulation(self._scene, config=self._config, seed=self._seed)
 
     def begin(self, simulation: Simulation) -> None:
@@ -188,6 +190,11 @@ class Host:
     def has_robot(self, number: int) -> bool:
         """Return whether a client has a robot, and so gets a write in every tick."""
         return self._clients[number].vehicle is not None
+
+    def only_watches(self, number: int) -> bool:
+        """Return whether all that waits for a client are lines of others' robots."""
+        client = self._clients[number]
+        return client.vehicle is None and not client.send_queue
 
     def must_close(self, number: int) -> bool:
         """Return whether a client is to be disconnected; see ``close_reason``."""

@@ -30,6 +30,7 @@ MAX_CLIENTS = 1024
 MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
 READ_BYTES = 2048  # read from one client before others are served
+WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
 CLOSE_GRACE = 2.0  # s for a client that has closed its side to read its replies
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
@@ -60,6 +61,7 @@ class Server:
         self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
         self._ticking: asyncio.Task[None] | None = None
+        self._ticks = 0
 
     async def start(self, address: str = "127.0.0.1", port: int = 3000) -> None:
         """Listen, and start simulated time, if the host's simulation has begun.
@@ -143,7 +145,11 @@ class Server:
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
         self._turns.advance()
+        self._ticks += 1
+        watchers_rest = self._ticks % WATCHER_TICKS
         for number in self._host.clients_to_send():
+            if watchers_rest and self._host.only_watches(number):
+                continue
             if number in connections:
                 connections[number].flush()
         for connection in list(self._connections.held):

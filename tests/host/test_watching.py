@@ -505,3 +505,15 @@ def test_question_about_what_is_not_there_is_answered(
     assert asker.send(question) == [kind]
     (error,) = news(asker.read())
     assert error.startswith(b"NFO {Error ")
+
+
+def test_it_is_known_for_whom_only_lines_of_others_wait(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    driver = RecordingClient(host, INIT)
+    watcher = RecordingClient(host, WATCH_ALL)
+    step(10, driver, watcher)
+    host.step()
+    assert host.only_watches(watcher.number)
+    assert not host.only_watches(driver.number)
+    watcher.send(b"GETSTARTPOSES\r\n")
+    assert not host.only_watches(watcher.number)  # it waits for an answer
