@@ -47,7 +47,8 @@ export function updateLegend(world, view) {
 
 function marksOf(world, view) {
   const kinds = new Set(world.robot?.scans.map((scan) => scan.kind));
-  const run = world.paths.get(world.chosen)?.goal ? RUN : [];
+  const path = world.paths.get(world.chosen);
+  const run = path?.goal ? RUN : path?.points.length ? RUN.slice(0, 1) : [];
   if (view === "map") return [["true", "what is truly there"], ...run];
   if (view === "space") return [];
   return [...(kinds.has("radar") ? RADAR : []), ...(kinds.has("laser") ? LASER : []), ...run];
@@ -79,10 +80,11 @@ function sentence(world) {
   const scans = [...robot.scans].sort((one, other) => (other === scan) - (one === scan));
   const parts = scans.map((one, place) => {
     const { beams, through, returned } = world.countBeams(one);
-    if (!world.hello.watch) return `${one.scanner} reads ${returned} of ${beams} beams`;
     if (!returned) return `${one.kind} reads nothing${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
-    const count = `${through || "none"} of ${beams}`;
-    return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} beams`;
+    const told = robot.echoes?.some((echoes) => echoes.scanner === one.scanner && echoes.objects.length);
+    if (!told) return `${one.scanner} reads ${returned} of ${beams} beams`; // and nothing more is known yet
+    const count = through || "none";
+    return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} of ${beams} beams`;
   });
   if (!parts.length) return `${robot.name} has no scan yet.`;
   const rest = world.hello.watch ? "" : "; this server does not tell what they meet";

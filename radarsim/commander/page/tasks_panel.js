@@ -42,6 +42,7 @@ export class TasksPanel extends EventTarget {
       setText(byId("error"), `${chosen} cannot go by itself: ${robot.hindrance}`);
       return;
     }
+    setText(byId("error"), ""); // of a goal before
     this.world.goal = [x, y];
     this.link.send("goto", { robot: chosen, algorithm: this.goto.algorithm.value, goal: [x, y] });
   }
