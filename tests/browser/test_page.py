@@ -36,7 +36,10 @@ def test_plan_and_scans_are_painted_once_a_robot_is_added(
 ) -> None:
     commander.add_robot("R1")
     assert commander.text("level") == "DM-FoliageRoom"
-    assert "R1: radar sees through with" in commander.text("finding")
+    commander.until(
+        lambda: "R1: radar sees through with" in commander.text("finding"),
+        "for what it sees",
+    )
     for canvas in ("#plan", "#radar canvas"):
         commander.until(
             lambda canvas=canvas: (  # type: ignore[misc]
