@@ -262,3 +262,21 @@ def test_what_is_kept_has_a_limit() -> None:
         rows = [(0, 5 + number) for number in range(first, first + 100)]
         lines = writer.write(1.0, "lms200", echoes_of(rows), COMPAT)
         assert lines.count(b"\r\n") == 100
+
+
+@given(rows=ROWS, seed=st.integers(0, 99))
+def test_echoes_of_a_line_are_sorted_by_beam_and_where_they_begin(
+    rows: list[Row], seed: int
+) -> None:
+    made = echoes_of(rows)
+    made.fronts[:] = np.random.default_rng(seed).permutation(len(rows))
+    found = []
+    for target in echo_lines(1.0, "lms200", made, ROBOTS):
+        if target.echoes is not None:
+            seen = target.echoes
+            pairs = [*zip(seen.beams.tolist(), seen.ranges.tolist(), strict=True)]
+            assert pairs == sorted(pairs)
+            found += pairs
+    assert sorted(found) == sorted(
+        zip(made.beams.tolist(), made.fronts.tolist(), strict=True)
+    )
