@@ -73,6 +73,7 @@ class FmcwRadar:
             sensor.power_per_db or 1.0,
             sensor.max_bounces,
             is_absorbed=False,
+            in_decibels=True,
         )
         self.full_power = MAX_LOSS_DB * self.ray_class.power_per_db
 
@@ -207,8 +208,11 @@ class FmcwRadar:
 
 def points_of(scene: Scene, settings: FmcwSettings) -> Points:
     """Return the points of a scene that reflect."""
-    del scene, settings
-    return Points(np.zeros((0, 3)), np.zeros(0))
+    positions = [each.position for each in scene.reflectors]
+    sections = [each.rcs(settings.wavelength) for each in scene.reflectors]
+    return Points(
+        np.array(positions, np.float64).reshape(-1, 3), np.array(sections, np.float64)
+    )
 
 
 def _add_to_bins(settings: FmcwSettings, mean: Power, tones: Tones) -> None:

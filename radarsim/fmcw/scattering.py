@@ -6,8 +6,7 @@ cos; ground has the same gamma at all angles. Volumes scatter a share of what th
 their albedo omega: a canopy that lets nothing through has a gamma of omega / 2. So does
 a sheet, which has no depth: omega times the share that it takes.
 
-Sources of the defaults: F. T. Ulaby, M. C. Dobson, Handbook of Radar Scattering
-Statistics for Terrain, 1989, from memory, and estimates.
+Gamma and albedo are those of the materials of the map.
 """
 
 import math
@@ -22,10 +21,7 @@ from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
-FOLIAGE_ALBEDO: Final = 0.2  # -10 dB from a deep canopy at W band; estimate
-SURFACE_DB: Final = -10.0  # of walls; estimate
 MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
-GROUND_DB: Final = -25.0  # of soil, at all angles; estimate
 _GROUND: Final = ("soil", "ground", "grass", "asphalt", "gravel", "floor")
 
 
@@ -55,7 +51,7 @@ def scattering_of(tracer: Tracer, ray_class: RayClass) -> Scattering:
     per_db = ray_class.power_per_db
     loss = np.where(np.isfinite(density), density, 0.0) / (per_db * NEPER_DB)
     sheet = np.array([each.sheet_loss is not None for each in materials], np.bool_)
-    albedo = np.array([albedo_of(each) for each in materials])
+    albedo = np.array([each.albedo for each in materials])
     rain = np.array([rain_reflectivity(ray_class.band, r) for r in tracer.rain_rate])
     volume = np.where(sheet, 0.0, albedo * loss) + rain
     air = 0.0
@@ -74,11 +70,6 @@ def _with_robots(gamma: list[float], robots_db: float) -> Floats:
     return np.append(gamma, 10 ** (robots_db / 10))
 
 
-def albedo_of(material: Material) -> float:
-    """Return the share of what a material takes that it scatters; smoke has none."""
-    return FOLIAGE_ALBEDO if material.solid else 0.0
-
-
 def is_ground(material: Material) -> bool:
     """Return whether a material scatters like open ground."""
     return material.name in _GROUND
@@ -86,6 +77,4 @@ def is_ground(material: Material) -> bool:
 
 def surface_db(material: Material) -> float:
     """Return gamma of an opaque surface at normal incidence, dB."""
-    if material.radar_mirror:
-        return MIRROR_DB
-    return GROUND_DB if is_ground(material) else SURFACE_DB
+    return MIRROR_DB if material.radar_mirror else material.backscatter_db

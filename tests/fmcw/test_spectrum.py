@@ -6,8 +6,10 @@ from fmcw_scenes import EYE, block, db, radar, scene_of, wall_at
 
 import radarsim
 from radarsim.errors import PresetError
+from radarsim.fmcw.radar_equation import received_power
 from radarsim.fmcw.spectrum import Spectrum
 from radarsim.rng import generator_for
+from radarsim.scene.reflectors import Reflector
 from radarsim.scene.scene import Scene
 
 PLACE = (-8.0, 0.0, 0.0)
@@ -113,3 +115,23 @@ def test_presets_of_a_radar_agree_with_its_scanner() -> None:
         assert it.max_range == pytest.approx(sensor.max_range, rel=1e-3)
         assert it.rotation_hz == sensor.scan_rate_hz
         assert it.beamwidth_az_deg == sensor.beamwidth_az_deg
+
+
+def test_reflector_of_a_map_returns_by_the_radar_equation() -> None:
+    corner = Reflector("corner", (20.0, 0.0, EYE.z), trihedral=0.1)
+    scene = Scene("corner", "Corner", reflectors=(corner,))
+    which = radar(carrier_ghz=77)
+    power = which.spectrum(scene, EYE, generator_for(0)).echo_power[0]
+    rcs = 10 ** (14.41 / 10)  # 4 pi a^4 / (3 lambda^2)
+    expected = received_power(which.settings, rcs, 20.0)
+    assert db(power.sum() / expected) == pytest.approx(0, abs=0.1)
+    assert which.ranges[power.argmax()] == pytest.approx(20, abs=0.03)
+
+
+def test_reflector_behind_a_wall_is_hidden() -> None:
+    corner = Reflector("corner", (20.0, 0.0, EYE.z), trihedral=0.1)
+    wall = wall_at(10).parts
+    scene = Scene("corner", "Corner", wall, reflectors=(corner,))
+    which = radar(bins=600)
+    power = which.spectrum(scene, EYE, generator_for(0)).echo_power[0]
+    assert power[which.ranges > 15].sum() < 1e-30  # W
