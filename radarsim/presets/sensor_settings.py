@@ -43,6 +43,9 @@ class SensorSettings(BaseModel):
             converts the dB of materials to penetration power.
         max_bounces: Maximum number of mirror reflections of a ray; a mirror met after
             that is an ordinary surface.
+        glint_deg: Angle to the normal of a mirror, degrees, up to which a ray comes
+            straight back, so that the mirror answers; None for half the width of a
+            cone, and for 0, none at all, of other beams.
         least_rcs_dbsm: Smallest radar cross section that is detected 10 m away, dBsm;
             rain shows where it exceeds this.
         echo_threshold: Strength above which an echo counts as the first or the
@@ -93,6 +96,7 @@ class SensorSettings(BaseModel):
     band_ghz: Literal[24, 77, 94] = 94
     margin_db: Annotated[float, Field(ge=1, le=300)] = 50.0
     max_bounces: Annotated[int, Field(ge=0, le=16)] = 2
+    glint_deg: Width | None = None
     least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
     echo_threshold: Annotated[float, Field(ge=0, le=1)] = 1e-5
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
@@ -126,6 +130,15 @@ class SensorSettings(BaseModel):
         if math.isinf(self.penetration_power):
             return 1.0
         return self.penetration_power / (self.margin_db / 2)
+
+    @property
+    def glint(self) -> float:
+        """The angle up to which a mirror answers, rad."""
+        if self.glint_deg is not None:
+            return math.radians(self.glint_deg)
+        is_cone = self.has_side_rays and self.side_mode == "cone"
+        width = max(self.beamwidth_az_deg, self.resolution_deg)
+        return math.radians(width) / 2 if is_cone else 0.0
 
     @property
     def has_side_rays(self) -> bool:

@@ -276,15 +276,12 @@ def pattern_of(settings: SensorSettings) -> BeamPattern:
 def ray_class_of(settings: SensorSettings) -> RayClass:
     """Return the ray class of a sensor, on which the effect of materials depends."""
     radar = settings.medium == "radar"
-    # A mirror that faces the sensor faces one of its beams, up to half of its width.
-    is_cone = radar and settings.side_mode == "cone"
-    width = settings.beamwidth_az_deg if is_cone else 0.0
     return RayClass(
         RADAR if radar else LASER,
         BANDS_GHZ.index(settings.band_ghz) if radar else 0,
         settings.power_per_db,
         settings.max_bounces,
-        glint=math.radians(max(width, settings.resolution_deg)) / 2,
+        glint=settings.glint,
     )
 
 

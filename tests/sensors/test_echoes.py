@@ -241,11 +241,22 @@ def test_range_is_that_of_the_last_echo(foliage_room: Scene) -> None:
         assert len(scan.echoes) == sum(len(beam) for beam in lists)
 
 
-@pytest.mark.parametrize("sensor", ["radar", "hss94_marulan", "navtech_cts350x"])
-def test_metal_plate_that_faces_a_radar_answers(sensor: str) -> None:
+@pytest.mark.parametrize(
+    ("sensor", "settings"),
+    [
+        pytest.param("radar", {"glint_deg": 0.5}, id="radar"),
+        pytest.param("hss94_marulan", {}, id="hss94_marulan"),
+        pytest.param("navtech_cts350x", {}, id="navtech_cts350x"),
+    ],
+)
+def test_metal_plate_that_faces_a_radar_answers(
+    sensor: str, settings: dict[str, float]
+) -> None:
     metal = from_library("metal")
     world = scene(block("plate", metal, (0.1, 3, 3), (10, 0, 0)))
-    radar = radarsim.load_sensor(sensor, return_mode="all", ray_choice="together")
+    radar = radarsim.load_sensor(
+        sensor, return_mode="all", ray_choice="together", **settings
+    )
     middle = int(np.argmin(np.abs(radar.angles)))
     echoes = radar.scan(
         world, (0, 0, 0.3, 0, 0, -radar.angles[middle]), generator_for(1)
@@ -256,12 +267,19 @@ def test_metal_plate_that_faces_a_radar_answers(sensor: str) -> None:
     assert echoes.echoes.strength[mine].max() > 0.2
 
 
+def test_sensors_of_the_thesis_and_lasers_see_only_what_mirrors_show() -> None:
+    world = scene(block("plate", from_library("metal"), (0.1, 3, 3), (10, 0, 0)))
+    for sensor in ("radar", "thesis", "laser", "sick"):
+        scan = radarsim.load_sensor(sensor).scan(world, (0, 0, 0), generator_for(1))
+        assert np.isinf(scan.ranges).all(), sensor
+
+
 @pytest.mark.parametrize("angle_deg", [30.0, 60.0])
 def test_metal_plate_that_is_turned_away_stays_dark(angle_deg: float) -> None:
     vertices, faces = box(0.1, 3, 3)
     turned = vertices @ Pose3(0, 0, 0, yaw=math.radians(angle_deg)).rotation().T
     plate = Part("plate", from_library("metal"), turned + np.array([10, 0, 0]), faces)
-    radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2)
+    radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2, glint_deg=1)
     scan = radar.scan(scene(plate), (0, 0, 0), generator_for(1))
     assert np.isinf(scan.ranges).all()
 
