@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.protocol.echoes import ECHOES_A_LINE  # compiled into kernels
 
 _GOLDEN = 2654435761  # multiplies numbers so that their upper bits are spread
 
@@ -20,6 +19,7 @@ def sort_into_lines(
     power: Floats,
     strength: Floats,
     full: float,
+    echoes_a_line: int,
 ) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
     """Sort echoes into lines of one part each, as many as fit into a line.
 
@@ -33,6 +33,7 @@ def sort_into_lines(
         power: (E,) power that is left on arrival.
         strength: (E,) share of the beam that is reflected back.
         full: Full power of a beam.
+        echoes_a_line: How many fit into a line.
 
     Returns:
         (E, 4) beam, range, share of the power and strength, both from 0 to 1, in the
@@ -50,7 +51,7 @@ def sort_into_lines(
         starts[group] = places[group] = start
         end = start + sizes[group]
         while start < end:
-            last = min(end, start + ECHOES_A_LINE)
+            last = min(end, start + echoes_a_line)
             lines[line, 0], lines[line, 1], lines[line, 2] = (
                 parts[firsts[group]],
                 start,
@@ -143,4 +144,4 @@ def _clip_to_unit(share: float) -> float:
 def warm_up() -> None:
     """Compile the kernel, or read it from the cache."""
     numbers, empty = np.zeros(0), np.zeros(0, np.int64)
-    sort_into_lines(empty, empty, numbers, numbers, numbers, 1.0)
+    sort_into_lines(empty, empty, numbers, numbers, numbers, 1.0, 1)

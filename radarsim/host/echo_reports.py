@@ -7,6 +7,7 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.host.echo_order import sort_into_lines
+from radarsim.protocol.echoes import ECHOES_A_LINE
 from radarsim.protocol.reports import EchoLine, TargetEchoes
 from radarsim.sensors.echoes import KINDS, ROBOT, Echoes, Target
 
@@ -35,7 +36,7 @@ class EchoRows(NamedTuple):
         """
         numbers, order, lines = sort_into_lines(
             *(echoes.parts, echoes.beams, echoes.fronts, echoes.power, echoes.strength),
-            echoes.settings.penetration_power,
+            *(echoes.settings.penetration_power, ECHOES_A_LINE),
         )
         return cls(numbers, echoes.kinds[order].tolist(), lines.tolist())
 

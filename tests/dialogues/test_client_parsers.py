@@ -50,7 +50,12 @@ SONAR_CONE = np.radians(np.linspace(-10, 10, 201))
 SONAR_LIMITS = (0.1, 5.0)  # m
 MAX_INCIDENCE = 75.0  # degrees
 LEFT, RIGHT = 2.0, 3.0  # rad/s
-MOST_BEAMS = {"P3AT_Radar360": 360, "P3AT_Hokuyo": 228, "P3AT_Compare": 228}
+MOST_BEAMS = {
+    "P3AT_Radar360": 360,
+    "P3AT_Compare360": 360,
+    "P3AT_Hokuyo": 228,
+    "P3AT_Compare": 228,
+}
 
 
 def parsers_for(class_name: str, dialect: Dialect) -> dict[str, Parser]:

@@ -133,6 +133,10 @@ def test_write_is_status_replies_poses_other_readings_scan(host: Host) -> None:
     ]
 
 
+# Of a write; two scans of 360 beams come in one. Buffers of clients limit lines only.
+MOST_BYTES = {"P3AT_Compare360": 8192}
+
+
 @pytest.mark.parametrize("class_name", robot_names())
 def test_every_line_is_readable_by_all_clients(host: Host, class_name: str) -> None:
     number = host.connect()
@@ -145,7 +149,7 @@ def test_every_line_is_readable_by_all_clients(host: Host, class_name: str) -> N
     for _ in range(300):
         host.step()
         write = host.take(number)
-        assert len(write) < 4096
+        assert len(write) < MOST_BYTES.get(class_name, 4096)
         sent += write
     text = sent.decode("ascii")
     assert text.count("\r") == text.count("\n") == text.count("\r\n")
@@ -153,7 +157,7 @@ def test_every_line_is_readable_by_all_clients(host: Host, class_name: str) -> N
         assert re.fullmatch(r"[A-Z]{3,4}( \{[^{}\s]+( [^{}\s]+)*\})+", line)
         assert len(line) + 2 <= 4095
         assert not re.search(r"[0-9]e|nan|inf|,\}|-0\.0*[,}]", line.lower())
-    if class_name != "P3AT_Compare":
+    if not class_name.startswith("P3AT_Compare"):
         assert text.count("{Type RangeScanner} {Name") == 30 + 2
 
 
@@ -194,7 +198,8 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
             "class",
             "robot class 'KR6', expected one of ['P2AT', 'P2DX', 'P3AT', "
-            "'P3AT_Compare', 'P3AT_Hokuyo', 'P3AT_Radar360', 'P3AT_SICK']",
+            "'P3AT_Compare', 'P3AT_Compare360', 'P3AT_Hokuyo', 'P3AT_Radar360', "
+            "'P3AT_SICK']",
             id="unknown class",
         ),
         pytest.param(

@@ -1,5 +1,6 @@
 """Mesh files: their contents, and the program that writes them."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -122,7 +123,9 @@ def test_program_prints_the_loss_of_foliage_and_draws_it(
         number = float(line.split(f"{word} ")[1].split()[0].strip(":"))
         assert f"foliage_{shape}: {{" in text
         key = "sheet_loss" if shape == "leaves" else "density"
-        shipped = text.split(f"foliage_{shape}: {{{key}: ")[1].split("}")[0]
+        found = re.search(rf"foliage_{shape}: {{.*\b{key}: ([0-9.]+)", text)
+        assert found is not None
+        shipped = found[1]
         assert number == pytest.approx(float(shipped), rel=accuracy)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import os
 import re
 import resource
 import signal
@@ -156,10 +157,13 @@ def feed(folder: Path, calls: list[HostCall], limit: int | None) -> str:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
+    # Coverage writes files as well.
+    env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *sys.path],
         stdin=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        env=env,
         preexec_fn=restrict,  # noqa: PLW1509 - it changes limits only
     )
     info = RecordingInfo(version="1")
