@@ -78,13 +78,3 @@ def doppler_shift(
     hertz, sweep = settings.carrier_ghz * 1e9, settings.bandwidth_mhz * 1e6
     per_speed = hertz * settings.sweep_time / sweep
     return np.asarray((-1.0 if up else 1.0) * per_speed * np.asarray(speed))
-
-
-def trihedral_rcs(edge: float, wavelength: float) -> float:
-    """Return the cross section of a triangular trihedral along its axis, m^2."""
-    return 4 * math.pi * edge**4 / (3 * wavelength**2)
-
-
-def sphere_rcs(radius: float) -> float:
-    """Return the cross section of a large metal sphere, m^2."""
-    return math.pi * radius**2

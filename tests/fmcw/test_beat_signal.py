@@ -8,12 +8,7 @@ from fmcw_scenes import correlation, db, dbm, no_echoes, radar
 
 from radarsim.fmcw.beat_signal import NO_TONES, Power, Tones, beat_spectrum
 from radarsim.fmcw.points import Points, point_tones
-from radarsim.fmcw.radar_equation import (
-    noise_power,
-    received_power,
-    sphere_rcs,
-    trihedral_rcs,
-)
+from radarsim.fmcw.radar_equation import noise_power, received_power
 from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for
@@ -174,14 +169,3 @@ def test_clipped_direction_is_lifted_as_a_whole() -> None:
     found = beat_spectrum(settings, no_echoes(settings), strong, generator_for(0))
     quiet = np.delete(np.arange(8), 2)
     assert db(np.median(found[2]) / np.median(found[quiet])) > 10
-
-
-@pytest.mark.parametrize(
-    ("rcs", "dbsm"),
-    [
-        pytest.param(trihedral_rcs(0.1, 299_792_458 / 77e9), 14.41, id="trihedral"),
-        pytest.param(sphere_rcs(0.1), -15.03, id="sphere"),
-    ],
-)
-def test_cross_sections_of_known_shapes(rcs: float, dbsm: float) -> None:
-    assert db(rcs) == pytest.approx(dbsm, abs=0.1)
