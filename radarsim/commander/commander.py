@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.commander.activities import Activities
+from radarsim.commander.attention import Attention
 from radarsim.commander.explanation import explain_beam
 from radarsim.commander.frame_sender import FrameSender
 from radarsim.commander.frames import Owner, encode_frame
@@ -25,6 +26,7 @@ from radarsim.commander.requests import (
     Explain,
     Explore,
     Goto,
+    Look,
     Map,
     Remove,
     Request,
@@ -38,6 +40,7 @@ from radarsim.commander.roster import Roster
 from radarsim.commander.scanner_settings import change_setting, undo_setting
 from radarsim.commander.server_link import ServerLink
 from radarsim.commander.viewer import Viewer
+from radarsim.commander.viewers import Viewers
 from radarsim.errors import RadarsimError
 from radarsim.simulation.config import SimulationConfig
 
@@ -67,17 +70,19 @@ class Commander:
             address: Host and port of the server.
             config: How the server was started, as far as it is known.
         """
-        self.viewers: dict[str, Viewer] = {}
+        self.viewers = Viewers()
         self.roster = Roster(address, config)
         self._config = config
         self._scene: SceneMessages | None = None
         self._frames = FrameSender(self.viewers, self._frame)
         self._link = ServerLink(address)
-        self._activities = Activities(self.roster, self._broadcast)
+        self._activities = Activities(self.roster, self.viewers.broadcast)
+        self._attention = Attention(
+            self._link, self.viewers, self.roster, self._activities
+        )
         self._work: set[asyncio.Task[None]] = set()
         self._is_lost = True
-        self._joined = 0  # viewers so far
-        self._activities.on_mapped = self._ask_for_echoes
+        self._activities.on_mapped = self._attention.update
         self.roster.on_change = self._robots_changed
         self.roster.on_left = self._activities.forget
         self.roster.on_lost = self._tell_lost
@@ -91,6 +96,7 @@ class Commander:
             Explain: self._explain,
             Explore: lambda _, request: self._activities.explore(request),
             Goto: lambda _, request: self._activities.go(request),
+            Look: self._look,
             Map: lambda _, request: self._activities.switch_map(request),
             Remove: self._remove,
             Select: self._select,
@@ -121,9 +127,8 @@ class Commander:
 
     def join(self) -> Viewer:
         """Add a browser, and tell it what there is."""
-        self._joined += 1
-        viewer = Viewer(f"viewer {self._joined}")
-        self.viewers[viewer.name] = viewer
+        viewer = self.viewers.add()
+        self._attention.update()
         viewer.send(self._hello(viewer))
         if self._scene is not None:
             viewer.send(self._scene.plan)
@@ -135,8 +140,8 @@ class Commander:
 
     def leave(self, viewer: Viewer) -> None:
         """Remove a browser, and stop what it drives."""
-        del self.viewers[viewer.name]
-        self._ask_for_echoes()
+        self.viewers.remove(viewer)
+        self._attention.update()
         for robot in self.roster.own.values():
             if robot.driver == viewer.name:
                 robot.release()
@@ -180,6 +185,11 @@ class Commander:
     def _select(self, viewer: Viewer, request: Select) -> None:
         viewer.selected = request.robot
         self._robots_changed()
+
+    def _look(self, viewer: Viewer, request: Look) -> None:
+        viewer.is_looking = request.on
+        self._attention.update()
+        self._frames.catch_up(viewer)
 
     def _spawn(self, viewer: Viewer, request: Spawn) -> None:
         if request.start is not None and request.pose is not None:
@@ -256,33 +266,22 @@ class Commander:
             **make_offers(),
         }
 
-    def _ask_for_echoes(self) -> None:
-        """Ask for the echoes of robots that somebody looks at; they cost much."""
-        selected = {viewer.selected for viewer in self.viewers.values()}
-        wanted = selected | self._activities.mapped
-        self._link.ask_for_echoes(self.roster.views.keys() & wanted)
-
     def _robots_changed(self) -> None:
-        self._ask_for_echoes()  # of robots that were selected before they came
+        self._attention.update()  # echoes of robots that were selected before they came
         self._frames.changed()
-
-    def _broadcast(self, message: Mapping[str, Any] | str, subject: object) -> None:
-        for viewer in self.viewers.values():
-            viewer.send(message, subject)
 
     def _server_changed(self) -> None:
         state = self._link.state
         was_lost, self._is_lost = self._is_lost, bool(state.problem)
-        self.roster.is_watching = state.watches
         if state.problem:
             self.roster.forget_others()
-            self._broadcast({"op": "lost", "text": state.problem}, "server")
+            self.viewers.broadcast({"op": "lost", "text": state.problem}, "server")
             return
         for viewer in self.viewers.values():
             viewer.send(self._hello(viewer), "hello")
             self._tell_server(viewer)
         if was_lost:
-            self._broadcast({"op": "found"}, "server")
+            self.viewers.broadcast({"op": "found"}, "server")
 
     def _tell_server(self, viewer: Viewer) -> None:
         """Tell a browser what the server does not do."""
@@ -295,13 +294,13 @@ class Commander:
 
     def _tell_driver(self, robot: OwnRobot) -> None:
         message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
-        self._broadcast(message, ("driver", robot.name))
+        self.viewers.broadcast(message, ("driver", robot.name))
         self._frames.changed()
 
     def _tell_refusal(self, robot: OwnRobot, text: str) -> None:
         if robot.name in self.roster.views:
             undo_setting(self.roster.views[robot.name])
-        self._broadcast({"op": "error", "text": f"{robot.name!r}: {text}"}, None)
+        self.viewers.broadcast({"op": "error", "text": f"{robot.name!r}: {text}"}, None)
         self._frames.changed()
 
     def _tell_lost(self, robot: OwnRobot, reason: str) -> None:

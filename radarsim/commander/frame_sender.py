@@ -42,7 +42,11 @@ class FrameSender:
     def acknowledge(self, viewer: Viewer) -> None:
         """Send a frame to a viewer that has shown the one before, if it is old."""
         viewer.is_ready = True
-        if self._timer is None and viewer.shown < self._version:
+        self.catch_up(viewer)
+
+    def catch_up(self, viewer: Viewer) -> None:
+        """Send a frame to a viewer that is ready, if the one that it has is old."""
+        if self._timer is None and _can_take(viewer) and viewer.shown < self._version:
             self.send_to(viewer)
 
     def send_to(self, viewer: Viewer) -> None:
@@ -57,7 +61,11 @@ class FrameSender:
         self._due = max(self._loop.time(), self._due + INTERVAL)
         frames: dict[str | None, bytes] = {}
         for viewer in self._viewers.values():
-            if viewer.is_ready:
+            if _can_take(viewer):
                 if viewer.selected not in frames:
                     frames[viewer.selected] = self._make_frame(viewer.selected)
                 viewer.send_frame(frames[viewer.selected], self._version)
+
+
+def _can_take(viewer: Viewer) -> bool:
+    return viewer.is_ready and viewer.is_looking

@@ -56,6 +56,13 @@ class Select(Request):
     robot: RobotName | None
 
 
+class Look(Request):
+    """Send frames while the page is on a screen, and none while it is hidden."""
+
+    op: Literal["look"]
+    on: bool
+
+
 class Spawn(Request):
     """Spawn a robot at a start, or at a pose: x and y in m, yaw in rad, map frame.
 
@@ -175,6 +182,7 @@ class Ack(Request):
 AnyRequest: TypeAlias = Annotated[
     Hello
     | Select
+    | Look
     | Spawn
     | Remove
     | Drive

@@ -16,6 +16,7 @@ from radarsim.protocol.reports import (
     RobotJoined,
     RobotLeft,
     WatchedLine,
+    Watching,
 )
 from radarsim.simulation.config import SimulationConfig
 from radarsim.suggestions import expected_one_of
@@ -31,8 +32,8 @@ class Roster:
     Attributes:
         views: What is known of each robot.
         own: Robots that the commander spawned.
-        is_watching: Whether the server tells of all robots, so that the own connections
-            of robots need not be looked at.
+        is_watching: Whether the server tells of all robots now, so that the own
+            connections of robots need not be looked at.
         on_change: Called when there is something new to show.
         on_left: Called with the name of a robot that is gone.
         on_refusal: Called with a robot of its own, and why the server refused a
@@ -168,6 +169,8 @@ class Roster:
         news = False
         for report in reports:
             match report:
+                case Watching(robots):
+                    self._set_watching(robots.names is None)
                 case RobotJoined(robot, class_name):
                     self.add(robot, class_name).learn_presets(self._config)
                 case RobotLeft(robot) if robot not in self.own:
@@ -188,6 +191,13 @@ class Roster:
             del self.views[name]
             self.on_left(name)
         self.on_change()
+
+    def _set_watching(self, is_watching: bool) -> None:
+        """Know all robots from now on, or only those of the commander."""
+        if is_watching:
+            self.is_watching = True
+        else:
+            self.forget_others()
 
     def _take_own(self, name: str, reports: Iterable[Report]) -> None:
         """Process reports of a robot of the commander on its own connection."""

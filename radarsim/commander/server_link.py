@@ -23,7 +23,8 @@ class ServerState:
     Attributes:
         level: Name of its map.
         starts: Start poses by name.
-        watches: Whether it tells of robots of other clients, as not every server does.
+        watches: Whether it tells of robots of other clients when it is asked to, as not
+            every server does.
         refusal: Why it does not at present; empty if it has not said so.
         problem: Why there is no connection; empty while there is one.
     """
@@ -36,7 +37,7 @@ class ServerState:
 
 
 class ServerLink:
-    """Connects, watches all robots, and connects again when the connection is lost.
+    """Connects, watches robots, and connects again when the connection is lost.
 
     Attributes:
         state: What is known of the server.
@@ -56,8 +57,8 @@ class ServerLink:
         self.on_reports: Callable[[Sequence[Report]], None] = lambda _: None
         self._address = address
         self._client: AsyncClient | None = None
-        self._echoes: frozenset[str] = frozenset()
-        self._asking: asyncio.Task[None] | None = None
+        self._echoes: frozenset[str] | None = None  # None while no robot is watched
+        self._asking: asyncio.Task[None] | None = None  # the newest one
 
     async def run(self) -> None:
         """Keep the connection open for ever."""
@@ -71,17 +72,20 @@ class ServerLink:
                     self.on_change()
             await asyncio.sleep(RETRY)
 
-    def ask_for_echoes(self, robots: Iterable[str]) -> None:
-        """Ask for the echoes of some robots, and of no others any more.
+    def watch(self, echoes: Iterable[str] | None) -> None:
+        """Watch all robots from now on, or none.
 
         Args:
-            robots: Names of the robots.
+            echoes: Names of the robots of which echoes are told as well; None to watch
+                no robot.
         """
-        wanted = frozenset(name for name in robots if "," not in name)
+        wanted = None
+        if echoes is not None:
+            wanted = frozenset(name for name in echoes if "," not in name)
         if wanted == self._echoes:
             return
         self._echoes = wanted
-        if self._client is not None and self.state.watches:
+        if self._client is not None:
             self._asking = asyncio.ensure_future(self._ask(self._client))
 
     async def _connect(self) -> None:
@@ -105,28 +109,28 @@ class ServerLink:
 
     async def _ask(self, client: AsyncClient) -> None:
         with suppress(ClientError):  # who reads notices that it is lost
-            await client.watch(echoes=sorted(self._echoes))
+            if self._echoes is None:
+                await client.watch(())
+            else:
+                await client.watch(echoes=sorted(self._echoes))
 
     def _take(self, reports: Sequence[Report]) -> None:
-        if not self.state.watches and any(
-            isinstance(report, Watching) for report in reports
-        ):
-            self.state.watches, self.state.refusal = True, ""
-            self.on_change()
         self.on_reports(reports)
         for report in reports:
-            if isinstance(report, CommandError) and not self.state.watches:
-                self._take_refusal(report.text)
+            if isinstance(report, Watching):
+                self._set_watching(refusal="")
+            elif isinstance(report, CommandError):  # it may have had too many watchers
+                assert self._client is not None
+                self._asking = asyncio.ensure_future(self._ask_later(self._client))
+                self._set_watching(report.text)
 
-    def _take_refusal(self, text: str) -> None:
-        """Ask again later: the server may have had too many watchers."""
-        if self._client is not None:
-            self._asking = asyncio.ensure_future(self._ask_later(self._client))
-        if self.state.refusal != text:
-            self.state.refusal = text
+    def _set_watching(self, refusal: str) -> None:
+        state = self.state
+        if state.watches == bool(refusal) or state.refusal != refusal:
+            state.watches, state.refusal = not refusal, refusal
             self.on_change()
 
     async def _ask_later(self, client: AsyncClient) -> None:
         await asyncio.sleep(ASK_AGAIN)
-        if client is self._client:
+        if client is self._client and self._asking is asyncio.current_task():
             await self._ask(client)

@@ -24,6 +24,7 @@ class Viewer:
     Attributes:
         name: Name that others see it by.
         selected: Robot whose echoes it is sent; None for none.
+        is_looking: Whether its page is on a screen, and not in a hidden tab.
         is_ready: Whether it can take another frame.
         shown: Version of the newest frame that it was sent.
     """
@@ -31,6 +32,7 @@ class Viewer:
     def __init__(self, name: str) -> None:
         self.name = name
         self.selected: str | None = None
+        self.is_looking = True
         self.is_ready = True
         self.shown = 0
         self._texts: dict[object, str] = {}

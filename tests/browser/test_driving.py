@@ -11,8 +11,8 @@ from served_page import CHROMIUM_OPTIONS, Served
 from truth import Truth
 
 LONGEST = 2.0  # s of the simulation in which a robot stops, on a busy machine
-HIDE = """() => {
-  Object.defineProperty(document, "hidden", {value: true, configurable: true});
+HIDE = """(hidden) => {
+  Object.defineProperty(document, "hidden", {value: hidden, configurable: true});
   document.dispatchEvent(new Event("visibilitychange"));
 }"""
 
@@ -85,7 +85,7 @@ def test_a_robot_stops_when_its_driver_lets_go(
     elif way == "blur":
         page.evaluate("window.dispatchEvent(new Event('blur'))")
     elif way == "hidden":
-        page.evaluate(HIDE)
+        page.evaluate(HIDE, True)
     elif way == "space":
         page.keyboard.press("Space")
     else:
@@ -93,6 +93,7 @@ def test_a_robot_stops_when_its_driver_lets_go(
         page.keyboard.down("w")  # as keys that are held repeat themselves
     check_rest(commander, truth, name)
     page.keyboard.up("w")
+    page.evaluate(HIDE, False)
 
 
 def test_a_robot_stops_when_its_browser_is_killed(

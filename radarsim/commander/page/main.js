@@ -50,6 +50,7 @@ const takers = {
     byId("record").hidden = !message.record;
     tellLink("connected", "connected");
     if (world.chosen) select(world.chosen);
+    tellWhetherSeen();
   },
   scene(message) {
     world.takeScene(message);
@@ -144,6 +145,11 @@ function showLost(text) {
   byId("lost").hidden = !text;
   setText(byId("lost"), text ?? "");
   document.body.classList.toggle("stale", Boolean(text));
+}
+
+/** Tell whether the page is on a screen; the server sends nothing to one that is not. */
+function tellWhetherSeen() {
+  link.send("look", { on: !document.hidden });
 }
 
 // --- drawing --------------------------------------------------------------------------
@@ -317,5 +323,6 @@ robots.addEventListener("choose", ({ detail }) => select(detail));
 robots.addEventListener("pick", () => pick("robot"));
 tasks.addEventListener("pick", () => pick("goal"));
 followStick(byId("stick"), drive);
+document.addEventListener("visibilitychange", tellWhetherSeen);
 followTheme(redraw);
 for (const part of ["stage", "legend", "finding", "zoom"]) new ResizeObserver(fit).observe(byId(part));

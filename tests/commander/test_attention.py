@@ -1,0 +1,134 @@
+"""What the server is asked to tell the commander, by who looks."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+from web_pages import Page, open_page
+
+from radarsim.client import AsyncClient
+from radarsim.geometry import Pose2
+from radarsim.host.recorded_host import CallKind, HostCall, RecordedHost
+from radarsim.scene.scene import Scene
+from radarsim.server.tcp_server import Server
+
+QUIET = 50  # ticks; scans of a robot come each 20
+
+
+class Wire:
+    """What a server sends, call by call."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.calls: list[HostCall] = []
+        self.host = RecordedHost(self.calls.append, scene)
+
+    def copies(self, since: int) -> list[bytes]:
+        """Return what was sent to watchers from a call on."""
+        return [
+            call.data
+            for call in self.calls[since:]
+            if call.kind is CallKind.TAKE and b"SEE {" in call.data
+        ]
+
+    async def until_quiet(self) -> None:
+        """Wait until the server has long sent no copy, though a robot is there."""
+
+        def last(found: list[int]) -> int:
+            return found[-1] if found else 0
+
+        while True:
+            ticks = [call.tick for call in self.calls if call.data]
+            copied = [call.tick for call in self.calls if b"SEE {" in call.data]
+            if last(ticks) > last(copied) + QUIET:
+                return
+            await asyncio.sleep(0.02)
+
+
+@pytest.fixture
+async def wire(
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> AsyncIterator[tuple[Wire, tuple[str, int]]]:
+    """A server with a robot of another client, and what it sends."""
+    monkeypatch.setattr("radarsim.commander.attention.LINGER", 0.1)
+    wire = Wire(empty_room)
+    server = Server(wire.host)
+    await server.start(port=0)
+    async with await AsyncClient.connect(*server.address) as other:
+        await other.spawn("P3AT_Compare", name="Other", pose=Pose2(2.0, 0.0))
+        yield wire, server.address
+    await server.stop()
+
+
+@asynccontextmanager
+async def looking(commander: Any) -> AsyncIterator[Page]:
+    """Open a page that sees the robot of the other client."""
+    async with open_page(commander.web, commander.token) as page:
+        await page.see(lambda frame: frame.robot("Other").get("scans"))
+        yield page
+
+
+async def test_a_commander_that_nobody_looks_at_is_told_nothing(
+    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+) -> None:
+    seen, address = wire
+    with start_commander(address):
+        await seen.until_quiet()
+        assert seen.copies(0) == []
+
+
+async def test_it_is_told_nothing_any_more_when_the_last_page_is_hidden_or_gone(
+    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+) -> None:
+    seen, address = wire
+    with start_commander(address) as commander:
+        async with looking(commander) as page:
+            async with looking(commander):
+                await page.send("look", on=False)
+                since = len(seen.calls)
+                while not seen.copies(since):  # another page is still there
+                    await asyncio.sleep(0.02)
+            await seen.until_quiet()
+            frames = page.frames
+            await page.send("look", on=True)
+            await page.see(lambda _: page.frames > frames)
+            await page.see(lambda frame: frame.robot("Other").get("scans"))
+        await seen.until_quiet()
+        async with looking(commander):
+            pass
+
+
+async def test_robots_and_settings_are_known_again_when_somebody_looks(
+    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+) -> None:
+    seen, address = wire
+    with start_commander(address) as commander:
+        async with looking(commander) as page:
+            await page.send("spawn", **{"class": "P3AT", "name": "Own"})
+            await page.hear("spawned")
+            await page.see(lambda frame: frame.robot("Own").get("scans"))
+            setting = {"scanner": "lms200", "key": "max_range", "value": 7}
+            await page.send("setting", robot="Own", **setting)
+            await page.see(lambda f: f.robot("Own")["scans"][0]["max"] == 7)
+        await seen.until_quiet()
+        async with looking(commander) as page:
+            own = (await page.see(lambda frame: frame.robot("Own"))).robot("Own")
+            assert own["mine"]
+            assert own["scans"][0]["settings"]["max_range"] == 7
+
+
+async def test_a_map_grows_on_while_nobody_looks(
+    wire: tuple[Wire, tuple[str, int]], start_commander: Any
+) -> None:
+    seen, address = wire
+    with start_commander(address) as commander:
+        async with looking(commander) as page:
+            await page.send("map", robot="Other", on=True)
+            await page.hear("map")
+        await asyncio.sleep(0.5)  # longer than it lingers
+        since = len(seen.calls)
+        while not seen.copies(since):
+            await asyncio.sleep(0.02)
+        async with looking(commander) as page:
+            assert (await page.hear("map"))["png"]
