@@ -18,32 +18,34 @@ QUIET = 50  # ticks; scans of a robot come each 20
 
 
 class Wire:
-    """What a server sends, call by call."""
+    """What a server does, call by call."""
 
     def __init__(self, scene: Scene) -> None:
         self.calls: list[HostCall] = []
-        self.host = RecordedHost(self.calls.append, scene)
+        self.host = RecordedHost(self._take, scene)
+        self._news = asyncio.Event()
 
-    def copies(self, since: int) -> list[bytes]:
-        """Return what was sent to watchers from a call on."""
-        return [
-            call.data
-            for call in self.calls[since:]
-            if call.kind is CallKind.TAKE and b"SEE {" in call.data
-        ]
+    def _take(self, call: HostCall) -> None:
+        self.calls.append(call)
+        self._news.set()
+
+    def copies(self, since: int = 0) -> list[int]:
+        """Return the ticks at which copies were sent, from a call on."""
+        takes = (call for call in self.calls[since:] if call.kind is CallKind.TAKE)
+        return [call.tick for call in takes if b"SEE {" in call.data]
+
+    async def until_copied(self) -> None:
+        """Wait until copies are sent."""
+        since = len(self.calls)
+        while not self.copies(since):
+            self._news.clear()
+            await self._news.wait()
 
     async def until_quiet(self) -> None:
-        """Wait until the server has long sent no copy, though a robot is there."""
-
-        def last(found: list[int]) -> int:
-            return found[-1] if found else 0
-
-        while True:
-            ticks = [call.tick for call in self.calls if call.data]
-            copied = [call.tick for call in self.calls if b"SEE {" in call.data]
-            if last(ticks) > last(copied) + QUIET:
-                return
-            await asyncio.sleep(0.02)
+        """Wait until no copies have been sent for long, though a robot is there."""
+        while self.calls[-1].tick < max(self.copies(), default=0) + QUIET:
+            self._news.clear()
+            await self._news.wait()
 
 
 @pytest.fixture
@@ -75,7 +77,7 @@ async def test_a_commander_that_nobody_looks_at_is_told_nothing(
     seen, address = wire
     with start_commander(address):
         await seen.until_quiet()
-        assert seen.copies(0) == []
+        assert seen.copies() == []
 
 
 async def test_it_is_told_nothing_any_more_when_the_last_page_is_hidden_or_gone(
@@ -86,9 +88,7 @@ async def test_it_is_told_nothing_any_more_when_the_last_page_is_hidden_or_gone(
         async with looking(commander) as page:
             async with looking(commander):
                 await page.send("look", on=False)
-                since = len(seen.calls)
-                while not seen.copies(since):  # another page is still there
-                    await asyncio.sleep(0.02)
+                await seen.until_copied()  # another page is still there
             await seen.until_quiet()
             frames = page.frames
             await page.send("look", on=True)
@@ -127,8 +127,6 @@ async def test_a_map_grows_on_while_nobody_looks(
             await page.send("map", robot="Other", on=True)
             await page.hear("map")
         await asyncio.sleep(0.5)  # longer than it lingers
-        since = len(seen.calls)
-        while not seen.copies(since):
-            await asyncio.sleep(0.02)
+        await seen.until_copied()
         async with looking(commander) as page:
             assert (await page.hear("map"))["png"]
