@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from radarsim.host import Host
     from radarsim.plotting.comparison import compare
     from radarsim.raycast.attenuation import EventKind
+    from radarsim.recording.recording import Recording, load_recording
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map, shipped_maps
     from radarsim.scene.material import Material
@@ -41,6 +42,7 @@ _MODULES = {
     "Pose3": "radarsim.geometry",
     "PresetError": "radarsim.errors",
     "RadarsimError": "radarsim.errors",
+    "Recording": "radarsim.recording.recording",
     "RangeScanner": "radarsim.sensors.range_scanner",
     "Scan": "radarsim.sensors.scan",
     "Scene": "radarsim.scene.scene",
@@ -50,6 +52,7 @@ _MODULES = {
     "compare": "radarsim.plotting.comparison",
     "generator_for": "radarsim.rng",
     "load_map": "radarsim.scene.map_file",
+    "load_recording": "radarsim.recording.recording",
     "load_sensor": "radarsim.sensors.range_scanner",
     "shipped_maps": "radarsim.scene.map_file",
 }
@@ -72,6 +75,7 @@ __all__ = [
     "PresetError",
     "RadarsimError",
     "RangeScanner",
+    "Recording",
     "Scan",
     "Scene",
     "SimulationConfig",
@@ -81,6 +85,7 @@ __all__ = [
     "compare",
     "generator_for",
     "load_map",
+    "load_recording",
     "load_sensor",
     "shipped_maps",
 ]

@@ -13,6 +13,8 @@
         * ClientTimeout -- no answer in time; the connection stays open
     * MappingError -- no map can be made from what a server sends
     * NavigationError -- a robot cannot do a task: it has no scanner, or is too wide
+    * RecordingError -- a recording cannot be written, read, or repeated
+    * MissingPackage -- an optional package is not installed; names the extra
 
 Programming errors stay ValueError, TypeError and AssertionError.
 """
@@ -101,3 +103,7 @@ class NavigationError(RadarsimError):
 
 class RecordingError(RadarsimError):
     """A recording cannot be written, read, or repeated."""
+
+
+class MissingPackage(RadarsimError, ImportError):
+    """An optional package is not installed; the message names the extra."""

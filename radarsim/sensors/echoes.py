@@ -3,18 +3,22 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.optional_packages import import_optional
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.material_table import attenuation_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.sensors.beams import ray_class_of
+
+if TYPE_CHECKING:
+    import pandas
 
 ROBOT = Material("robot")  # opaque to radar and light
 KINDS = {
@@ -163,3 +167,30 @@ class Echoes:
                 }
             )
         return lists
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a row for each echo, with the columns of ``to_lists`` and ``beam``.
+
+        The targets give two of them, ``object`` and ``material``.
+
+        Raises:
+            MissingPackage: If pandas is not installed.
+        """
+        package = import_optional("pandas", "tables")
+        targets = self.targets
+        found = [targets[part] for part in self.parts.tolist()]
+        frame: pandas.DataFrame = package.DataFrame(
+            {
+                "beam": self.beams,
+                "ray": self.sides,
+                "range": self.ranges,
+                "front": self.fronts,
+                "kind": [KINDS[EventKind(kind)] for kind in self.kinds.tolist()],
+                "power": self.power,
+                "strength": self.strength,
+                "decibels": self.decibels,
+                "object": [target.object for target in found],
+                "material": [target.material for target in found],
+            }
+        )
+        return frame

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.late_plotting import load_plotting
+from radarsim.optional_packages import import_optional
 from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import Rays
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
 
 
@@ -105,3 +107,24 @@ class Scan:
             "rays": None if self.rays is None else self.rays.tolist(),
             "echoes": self.echoes.to_lists(),
         }
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return ranges and rays by ``angle``, and the rest as attributes.
+
+        Raises:
+            MissingPackage: If xarray is not installed.
+        """
+        variables: dict[str, Any] = {"ranges": ("angle", self.ranges, {"units": "m"})}
+        if self.rays is not None:
+            variables["rays"] = ("angle", self.rays)
+        dataset: xarray.Dataset = import_optional("xarray", "tables").Dataset(
+            variables,
+            {"angle": ("angle", self.angles, {"units": "rad"})},
+            {
+                "sensor": self.sensor,
+                "pose": list(self.pose.numbers()),
+                "range_min": self.range_min,
+                "range_max": self.range_max,
+            },
+        )
+        return dataset

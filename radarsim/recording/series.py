@@ -1,0 +1,173 @@
+"""What a recording tells of scanners and poses, as arrays."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.recording.messages import POINT
+
+Fields = Mapping[str, Any]  # a decoded message
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ScanSeries:
+    """The scans of a scanner, all with the same beams.
+
+    Attributes:
+        times: (T,) simulated times, s.
+        ranges: (T, N) float32, m; inf where nothing came back.
+        angles: (N,) directions of the beams from the scanner's forward axis, rad,
+            counter-clockwise.
+        range_min: Minimum range, m.
+        range_max: Maximum range, m.
+        frame: Frame of the scanner.
+    """
+
+    times: Floats
+    ranges: NDArray[np.float32]
+    angles: Floats
+    range_min: float
+    range_max: float
+    frame: str
+
+    def __repr__(self) -> str:
+        scans, beams = self.ranges.shape
+        return f"<ScanSeries {self.frame}: {scans} scans of {beams} beams>"
+
+    @classmethod
+    def of(cls, messages: Sequence[Fields]) -> Self:
+        """Collect decoded messages ``LaserScan`` of the same ``geometry_of``."""
+        first = messages[0]
+        return cls(
+            times_of(messages),
+            np.array([message["ranges"] for message in messages]),
+            first["angle_min"]
+            + first["angle_increment"] * np.arange(len(first["ranges"])),
+            first["range_min"],
+            first["range_max"],
+            first["header"]["frame_id"],
+        )
+
+
+def geometry_of(scan: Fields) -> tuple[float, ...]:
+    """Return what is the same in all scans of a series."""
+    keys = "angle_min", "angle_increment", "range_min", "range_max"
+    return len(scan["ranges"]), *(scan[key] for key in keys)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoseSeries:
+    """The poses of a robot by one of its sensors.
+
+    Attributes:
+        times: (T,) simulated times, s.
+        poses: (T, 6) x, y, z, m, and roll, pitch, yaw, rad.
+        frame: Frame that the poses are in.
+    """
+
+    times: Floats
+    poses: Floats
+    frame: str
+
+    def __repr__(self) -> str:
+        return f"<PoseSeries in {self.frame}: {len(self.times)} poses>"
+
+    @classmethod
+    def of(cls, messages: Sequence[Fields]) -> Self:
+        """Collect decoded messages ``PoseStamped`` or ``Odometry``."""
+        poses = np.array([_pose_of(message) for message in messages])
+        return cls(times_of(messages), poses, messages[0]["header"]["frame_id"])
+
+
+def _pose_of(message: Fields) -> tuple[float, ...]:
+    pose = message["pose"]
+    pose = pose.get("pose", pose)  # of odometry it has a covariance beside it
+    position, turned = pose["position"], pose["orientation"]
+    angles = _angles_of(turned["x"], turned["y"], turned["z"], turned["w"])
+    return position["x"], position["y"], position["z"], *angles
+
+
+def _angles_of(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw of a unit quaternion, rad."""
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return roll, pitch, yaw
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class EchoSeries:
+    """The echoes of a scanner as columns, a row each: scan by scan.
+
+    Attributes:
+        times: (E,) simulated times of the scans, s.
+        beams: (E,) number of the beam, counted from the right.
+        points: (E, 3) float32, x, y, z in the frame of the scanner, m.
+        strengths: (E,) float32, share of what a rough wall sends back, 0 to 1.
+        power: (E,) float32, penetration power that is left.
+        kinds: (E,) str: ``enter``, ``hit`` and so on, as in ``Echoes``.
+        objects: (E,) str, names of the objects.
+        materials: (E,) str, names of their materials.
+        frame: Frame of the scanner.
+    """
+
+    times: Floats
+    beams: NDArray[np.uint16]
+    points: NDArray[np.float32]
+    strengths: NDArray[np.float32]
+    power: NDArray[np.float32]
+    kinds: NDArray[np.str_]
+    objects: NDArray[np.str_]
+    materials: NDArray[np.str_]
+    frame: str
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __repr__(self) -> str:
+        return f"<EchoSeries {self.frame}: {len(self)} echoes>"
+
+    @property
+    def ranges(self) -> NDArray[np.float32]:
+        """The distances from the scanner, (E,) float32, m."""
+        lengths: NDArray[np.float32] = np.linalg.norm(self.points, axis=1)
+        return lengths
+
+    @classmethod
+    def of(cls, messages: Sequence[Fields], legend: str) -> Self:
+        """Collect decoded messages ``PointCloud2`` of echoes.
+
+        Args:
+            messages: The messages.
+            legend: The last text of the topic ``/radarsim/legend``.
+        """
+        clouds = [np.frombuffer(message["data"], POINT) for message in messages]
+        rows = np.concatenate(clouds)
+        names = json.loads(legend)
+        kinds, objects, materials = (
+            np.array(names[key])[rows[key]] if len(rows) else np.array([], str)
+            for key in ("kind", "object", "material")
+        )
+        return cls(
+            np.repeat(times_of(messages), [len(cloud) for cloud in clouds]),
+            rows["beam"],
+            np.column_stack([rows["x"], rows["y"], rows["z"]]),
+            rows["intensity"],
+            rows["power"],
+            kinds,
+            objects,
+            materials,
+            messages[0]["header"]["frame_id"],
+        )
+
+
+def times_of(messages: Sequence[Fields]) -> Floats:
+    """Return the times in the headers of decoded messages, (T,) s."""
+    stamps = [message["header"]["stamp"] for message in messages]
+    return np.array([stamp["sec"] + stamp["nanosec"] / 1e9 for stamp in stamps])
