@@ -22,8 +22,8 @@ class Wire:
 
     def __init__(self, scene: Scene) -> None:
         self.calls: list[HostCall] = []
-        self.host = RecordedHost(self._take, scene)
         self._news = asyncio.Event()
+        self.host = RecordedHost(self._take, scene)
 
     def _take(self, call: HostCall) -> None:
         self.calls.append(call)
