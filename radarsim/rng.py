@@ -6,8 +6,10 @@ same bytes.
 """
 
 import hashlib
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
@@ -22,3 +24,33 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
     return np.random.Generator(
         np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
     )
+
+
+class NumberedStreams:
+    """Streams of random numbers by number, which can be drawn in any order.
+
+    Each begins anew whenever it is drawn from.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        """Create the streams of a child of a generator.
+
+        Args:
+            rng: It is not drawn from, but spawns a child.
+        """
+        (child,) = rng.spawn(1)
+        seed: Any = child.bit_generator.seed_seq
+        self._bits = np.random.PCG64(seed)
+        self._generator = np.random.Generator(self._bits)
+        self._start = self._bits.state
+
+    def fill_normal(self, number: int, out: NDArray[np.float32]) -> None:
+        """Fill an array with the first standard normal numbers of a stream.
+
+        Args:
+            number: Number of the stream, at least 0.
+            out: Contiguous array.
+        """
+        self._bits.state = self._start
+        self._bits.advance(number << 64)  # far more than a stream needs
+        self._generator.standard_normal(dtype=np.float32, out=out)

@@ -7,6 +7,7 @@ power at all ranges.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +51,7 @@ def elevation_limits(settings: FmcwSettings) -> tuple[float, float]:
     return -max(upper, math.radians(settings.fan_deg)), upper
 
 
+@lru_cache(maxsize=16)
 def directivity(settings: FmcwSettings) -> float:
     """Return the gain in the middle of the beam; 16 ln 2 / (az el) without a fan."""
     low, high = -math.pi / 2, math.pi / 2

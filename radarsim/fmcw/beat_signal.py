@@ -28,6 +28,7 @@ from radarsim.fmcw.windows import fft_length, sample_count, window_of
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.rng import NumberedStreams
 
 Power = NDArray[np.float32]
 Signal = NDArray[np.complex64]
@@ -48,6 +49,14 @@ class Tones(NamedTuple):
     phases: Floats
     power: Floats
 
+    def of_rows(self, rows: range) -> "Tones":
+        """Return the tones of some directions."""
+        which = (self.rows >= rows.start) & (self.rows < rows.stop)
+        return Tones(
+            *(self.rows[which], self.ranges[which]),
+            *(self.phases[which], self.power[which]),
+        )
+
 
 NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
 
@@ -61,13 +70,35 @@ def beat_spectrum(
         settings: The radar.
         mean: (A, B) mean power, likewise.
         tones: Echoes of points.
-        rng: Source of speckle and noise.
+        rng: Source of speckle and noise; it spawns a child.
+    """
+    return beat_rows(settings, 0, mean, tones, NumberedStreams(rng))
+
+
+def beat_rows(
+    settings: FmcwSettings,
+    first: int,
+    mean: Power,
+    tones: Tones,
+    streams: NumberedStreams,
+) -> Power:
+    """Return the power in each bin of some directions of a turn, (N, B).
+
+    They are the same numbers as those of the whole turn.
+
+    Args:
+        settings: The radar.
+        first: The first of N neighbouring directions.
+        mean: (N, B) mean power of these, in units of the noise.
+        tones: Echoes of points, in any directions.
+        streams: Source of speckle and noise: two streams for each direction.
     """
     shape = noise_shape(settings)
-    signal = speckle_signal(settings, mean / shape, rng)
-    _add_tones(settings, signal, tones, shape)
+    signal = _speckle_signal(settings, first, mean / shape, streams)
+    own = tones.of_rows(range(first, first + len(signal)))
+    _add_tones(settings, signal, own._replace(rows=own.rows - first), shape)
     _add_leakage(settings, signal)
-    _add_noise(settings, signal, rng)
+    _add_noise(settings, first, signal, streams)
     _clip(settings, signal)
     signal *= window_of(settings).astype(np.float32)
     bins = fft.fft(signal, fft_length(settings), axis=1)[:, : settings.bins]
@@ -77,24 +108,21 @@ def beat_spectrum(
     return power
 
 
-def speckle_signal(
-    settings: FmcwSettings, mean: Power, rng: np.random.Generator
+def _speckle_signal(
+    settings: FmcwSettings, first: int, mean: Power, streams: NumberedStreams
 ) -> Signal:
-    """Return the beat signal of what is rough, (A, S).
-
-    Args:
-        settings: The radar.
-        mean: (A, B) mean power.
-        rng: Source of the random phases.
-    """
+    """Return the beat signal of what is rough, (N, S); arguments as ``beat_rows``."""
     occupied = np.flatnonzero(mean.any(axis=0))
     samples, length = sample_count(settings), fft_length(settings)
     if not len(occupied):
         return np.zeros((len(mean), samples), np.complex64)
-    depth = int(occupied[-1]) + 1
-    white = rng.standard_normal((len(mean), depth, 2), np.float32)
+    depth, half = int(occupied[-1]) + 1, rows_in_beam(settings)
+    # The directions beside these share points with them.
+    white = np.zeros((len(mean) + 2 * half, 2 * depth), np.float32)
+    for k, row in enumerate(white):
+        streams.fill_normal(2 * ((first - half + k) % settings.azimuths), row)
     lines = np.zeros((len(mean), depth), np.complex64)
-    _correlate(white.view(np.complex64)[..., 0], mean, _taps(settings), lines)
+    _correlate(white.view(np.complex64), mean, _taps(settings), lines)
     signal = fft.ifft(lines, length, axis=1, norm="forward", overwrite_x=True)
     return np.ascontiguousarray(signal[:, :samples])
 
@@ -113,12 +141,15 @@ def _taps(settings: FmcwSettings) -> NDArray[np.float32]:
 
 @njit_cached
 def _correlate(white: Any, mean: Any, taps: Any, lines: Any) -> None:
-    """Fill correlated amplitudes of a mean power, (A, D), from white ones."""
-    count, half = len(lines), len(taps) // 2
-    for row in range(count):
+    """Fill correlated amplitudes of a mean power, (N, D), from white ones.
+
+    The white ones are (N + K - 1, D), those of the directions beside included, for K
+    taps.
+    """
+    for row in range(len(lines)):
         line = lines[row]
         for k in range(len(taps)):
-            tap, source = taps[k], white[(row + k - half) % count]
+            tap, source = taps[k], white[row + k]
             for b in range(len(line)):
                 line[b] += tap * source[b]
         for b in range(len(line)):
@@ -149,14 +180,16 @@ def _add_leakage(settings: FmcwSettings, signal: Signal) -> None:
 
 
 def _add_noise(
-    settings: FmcwSettings, signal: Signal, rng: np.random.Generator
+    settings: FmcwSettings, first: int, signal: Signal, streams: NumberedStreams
 ) -> None:
     """Add white noise whose mean power in a bin will be 1."""
     window = window_of(settings)
     deviation = 1 / math.sqrt(2 * float((window**2).sum()))
-    noise = rng.standard_normal((*signal.shape, 2), np.float32)
+    noise = np.zeros((len(signal), 2 * signal.shape[1]), np.float32)
+    for k, row in enumerate(noise):
+        streams.fill_normal(2 * (first + k) + 1, row)
     noise *= np.float32(deviation)
-    signal += noise.view(np.complex64)[..., 0]
+    signal += noise.view(np.complex64)
 
 
 def _clip(settings: FmcwSettings, signal: Signal) -> None:

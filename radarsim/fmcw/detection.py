@@ -20,6 +20,7 @@ situations", IEEE Trans. AES 19, 1983; for the k strongest bins D. Adolfsson and
 """
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -117,6 +118,7 @@ def detect(
     return Detections(rows, bins, angles, ranges, dbm)
 
 
+@lru_cache(maxsize=16)
 def training_correlation(settings: FmcwSettings, training: Training) -> Floats:
     """Return the correlation of the noise's field between training bins, (N / 2,)."""
     lags = np.arange(training.bins // 2, dtype=np.float64) * training.step
@@ -138,6 +140,11 @@ def ca_factor(count: int, pfa: float, correlation: Floats | None = None) -> floa
     _check_pfa(pfa)
     if correlation is None:
         return float(count * (pfa ** (-1 / count) - 1))
+    return _correlated_factor(count, pfa, tuple(correlation.tolist()))
+
+
+@lru_cache(maxsize=64)
+def _correlated_factor(count: int, pfa: float, correlation: tuple[float, ...]) -> float:
     half = min(count, len(correlation))
     # Bins of the two sides are so far apart that they are independent. Their power is
     # the sum of two squares of the field, so that its eigenvalues count.
@@ -145,6 +152,7 @@ def ca_factor(count: int, pfa: float, correlation: Floats | None = None) -> floa
     return _root(lambda alpha: -float(np.log1p(alpha * values / count).sum()), pfa)
 
 
+@lru_cache(maxsize=64)
 def os_factor(count: int, order: int, pfa: float) -> float:
     """Return alpha of OS: by how much a bin must exceed the k-th of its training bins.
 

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.fmcw.antenna import gaussian, rows_in_beam
-from radarsim.fmcw.ray_fan import RayFan, cells_of
+from radarsim.fmcw.ray_fan import RayFan
 from radarsim.fmcw.scattering import NEPER_DB, Scattering
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
@@ -125,49 +125,6 @@ def pattern_table(settings: FmcwSettings) -> Floats:
     return gaussian(steps * settings.step, width) ** 2
 
 
-def mean_power(
-    settings: FmcwSettings,
-    fan: RayFan,
-    directions: Floats,
-    traces: Traces,
-    scattering: Scattering,
-    scale: "PowerScale",
-) -> Power:
-    """Return the mean power of each direction and bin, (A, B), in units of the noise.
-
-    Args:
-        settings: The radar.
-        fan: Its M rays.
-        directions: (M, 3) unit vectors, map frame, in which they were traced.
-        traces: How they ended, with events and incidence.
-        scattering: What the parts of the scene scatter.
-        scale: The units of power.
-    """
-    mean = np.zeros((settings.azimuths, settings.bins), np.float32)
-    ranges = np.arange(settings.bins) * settings.bin_size
-    near = ranges < NEAREST
-    per_square = np.where(near, 0.0, 1.0 / np.maximum(ranges, NEAREST) ** 2)
-    rays = Rays(
-        fan.column,
-        fan.across,
-        fan.weights * scale.constant,
-        fan.spread,
-        directions,
-        scale.shift,
-        traces.incidence,
-    )
-    bins = Bins(settings.bin_size, per_square, scale.full, scale.db_per_power)
-    total = np.zeros(settings.bins)
-    columns = cells_of(settings).columns
-    _add_rays(
-        *(mean, total, traces.events, columns, pattern_table(settings)),
-        *(rays, scattering, bins),
-    )
-    sidelobes = 10 ** (settings.sidelobe_db / 10) * total
-    mean += sidelobes.astype(np.float32)
-    return mean
-
-
 class PowerScale(NamedTuple):
     """The units of power.
 
@@ -184,36 +141,131 @@ class PowerScale(NamedTuple):
     shift: Floats
 
 
+class TurnPower:
+    """The mean power of a turn, added up direction by direction.
+
+    The first and the last directions share their beams with those of the turns before
+    and after this one, or, if the radar stands still, with those of its own.
+
+    Attributes:
+        total: (B,) the power of all directions.
+    """
+
+    def __init__(self, settings: FmcwSettings) -> None:
+        """Begin without any power."""
+        self._settings = settings
+        self._half = rows_in_beam(settings)
+        rows = settings.azimuths + 2 * self._half + 2
+        self._rows = np.zeros((rows, settings.bins), np.float32)
+        self.total = np.zeros(settings.bins)
+        self._pattern = pattern_table(settings)
+        self._lines = Lines(
+            np.zeros((2, settings.bins), np.float32), np.zeros((2, 2), np.int64)
+        )
+        self._lines.spans[:, 0] = settings.bins
+        self._lines.spans[:, 1] = -1
+        ranges = np.arange(settings.bins) * settings.bin_size
+        near = ranges < NEAREST
+        self._per_square = np.where(near, 0.0, 1.0 / np.maximum(ranges, NEAREST) ** 2)
+
+    def add(
+        self,
+        rows: range,
+        fan: RayFan,
+        directions: Floats,
+        traces: Traces,
+        scattering: Scattering,
+        scale: PowerScale,
+    ) -> None:
+        """Add the rays of directions, which follow those that were added before.
+
+        Args:
+            rows: The directions.
+            fan: Their M rays.
+            directions: (M, 3) unit vectors, map frame, in which they were traced.
+            traces: How they ended, with events and incidence.
+            scattering: What the parts of the scene scatter.
+            scale: The units of power.
+        """
+        settings = self._settings
+        rays = Rays(
+            *(fan.column, fan.across, fan.weights * scale.constant, fan.spread),
+            *(directions, scale.shift, traces.incidence),
+        )
+        bins = Bins(settings.bin_size, self._per_square, scale.full, scale.db_per_power)
+        parts, last = settings.rays_across, rows.stop == settings.azimuths
+        _add_rays(
+            *(self._rows, self.total, self._lines, traces.events),
+            *(rows.start * parts, rows.stop * parts, last, self._pattern),
+            *(rays, scattering, bins),
+        )
+
+    def rows(
+        self,
+        first: int,
+        last: int,
+        before: "TurnPower",
+        after: "TurnPower",
+    ) -> Power:
+        """Return the mean power of some directions, (N, B), without sidelobes.
+
+        Args:
+            first: The first direction.
+            last: The one after the last.
+            before: The turn before this one.
+            after: The turn after this one.
+        """
+        half, count = self._half, self._settings.azimuths
+        power = self._rows[half + first : half + last].copy()
+        end = min(last, half + 2)
+        if first < end:
+            edge = half + count
+            power[: end - first] += before._rows[edge + first : edge + end]
+        start = max(first, count - half)
+        if start < last:
+            edge = half - count
+            power[start - first :] += after._rows[edge + start : edge + last]
+        return power
+
+    def sidelobes(self) -> Power:
+        """Return what the sidelobes of each direction receive of this turn, (B,)."""
+        level = 10 ** (self._settings.sidelobe_db / 10)
+        return np.asarray(level * self.total, np.float32)
+
+
 @njit_cached
 def _add_rays(
     mean: Any,
     total: Any,
+    lines: Any,
     events: Any,
-    columns: Any,
+    first: Any,
+    end: Any,
+    closes: Any,
     pattern: Any,
     rays: Any,
     scattering: Any,
     bins: Any,
 ) -> None:
-    """Add the power of all rays.
+    """Add the power of the rays of some columns.
 
     Args:
-        mean: (A, B) float32, added to.
+        mean: (A + K, B) float32, added to; its first row is that of the direction that
+            is (K - 2) / 2 before the first one.
         total: (B,) added to: the power of all columns.
+        lines: The ``Lines``.
         events: The events of the rays, in order.
-        columns: Number of columns in a turn.
+        first: The first column.
+        end: The column after the last.
+        closes: Whether that is the first one of the next turn.
         pattern: From ``pattern_table``.
         rays: The ``Rays``.
         scattering: The ``Scattering``.
         bins: The ``Bins``.
     """
-    count = mean.shape[1]
-    lines = Lines(np.zeros((2, count), np.float32), np.zeros((2, 2), np.int64))
-    lines.spans[:, 0] = count
-    lines.spans[:, 1] = -1
     inside = np.zeros(len(scattering.gamma) + 1, np.int64)
     ray, event = 0, 0
-    for column in range(columns):
+    for column in range(first, end):
         here = column & 1
         while ray < len(rays.column) and rays.column[ray] == column:
             event = _add_ray(
@@ -221,8 +273,8 @@ def _add_rays(
             )
             ray += 1
         _spread_line(mean, total, lines, here, column, pattern)
-    # The circle closes: what lies after the last column belongs to the first.
-    _spread_line(mean, total, lines, columns & 1, 0, pattern)
+    if closes:
+        _spread_line(mean, total, lines, end & 1, end, pattern)
 
 
 @njit_inline
@@ -235,10 +287,9 @@ def _spread_line(
         return
     line, parts = lines.power[here], len(pattern)
     row, part = column // parts, column % parts
-    first = row - (pattern.shape[1] - 2) // 2
     for k in range(pattern.shape[1]):
         gain = np.float32(pattern[part, k])
-        seen = mean[(first + k) % len(mean)]
+        seen = mean[row + k]
         for b in range(low, high + 1):
             seen[b] += gain * line[b]
     for b in range(low, high + 1):

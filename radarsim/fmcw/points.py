@@ -7,7 +7,11 @@ import numpy as np
 
 from radarsim.fmcw.antenna import elevation_pattern, gaussian, rows_in_beam
 from radarsim.fmcw.beat_signal import Tones
-from radarsim.fmcw.radar_equation import noise_power, received_power
+from radarsim.fmcw.radar_equation import (
+    doppler_shift,
+    noise_power,
+    received_power,
+)
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import EventKind
@@ -31,7 +35,11 @@ class Points(NamedTuple):
 
 
 def point_tones(
-    settings: FmcwSettings, pose: Pose3, points: Points, loss_db: Floats
+    settings: FmcwSettings,
+    pose: Pose3,
+    points: Points,
+    loss_db: Floats,
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Tones:
     """Return the tones of points in the directions whose beams they are in.
 
@@ -40,6 +48,7 @@ def point_tones(
         pose: Pose of its antenna, map frame.
         points: N points.
         loss_db: (N,) loss on the way to each, dB one way; inf if it is hidden.
+        velocity: Of the antenna, m/s, map frame.
     """
     seen = (points.positions - pose.position()) @ pose.rotation()
     distance = np.linalg.norm(seen, axis=1)
@@ -55,11 +64,13 @@ def point_tones(
     pattern = across * elevation_pattern(settings, elevation)[:, None]
     power = received_power(settings, points.rcs[visible], distance)
     power *= 10 ** (-loss_db[visible] / 5) / noise_power(settings)
+    speeds = (seen @ (pose.rotation().T @ np.array(velocity))) / distance
+    ranges = distance + doppler_shift(settings, speeds)
     wide = np.ones_like(rows)
     phases = -4 * math.pi * distance / settings.wavelength
     return Tones(
         (rows.astype(np.int64) % settings.azimuths).ravel(),
-        (distance[:, None] * wide).ravel(),
+        (ranges[:, None] * wide).ravel(),
         (phases[:, None] * wide).ravel(),
         (power[:, None] * pattern**2).ravel(),
     )

@@ -1,13 +1,14 @@
 """A turning FMCW radar in a scene."""
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from radarsim.fmcw.beat_signal import Tones, beat_spectrum
-from radarsim.fmcw.mean_power import Power, PowerScale, mean_power
+from radarsim.fmcw.beat_signal import NO_TONES, Power, Tones, beat_rows
+from radarsim.fmcw.mean_power import PowerScale, TurnPower
 from radarsim.fmcw.points import Points, Sight, losses_to, point_tones
 from radarsim.fmcw.radar_equation import (
     doppler_shift,
@@ -24,6 +25,7 @@ from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.rays import RADAR, RayClass, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
 
 MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
@@ -31,14 +33,16 @@ STANDING: Final = (0.0, 0.0, 0.0)  # m/s
 
 
 class TracedTurn(NamedTuple):
-    """The rays of a turn, traced.
+    """The rays of a turn, or of a part of it, traced.
 
     Attributes:
+        rows: The directions of the radar whose rays they are.
         fan: The rays.
         directions: (M, 3) unit vectors, map frame.
         traces: How they ended, with events and incidence.
     """
 
+    rows: range
     fan: RayFan
     directions: Floats
     traces: Traces
@@ -115,24 +119,46 @@ class FmcwRadar:
             carrier_id: The robot that carries the radar; -1 for none.
             velocity: Of the antenna, m/s, map frame.
         """
-        tracer, settings = tracer_of(scene), self.settings
         turn = self.trace(scene, pose, boxes, carrier_id)
-        mean = self.mean_power(tracer, turn, velocity)
-        tones = self.tones(scene, pose, boxes, carrier_id)
-        (child,) = rng.spawn(1)
-        power = beat_spectrum(settings, mean, tones, child)
-        _add_to_bins(settings, mean, tones)
+        power = TurnPower(self.settings)
+        self.add_power(power, tracer_of(scene), turn, velocity)
+        rows = range(self.settings.azimuths)
+        mean = power.rows(rows.start, rows.stop, power, power) + power.sidelobes()
+        tones = self.tones(scene, pose, boxes, carrier_id, velocity)
+        streams = NumberedStreams(rng)
+        spectrum = self.receive(pose, rows, mean, tones, streams)
+        return spectrum if boxes is not None else replace(spectrum, scene=scene)
+
+    def receive(
+        self,
+        pose: Pose3,
+        rows: range,
+        mean: Power,
+        tones: Tones,
+        streams: NumberedStreams,
+    ) -> Spectrum:
+        """Return the spectrum of some directions of a turn.
+
+        Args:
+            pose: Pose of the antenna, map frame.
+            rows: The directions.
+            mean: (N, B) their mean power, in units of the noise in a bin.
+            tones: The echoes of points.
+            streams: Source of speckle and noise.
+        """
+        settings = self.settings
+        power = beat_rows(settings, rows.start, mean, tones, streams)
+        _add_to_bins(settings, rows, mean, tones)
         noise = np.float32(noise_power(settings))
         return Spectrum(
             sensor=self.name,
             pose=pose,
             settings=settings,
-            angles=self.angles,
+            angles=self.angles[rows.start : rows.stop],
             ranges=self.ranges,
             power=power * noise,
             echo_power=mean * noise,
             noise_floor=noise_shape(settings) * noise,
-            scene=scene if boxes is None else None,
         )
 
     def trace(
@@ -141,6 +167,7 @@ class FmcwRadar:
         pose: Pose3,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
+        rows: range | None = None,
     ) -> TracedTurn:
         """Trace the rays of a turn.
 
@@ -149,9 +176,15 @@ class FmcwRadar:
             pose: Pose of the antenna, map frame.
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
+            rows: The directions whose rays are traced; None for all.
         """
-        fan = refined_fan(self.settings, extents_from(pose, _bounds_of(scene)))
-        directions = fan.directions @ pose.rotation().T
+        rows = range(self.settings.azimuths) if rows is None else rows
+        extents = extents_from(pose, _bounds_of(scene))
+        fan = refined_fan(self.settings, extents, rows)
+        # Not a product of matrices, which rounds by how many rows there are.
+        x, y, z = np.hsplit(fan.directions, 3)
+        ahead, left, up = pose.rotation().T
+        directions = x * ahead + y * left + z * up
         # Rounding of the product must not make the vectors longer.
         directions /= np.linalg.norm(directions, axis=1)[:, None]
         count = len(directions)
@@ -165,7 +198,7 @@ class FmcwRadar:
             (self.ray_class,),
         )
         traces = tracer_of(scene).trace(rays, boxes, events=True, incidence=True)
-        return TracedTurn(fan, directions, traces)
+        return TracedTurn(rows, fan, directions, traces)
 
     def mean_power(
         self,
@@ -180,6 +213,26 @@ class FmcwRadar:
             turn: The traced rays.
             velocity: Of the antenna, m/s, map frame.
         """
+        power = TurnPower(self.settings)
+        self.add_power(power, tracer, turn, velocity)
+        rows = power.rows(0, self.settings.azimuths, power, power)
+        return np.asarray(rows + power.sidelobes())
+
+    def add_power(
+        self,
+        power: TurnPower,
+        tracer: Tracer,
+        turn: TracedTurn,
+        velocity: tuple[float, float, float] = STANDING,
+    ) -> None:
+        """Add the mean power that comes back to rays.
+
+        Args:
+            power: Added to.
+            tracer: Tracer of the scene.
+            turn: The traced rays.
+            velocity: Of the antenna, m/s, map frame.
+        """
         speeds = turn.directions @ np.array(velocity)
         scale = PowerScale(
             radar_constant(self.settings) / noise_power(self.settings),
@@ -188,9 +241,7 @@ class FmcwRadar:
             doppler_shift(self.settings, speeds),
         )
         scattering = scattering_of(tracer, self.ray_class)
-        return mean_power(
-            self.settings, turn.fan, turn.directions, turn.traces, scattering, scale
-        )
+        power.add(turn.rows, turn.fan, turn.directions, turn.traces, scattering, scale)
 
     def tones(
         self,
@@ -198,12 +249,15 @@ class FmcwRadar:
         pose: Pose3,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
+        velocity: tuple[float, float, float] = STANDING,
     ) -> Tones:
-        """Return the echoes of points; arguments as of ``trace``."""
+        """Return the echoes of points; arguments as of ``spectrum``."""
+        if not scene.reflectors:
+            return NO_TONES
         points = points_of(scene, self.settings)
         sight = Sight(self.ray_class, self.full_power, boxes, carrier_id)
         loss = losses_to(tracer_of(scene), pose, points, sight)
-        return point_tones(self.settings, pose, points, loss)
+        return point_tones(self.settings, pose, points, loss, velocity)
 
 
 def points_of(scene: Scene, settings: FmcwSettings) -> Points:
@@ -215,11 +269,15 @@ def points_of(scene: Scene, settings: FmcwSettings) -> Points:
     )
 
 
-def _add_to_bins(settings: FmcwSettings, mean: Power, tones: Tones) -> None:
-    """Add the power of tones to the nearest bins."""
+def _add_to_bins(
+    settings: FmcwSettings, rows: range, mean: Power, tones: Tones
+) -> None:
+    """Add the power of tones in some directions to the nearest bins."""
     bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
-    within = bins < settings.bins
-    np.add.at(mean, (tones.rows[within], bins[within]), tones.power[within])
+    within = (bins >= 0) & (bins < settings.bins)
+    within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)
+    places = tones.rows[within] - rows.start, bins[within]
+    np.add.at(mean, places, tones.power[within])
 
 
 # The bounding boxes of the parts of each scene, (P, 2, 3) m.

@@ -59,6 +59,15 @@ class RayFan(NamedTuple):
     weights: Floats
     spread: Floats
 
+    def cut(self, first: int, last: int) -> "RayFan":
+        """Return the rays from one up to another."""
+        directions, column, across, weights, spread = self
+        some = slice(first, last)
+        return RayFan(
+            *(directions[some], column[some], across[some]),
+            *(weights[some], spread[some]),
+        )
+
 
 class Cells(NamedTuple):
     """The grid of cells of a radar.
@@ -116,21 +125,34 @@ def plain_fan(settings: FmcwSettings) -> RayFan:
     return _fill_cells(settings, np.arange(len(ones)), ones, ones)
 
 
-def refined_fan(settings: FmcwSettings, extents: Extents) -> RayFan:
-    """Return the fan with more rays where things are thinner than a few cells."""
-    fan, cells = plain_fan(settings), cells_of(settings)
-    across, up = _divisions(settings, cells, extents)
+def refined_fan(
+    settings: FmcwSettings, extents: Extents, rows: range | None = None
+) -> RayFan:
+    """Return the fan with more rays where things are thinner than a few cells.
+
+    Args:
+        settings: The radar.
+        extents: What directions things take up.
+        rows: Directions of the radar whose rays are returned; None for a whole turn.
+            They are the same rays as those of the turn.
+    """
+    cells = cells_of(settings)
+    rows = range(settings.azimuths) if rows is None else rows
+    columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
+    first, last = columns.start * cells.rows, columns.stop * cells.rows
+    fan = plain_fan(settings).cut(first, last)
+    across, up = _divisions(settings, cells, extents, columns)
     divided = np.flatnonzero((across > 1) | (up > 1))
     if not len(divided):
         return fan
-    added = _fill_cells(settings, divided, across[divided], up[divided])
+    added = _fill_cells(settings, divided + first, across[divided], up[divided])
     kept = (across == 1) & (up == 1)
-    columns = [
+    filled = [
         np.concatenate([plain[kept], new])
         for plain, new in zip(fan, added, strict=True)
     ]
-    order = np.argsort(columns[1], kind="stable")
-    return RayFan(*(column[order] for column in columns))
+    order = np.argsort(filled[1], kind="stable")
+    return RayFan(*(column[order] for column in filled))
 
 
 def extents_from(pose: Pose3, bounds: Floats) -> Extents:
@@ -196,12 +218,28 @@ def _fraction(numbers: Floats) -> Floats:
     return np.asarray(numbers - np.floor(numbers))
 
 
-def _divisions(
-    settings: FmcwSettings, cells: Cells, extents: Extents
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return into how many parts each cell is divided, across and up."""
-    across = np.ones((cells.columns, cells.rows), np.int64)
-    up = np.ones_like(across)
+class _Patches(NamedTuple):
+    """Rectangles of cells that are divided, the nearest things first; N of them.
+
+    Attributes:
+        first: (N,) int64, the first column of each, which may lie in another turn.
+        last: (N,) int64, the last column.
+        bottom: (N,) int64, the first row of cells.
+        top: (N,) int64, the row after the last.
+        across: (N,) int64, into how many parts each cell is divided.
+        up: (N,) int64, likewise.
+    """
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    bottom: NDArray[np.int64]
+    top: NDArray[np.int64]
+    across: NDArray[np.int64]
+    up: NDArray[np.int64]
+
+
+def _patches(settings: FmcwSettings, cells: Cells, extents: Extents) -> _Patches:
+    """Return where cells are divided, as far as ``MOST_RAYS`` permits."""
     width = 2 * math.pi / cells.columns
     in_beam = math.radians(settings.beamwidth_az_deg) / width
     rows = np.arange(cells.rows + 1)
@@ -211,19 +249,40 @@ def _divisions(
     wide, high = extents.width / width, top - bottom
     few = np.minimum(wide, in_beam) * high < ENOUGH_RAYS
     thin = few & (high > 0) & (extents.width < math.pi) & np.isfinite(wide)
-    added = 0
-    for i in np.flatnonzero(thin)[np.argsort(extents.distance[thin])]:
-        parts = (
-            min(math.ceil(RAYS_ACROSS / max(wide[i], 1e-9)), MOST_PARTS),
-            min(math.ceil(RAYS_UP / max(high[i], 1e-9)), MOST_PARTS),
-        )
-        first = math.floor(extents.azimuth[i] / width)
-        last = math.floor((extents.azimuth[i] + extents.width[i]) / width)
-        columns = np.arange(first, last + 1) % cells.columns
-        patch = np.ix_(columns, np.arange(int(bottom[i]), math.ceil(top[i])))
-        added += across[patch].size * parts[0] * parts[1]
-        if added > MOST_RAYS:
-            break
-        across[patch] = np.maximum(across[patch], parts[0])
-        up[patch] = np.maximum(up[patch], parts[1])
+    some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]
+    edges = extents.azimuth[some], extents.azimuth[some] + extents.width[some]
+    first, last = (np.floor(each / width).astype(np.int64) for each in edges)
+    patches = _Patches(
+        *(first, last),
+        *(bottom[some].astype(np.int64), np.ceil(top[some]).astype(np.int64)),
+        np.minimum(
+            np.ceil(RAYS_ACROSS / np.maximum(wide[some], 1e-9)), MOST_PARTS
+        ).astype(np.int64),
+        np.minimum(np.ceil(RAYS_UP / np.maximum(high[some], 1e-9)), MOST_PARTS).astype(
+            np.int64
+        ),
+    )
+    sizes = (last - first + 1) * (patches.top - patches.bottom)
+    added = np.cumsum(sizes * patches.across * patches.up)
+    within = int(np.searchsorted(added, MOST_RAYS, side="right"))
+    return _Patches(*(each[:within] for each in patches))
+
+
+def _divisions(
+    settings: FmcwSettings, cells: Cells, extents: Extents, columns: range
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return into how many parts cells of some columns are divided, across and up."""
+    across = np.ones((len(columns), cells.rows), np.int64)
+    up = np.ones_like(across)
+    patches = _patches(settings, cells, extents)
+    # Where each patch begins, counted from the first of these columns.
+    begin = (patches.first - columns.start) % cells.columns
+    reach = begin + patches.last - patches.first
+    seen = (begin < len(columns)) | (reach >= cells.columns)
+    for i in np.flatnonzero(seen).tolist():
+        places = np.arange(begin[i], reach[i] + 1) % cells.columns
+        places = places[places < len(columns)]
+        patch = np.ix_(places, np.arange(patches.bottom[i], patches.top[i]))
+        across[patch] = np.maximum(across[patch], patches.across[i])
+        up[patch] = np.maximum(up[patch], patches.up[i])
     return across.ravel(), up.ravel()

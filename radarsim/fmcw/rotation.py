@@ -1,0 +1,155 @@
+"""The turning antenna of an FMCW radar on something that moves.
+
+Theory of operation
+===================
+The antenna turns without a pause. Whenever time has advanced, the directions that it
+has passed meanwhile are traced from where the radar is by then, and added to the mean
+power of the turn. A direction is received when all others that its main lobe reaches
+have been traced, a few sweeps later. So each direction costs its share of a turn, at
+the time at which the radar looks there, and the image of a turn is smeared by motion as
+that of a real radar is.
+
+What the sidelobes receive is that of the turn before, as the rest of this one is still
+to come; so the first turn after the start is not received. A radar that stands still
+records what ``FmcwRadar.spectrum`` does, turn by turn.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from radarsim.fmcw.antenna import rows_in_beam
+from radarsim.fmcw.beat_signal import Tones
+from radarsim.fmcw.mean_power import TurnPower
+from radarsim.fmcw.radar import STANDING, FmcwRadar
+from radarsim.fmcw.spectrum import Spectrum
+from radarsim.geometry import Pose3
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import NumberedStreams
+from radarsim.scene.scene import Scene
+
+
+class Sector(NamedTuple):
+    """Neighbouring directions of a turn.
+
+    Attributes:
+        turn: Number of the turn, from 0.
+        first: The first direction.
+        spectrum: What is received from them, from the pose at which the radar looked
+            into the first.
+    """
+
+    turn: int
+    first: int
+    spectrum: Spectrum
+
+    @property
+    def ends_turn(self) -> bool:
+        """Whether the last direction of the turn is among them."""
+        end = self.first + len(self.spectrum.angles)
+        return end == self.spectrum.settings.azimuths
+
+
+class _Look(NamedTuple):
+    """Directions that were traced together; they count from the start."""
+
+    rows: range
+    pose: Pose3
+    tones: Tones
+
+
+class Rotation:
+    """The turning antenna of a radar.
+
+    Attributes:
+        radar: The radar.
+    """
+
+    def __init__(
+        self, radar: FmcwRadar, scene: Scene, rng: np.random.Generator
+    ) -> None:
+        """Create an antenna that looks straight ahead.
+
+        Args:
+            radar: The radar.
+            scene: The map.
+            rng: Source of speckle and noise, of which each turn has a child, as each
+                ``FmcwRadar.spectrum`` has: what others draw from it stays the same.
+        """
+        self.radar = radar
+        self._scene = scene
+        self._rng = rng
+        self._traced = 0  # directions since the start
+        self._received = radar.settings.azimuths  # those of the first turn are not
+        self._power: dict[int, TurnPower] = {}  # of turns that are needed
+        self._looks: deque[_Look] = deque()
+        self._streams: NumberedStreams | None = None  # of the turn that is received
+
+    def advance(
+        self,
+        pose: Pose3,
+        count: int,
+        *,
+        boxes: Boxes | None = None,
+        carrier_id: int = -1,
+        velocity: tuple[float, float, float] = STANDING,
+    ) -> list[Sector]:
+        """Turn the antenna, and return what has been received meanwhile.
+
+        Args:
+            pose: Pose of the antenna, map frame.
+            count: By how many directions it turns.
+            boxes: The robots.
+            carrier_id: The robot that carries the radar; -1 for none.
+            velocity: Of the antenna, m/s, map frame.
+        """
+        azimuths = self.radar.settings.azimuths
+        end = self._traced + count
+        while self._traced < end:
+            turn, first = divmod(self._traced, azimuths)
+            rows = range(first, min(first + end - self._traced, azimuths))
+            power = self._power.setdefault(turn, TurnPower(self.radar.settings))
+            traced = self.radar.trace(self._scene, pose, boxes, carrier_id, rows)
+            tracer = tracer_of(self._scene)
+            self.radar.add_power(power, tracer, traced, velocity)
+            tones = self.radar.tones(self._scene, pose, boxes, carrier_id, velocity)
+            looked = range(self._traced, self._traced + len(rows))
+            self._looks.append(_Look(looked, pose, tones.of_rows(rows)))
+            self._traced = looked.stop
+        return self._receive(self._traced - rows_in_beam(self.radar.settings))
+
+    def _receive(self, end: int) -> list[Sector]:
+        """Return what is received from directions up to one, counted from the start."""
+        sectors = []
+        azimuths = self.radar.settings.azimuths
+        while self._received < end:
+            turn, first = divmod(self._received, azimuths)
+            last = min(first + end - self._received, azimuths)
+            sectors.append(self._sector(turn, range(first, last)))
+            self._received += last - first
+        while self._looks and self._looks[0].rows.stop <= self._received:
+            self._looks.popleft()
+        return sectors
+
+    def _sector(self, turn: int, rows: range) -> Sector:
+        if rows.start == 0 or self._streams is None:
+            self._streams = NumberedStreams(self._rng)
+            self._power.pop(turn - 2, None)
+        power, before = self._power[turn], self._power[turn - 1]
+        # Where the turn after this one is needed, it has begun.
+        after = self._power.get(turn + 1, power)
+        mean = power.rows(rows.start, rows.stop, before, after) + before.sidelobes()
+        start, end = self._received, self._received + len(rows)
+        looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
+        tones = _join([look.tones for look in looks])
+        pose = looks[0].pose
+        spectrum = self.radar.receive(pose, rows, mean, tones, self._streams)
+        return Sector(turn - 1, rows.start, spectrum)
+
+
+def _join(tones: Sequence[Tones]) -> Tones:
+    rows, ranges, phases, power = zip(*tones, strict=True)
+    return Tones(*map(np.concatenate, (rows, ranges, phases, power)))
