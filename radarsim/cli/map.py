@@ -33,7 +33,8 @@ from radarsim.cli.options import (
     refuse_options,
     server_address,
 )
-from radarsim.cli.serve import load_served_host
+from radarsim.cli.recorded_host import RecordOption
+from radarsim.cli.run_recording import RunRecording
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import ROBOT
 from radarsim.signal_handlers import raise_on_signals
@@ -208,6 +209,7 @@ def map_(
         ),
     ] = None,
     settings: ServedSettingsOption = None,
+    record: RecordOption = None,
     film: FilmOption = None,
     film_speed: FilmSpeedOption = 6.0,
 ) -> None:
@@ -234,6 +236,7 @@ def map_(
         text = "expected --serve or --strategy turn_away with it"
         refuse_options({"--seed": seed}, text)
     files = MapFiles(out, mode.value)
+    recording = RunRecording(record, drive_unit)
     if through is not None and watch is not None:
         raise typer.BadParameter("expected only one of --through and --watch")
     if through is not None or watch is not None:
@@ -254,6 +257,7 @@ def map_(
         mapping = FollowedMapping(
             files,
             server_address(host, port),
+            recording=recording,
             film=film,
             film_speed=film_speed,
             motion_source=seed_from.value,
@@ -288,16 +292,16 @@ def map_(
     )
     files.check(served=serve)
     check_film(film)
-    served = load_served_host(
-        serve, seed=seed, settings=settings, drive_unit=drive_unit
-    )
+    served = recording.load_host(serve, seed=seed, settings=settings)
     check_robot(plan.robot_class, served)
     check_start(start, pose, None if served is None else served.simulation.scene)
     warm_up()
     run = MappingRun(plan, served, seed=seed or 0)
+    run.connect = recording.connect
     _explore(
         run,
         files,
+        recording,
         server_address(host, port),
         film=film,
         film_speed=film_speed,
@@ -309,6 +313,7 @@ def map_(
 def _explore(
     run: MappingRun,
     files: MapFiles,
+    recording: RunRecording,
     address: tuple[str, int],
     *,
     film: Path | None,
@@ -323,6 +328,7 @@ def _explore(
     camera = MapCamera(run.result, run.exploration)
     with (
         raise_on_signals(),
+        recording,
         filmed(film, camera.draw, film_speed) as update_film,
     ):
         try:
@@ -331,9 +337,11 @@ def _explore(
                 def observe(step: ExplorationStep) -> None:
                     update(step.activity)
                     update_film(step.observation.time)
+                    recording.add_map(run.exploration.mapper)
 
                 run.run(address, observe)
         finally:
+            recording.add_map(run.exploration.mapper, last=True)
             try:
                 run.judge()
             finally:

@@ -13,6 +13,7 @@ from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_m
 from radarsim.cli.map_view import MapCamera
 from radarsim.cli.options import read_pose
 from radarsim.cli.output import print_message, start_log
+from radarsim.cli.run_recording import RunRecording
 from radarsim.errors import PortUnavailable, ServerError
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import warm_up
@@ -36,6 +37,7 @@ class FollowedMapping:
     Attributes:
         files: Where to write the map.
         server: Host and port of the server.
+        recording: Records what passes, and the map.
         film: File to film the growing map into, or None.
         film_speed: Seconds of the run in a second of its film.
         motion_source: Sensor from which the motion between scans is read.
@@ -48,6 +50,7 @@ class FollowedMapping:
 
     files: MapFiles
     server: tuple[str, int]
+    recording: RunRecording
     film: Path | None
     film_speed: float
     motion_source: MotionSource
@@ -81,7 +84,7 @@ class FollowedMapping:
             except PortUnavailable as error:
                 raise ServerError(f"{error}; --through 0 takes a free one") from None
 
-        return self._run(forward, "overheard")
+        return self._run(forward, "overheard", "")
 
     def watch(self, robot: str, *, echoes: bool) -> int:
         """Watch a robot of radarsim until it leaves or a signal comes, and map it.
@@ -106,9 +109,11 @@ class FollowedMapping:
         def follow(traffic: TrafficMapper) -> int:
             return traffic.watch(self.server, robot, tell_wait, echoes=echoes)
 
-        return self._run(follow, "watched")
+        return self._run(follow, "watched", robot)
 
-    def _run(self, run: Callable[[TrafficMapper], int], outcome: str) -> int:
+    def _run(
+        self, run: Callable[[TrafficMapper], int], outcome: str, robot: str
+    ) -> int:
         """Let a function run a mapper, write the map, and return the exit code."""
         traffic = TrafficMapper(
             motion_source=self.motion_source,
@@ -125,16 +130,20 @@ class FollowedMapping:
         camera = MapCamera(result, traffic)
         with (
             raise_on_signals(),
+            self.recording,
             filmed(self.film, camera.draw, self.film_speed) as update_film,
         ):
+            traffic.on_data = self.recording.follow(robot)
             with map_progress(traffic) as update:
 
                 def note_scan() -> None:
                     update("listening")
                     update_film(traffic.trip.time)
+                    self.recording.add_map(traffic.mapper)
 
                 traffic.on_scan = note_scan
                 code = run(traffic)
+            self.recording.add_map(traffic.mapper, last=True)
             _complete(result, traffic, self.files)
             print_result(result, as_json=self.as_json)
         return 1 if result.error else code

@@ -40,7 +40,8 @@ from radarsim.cli.options import (
     write_file,
 )
 from radarsim.cli.output import print_lines, print_message
-from radarsim.cli.serve import load_served_host
+from radarsim.cli.recorded_host import RecordOption
+from radarsim.cli.run_recording import RunRecording
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.signal_handlers import raise_on_signals
 
@@ -156,6 +157,7 @@ def navigate(
     ] = None,
     seed: ServedSeedOption = None,
     settings: ServedSettingsOption = None,
+    record: RecordOption = None,
     film: FilmOption = None,
     film_speed: FilmSpeedOption = 6.0,
 ) -> None:
@@ -168,9 +170,8 @@ def navigate(
     check_server_options(serve, host=host, port=port, seed=seed, settings=settings)
     _check_files(trace, plot)
     check_film(film)
-    served = load_served_host(
-        serve, seed=seed, settings=settings, drive_unit=drive_unit
-    )
+    recording = RunRecording(record, drive_unit)
+    served = recording.load_host(serve, seed=seed, settings=settings)
     scene = None if served is None else served.simulation.scene
     trial = None if scene is None else scene.trial
     check_robot(robot, served)
@@ -202,9 +203,11 @@ def navigate(
         drive_unit=drive_unit.value,
     )
     run = NavigationRun(mission, served)
+    run.connect = recording.connect
     address = server_address(host, port)
     with (
         raise_on_signals(),
+        recording,
         _write_files(run, trace, plot),
         _print_result(run, as_json=as_json),
     ):

@@ -65,7 +65,7 @@ def open_host(
     create_folder(folder)
     try:
         scene = load_map(map_)
-        process = RecordingProcess(folder, _describe(map_, scene, config, seed))
+        process = RecordingProcess(folder, describe(map_, scene, config, seed))
     except BaseException:
         with suppress(OSError):
             folder.rmdir()
@@ -79,7 +79,7 @@ def open_host(
             print_message(f"recorded in {folder}")
 
 
-def _describe(
+def describe(
     map_: str, scene: Scene, config: SimulationConfig, seed: int
 ) -> RecordingInfo:
     """Return the conditions of a run."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -30,6 +31,7 @@ from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
     from radarsim.host import Host
+    from radarsim.host.recorded_host import HostCall
     from radarsim.server.image_server import ImageServer
     from radarsim.simulation.config import SimulationConfig
 
@@ -212,7 +214,12 @@ def cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
 
 
 def load_host(
-    map_: str, config: SimulationConfig, *, seed: int, begins: bool = True
+    map_: str,
+    config: SimulationConfig,
+    *,
+    seed: int,
+    begins: bool = True,
+    record: Callable[[HostCall], None] | None = None,
 ) -> Host:
     """Load a map and create the server's host.
 
@@ -221,16 +228,19 @@ def load_host(
         config: Dialect and settings of items.
         seed: Seed of the simulation.
         begins: Whether the simulation begins at once.
+        record: Called with all that is done to the host; None if nothing is recorded.
 
     Raises:
         MapError: If the map is wrong.
         typer.BadParameter: If a setting of an item does not fit.
     """
     from radarsim.host import Host
+    from radarsim.host.recorded_host import RecordedHost
     from radarsim.scene.map_file import load_map
 
     check_item_settings(config)
-    return Host(load_map(map_), config=config, seed=seed, begins=begins)
+    make = Host if record is None else partial(RecordedHost, record)
+    return make(load_map(map_), config=config, seed=seed, begins=begins)
 
 
 def check_item_settings(config: SimulationConfig) -> None:
@@ -265,8 +275,11 @@ def load_served_host(
     seed: int | None,
     settings: list[str] | None,
     drive_unit: DriveUnit,
+    record: Callable[[HostCall], None] | None = None,
 ) -> Host | None:
     """Create the host that ``--serve`` of other commands asks for, if it does.
+
+    ``record`` is as in ``load_host``.
 
     Raises:
         MapError: If the map is wrong.
@@ -279,7 +292,7 @@ def load_served_host(
     config = SimulationConfig(
         drive_unit=drive_unit.value, item_settings=read_item_settings(settings or [])
     )
-    return load_host(map_, config, seed=seed or 0)
+    return load_host(map_, config, seed=seed or 0, record=record)
 
 
 def announce(address: tuple[str, int]) -> None:

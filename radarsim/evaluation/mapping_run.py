@@ -108,6 +108,7 @@ class MappingRun:
     Attributes:
         exploration: The exploration.
         result: Result of the run so far; complete once ``run`` has returned or raised.
+        connect: Connects to a server that is not in this process, at a host and port.
     """
 
     def __init__(
@@ -125,6 +126,7 @@ class MappingRun:
         self.result = MappingResult(name, plan.motion_source)
         self.result.robot_class = plan.robot_class
         self.result.scene = None if host is None else host.simulation.scene
+        self.connect: Callable[[str, int], Client] = Client.connect
         self._host = host
 
     def run(
@@ -168,7 +170,7 @@ class MappingRun:
 
     def _connect(self, address: tuple[str, int]) -> Client:
         if self._host is None:
-            return Client.connect(*address)
+            return self.connect(*address)
         monitor = GroundTruthMonitor(self._host)
         self.result.monitor = monitor
         return Client(InProcessTransport(self._host, after_tick=monitor.watch))

@@ -26,6 +26,7 @@ class NavigationRun:
         run_log: One row for each scan so far.
         result: None until the run ends, and after one that broke off.
         error: What went wrong; empty if nothing did.
+        connect: Connects to a server that is not in this process, at a host and port.
     """
 
     def __init__(self, mission: Mission, host: Host | None) -> None:
@@ -35,6 +36,7 @@ class NavigationRun:
         self.run_log = RunLog()
         self.result: Result | None = None
         self.error = ""
+        self.connect: Callable[[str, int], Client] = Client.connect
 
     @property
     def scene(self) -> Scene | None:
@@ -125,7 +127,7 @@ class NavigationRun:
 
     def _connect(self, address: tuple[str, int]) -> Client:
         if self.host is None or self.monitor is None:
-            return Client.connect(*address)
+            return self.connect(*address)
         return Client(InProcessTransport(self.host, after_tick=self.monitor.watch))
 
 

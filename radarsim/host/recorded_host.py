@@ -37,6 +37,7 @@ class CallKind(IntEnum):
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
     ROBOT = 9  # lines that describe the new robot of a client; not a call
+    MESSAGE = 10  # a message for a topic of the recording; not a call
 
 
 class HostCall(NamedTuple):

@@ -15,6 +15,7 @@ from radarsim.proxy.connection_state import (
     ConnectionState,
     ScannerDefaults,
 )
+from radarsim.proxy.line_queue import Side
 from radarsim.proxy.observer import RobotSelector, TrafficObserver
 from radarsim.proxy.robot_watcher import RobotWatcher, watch_until_signal
 from radarsim.proxy.tcp_proxy import DataCallback, TcpProxy, forward_until_signal
@@ -30,6 +31,7 @@ class TrafficMapper:
         motion_source: Where the motion between scans is read from.
         trip: Time and path length so far.
         error: Why there is no map, or only a part of it; empty if there is one.
+        on_data: Called with what passes, for a recording; it must not raise.
         on_scan: Called after every scan that is on the map, in the observer's thread.
         on_guess: Called with the name of a scanner whose mount and limits no client has
             asked the server for, and for which no defaults are set.
@@ -54,6 +56,7 @@ class TrafficMapper:
         self.mapper: Mapper | None = None
         self.trip = TripMeter(noise=NOISE)
         self.error = ""
+        self.on_data: DataCallback | None = None
         self.on_scan: Callable[[], None] = lambda: None
         self.on_guess: Callable[[str], None] = lambda _: None
         self.motion_source: MotionSource = motion_source
@@ -130,8 +133,15 @@ class TrafficMapper:
         """Map the data that a function passes on while it runs."""
         observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
         observer.start()
+        record = self.on_data
+
+        def pass_on(number: int, side: Side, data: bytes) -> None:
+            observer.add_data(number, side, data)
+            if record is not None:
+                record(number, side, data)
+
         try:
-            code = run(observer.add_data)
+            code = run(pass_on)
         finally:
             is_finished = observer.finish()
             self.error = self._fault(observer, is_finished=is_finished)

@@ -18,7 +18,13 @@ from radarsim.protocol.dialect import Dialect, DriveUnit
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.reports import Report, RobotConf, RobotGeo, decode_report
 from radarsim.recording.legend import Legend
-from radarsim.recording.messages import Transform, clock, octets, transforms
+from radarsim.recording.messages import (
+    RosMessage,
+    Transform,
+    clock,
+    octets,
+    transforms,
+)
 from radarsim.recording.robot_topics import RobotTopics, TopicMessage, topic_name
 
 TICK: Final = 10_000_000  # ns
@@ -35,6 +41,18 @@ class TimedMessage(NamedTuple):
 
     time: int
     message: TopicMessage
+
+
+def pack_message(message: TopicMessage) -> bytes:
+    """Return the data of a call ``MESSAGE``."""
+    topic, (type_, data), latched = message
+    return f"{topic} {type_} {latched:d}\n".encode() + data
+
+
+def _unpack_message(packed: bytes) -> TopicMessage:
+    head, _, data = packed.partition(b"\n")
+    topic, type_, latched = head.decode().split(" ")
+    return TopicMessage(topic, RosMessage(type_, data), latched=latched == "1")
 
 
 class _Connection:
@@ -69,6 +87,9 @@ class CallConverter:
     def convert(self, call: HostCall) -> Iterator[TimedMessage]:
         """Yield the messages of a call: those of the robot first, then the call."""
         self._time = max(call.tick * TICK, self._time + 1)
+        if call.kind is CallKind.MESSAGE:
+            yield TimedMessage(self._time, _unpack_message(call.data))
+            return
         for message in self._messages(call):
             yield TimedMessage(self._time, message)
         if call.kind in SILENT:

@@ -152,6 +152,30 @@ def transforms(each: Sequence[Transform]) -> RosMessage:
     return RosMessage("tf2_msgs/msg/TFMessage", message.to_bytes())
 
 
+def occupancy_grid(
+    time: float, frame: str, cells: NDArray[np.int8], corner: Pose3, resolution: float
+) -> RosMessage:
+    """Encode a map.
+
+    Args:
+        time: Simulated time, s.
+        frame: Name of the frame.
+        cells: (R, C) -1 unknown, 0 free to 100 occupied; the first row is the
+            southernmost.
+        corner: South-west corner of the map, m.
+        resolution: Side of a cell, m.
+    """
+    message = CdrWriter()
+    _put_header(message, time, frame)
+    message.numbers("I", *_stamp(time))
+    message.numbers("f", resolution)
+    rows, columns = cells.shape
+    message.numbers("I", columns, rows)
+    message.numbers("d", *_position_and_quaternion(corner))
+    message.array(cells.ravel())
+    return RosMessage("nav_msgs/msg/OccupancyGrid", message.to_bytes())
+
+
 def clock(time: float) -> RosMessage:
     """Encode simulated time."""
     message = CdrWriter()

@@ -13,6 +13,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -26,6 +27,7 @@ log = logging.getLogger("radarsim.recording")
 
 NICENESS: Final = 10  # ticks of the server go first
 MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
+PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
 FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
 # The modules are found where this process has found them.
@@ -42,12 +44,16 @@ class RecordingProcess:
         folder: Folder of the recording.
     """
 
-    def __init__(self, folder: Path, info: RecordingInfo) -> None:
+    def __init__(
+        self, folder: Path, info: RecordingInfo, *, is_patient: bool = False
+    ) -> None:
         """Start the process.
 
         Args:
             folder: Folder of the recording, which exists and is empty.
             info: The conditions of the run.
+            is_patient: Whether ``add`` waits for a process that is far behind, instead
+                of ending the recording.
 
         Raises:
             RecordingError: If it cannot be started.
@@ -56,6 +62,7 @@ class RecordingProcess:
         self._queue: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._queued = self._written = 0  # bytes; each is changed by one thread only
         self._has_ended = False
+        self._is_patient = is_patient
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", PROGRAM, *sys.path],
@@ -71,14 +78,16 @@ class RecordingProcess:
         self._thread.start()
 
     def add(self, call: HostCall) -> None:
-        """Record a call; never waits, and never raises."""
+        """Record a call; never raises, and waits only if that was asked for."""
         if self._has_ended:
             return
         kind, tick, client, data = call
         frame = FRAME.pack(kind, tick, client, len(data)) + data
         self._queue.put(frame)
         self._queued += len(frame)
-        if self._queued - self._written > MAX_WAITING:
+        while self._is_patient and self._is_behind() and not self._has_ended:
+            time.sleep(PAUSE)
+        if self._is_behind():
             self._has_ended = True
             behind = MAX_WAITING // 2**20
             log.warning(
@@ -97,6 +106,9 @@ class RecordingProcess:
             self._process.wait()
             log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
         return is_whole and self._process.returncode == 0
+
+    def _is_behind(self) -> bool:
+        return self._queued - self._written > MAX_WAITING
 
     def _pass_on(self) -> None:
         """Write what is queued to the pipe, up to an empty entry."""

@@ -24,8 +24,8 @@ class ScanSeries:
         ranges: (T, N) float32, m; inf where nothing came back.
         angles: (N,) directions of the beams from the scanner's forward axis, rad,
             counter-clockwise.
-        range_min: Minimum range, m.
-        range_max: Maximum range, m.
+        range_min: Minimum range, m, as last told by the server.
+        range_max: Maximum range, m, likewise.
         frame: Frame of the scanner.
     """
 
@@ -43,22 +43,23 @@ class ScanSeries:
     @classmethod
     def of(cls, messages: Sequence[Fields]) -> Self:
         """Collect decoded messages ``LaserScan`` of the same ``geometry_of``."""
-        first = messages[0]
+        last = messages[-1]
+        ranges = np.array([message["ranges"] for message in messages])
+        # Clients may ask for the limits only after the first scans.
+        ranges[ranges >= last["range_max"]] = np.inf
         return cls(
             times_of(messages),
-            np.array([message["ranges"] for message in messages]),
-            first["angle_min"]
-            + first["angle_increment"] * np.arange(len(first["ranges"])),
-            first["range_min"],
-            first["range_max"],
-            first["header"]["frame_id"],
+            ranges,
+            last["angle_min"] + last["angle_increment"] * np.arange(ranges.shape[1]),
+            last["range_min"],
+            last["range_max"],
+            last["header"]["frame_id"],
         )
 
 
 def geometry_of(scan: Fields) -> tuple[float, ...]:
     """Return what is the same in all scans of a series."""
-    keys = "angle_min", "angle_increment", "range_min", "range_max"
-    return len(scan["ranges"]), *(scan[key] for key in keys)
+    return len(scan["ranges"]), scan["angle_min"], scan["angle_increment"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
