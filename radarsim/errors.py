@@ -15,6 +15,7 @@
     * NavigationError -- a robot cannot do a task: it has no scanner, or is too wide
     * RecordingError -- a recording cannot be written, read, or repeated
     * MissingPackage -- an optional package is not installed; names the extra
+        * TooNearError -- a start or a goal is inside the safety distance
 
 Programming errors stay ValueError, TypeError and AssertionError.
 """
@@ -99,6 +100,10 @@ class MappingError(RadarsimError):
 
 class NavigationError(RadarsimError):
     """A robot cannot do a task."""
+
+
+class TooNearError(NavigationError):
+    """A start or a goal is nearer to something than the safety distance."""
 
 
 class RecordingError(RadarsimError):

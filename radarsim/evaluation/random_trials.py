@@ -72,8 +72,8 @@ class RandomTrialResult:
         sensor: Sensor preset.
         side_offset: Offset of the radar's side beams, UU.
         expected: What a navigator has to tell, by the raster.
-        outcome: What it told: ``reached`` only if it is there, ``no_path`` or
-            ``failed``.
+        outcome: What it told: ``reached`` only if it is there, ``no_path``,
+            ``too_near`` or ``failed``.
         collisions: How often the robot began to touch something.
         path_length: Length of the true path, m.
         shortest_path: Length of the shortest path by the raster, m, or None.
@@ -99,9 +99,10 @@ class RandomTrialResult:
         """Whether the robot told what it has to, and touched nothing."""
         if self.collisions:
             return False
-        if self.expected in (Expectation.REACHED, Expectation.NO_PATH):
+        verdicts = {Expectation.REACHED, Expectation.NO_PATH}
+        if self.expected in verdicts:
             return self.outcome == self.expected
-        return self.outcome in (Expectation.REACHED, Expectation.NO_PATH)
+        return self.outcome in {*verdicts, self.expected}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""

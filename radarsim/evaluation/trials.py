@@ -12,7 +12,7 @@ from itertools import product
 from typing import Any
 
 from radarsim.client import Client
-from radarsim.errors import ClientError, MapError, NavigationError
+from radarsim.errors import ClientError, MapError, NavigationError, TooNearError
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.host import Host
@@ -54,8 +54,8 @@ class TrialResult:
         algorithm: ``bug1`` or ``bug2``.
         sensor: Name of the sensor preset; all of them cover a full circle.
         seed: Seed of the simulation.
-        outcome: ``reached`` if the robot reports that and is there, ``no_path`` if it
-            reports that, ``failed`` otherwise.
+        outcome: ``reached`` if the robot reports that and is there, ``no_path`` or
+            ``too_near`` if it reports that, ``failed`` otherwise.
         collisions: How often the robot began to touch something.
         path_length: Length of the true path of the robot's centre, m.
         shortest_path: Length of the shortest path for a robot that keeps half its
@@ -171,6 +171,7 @@ def drive_mission(host: Host, mission: Mission) -> Drive:
             limit = f"not there after {mission.time_limit:g} s"
             note = "" if outcome != "failed" else limit
         except (ClientError, NavigationError) as error:
+            outcome = "too_near" if isinstance(error, TooNearError) else "failed"
             note = str(error)
     off = monitor.distance(mission.goals[-1])
     if outcome == "reached" and off > GOAL_TOLERANCE:

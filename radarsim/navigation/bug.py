@@ -28,6 +28,7 @@ from radarsim.navigation.control import (
     distance,
     moved,
 )
+from radarsim.navigation.followed_obstacle import FollowedObstacle
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm, GiveUp
 from radarsim.navigation.standing_obstacle import StandingObstacle
@@ -104,7 +105,8 @@ class Bug:
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
-        self._obstacle = StandingObstacle()  # that is followed
+        self._obstacle: FollowedObstacle | None = None
+        self._circled = StandingObstacle()  # points of the boundary that is followed
         self._gone = 0  # number of obstacles that had gone when they were looked at
 
     @property
@@ -146,13 +148,13 @@ class Bug:
         ahead = bumpers.towards(observation, bearing_of(pose, *self.goals[0]))
         return not ahead.blocked or self._is_beyond(observation, ahead.distance)
 
-    def _is_hidden(self, observation: Observation) -> bool:
+    def _is_hidden(self, observation: Observation, obstacle: Observation) -> bool:
         """Return whether the followed boundary is between the robot and the goal."""
         goal = bearing_of(observation.pose, *self.goals[0])
         ahead = self._settings.bumpers.towards(observation, goal)
         if self._is_beyond(observation, ahead.distance):
             return False
-        return self._follower.leads_into_boundary(observation, self._mode, goal)
+        return self._follower.leads_into_boundary(obstacle, self._mode, goal)
 
     def _is_beyond(self, observation: Observation, obstacle: float) -> bool:
         """Return whether an obstacle at a distance, m, is beyond the goal."""
@@ -178,9 +180,11 @@ class Bug:
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._mode, self._lost = Activity.ALIGNING, self._first_mode, 0.0
-        self._obstacle = StandingObstacle()
+        self._circled = StandingObstacle()
         max_offset = self._follower.target_distance
         obstacle = bearing_of(pose, *self.goals[0])
+        point = self._follower.hit_point(observation, self._mode, obstacle)
+        self._obstacle = FollowedObstacle(point.point_from(pose), self._follower)
         direction = self._follower.direction(observation, self._mode, obstacle)
         hit = Landmark(pose, direction, max_offset=max_offset)
         if self._settings.algorithm == Algorithm.BUG1:
@@ -202,11 +206,13 @@ class Bug:
         if self._sees_goal(observation):
             self._seen_from = distance(observation.pose, *self.goals[0])
             return self._leave(observation)
-        if point := self._follower.boundary_point(observation, self._mode):
-            self._obstacle.add(point)
-        direction = self._follower.tangent(observation, self._mode)
+        assert self._obstacle is not None
+        obstacle = self._obstacle.part_of(observation, self._mode)
+        if boundary := self._follower.boundary(obstacle, self._mode):
+            self._circled.add(boundary.point_from(observation.pose))
+        direction = self._follower.tangent(obstacle, self._mode)
         circuits_before = policy.circuits
-        free = not self._is_hidden(observation)
+        free = not self._is_hidden(observation, obstacle)
         decision = policy.step(Step(observation.pose, step, direction, free))
         self.circuits += policy.circuits - circuits_before
         if decision is Decision.NO_PATH or (
@@ -221,19 +227,21 @@ class Bug:
             self._mode = self._mode.reversed
         if policy.circuits:
             self.activity = Activity.RETURNING
-        return self._follow_boundary(observation, step)
+        return self._follow_boundary(observation, obstacle, step)
 
     def _conclude(self, observation: Observation) -> Twist:
         """Conclude that there is no path, unless what was circled has gone."""
-        if self._gone < _MOST_GONE and self._obstacle.has_gone(observation):
+        if self._gone < _MOST_GONE and self._circled.has_gone(observation):
             self._gone += 1
             self._best_leave = math.inf
             return self._leave(observation)
         self.activity = Activity.NO_PATH
         return STOP
 
-    def _follow_boundary(self, observation: Observation, step: float) -> Twist:
-        twist, found = self._follower.step(observation, self._mode)
+    def _follow_boundary(
+        self, observation: Observation, obstacle: Observation, step: float
+    ) -> Twist:
+        twist, found = self._follower.step(observation, self._mode, obstacle)
         self._lost = 0.0 if found else self._lost + step
         if self._lost > _LOST * 2 * math.pi * self._follower.target_distance:
             return self._leave(observation)

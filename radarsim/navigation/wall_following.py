@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, wrap_angle
+from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits, Twist
 from radarsim.navigation.observation import Observation, wrap_angles
@@ -93,10 +93,23 @@ class FollowMode:
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """The nearest point of the boundary: its bearing, rad, and its distance, m."""
+    """The nearest point of the boundary.
+
+    Attributes:
+        bearing: rad, from the robot's front or in the canonical scan.
+        distance: m.
+    """
 
     bearing: float
     distance: float
+
+    def point_from(self, pose: Pose2) -> tuple[float, float]:
+        """Return the point, m, map frame, by the robot's pose."""
+        angle = pose.yaw + self.bearing
+        return (
+            pose.x + self.distance * math.cos(angle),
+            pose.y + self.distance * math.sin(angle),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,15 +129,27 @@ class WallFollower:
         """Distance at which the boundary is followed where there is space, m."""
         return self.bumpers.safety_distance + self.bumpers.band / 2
 
-    def step(self, observation: Observation, mode: FollowMode) -> tuple[Twist, bool]:
+    def step(
+        self,
+        observation: Observation,
+        mode: FollowMode,
+        obstacle: Observation | None = None,
+    ) -> tuple[Twist, bool]:
         """Compute the motion until the next scan.
+
+        Args:
+            observation: The newest scan.
+            mode: How the boundary is followed.
+            obstacle: The part of the scan that the boundary may be in; by default all.
 
         Returns:
             The motion, and whether the boundary is seen; where it is not, the motion
             leads towards it.
         """
         view = mode.canonical(observation)
-        boundary = self._boundary(view)
+        boundary = self._boundary(
+            view if obstacle is None else mode.canonical(obstacle)
+        )
         if boundary is None:
             # the circle that a corner out of sight would ask for
             speed = self.speed_limits.speed
@@ -169,19 +194,25 @@ class WallFollower:
         heading = 0.0 if boundary is None else boundary.bearing - ABEAM
         return observation.pose.yaw + mode.bearing(heading)
 
-    def boundary_point(
-        self, observation: Observation, mode: FollowMode
-    ) -> tuple[float, float] | None:
-        """Return the nearest point of the boundary, m, map frame; None without one."""
+    def boundary(self, observation: Observation, mode: FollowMode) -> Boundary | None:
+        """Return the nearest point of the boundary, by the robot; None without one."""
         boundary = self._boundary(mode.canonical(observation))
         if boundary is None:
             return None
-        pose = observation.pose
-        angle = pose.yaw + mode.bearing(boundary.bearing)
-        return (
-            pose.x + boundary.distance * math.cos(angle),
-            pose.y + boundary.distance * math.sin(angle),
-        )
+        return Boundary(mode.bearing(boundary.bearing), boundary.distance)
+
+    def hit_point(
+        self, observation: Observation, mode: FollowMode, obstacle: float
+    ) -> Boundary:
+        """Return the nearest point of an obstacle that is hit.
+
+        Arguments are those of ``align``.
+        """
+        view = mode.canonical(observation)
+        heading = self._abeam_heading(view, mode, obstacle)
+        bearing = mode.bearing(heading + ABEAM)
+        distance = self.bumpers.towards(observation, bearing).distance
+        return Boundary(bearing, min(distance, self.bumpers.pressed_below))
 
     def leads_into_boundary(
         self, observation: Observation, mode: FollowMode, bearing: float
