@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.raycast.rays import RayClass, RayColumns, Rays
 
 Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]
@@ -71,52 +70,6 @@ class AimedRays(NamedTuple):
             self.origins[start:end],
             self.directions[start:end],
         )
-
-
-class SensorRays(NamedTuple):
-    """The rays of a sensor before they are aimed.
-
-    Attributes:
-        table: The nodes of all N beams.
-        radius: (1,) m, the largest distance from the sensor at which a ray starts.
-        limits: Range, power and class of all rays in one row; origins and directions
-            are empty.
-        ray_classes: The class of the rays, and that of which something has to be near a
-            sensor for its scan to be left out: the medium's, as in ``DEFAULT_CLASSES``.
-        rays_per_scan: M.
-    """
-
-    table: NodeTable
-    radius: Floats
-    limits: RayColumns
-    ray_classes: tuple[RayClass, RayClass]
-    rays_per_scan: int
-
-
-class UnaimedScans(NamedTuple):
-    """J scans of equal sensors, whose rays are aimed while they are traced.
-
-    Attributes:
-        sensor: What they have in common.
-        chances: (J, N) random numbers from 0 to 1, which select a node of each beam;
-            (1, 0) if all are aimed.
-        places: (J, 7) x, y, z, roll, pitch, yaw of the sensor in each, map frame, and
-            the id of the box that carries it; -1 for none.
-    """
-
-    sensor: SensorRays
-    chances: Floats
-    places: Floats
-
-    def aim(self) -> Rays:
-        """Return the rays of all scans."""
-        sensor = self.sensor
-        aimed = AimedRays.empty(len(self.places) * sensor.rays_per_scan)
-        choice = DRAWN if self.chances.size else ALL
-        aim_scans(self.places, choice, self.chances, *sensor.table, *aimed)
-        rows = np.zeros(len(aimed.nodes), np.int64)
-        columns: list[Any] = [column[rows] for column in sensor.limits[2:]]
-        return Rays(*[aimed.origins, aimed.directions, *columns, sensor.ray_classes])
 
 
 class Frame(NamedTuple):

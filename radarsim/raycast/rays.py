@@ -146,8 +146,7 @@ class Rays:
         return Rays(*[*columns, self.ray_classes])
 
 
-@dataclass(frozen=True, slots=True)
-class Traces:
+class Traces(NamedTuple):
     """How rays ended.
 
     Attributes:
@@ -186,7 +185,7 @@ class Traces:
             return [self]
         edges = [0, *accumulate(sizes)]
         return [
-            replace(self.rows(start, end), events=events)
+            self.rows(start, end)._replace(events=events)
             for (start, end), events in zip(
                 pairwise(edges), self._split_events(edges), strict=True
             )

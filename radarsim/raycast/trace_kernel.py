@@ -31,7 +31,7 @@ from radarsim.raycast.clearance import is_clear
 from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.intersect import new_query_buffer, new_ray_buffer
 from radarsim.raycast.propagate import RayLimits, TraceColumns, Workspace, trace_ray
-from radarsim.raycast.rays import RayColumns
+from radarsim.raycast.ray_source import unpack_source
 from radarsim.raycast.traced_scene import unpack_scene
 
 CLEARANCE_CLASS: Final = 1  # index of the class for which something may hide a ray
@@ -42,11 +42,6 @@ class ScanColumns(NamedTuple):
     """J scans of M rays each as the kernel takes them; all empty for given rays.
 
     Attributes:
-        directions: As the three that follow, of the ``NodeTable``.
-        starts: See there.
-        edges: See there.
-        sides: See there.
-        radius: (1,), as in ``SensorRays``.
         chances: (J, N) or (1, 0), as in ``UnaimedScans``.
         places: (J, 7), likewise.
         nodes: (J * M,) to be filled: the node of its beam that each ray is.
@@ -55,11 +50,6 @@ class ScanColumns(NamedTuple):
             something opaque near their sensor, behind which a ray may start.
     """
 
-    directions: Floats
-    starts: Floats
-    edges: Floats
-    sides: Sides
-    radius: Floats
     chances: Floats
     places: Floats
     nodes: Nodes
@@ -68,8 +58,7 @@ class ScanColumns(NamedTuple):
 
 
 NO_SCANS: Final = ScanColumns(
-    *(np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros(0), np.zeros(0, np.int8)),
-    *(np.zeros(1), np.zeros((1, 0)), np.zeros((0, 7))),
+    *(np.zeros((1, 0)), np.zeros((0, 7))),
     *(np.zeros(0, np.int16), np.zeros(0, np.int8), np.zeros(0, np.bool_)),
 )
 
@@ -80,6 +69,7 @@ class Aim(NamedTuple):
     Attributes:
         scans: The scans.
         table: The nodes of all beams.
+        radius: As in ``RaySource``.
         rays_per_scan: M.
         rays_per_beam: Number of rays of each beam.
         frame: The frame of the sensor whose rays come next.
@@ -88,6 +78,7 @@ class Aim(NamedTuple):
 
     scans: ScanColumns
     table: NodeTable
+    radius: float
     rays_per_scan: int
     rays_per_beam: int
     frame: Frame
@@ -97,7 +88,7 @@ class Aim(NamedTuple):
 @njit_inline
 def _start_scan(scan: Any, aim: Any, scene: Any, work: Any) -> Any:
     """Prepare for the rays of a scan; return whether it has to be traced."""
-    scans, radius, origin = aim.scans, aim.scans.radius[0], work.origin
+    scans, radius, origin = aim.scans, aim.radius, work.origin
     fill_frame(scans.places, scan, aim.frame)
     for axis in range(3):
         origin[axis] = aim.frame.position[axis] - scene.centre[axis]
@@ -137,7 +128,7 @@ def _take_given(i: Any, rays: Any, work: Any) -> None:
 
 @njit_inline
 def _trace_all(aim: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
-    """Trace all rays; result as in ``trace_rays``.
+    """Trace all rays; return the first two results of ``trace_rays``.
 
     The loop is here and not there, where it would count references to the arrays.
     """
@@ -172,9 +163,9 @@ def _trace_all(aim: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
 
 @njit_cached
 def trace_rays(
-    words: Any,
+    scene_words: Any,
+    source_words: Any,
     boxes: Any,
-    unsliced: Any,
     max_crossings: Any,
     events: Any,
     *columns: Any,
@@ -184,22 +175,22 @@ def trace_rays(
     Columns come one by one: numba takes twice as long to unpack tuples of arrays.
 
     Args:
-        words: The words of the ``PackedScene``.
+        scene_words: The words of the ``PackedScene``.
+        source_words: The words of the packed ``RaySource``; of the single row of scans
+            the carrier is not read.
         boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
-        unsliced: (2,) updated by ``select_scene``.
         max_crossings: How many crossings of one segment there is room for.
         events: As in ``RayState``.
-        columns: The ``RayColumns``, for scans with one row for all rays, of which the
-            carrier is not read; then the ``TraceColumns`` to be filled, and the
-            ``ScanColumns``.
+        columns: The ``TraceColumns`` to be filled, and the ``ScanColumns``.
 
     Returns:
         0; or the number of surfaces on a segment that has more than there is room for;
-        or, for an invalid ray, -1 minus its index. And how many scans are not clear.
+        or, for an invalid ray, -1 minus its index. How many scans are not clear. The
+        height, m, of the last level ray that found no slice, and how many did not.
     """
-    rays, traces = RayColumns(*columns[:6]), TraceColumns(*columns[6:11])
-    scans, table = ScanColumns(*columns[11:]), NodeTable(*columns[11:15])
-    scene = unpack_scene(words, boxes, unsliced)
+    traces, scans = TraceColumns(*columns[:5]), ScanColumns(*columns[5:])
+    scene = unpack_scene(scene_words, boxes)
+    rays, table, radius = unpack_source(source_words)
     crossings = np.zeros(max_crossings, CROSSING)
     state = new_ray_state(scene.materials.density.shape[1], crossings, events)
     buffer = new_ray_buffer(scene.handle, crossings)
@@ -208,5 +199,6 @@ def trace_rays(
     per_scan = len(traces.ranges) // max(len(scans.places), 1)
     per_beam = per_scan // max(table.directions.shape[1], 1)
     frame = Frame(np.zeros(3), np.zeros((3, 3)))
-    aim = Aim(scans, table, per_scan, per_beam, frame, new_query_buffer())
-    return _trace_all(aim, scene, rays, work, traces)
+    aim = Aim(scans, table, radius, per_scan, per_beam, frame, new_query_buffer())
+    code, crowded = _trace_all(aim, scene, rays, work, traces)
+    return code, crowded, scene.unsliced[0], scene.unsliced[1]

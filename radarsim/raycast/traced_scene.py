@@ -1,24 +1,15 @@
-"""A scene as kernels take it.
+"""A scene as kernels take it: some twenty arrays, packed into one."""
 
-Numba takes about 0.4 us to unpack each array among the arguments of a call. A scene is
-some twenty arrays, and a scan of a hundred rays takes 20 us. So a scene is passed in
-one array: ``pack_scene`` writes the addresses and shapes of all others into it, from
-which ``unpack_scene`` makes the arrays again, within the kernel.
-"""
-
-from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np import arrayobj
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.raycast.intersect import SceneHandle
+from radarsim.raycast.packed_arrays import PackedArrays, pack, unpacker
 
 
 class MaterialTable(NamedTuple):
@@ -74,7 +65,7 @@ class TracedScene(NamedTuple):
         materials: The table of its materials for the classes of the rays.
         triangles: (T, 9) m, the corners of all triangles.
         boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
-        unsliced: (2,) updated by ``select_scene``.
+        unsliced: (2,) zeros at first, updated by ``select_scene``.
     """
 
     handle: Any
@@ -86,20 +77,19 @@ class TracedScene(NamedTuple):
 
 
 class PackedScene(NamedTuple):
-    """A scene in one array, which is valid as long as this object exists.
+    """A scene in one array.
 
     Attributes:
-        words: For each leaf its address, its length, and its width.
+        words: The array, valid as long as this object exists.
+        arrays: What it describes.
         handle: The ``SceneHandle``.
-        leaves: All arrays, and numbers as arrays.
     """
 
     words: NDArray[np.uint64]
+    arrays: PackedArrays
     handle: SceneHandle
-    leaves: list[NDArray[Any]]
 
 
-WORDS: Final = 3  # for each leaf
 # The leaves of a packed scene: their types, and the numbers of their dimensions.
 HANDLE: Final = (
     *((types.uint64, 0), (types.uint64, 0), (types.uint64, 0)),
@@ -120,59 +110,16 @@ def pack_scene(
     handle: SceneHandle, centre: Floats, materials: MaterialTable, triangles: Floats
 ) -> PackedScene:
     """Pack a scene; arguments as the attributes of ``TracedScene``."""
-    given = (*handle, *materials, centre, triangles)
-    leaves = [
-        np.ascontiguousarray(leaf, str(kind))
-        for leaf, (kind, _) in zip(given, LEAVES, strict=True)
-    ]
-    words = np.zeros((len(leaves), WORDS), np.uint64)
-    for row, leaf in zip(words, leaves, strict=True):
-        row[0] = leaf.ctypes.data
-        row[1 : 1 + leaf.ndim] = leaf.shape
-    return PackedScene(words.ravel(), handle, leaves)
+    arrays = pack((*handle, *materials, centre, triangles), LEAVES)
+    return PackedScene(arrays.words, arrays, handle)
 
 
-def _unpack_leaves(_typing: Any, _words: Any) -> Any:  # pragma: no cover - numba's
-    """Make the leaves that the words of a ``PackedScene`` describe."""
-    kinds = [types.Array(kind, n, "C") if n else kind for kind, n in LEAVES]
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        words = context.make_array(signature.args[0])(context, builder, args[0])
-        place = partial(cgutils.gep_inbounds, builder, words.data)
-        leaves = []
-        for i, kind in enumerate(kinds):
-            numbers = [builder.load(place(WORDS * i + k)) for k in range(WORDS)]
-            leaves.append(_make_leaf(context, builder, kind, numbers))
-        return context.make_tuple(builder, signature.return_type, leaves)
-
-    of_leaves: Any = types.Tuple
-    return of_leaves(kinds)(types.Array(types.uint64, 1, "C")), generate
-
-
-def _make_leaf(
-    context: Any, builder: Any, kind: Any, numbers: Any
-) -> Any:  # pragma: no cover - numba's
-    """Read a number, or describe an array that is not counted, at an address."""
-    item = kind.dtype if isinstance(kind, types.Array) else kind
-    data = context.get_data_type(item).as_pointer()
-    address = builder.inttoptr(numbers[0], data)
-    if item is kind:
-        return builder.load(address)
-    size = context.get_abi_sizeof(context.get_data_type(item))
-    shape, width = numbers[1 : 1 + kind.ndim], context.get_constant(types.intp, size)
-    strides = [builder.mul(shape[1], width), width] if kind.ndim > 1 else [width]
-    array = context.make_array(kind)(context, builder)
-    _populate(array, address, shape, strides, width, None)
-    return array._getvalue()
-
-
-_populate: Any = arrayobj.populate_array
-_leaves_of: Any = intrinsic(_unpack_leaves)
+_leaves_of: Any = unpacker(LEAVES)
 
 
 @njit_cached
-def unpack_scene(words: Any, boxes: Any, unsliced: Any) -> Any:
+def unpack_scene(words: Any, boxes: Any) -> Any:
     """Return the ``TracedScene`` of a ``PackedScene``'s words."""
     leaves = _leaves_of(words)
     handle, materials = SceneHandle(*leaves[:8]), MaterialTable(*leaves[8:22])
-    return TracedScene(handle, leaves[22], materials, leaves[23], boxes, unsliced)
+    return TracedScene(handle, leaves[22], materials, leaves[23], boxes, np.zeros(2))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
+from radarsim.raycast.aimed_rays import Nodes, Sides
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.material_table import (
@@ -35,18 +35,20 @@ from radarsim.raycast.material_table import (
     material_table,
     scattering_of,
 )
+from radarsim.raycast.packed_arrays import PackedArrays
+from radarsim.raycast.ray_source import pack_source
 from radarsim.raycast.rays import (
     Event,
     RayClass,
-    RayColumns,
     Rays,
     Traces,
     columns_of,
     reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
-from radarsim.raycast.trace_kernel import NO_SCANS, ScanColumns, trace_rays
+from radarsim.raycast.trace_kernel import NO_SCANS, trace_rays
 from radarsim.raycast.traced_scene import MaterialTable, PackedScene, pack_scene
+from radarsim.raycast.unaimed_scans import UnaimedScans
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
@@ -54,7 +56,6 @@ from radarsim.scene.shapes import box
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
-NODES: Final = ScanColumns._fields.index("nodes")
 
 
 class TracedScans(NamedTuple):
@@ -75,6 +76,22 @@ class TracedScans(NamedTuple):
     sides: Sides
     clear: NDArray[np.bool_]
     crowded: int
+
+
+class _Call(NamedTuple):
+    """What ``trace_rays`` is called with, apart from scene and robots.
+
+    Attributes:
+        count: The number of rays.
+        ray_classes: Their classes.
+        source: The packed ``RaySource``.
+        scans: The ``ScanColumns``.
+    """
+
+    count: int
+    ray_classes: tuple[RayClass, ...]
+    source: PackedArrays
+    scans: tuple[Any, ...]
 
 
 class Tracer:
@@ -155,11 +172,11 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        traces, code, _ = self._run(
-            *(rays.ray_classes, columns_of(rays), NO_SCANS, boxes),
-            events=events,
-            incidence=incidence,
+        columns = columns_of(rays)
+        call = _Call(
+            len(rays.origins), rays.ray_classes, pack_source(columns), NO_SCANS
         )
+        traces, code, _ = self._run(call, boxes, events=events, incidence=incidence)
         if code < 0:
             reject_ray(rays, -1 - code)
         return traces
@@ -183,18 +200,15 @@ class Tracer:
         Raises:
             EngineError: If a ray is invalid, as one from a pose that is not finite.
         """
-        sensor, count = scans.sensor, len(scans.places)
-        nodes = np.zeros(count * sensor.rays_per_scan, np.int16)
-        sides, clear = np.zeros(len(nodes), np.int8), np.zeros(count, np.bool_)
-        columns = (
-            *sensor.table,
-            *(sensor.radius, scans.chances, scans.places),
-            *(nodes, sides, clear),
-        )
+        sensor, chances, places = scans
+        count = len(places)
+        n = count * sensor.rays_per_scan
+        nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
+        clear = np.zeros(count, np.bool_)
+        columns = chances, places, nodes, sides, clear
+        call = _Call(n, sensor.ray_classes, sensor.source, columns)
         traces, code, crowded = self._run(
-            *(sensor.ray_classes, sensor.limits, columns, boxes),
-            events=events,
-            incidence=incidence,
+            call, boxes, events=events, incidence=incidence
         )
         if code < 0:
             reject_ray(scans.aim(), -1 - code)
@@ -240,21 +254,12 @@ class Tracer:
         return NO_BOXES if boxes is None else boxes.table(self._centre)
 
     def _run(
-        self,
-        ray_classes: tuple[RayClass, ...],
-        rays: RayColumns,
-        scans: tuple[Any, ...],
-        boxes: Boxes | None,
-        *,
-        events: bool,
-        incidence: bool,
+        self, call: _Call, boxes: Boxes | None, *, events: bool, incidence: bool
     ) -> tuple[Traces, int, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
-            ray_classes: The classes of the rays.
-            rays: The rays, or the limits of those of scans.
-            scans: The ``ScanColumns``.
+            call: The rays.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
@@ -263,11 +268,10 @@ class Tracer:
             The traces; 0, or -1 minus the index of an invalid ray; and the number of
             scans that are not clear.
         """
-        n = len(scans[NODES]) or len(rays.origins)
+        n, ray_classes, source, scans = call
         room = max(self._events_per_ray * n, INITIAL_CAPACITY) if events else 0
         packed, table = self._packed_for(ray_classes), self._table_of(boxes)
         while True:
-            unsliced = np.zeros(2)
             columns: tuple[Any, Any, Any, Any, Any] = (  # the ``TraceColumns``
                 np.zeros(n),
                 np.zeros(n, np.uint8),
@@ -276,9 +280,8 @@ class Tracer:
                 np.zeros(n) if incidence else EMPTY,
             )
             rows = np.zeros(room + 1, EVENT) if room else NO_EVENTS
-            needed, crowded = trace_rays(
-                *(packed.words, table, unsliced, self._max_crossings, rows),
-                *rays,
+            needed, crowded, height, unsliced = trace_rays(
+                *(packed.words, source.words, table, self._max_crossings, rows),
                 *columns,
                 *scans,
             )
@@ -286,9 +289,8 @@ class Tracer:
             if needed < 0:
                 return Traces(*columns, NO_EVENTS), needed, crowded
             if needed == 0 and count <= room:
-                height, rays_there = unsliced.tolist()
-                if rays_there:
-                    self._scene.count_unsliced(height, int(rays_there))
+                if unsliced:
+                    self._scene.count_unsliced(height, int(unsliced))
                 if room:
                     most = count // max(n, 1) + 1
                     self._events_per_ray = max(self._events_per_ray, most)

@@ -49,12 +49,11 @@ from radarsim.raycast.aimed_rays import (
     AimedRays,
     Nodes,
     NodeTable,
-    SensorRays,
     Sides,
-    UnaimedScans,
     aim_scans,
 )
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
+from radarsim.raycast.unaimed_scans import SensorRays, UnaimedScans
 
 EMPTY: Final = np.zeros(0)
 NO_VECTORS: Final = np.zeros((0, 3))
@@ -149,7 +148,7 @@ class BeamPattern:
         if sensor is None or self.has_random_rays:
             sensor = self._sensor_rays = SensorRays(
                 self._table_of(draws[0]),
-                np.array([self.radius]),
+                self.radius,
                 template.limits,
                 template.ray_classes,
                 self.rays_per_scan,

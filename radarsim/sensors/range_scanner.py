@@ -10,10 +10,11 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
-from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
+from radarsim.raycast.aimed_rays import Nodes, Sides
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.raycast.unaimed_scans import UnaimedScans
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import EMPTY, pattern_of, template_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+# Not frozen: Python would take three times as long to set the attributes.
+@dataclass(slots=True, eq=False, repr=False)
 class Scan:
     """One scan of a radar or a laser.
 

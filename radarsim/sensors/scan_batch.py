@@ -172,26 +172,26 @@ def _trace_group(
     tracer: Tracer, group: ScanGroup, boxes: Boxes | None, scene: Scene | None
 ) -> list[Scan]:
     """Take scans of equal sensors."""
-    scanner, count = group.scanner, len(group.indices)
+    scanner = group.scanner
     events, incidence = group.draws[0].events, scanner.needs_incidence
     traced = tracer.trace_scans(
         scanner.unaimed(group), boxes, events=events, incidence=incidence
     )
     plans = _plan_traced(tracer, group, traced)
-    pieces = _split(traced.traces, count, events=events)
+    pieces = _split(traced.traces, len(plans), events=events)
     if traced.crowded:
         crowded = np.flatnonzero(~traced.clear).tolist()
         some = aim_scans_apart(tracer, group.take(crowded), boxes)
         rays = Rays.concatenate([plan.rays for plan in some])
         traces = tracer.trace(rays, boxes, events=events, incidence=incidence)
-        found = zip(
-            crowded, some, _split(traces, len(some), events=events), strict=True
-        )
-        for k, plan, piece in found:
+        found = _split(traces, len(some), events=events)
+        for k, plan, piece in zip(crowded, some, found, strict=True):
             plans[k], pieces[k] = plan, piece
     return [
-        request.scanner.builder.build(plan, *piece, scene)
-        for request, plan, piece in zip(group.requests, plans, pieces, strict=True)
+        request.scanner.builder.build(plan, traces, first, scene)
+        for request, plan, (traces, first) in zip(
+            group.requests, plans, pieces, strict=True
+        )
     ]
 
 
@@ -199,18 +199,19 @@ def _plan_traced(
     tracer: Tracer, group: ScanGroup, traced: TracedScans
 ) -> list[PlannedScan]:
     """Return the scans with the rays that were aimed while they were traced."""
-    scanner, size = group.scanner, group.scanner.rays_per_scan
-    plans = []
-    for k, (request, draws) in enumerate(zip(group.requests, group.draws, strict=True)):
-        own = slice(k * size, (k + 1) * size)
-        sides = traced.sides[own]
+    scanner, first, plans = group.scanner, 0, []
+    for request, draws in zip(group.requests, group.draws, strict=True):
+        end = first + scanner.rays_per_scan
+        sides, nodes = traced.sides[first:end], traced.nodes[first:end]
         if scanner.pattern.has_random_rays:
             sides = scanner.pattern.sides_of(draws.beams)
-        aim = partial(scanner.aim_again, request, draws, traced.nodes[own])
-        plan = PlannedScan(
-            tracer, request.pose, sides, aim, draws, scanner.needs_incidence
+        aim = partial(scanner.aim_again, request, draws, nodes)
+        plans.append(
+            PlannedScan(
+                *(tracer, request.pose, sides, aim, draws, scanner.needs_incidence)
+            )
         )
-        plans.append(plan)
+        first = end
     return plans
 
 

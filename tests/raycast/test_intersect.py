@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.raycast.aimed_rays import NodeTable, SensorRays, UnaimedScans
+from radarsim.raycast.aimed_rays import NodeTable
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
+from radarsim.raycast.unaimed_scans import SensorRays, UnaimedScans
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
@@ -33,9 +34,7 @@ def are_clear(
     ray_class = RayClass(medium)
     rows = np.zeros((len(places), 7))
     rows[:, :3], rows[:, 6] = places, carrier_ids
-    sensor = SensorRays(
-        *(table, np.array([radius]), columns_of(ray), (ray_class, ray_class), 1)
-    )
+    sensor = SensorRays(table, radius, columns_of(ray), (ray_class, ray_class), 1)
     scans = UnaimedScans(sensor, np.zeros((1, 0)), rows)
     traced = tracer.trace_scans(scans, boxes)
     clear: list[bool] = traced.clear.tolist()
