@@ -8,7 +8,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numba import types
 
-from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.raycast.aimed_rays import NodeTable
 from radarsim.raycast.packed_arrays import PackedArrays, pack, unpacker
