@@ -58,8 +58,11 @@ class ScanColumns(NamedTuple):
 
 
 NO_SCANS: Final = ScanColumns(
-    *(np.zeros((1, 0)), np.zeros((0, 7))),
-    *(np.zeros(0, np.int16), np.zeros(0, np.int8), np.zeros(0, np.bool_)),
+    np.zeros((1, 0)),
+    np.zeros((0, 7)),
+    np.zeros(0, np.int16),
+    np.zeros(0, np.int8),
+    np.zeros(0, np.bool_),
 )
 
 

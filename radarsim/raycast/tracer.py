@@ -82,13 +82,13 @@ class _Call(NamedTuple):
     """What ``trace_rays`` is called with, apart from scene and robots.
 
     Attributes:
-        count: The number of rays.
+        size: The number of rays.
         ray_classes: Their classes.
         source: The packed ``RaySource``.
         scans: The ``ScanColumns``.
     """
 
-    count: int
+    size: int
     ray_classes: tuple[RayClass, ...]
     source: PackedArrays
     scans: tuple[Any, ...]
