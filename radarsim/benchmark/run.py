@@ -14,6 +14,7 @@ from radarsim.benchmark.engine import (
     throughput,
 )
 from radarsim.benchmark.floods import FLOODS, floods, lateness_beside_floods
+from radarsim.benchmark.learning import decisions
 from radarsim.benchmark.meshes import RINGS, mesh_maps
 from radarsim.benchmark.robots import driving_robots, growth_of_robots
 from radarsim.benchmark.server import (
@@ -42,6 +43,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "floods": (lambda: floods(200), len(FLOODS)),
     "lateness": (lambda: lateness_beside_floods(3, 1.0), 2 * len(FLOODS)),
     "commander": (lambda: commander_beside_robots(10.0), 5),
+    "learning": (lambda: decisions(2.0), 3),
     "meshes": (lambda: mesh_maps(RINGS, 5.0), 2),
     "start-up": (start_up, 2),
     "cold start": (cold_start, 6),

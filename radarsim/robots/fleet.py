@@ -34,7 +34,12 @@ from radarsim.robots.fleet_columns import (
     Y,
     new_columns,
 )
-from radarsim.robots.motion import drive_robots, find_touched
+from radarsim.robots.motion import (
+    drive_each_alone,
+    drive_on,
+    drive_robots,
+    find_touched,
+)
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.odometry import (
     FREE,
@@ -149,9 +154,39 @@ class Fleet:
         self.robots = tuple(each for each in self.robots if each is not robot)
         self._update_slots()
 
+    def place(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
+        """Put a robot elsewhere, where it stands still; arguments as of ``add``.
+
+        Odometry goes on as if the robot had not been moved.
+        """
+        number = robot.number
+        self._add_floor(obstacles)
+        self._fill_slot(robot, pose, obstacles)
+        self.columns[robot.slot, NUMBER] = number
+        self._forget_gaps()
+
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
         drive_robots(self._around, self.slots, self.odometry, dt)
+
+    def drive(
+        self, slots: NDArray[np.int64], dt: float, steps: int, *, meets: bool
+    ) -> NDArray[np.bool_]:
+        """Drive some robots for several time steps, as if there were no others.
+
+        Args:
+            slots: (K,) their slots, in the order in which they move.
+            dt: Time step, s.
+            steps: Number of time steps.
+            meets: Whether these robots may run into each other.
+
+        Returns:
+            (K,) whether each was blocked, or touched something, after any of the steps.
+        """
+        touched = np.zeros(len(slots), np.bool_)
+        kernel = drive_on if meets else drive_each_alone
+        kernel(self._around, slots, self.odometry, dt, steps, touched)
+        return touched
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which robots were blocked in the last step, or touch something.
@@ -185,18 +220,21 @@ class Fleet:
 
     def _take_slot(self, obstacles: Obstacles) -> int:
         """Return a free slot, and make room for it and for the walls of its floor."""
-        columns, walls = self.columns, self._around.walls
         if not self._free_slots:
-            count = len(columns)
+            count = len(self.columns)
             more = new_columns(max(_FIRST_SLOTS, count))
-            columns = np.concatenate([columns, more])
+            columns = np.concatenate([self.columns, more])
             self._free_slots = list(range(len(columns) - 1, count - 1, -1))
+            self._around = _surroundings(columns, self._around.walls)
+        self._add_floor(obstacles)
+        return self._free_slots.pop()
+
+    def _add_floor(self, obstacles: Obstacles) -> None:
+        """Make room for the walls of a floor, unless it is known."""
         if obstacles not in self._floors:
             self._floors.append(obstacles)
             walls = wall_table([floor.segments for floor in self._floors])
-        if columns is not self.columns or walls is not self._around.walls:
-            self._around = _surroundings(columns, walls)
-        return self._free_slots.pop()
+            self._around = _surroundings(self.columns, walls)
 
     def _fill_slot(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
         model, row = robot.model, self.columns[robot.slot]
@@ -234,6 +272,9 @@ class Fleet:
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)
+        self._forget_gaps()
+
+    def _forget_gaps(self) -> None:
         # A robot that came may be close to any other, and one that left was.
         self.columns[:, ROBOT_GAP] = 0.0
         self.columns[:, TOUCHED] = UNKNOWN

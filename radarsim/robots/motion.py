@@ -104,3 +104,37 @@ def find_touched(around: Any, order: Any, slots: Any) -> Any:
         if robots[slot, TOUCHED] == UNKNOWN:
             is_touched = robots[slot, BLOCKED] != 0.0 or is_touching(around, slot)
             robots[slot, TOUCHED] = 1.0 if is_touched else 0.0
+
+
+@njit_cached
+def drive_on(
+    around: Any, order: Any, odometry: Any, dt: Any, steps: Any, touched: Any
+) -> Any:
+    """Drive robots for several time steps.
+
+    Args:
+        around: The ``Surroundings``.
+        order: (R,) slots of the robots, in the order in which they move.
+        odometry: (M, 7) table of the odometry of some of them.
+        dt: Time step, s.
+        steps: Number of time steps.
+        touched: (R,) bool; set for robots that are touched after any of the steps.
+    """
+    for _ in range(steps):
+        drive_robots(around, order, odometry, dt)
+        find_touched(around, order, order)
+        for i in range(len(order)):
+            touched[i] |= around.robots[order[i], TOUCHED] == 1.0
+
+
+@njit_cached
+def drive_each_alone(
+    around: Any, order: Any, odometry: Any, dt: Any, steps: Any, touched: Any
+) -> Any:
+    """Drive robots for several time steps as if no others were there.
+
+    Arguments as of ``drive_on``.
+    """
+    for i in range(len(order)):
+        alone = slice(i, i + 1)
+        drive_on(around, order[alone], odometry, dt, steps, touched[alone])

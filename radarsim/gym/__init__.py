@@ -1,0 +1,56 @@
+"""Environments for reinforcement learning: Gymnasium, its vectors, and PettingZoo.
+
+A robot is to drive to a goal, by what its scanner sees and two wheel speeds. Importing
+this package registers ``radarsim/GoTo-v0``, ``radarsim/Hedge-v0`` with a hedge between
+start and goal, and ``radarsim/Smoke-v0`` in a room with smoke::
+
+    env = gymnasium.make("radarsim.gym:radarsim/GoTo-v0", map="foliage_room")
+
+Gymnasium comes with ``pip install 'radarsim[gym]'``, PettingZoo with
+``pip install 'radarsim[marl]'``.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise ImportError(
+        f"{error}, expected: pip install 'radarsim[gym]'", name=error.name
+    ) from None
+
+from radarsim.gym.environment import GoToEnv
+from radarsim.gym.settings import GoToSettings, Transition, progress_reward
+from radarsim.gym.vector import VectorEnv
+
+if TYPE_CHECKING:
+    from radarsim.gym.parallel import ParallelEnv
+
+__all__ = [
+    "GoToEnv",
+    "GoToSettings",
+    "ParallelEnv",
+    "Transition",
+    "VectorEnv",
+    "progress_reward",
+]
+
+_TASKS: dict[str, dict[str, Any]] = {
+    "radarsim/GoTo-v0": {},
+    "radarsim/Hedge-v0": {"map": "hedge_garden", "start": "map", "goal": "map"},
+    "radarsim/Smoke-v0": {"map": "smoke_room"},
+}
+for _name, _settings in _TASKS.items():
+    gymnasium.register(
+        _name,
+        entry_point="radarsim.gym.environment:GoToEnv",
+        vector_entry_point="radarsim.gym.vector:VectorEnv",
+        kwargs=_settings,
+    )
+
+
+def __getattr__(name: str) -> Any:
+    if name == "ParallelEnv":  # PettingZoo is another extra
+        return importlib.import_module("radarsim.gym.parallel").ParallelEnv
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
