@@ -72,6 +72,14 @@ def commander(
             " it.",
         ),
     ] = None,
+    record_to: Annotated[
+        Path,
+        typer.Option(
+            metavar="DIR",
+            file_okay=False,
+            help="Folder in which the page's recordings get folders of their own.",
+        ),
+    ] = Path(),
     child: Annotated[
         bool,
         typer.Option(
@@ -114,6 +122,7 @@ def commander(
             token=token,
             config=config,
             map=map_,
+            record_to=record_to,
             is_child=child,
         ),
         lambda address: announce_commander(address, token),

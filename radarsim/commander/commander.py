@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from radarsim import __version__
 from radarsim.commander.activities import Activities
 from radarsim.commander.attention import Attention
 from radarsim.commander.explanation import explain_beam
 from radarsim.commander.frame_sender import FrameSender
 from radarsim.commander.frames import Owner, encode_frame
-from radarsim.commander.offers import make_offers
+from radarsim.commander.greeting import make_greeting
 from radarsim.commander.own_robot import OwnRobot
+from radarsim.commander.recording_switch import RecordingSwitch
 from radarsim.commander.requests import (
     Ack,
     BadRequest,
@@ -28,6 +29,7 @@ from radarsim.commander.requests import (
     Goto,
     Look,
     Map,
+    Record,
     Remove,
     Request,
     Select,
@@ -63,12 +65,14 @@ class Commander:
         self,
         address: tuple[str, int],
         config: SimulationConfig,
+        record_to: Path,
     ) -> None:
         """Create a commander that is not connected; to be called in the event loop.
 
         Args:
             address: Host and port of the server.
             config: How the server was started, as far as it is known.
+            record_to: Folder in which each recording gets one of its own.
         """
         self.viewers = Viewers()
         self.roster = Roster(address, config)
@@ -76,6 +80,7 @@ class Commander:
         self._scene: SceneMessages | None = None
         self._frames = FrameSender(self.viewers, self._frame)
         self._link = ServerLink(address)
+        self._recording = RecordingSwitch(address, config, record_to, self.viewers)
         self._activities = Activities(self.roster, self.viewers.broadcast)
         self._attention = Attention(
             self._link, self.viewers, self.roster, self._activities
@@ -98,6 +103,7 @@ class Commander:
             Goto: lambda _, request: self._activities.go(request),
             Look: self._look,
             Map: lambda _, request: self._activities.switch_map(request),
+            Record: lambda _, request: self._recording.switch(request.on),
             Remove: self._remove,
             Select: self._select,
             Setting: self._set,
@@ -114,7 +120,7 @@ class Commander:
             for task in self._work:
                 task.cancel()
             self._activities.close()
-            await self.roster.close()
+            await asyncio.gather(self.roster.close(), self._recording.close())
 
     def show_scene(self, scene: SceneMessages) -> None:
         """Show the map that the server serves."""
@@ -122,16 +128,17 @@ class Commander:
         self._activities.safety_distance = scene.safety_distance
         self._activities.bounds = scene.bounds
         for viewer in self.viewers.values():
-            viewer.send(self._hello(viewer), "hello")
+            self._greet(viewer)
             viewer.send(scene.plan, "scene")
 
     def join(self) -> Viewer:
         """Add a browser, and tell it what there is."""
         viewer = self.viewers.add()
         self._attention.update()
-        viewer.send(self._hello(viewer))
+        self._greet(viewer)
         if self._scene is not None:
             viewer.send(self._scene.plan)
+        viewer.send(self._recording.message(), "recording")
         self._tell_server(viewer)
         for text in self._activities.messages():
             viewer.send(text)
@@ -246,25 +253,9 @@ class Commander:
 
     # What browsers are told
 
-    def _hello(self, viewer: Viewer) -> dict[str, Any]:
-        state, scene = self._link.state, self._scene
-        starts = [
-            {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
-            for name, pose in state.starts.items()
-        ]
-        return {
-            "op": "hello",
-            "viewer": viewer.name,
-            "version": __version__,
-            "level": state.level,
-            "dialect": self._config.dialect.name,
-            "watch": state.watches,
-            "map": scene is not None,
-            "record": False,
-            "starts": starts,
-            "materials": [] if scene is None else scene.materials,
-            **make_offers(),
-        }
+    def _greet(self, viewer: Viewer) -> None:
+        greeting = make_greeting(viewer, self._link.state, self._config, self._scene)
+        viewer.send(greeting, "hello")
 
     def _robots_changed(self) -> None:
         self._attention.update()  # echoes of robots that were selected before they came
@@ -278,7 +269,7 @@ class Commander:
             self.viewers.broadcast({"op": "lost", "text": state.problem}, "server")
             return
         for viewer in self.viewers.values():
-            viewer.send(self._hello(viewer), "hello")
+            self._greet(viewer)
             self._tell_server(viewer)
         if was_lost:
             self.viewers.broadcast({"op": "found"}, "server")

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from socket import socket
 from typing import TYPE_CHECKING, Any, Final
 
@@ -42,6 +43,7 @@ class CommanderSettings:
         token: What a browser has to know.
         config: How the server was started, as far as it is known.
         map: Name or file of the map that it serves; None if it is not known.
+        record_to: Folder in which each recording gets one of its own.
         is_child: Whether to end when stdin is closed. The parent checks the map; else
             it is loaded before browsers can connect.
     """
@@ -52,6 +54,7 @@ class CommanderSettings:
     token: str
     config: SimulationConfig
     map: str | None = None
+    record_to: Path = Path()
     is_child: bool = False
 
 
@@ -86,7 +89,7 @@ async def serve_page(
     """Serve the page until a future is done; arguments and errors as above."""
     with bind(settings.web_host, settings.web_port) as listening:
         address = listening.getsockname()[:2]
-        commander = Commander(settings.server, settings.config)
+        commander = Commander(settings.server, settings.config, settings.record_to)
         doors = Doors(settings.web_host, address[1])
         app = create_app(commander, doors, settings.token)
         server = _WebServer(app, lambda: announce(address))

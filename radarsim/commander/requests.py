@@ -160,7 +160,7 @@ class Explain(Request):
 
 
 class Record(Request):
-    """Begin or end a recording."""
+    """Begin to record all robots of the server, or end it."""
 
     op: Literal["record"]
     on: bool

@@ -77,6 +77,11 @@ class RecordingProcess:
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
 
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more is recorded, as when the disk is full."""
+        return self._has_ended
+
     def add(self, call: HostCall) -> None:
         """Record a call; never raises, and waits only if that was asked for."""
         if self._has_ended:

@@ -1,6 +1,7 @@
 """The page with servers that are lost, speak another dialect, or cannot watch."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from commander_page import CommanderPage
 from deaf_to_watch import without_watch
@@ -10,19 +11,27 @@ from truth import Truth
 OpenPage = Callable[..., CommanderPage]
 
 
-def test_a_lost_server_is_told_and_a_new_one_is_found(open_page: OpenPage) -> None:
+def test_a_lost_server_is_told_and_a_new_one_is_found(
+    open_page: OpenPage, tmp_path: Path
+) -> None:
+    words = ("--map", "empty_room", "--record-to", str(tmp_path))
     with (
         serve_robots("empty_room") as (process, address),
-        show(address, "--map", "empty_room") as served,
+        show(address, *words) as served,
     ):
         commander = open_page(served)
         lost = commander.page.locator("#lost")
         commander.add_robot("L1")
+        commander.page.click("#record")
+        commander.until(lambda: "Records to" in commander.text("notice"))
         assert lost.is_hidden()
         process.kill()
         process.wait()
         commander.until(lost.is_visible, "for the banner")
         assert "connect" in commander.text("lost")
+        commander.until(lambda: "Recorded in" in commander.text("notice"))
+        (folder,) = tmp_path.iterdir()
+        assert (folder / "metadata.yaml").exists()
         assert "stale" in (commander.page.locator("body").get_attribute("class") or "")
         with serve_robots("empty_room", port=address[1]):
             commander.until(lost.is_hidden, "for the new server")

@@ -47,7 +47,6 @@ const takers = {
     setText(byId("level"), message.level ?? "");
     setText(byId("notice"), "");
     setText(byId("error"), "");
-    byId("record").hidden = !message.record;
     tellLink("connected", "connected");
     if (world.chosen) select(world.chosen);
     tellWhetherSeen();
@@ -83,9 +82,9 @@ const takers = {
     setText(byId("notice"), "");
   },
   viewer: () => {},
-  recording: ({ on, path }) => {
+  recording({ on, text }) {
     byId("record").setAttribute("aria-pressed", String(on));
-    setText(byId("notice"), on ? `Recording to ${path}` : "Recording has ended");
+    setText(byId("notice"), text);
   },
   notice: ({ text }) => setText(byId("notice"), text),
   error({ text }) {
