@@ -1,13 +1,12 @@
 """The commander: acts upon what browsers ask for, and tells them what there is.
 
-Everything runs in one event loop. What takes long, such as spawning, runs beside it
-and reports to the browser that asked.
+Everything runs in one event loop. What takes long, such as spawning, is done beside it.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -41,15 +40,14 @@ from radarsim.commander.requests import (
 from radarsim.commander.roster import Roster
 from radarsim.commander.scanner_settings import change_setting, undo_setting
 from radarsim.commander.server_link import ServerLink
+from radarsim.commander.spawner import Spawner
 from radarsim.commander.viewer import Viewer
 from radarsim.commander.viewers import Viewers
-from radarsim.errors import RadarsimError
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.commander.scene_message import SceneMessages
 
-LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
 NOT_OWN: Final = Owner(mine=False, driver=None, hindrance="it is another program's")
 
 
@@ -85,7 +83,7 @@ class Commander:
         self._attention = Attention(
             self._link, self.viewers, self.roster, self._activities
         )
-        self._work: set[asyncio.Task[None]] = set()
+        self._spawner = Spawner(self.roster, self._tell_driver)
         self._is_lost = True
         self._activities.on_mapped = self._attention.update
         self.roster.on_change = self._robots_changed
@@ -104,10 +102,10 @@ class Commander:
             Look: self._look,
             Map: lambda _, request: self._activities.switch_map(request),
             Record: lambda _, request: self._recording.switch(request.on),
-            Remove: self._remove,
+            Remove: self._spawner.remove,
             Select: self._select,
             Setting: self._set,
-            Spawn: self._spawn,
+            Spawn: self._spawner.spawn,
             Stop: self._stop,
             Triangles: self._send_triangles,
         }
@@ -117,8 +115,7 @@ class Commander:
         try:
             await self._link.run()
         finally:
-            for task in self._work:
-                task.cancel()
+            self._spawner.close()
             self._activities.close()
             await asyncio.gather(self.roster.close(), self._recording.close())
 
@@ -198,31 +195,6 @@ class Commander:
         self._attention.update()
         self._frames.catch_up(viewer)
 
-    def _spawn(self, viewer: Viewer, request: Spawn) -> None:
-        if request.start is not None and request.pose is not None:
-            raise BadRequest("a start and a pose, expected only one of them")
-        name = self.roster.begin_spawning(request)
-
-        def tell_wait() -> None:
-            text = f"{name} is not there yet: there is no free place, or the server"
-            viewer.send({"op": "notice", "text": f"{text} still compiles"})
-
-        async def spawn() -> None:
-            waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
-            try:
-                robot = await self.roster.spawn(name, request, self._link.state.starts)
-            finally:
-                waiting.cancel()
-            robot.on_expiry = lambda: self._tell_driver(robot)
-            self._begin(viewer, self.roster.run(robot))
-            viewer.send({"op": "spawned", "robot": name})
-
-        self._begin(viewer, spawn())
-
-    def _remove(self, viewer: Viewer, request: Remove) -> None:
-        robot = self.roster.find_own(request.robot)
-        self._begin(viewer, self.roster.remove(robot))
-
     def _set(self, _: Viewer, request: Setting) -> None:
         robot = self.roster.find_own(request.robot)
         if not self._link.state.watches:
@@ -238,19 +210,6 @@ class Commander:
             raise BadRequest("no map is known; start the commander with --map")
         viewer.send(self._scene.triangles, "triangles")
 
-    def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
-        """Do something beside all else, and tell the browser if it fails."""
-
-        async def report() -> None:
-            try:
-                await work
-            except RadarsimError as error:
-                viewer.send({"op": "error", "text": str(error)})
-
-        task = asyncio.ensure_future(report())
-        self._work.add(task)
-        task.add_done_callback(self._work.discard)
-
     # What browsers are told
 
     def _greet(self, viewer: Viewer) -> None:
@@ -264,6 +223,7 @@ class Commander:
     def _server_changed(self) -> None:
         state = self._link.state
         was_lost, self._is_lost = self._is_lost, bool(state.problem)
+        self._spawner.starts = state.starts
         if state.problem:
             self.roster.forget_others()
             self.viewers.broadcast({"op": "lost", "text": state.problem}, "server")

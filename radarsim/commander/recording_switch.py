@@ -84,10 +84,10 @@ class RecordingSwitch:
                 lambda: self._tell(on=True, text=f"Records to {folder}")
             )
         except asyncio.CancelledError:
-            self._tell(on=False, text=f"Recorded in {folder}")
+            self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
             was_on = self._state["on"] and not isinstance(error, RecordingError)
-            self._tell(on=False, text=f"Recorded in {folder}" if was_on else "")
+            self._tell(False, f"Recorded in {folder}" if was_on else "")
             text = f"recording: {error}"
             self._viewers.broadcast({"op": "error", "text": text})
 
@@ -100,6 +100,6 @@ class RecordingSwitch:
         folder = self._folder.resolve() / name
         return RobotsRecording(self._server, folder, self._config)
 
-    def _tell(self, *, on: bool, text: str) -> None:
+    def _tell(self, on: bool, text: str) -> None:
         self._state = {"op": "recording", "on": on, "text": text}
         self._viewers.broadcast(self._state, "recording")

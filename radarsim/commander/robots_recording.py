@@ -117,11 +117,13 @@ class RobotsRecording:
     def _begin(self) -> RecordingProcess:
         """Create the folder, and start the process that writes into it."""
         config = self._config
-        info = RecordingInfo(
-            version=__version__,
-            level=self._level,
-            dialect=config.dialect.name,
-            drive_unit=config.drive_unit or config.dialect.drive_unit,
+        info = RecordingInfo.model_validate(
+            {
+                "version": __version__,
+                "level": self._level,
+                "dialect": config.dialect.name,
+                "drive_unit": config.drive_unit or config.dialect.drive_unit,
+            }
         )
         create_folder(self.folder)
         return RecordingProcess(self.folder, info)

@@ -148,7 +148,7 @@ async def test_hello_tells_what_there_is_and_the_map_follows(commander: Any) -> 
     [
         ({"op": "drive", "robot": "x", "v": 1, "w": 0}, "no robot 'x'"),
         ({"op": "nonsense"}, "nonsense"),
-        ({"op": "record", "on": True}, "record"),
+        ({"op": "record", "on": "x"}, "on"),
         ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
     ],
 )

@@ -25,6 +25,11 @@ def read(folder: Path, topic: str) -> list[Any]:
         ]
 
 
+def only_folder(path: Path) -> Path:
+    (folder,) = path.iterdir()
+    return folder
+
+
 def seconds(message: Any) -> float:
     stamp = message.header.stamp
     return round(float(stamp.sec + stamp.nanosec * 1e-9), 2)
@@ -54,7 +59,7 @@ async def test_all_robots_are_recorded_until_anybody_ends_it(
             told = (await page.hear("recording", on=False, text=""))["text"]
             while not told:
                 told = (await page.hear("recording", on=False))["text"]
-    (folder,) = tmp_path.iterdir()
+    folder = only_folder(tmp_path)
     assert str(folder) in told
     sent = {round(scan.time, 2): scan.ranges for scan in scans}
     recorded = read(folder, "/R_1/lms200/scan")
@@ -82,7 +87,7 @@ async def test_a_recording_is_complete_when_the_commander_ends(
             frame = await page.see(lambda frame: frame.robot("R1").get("scans"))
             start = frame.header["t"]
             await page.see(lambda frame: frame.header["t"] > start + 1)
-    (folder,) = tmp_path.iterdir()
+    folder = only_folder(tmp_path)
     assert len(read(folder, "/R1/lms200/scan")) >= 2
 
 
