@@ -13,9 +13,9 @@
         * ClientTimeout -- no answer in time; the connection stays open
     * MappingError -- no map can be made from what a server sends
     * NavigationError -- a robot cannot do a task: it has no scanner, or is too wide
+        * TooNearError -- a start or a goal is inside the safety distance
     * RecordingError -- a recording cannot be written, read, or repeated
     * MissingPackage -- an optional package is not installed; names the extra
-        * TooNearError -- a start or a goal is inside the safety distance
 
 Programming errors stay ValueError, TypeError and AssertionError.
 """

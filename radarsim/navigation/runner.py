@@ -13,8 +13,15 @@ from radarsim.geometry import Pose2
 from radarsim.navigation.bug import Activity, Bug, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.clearance_check import ClearanceCheck
-from radarsim.navigation.control import ControlLoop, StuckDetector, Twist, moved
+from radarsim.navigation.control import (
+    STOP,
+    ControlLoop,
+    StuckDetector,
+    Twist,
+    moved,
+)
 from radarsim.navigation.echo_ranges import ECHO_WAIT
+from radarsim.navigation.moving_things import Waiting
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.observation_builder import ObservationBuilder
 from radarsim.navigation.options import PoseSource
@@ -158,11 +165,14 @@ class Navigator:
                 the start or a goal is inside the safety distance of something.
         """
         trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
-        clearance = ClearanceCheck(bumpers)
+        clearance, waiting, twist = ClearanceCheck(bumpers), Waiting(bumpers), STOP
         try:
             for observation in self._loop.scans():
                 clearance.check(observation, bug.goals[0] if bug.goals else None)
-                twist = bug.step(observation)
+                if waiting.has_to_wait(observation, twist):
+                    twist = STOP
+                else:
+                    twist = bug.step(observation)
                 trip.add(observation)
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
                 goal = bug.goals[0] if bug.goals else None

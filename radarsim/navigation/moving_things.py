@@ -1,0 +1,142 @@
+"""Things that move: who sees something come into its way stops and waits.
+
+Theory of operation
+===================
+A scan is compared with one of a moment before. What is now seen where a beam went
+through then has come there: it moves. What was hidden then, behind something nearer,
+may as well have stood there, and does not count. Beams of the earlier scan count with
+those beside them: a pole may have been between two of them, and a radar with side beams
+sees it up to 0.2 m beside its place.
+
+From where it was then and is now follows its velocity. The robot stands if the two
+would come too near to each other within the next seconds.
+
+A robot that waits for something follows nothing, so what passes becomes no obstacle.
+What has come to a stand is an obstacle like others.
+"""
+
+import math
+from collections import deque
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.control import Twist
+from radarsim.navigation.observation import Observation, wrap_angles
+
+INTERVAL: Final = 1.5  # s between the scans that are compared
+MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
+LEAST_BEAMS: Final = 3  # that end on something that moves
+SPEED: Final = 0.3  # m/s at which the robot would go on
+HORIZON: Final = 4.0  # s ahead that are looked at
+MORE: Final = 1.0  # m beyond the reach of the bumpers within which it waits
+PAUSE: Final = 1.0  # s without motion after which it goes on
+PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
+IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
+_BESIDE: Final = 0.3  # m beside a place where earlier beams count
+_LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
+
+
+class MotionDetector:
+    """Compares scans with those of a moment before."""
+
+    def __init__(self) -> None:
+        self._earlier: deque[Observation] = deque()
+
+    def moving_beams(self, observation: Observation, reach: float) -> NDArray[np.bool_]:
+        """Return which beams end on something that has moved, (N,).
+
+        Args:
+            observation: The newest scan; the times of scans increase.
+            reach: Longer beams are left out, m.
+        """
+        self._earlier.append(observation)
+        while len(self._earlier) > 1 and _age(self._earlier[1], observation) >= 0:
+            self._earlier.popleft()
+        beams = np.zeros(len(observation.ranges), np.bool_)
+        near = np.flatnonzero(observation.ranges < reach)
+        before = self._earlier[0]
+        if _age(before, observation) < 0 or not len(near):
+            return beams
+        beams[near] = _was_free(before, observation, near)
+        return beams
+
+
+class Waiting:
+    """Decides when to stand because something moves into the robot's way."""
+
+    def __init__(self, bumpers: Bumpers) -> None:
+        self._bumpers = bumpers
+        self._detector = MotionDetector()
+        self._seen: deque[tuple[float, complex]] = (
+            deque()
+        )  # when and where things moved
+        self._ahead = 1.0  # or -1: whether the robot went forward, or backward
+        self._moved = -math.inf  # s; when something last moved into its way
+        self._since = math.inf  # s; since when it waits
+        self._impatient_until = -math.inf  # s
+
+    def has_to_wait(self, observation: Observation, twist: Twist) -> bool:
+        """Return whether to stand until the next scan; to be called at every scan.
+
+        Args:
+            observation: The newest scan.
+            twist: The motion since the scan before; what is ahead depends on it.
+        """
+        now = observation.time
+        if twist.speed:
+            self._ahead = math.copysign(1.0, twist.speed)
+        if self._is_crossed(observation):
+            self._moved = now
+        if now - self._moved >= PAUSE or now < self._impatient_until:
+            self._since = math.inf
+            return False
+        self._since = min(self._since, now)
+        if now - self._since < PATIENCE:
+            return True
+        self._impatient_until = now + IMPATIENCE
+        return False
+
+    def _is_crossed(self, observation: Observation) -> bool:
+        """Return whether something that moves would come too near if the robot went."""
+        reach = self._bumpers.pressed_below + MORE
+        beams = self._detector.moving_beams(observation, reach)
+        if np.count_nonzero(beams) < LEAST_BEAMS:
+            return False
+        pose, now = observation.pose, observation.time
+        angles = observation.bearings[beams] + pose.yaw
+        ends = observation.ranges[beams] * np.exp(1j * angles)
+        centre = complex(ends.mean())
+        place = centre + complex(pose.x, pose.y)
+        self._seen.append((now, place))
+        while now - self._seen[0][0] > INTERVAL:
+            self._seen.popleft()
+        begin, first = self._seen[0]
+        velocity = (place - first) / (now - begin) if now > begin else 0j
+        going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
+        times = np.arange(0.0, HORIZON, 0.25)
+        apart = np.abs(ends[:, None] + (velocity - going) * times).min()
+        return bool(apart < self._bumpers.pressed_below)
+
+
+def _age(earlier: Observation, now: Observation) -> float:
+    """Return by how much a scan is older than the interval, s."""
+    return now.time - earlier.time - (INTERVAL - 1e-6)
+
+
+def _was_free(
+    before: Observation, now: Observation, beams: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return whether earlier beams went through where some beams end now, (M,)."""
+    angles = now.bearings[beams] + now.pose.yaw
+    x = now.pose.x + now.ranges[beams] * np.cos(angles) - before.pose.x
+    y = now.pose.y + now.ranges[beams] * np.sin(angles) - before.pose.y
+    bearings = np.arctan2(y, x) - before.pose.yaw
+    offsets = np.abs(wrap_angles(bearings[:, None] - before.bearings))
+    distances = np.hypot(x, y)
+    free = before.ranges > (distances + MARGIN)[:, None]
+    spread = np.arctan2(_BESIDE, distances)
+    beside = offsets <= np.maximum(spread, _LEAST_SPREAD)[:, None]
+    return np.asarray((free | ~beside).all(axis=1) & beside.any(axis=1))

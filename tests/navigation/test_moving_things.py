@@ -1,0 +1,73 @@
+"""Who sees something come into its way stops and waits, then goes on."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.bug import Bug, BugSettings
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.control import STOP, Twist
+from radarsim.navigation.moving_things import PATIENCE, MotionDetector, Waiting
+from radarsim.navigation.options import Algorithm
+
+World = Callable[..., Any]
+BUMPERS = Bumpers(safety_distance=0.5)
+
+
+def crossing(y: float) -> shapely.Polygon:
+    return shapely.box(-0.25, y - 0.3, 0.25, y + 0.3)
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.5])
+@pytest.mark.parametrize("begin", [-5.0, -4.0, -3.0])
+def test_robot_lets_something_pass_and_reaches_its_goal(
+    flatland: World, begin: float, speed: float
+) -> None:
+    world = flatland(at=Pose2(-3.0, 0.0))
+    bug = Bug([(3.0, 0.0)], BugSettings(algorithm=Algorithm.BUG1, bumpers=BUMPERS))
+    waiting, twist, nearest = Waiting(BUMPERS), STOP, math.inf
+    for k in range(600):
+        other = crossing(begin + speed * 0.1 * k)
+        world.walls = flatland(other, at=world.pose).walls
+        place = shapely.Point(world.pose.x, world.pose.y)
+        if twist.speed:  # the other one does not look where it goes
+            nearest = min(nearest, other.distance(place))
+        scan = world.scan()
+        twist = STOP if waiting.has_to_wait(scan, twist) else bug.step(scan)
+        world.move(twist)
+        if bug.is_done:
+            break
+    assert not bug.goals
+    assert not bug.circuits
+    assert nearest > 0.5
+
+
+def test_nothing_moves_where_only_the_robot_does(flatland: World) -> None:
+    poles = [shapely.Point(x, y).buffer(0.1) for x in (0, 2, 4) for y in (-0.8, 0.9)]
+    world = flatland(*poles, shapely.box(5, -2, 5.1, 2), at=Pose2(-1.0, 0.0))
+    detector = MotionDetector()
+    for k in range(180):
+        assert not detector.moving_beams(world.scan(), 3.0).any()
+        world.move(Twist(0.3, 0.3 * math.cos(0.1 * k)))
+
+
+def test_robot_does_not_wait_for_ever(flatland: World) -> None:
+    """Something drives to and fro before it."""
+    world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS)
+    waits = []
+    for k in range(400):
+        y = 0.4 * math.sin(0.08 * k)
+        world.walls = flatland(
+            shapely.box(1.2, y - 0.2, 1.6, y + 0.2), at=world.pose
+        ).walls
+        waits.append(waiting.has_to_wait(world.scan(), STOP))
+        world.move(STOP)
+    ends = np.flatnonzero(np.diff([0, *waits, 0]))
+    stood = (ends[1::2] - ends[::2]).max()
+    assert 0 < stood <= 10 * PATIENCE + 1
+    assert not all(waits[-200:])
