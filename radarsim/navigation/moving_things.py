@@ -9,7 +9,7 @@ those beside them: a pole may have been between two of them, and a radar with si
 sees it up to 0.2 m beside its place.
 
 From where it was then and is now follows its velocity. The robot stands if the two
-would come too near to each other within the next seconds.
+would come too near to each other within the next seconds, and less so if it stands.
 
 A robot that waits for something follows nothing, so what passes becomes no obstacle.
 What has come to a stand is an obstacle like others.
@@ -26,7 +26,7 @@ from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import Twist
 from radarsim.navigation.observation import Observation, wrap_angles
 
-INTERVAL: Final = 1.5  # s between the scans that are compared
+INTERVAL: Final = 2.0  # s between the scans that are compared
 MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
 LEAST_BEAMS: Final = 3  # that end on something that moves
 SPEED: Final = 0.3  # m/s at which the robot would go on
@@ -117,8 +117,9 @@ class Waiting:
         velocity = (place - first) / (now - begin) if now > begin else 0j
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
-        apart = np.abs(ends[:, None] + (velocity - going) * times).min()
-        return bool(apart < self._bumpers.pressed_below)
+        driving = np.abs(ends[:, None] + (velocity - going) * times).min()
+        standing = np.abs(ends[:, None] + velocity * times).min()
+        return bool(driving < min(self._bumpers.pressed_below, standing))
 
 
 def _age(earlier: Observation, now: Observation) -> float:
