@@ -30,7 +30,7 @@ def chromium() -> str:
     return path
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module")  # with its event loop, in which others cannot run
 def browser(chromium: str) -> Iterator[Browser]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -40,8 +40,9 @@ def browser(chromium: str) -> Iterator[Browser]:
         browser.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def served(chromium: str) -> Iterator[Served]:  # noqa: ARG001 - skips first
+    """A server for all tests, which remove their robots."""
     with serve("foliage_room") as served:
         yield served
 

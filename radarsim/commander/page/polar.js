@@ -37,6 +37,7 @@ export class Polar extends EventTarget {
     pen.strokeStyle = sensorColour(scan.kind);
     pen.stroke(outline);
     if (scan === this.world.scan && this.world.beam !== null) this.drawBeam(pen, scan);
+    this.drawRanges(pen, scan); // last, as readings would cover them
   }
 
   /** Write the caption: which sensor, and what becomes of its beams. */
@@ -68,8 +69,7 @@ export class Polar extends EventTarget {
     const half = Math.min(scan.fov / 2, Math.PI);
     pen.strokeStyle = theme.line;
     pen.lineWidth = 1;
-    const step = outer / (outer % 4 && outer % 5 === 0 ? 5 : 4);
-    pen.font = "11px system-ui, sans-serif";
+    const step = ringStep(outer);
     for (let range = step; range <= outer * 1.001; range += step) {
       pen.beginPath();
       pen.arc(left, top, range * scale, -Math.PI / 2 - half, -Math.PI / 2 + half);
@@ -81,7 +81,14 @@ export class Polar extends EventTarget {
       pen.lineTo(left - outer * scale * Math.sin(turn), top - outer * scale * Math.cos(turn));
     }
     pen.stroke();
-    // Of a full circle not ahead, where most readings matter.
+  }
+
+  /** Label the rings: those of a full circle not ahead, where most readings matter. */
+  drawRanges(pen, scan) {
+    const { left, top, scale, outer } = this.layout;
+    const half = Math.min(scan.fov / 2, Math.PI);
+    const step = ringStep(outer);
+    pen.font = "11px system-ui, sans-serif";
     const turn = half > 3 ? Math.PI / 4 : half;
     const [across, ahead] = [Math.sin(turn), Math.cos(turn)];
     pen.textAlign = "center";
@@ -144,6 +151,11 @@ export class Polar extends EventTarget {
     const detail = { scanner: scan.scanner, beam: Math.min(Math.max(beam, 0), scan.count - 1) };
     this.dispatchEvent(new CustomEvent("beam", { detail }));
   }
+}
+
+/** Return the distance of rings, m. */
+function ringStep(outer) {
+  return outer / (outer % 4 && outer % 5 === 0 ? 5 : 4);
 }
 
 /** Return the range of the outermost ring, m: the same for all scans of a robot. */
