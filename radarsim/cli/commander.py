@@ -6,87 +6,96 @@ import asyncio
 import logging
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 from urllib.parse import urlencode
 
 import typer
 
-from radarsim.cli.options import (
-    DEFAULT_PORT,
-    DriveUnit,
-    read_item_settings,
-)
+from radarsim.cli.options import DEFAULT_PORT, DriveUnit
 from radarsim.cli.output import print_message, start_log
-from radarsim.cli.serve import DialectName, check_item_settings, cure_of_port
+from radarsim.cli.serve import check_item_settings, cure_of_port
+from radarsim.cli.server_options import DialectName, ServerOptions
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
+
+if TYPE_CHECKING:
+    from radarsim.commander.program import CommanderSettings
 
 LONGEST_TOKEN = 200  # characters
 
 
+ServerHostOption = Annotated[str, typer.Option(help="Host of the server.")]
+ServerPortOption = Annotated[
+    int, typer.Option(min=1, max=65535, help="Port of the server.")
+]
+WebPortOption = Annotated[
+    int,
+    typer.Option(min=0, max=65535, help="Port of the web page; 0 takes a free one."),
+]
+WebHostOption = Annotated[
+    str, typer.Option(help="Address on which browsers reach the page.")
+]
+TokenFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Read the token from here instead of making a new one."
+    ),
+]
+ServedMapOption = Annotated[
+    str | None,
+    typer.Option(
+        "--map",
+        metavar="MAP",
+        help="The map that the server serves, to be drawn; @VARIANT may follow.",
+    ),
+]
+ServedDialectOption = Annotated[
+    DialectName, typer.Option(help="Dialect of the server.")
+]
+ServedUnitOption = Annotated[
+    DriveUnit | None,
+    typer.Option(
+        help="Unit in which the server takes wheel speeds; the dialect's by default."
+    ),
+]
+ServedItemSettingsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="ITEM.KEY=VALUE",
+        help="Setting with which the server was started, so that the page shows it.",
+    ),
+]
+RecordToOption = Annotated[
+    Path,
+    typer.Option(
+        metavar="DIR",
+        file_okay=False,
+        help="Folder in which the page's recordings get folders of their own.",
+    ),
+]
+ChildOption = Annotated[
+    bool,
+    typer.Option(
+        hidden=True,
+        help="Read host and port of the server from stdin, and end with it.",
+    ),
+]
+
+
 def commander(
     *,
-    host: Annotated[str, typer.Option(help="Host of the server.")] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(min=1, max=65535, help="Port of the server.")
-    ] = DEFAULT_PORT,
-    web: Annotated[
-        int,
-        typer.Option(
-            min=0, max=65535, help="Port of the web page; 0 takes a free one."
-        ),
-    ] = 8000,
-    web_host: Annotated[
-        str, typer.Option(help="Address on which browsers reach the page.")
-    ] = "127.0.0.1",
-    web_token_file: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Read the token from here instead of making a new one."
-        ),
-    ] = None,
-    map_: Annotated[
-        str | None,
-        typer.Option(
-            "--map",
-            metavar="MAP",
-            help="The map that the server serves, to be drawn; @VARIANT may follow.",
-        ),
-    ] = None,
-    dialect: Annotated[
-        DialectName, typer.Option(help="Dialect of the server.")
-    ] = DialectName.COMPAT,
-    drive_unit: Annotated[
-        DriveUnit | None,
-        typer.Option(
-            help="Unit in which the server takes wheel speeds; the dialect's by"
-            " default."
-        ),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="ITEM.KEY=VALUE",
-            help="Setting with which the server was started, so that the page shows"
-            " it.",
-        ),
-    ] = None,
-    record_to: Annotated[
-        Path,
-        typer.Option(
-            metavar="DIR",
-            file_okay=False,
-            help="Folder in which the page's recordings get folders of their own.",
-        ),
-    ] = Path(),
-    child: Annotated[
-        bool,
-        typer.Option(
-            hidden=True,
-            help="Read host and port of the server from stdin, and end with it.",
-        ),
-    ] = False,
+    host: ServerHostOption = "127.0.0.1",
+    port: ServerPortOption = DEFAULT_PORT,
+    web: WebPortOption = 8000,
+    web_host: WebHostOption = "127.0.0.1",
+    web_token_file: TokenFileOption = None,
+    map_: ServedMapOption = None,
+    dialect: ServedDialectOption = DialectName.COMPAT,
+    drive_unit: ServedUnitOption = None,
+    settings: ServedItemSettingsOption = None,
+    record_to: RecordToOption = Path(),
+    child: ChildOption = False,
 ) -> None:
     """See, drive and explain robots in a browser."""
     from radarsim.server.lifecycle import check_port
@@ -94,19 +103,11 @@ def commander(
     with cure_of_port({"--web": web}):  # before imports that take long
         check_port(web_host, web)
     from radarsim.commander.doors import make_token
-    from radarsim.commander.program import CommanderSettings, run_commander
-    from radarsim.protocol.dialect import get_dialect
-    from radarsim.simulation.config import SimulationConfig
+    from radarsim.commander.program import CommanderSettings
 
     # The parent says what is wrong with the options that it passes on, and ends.
     server = _read_address() if child else (host, port)
-    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
-    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
-    config = SimulationConfig(
-        get_dialect(dialect.value),
-        None if drive_unit is None else drive_unit.value,
-        read_item_settings(settings or []),
-    )
+    config = ServerOptions(dialect, drive_unit, settings).config()
     if not child:
         check_item_settings(config)
     token = make_token() if web_token_file is None else read_token(web_token_file)
@@ -114,7 +115,7 @@ def commander(
         print_message(
             f"whoever reaches {web_host} and knows the token can drive the robots"
         )
-    running = run_commander(
+    _run(
         CommanderSettings(
             server=server,
             web_host=web_host,
@@ -124,10 +125,20 @@ def commander(
             map=map_,
             record_to=record_to,
             is_child=child,
-        ),
-        lambda address: announce_commander(address, token),
+        )
     )
-    with cure_of_port({"--web": web}):
+
+
+def _run(settings: CommanderSettings) -> NoReturn:
+    """Serve the page until a signal comes."""
+    from radarsim.commander.program import run_commander
+
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
+    running = run_commander(
+        settings, lambda address: announce_commander(address, settings.token)
+    )
+    with cure_of_port({"--web": settings.web_port}):
         code = asyncio.run(running)
     exit_immediately(code)  # threads may still import or compute
 

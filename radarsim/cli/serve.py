@@ -7,13 +7,12 @@ import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from enum import StrEnum
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Final
 
 import typer
 
-from radarsim.cli.commander_process import commander_process
+from radarsim.cli.commander_process import CommanderProcess, commander_process
 from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.options import (
     DEFAULT_MAX_CLIENTS,
@@ -21,11 +20,24 @@ from radarsim.cli.options import (
     DriveUnit,
     MapArgument,
     SeedOption,
-    check_positive,
     read_item_settings,
 )
 from radarsim.cli.output import program_name, start_log
 from radarsim.cli.recorded_host import RecordOption, open_host
+from radarsim.cli.server_options import (
+    CommandUnitOption,
+    DialectName,
+    DialectOption,
+    ImagePortOption,
+    ItemSettingsOption,
+    ListenHostOption,
+    ListenPortOption,
+    MaxClientsOption,
+    ServerOptions,
+    SpeedOption,
+    VerboseOption,
+    WithWebOption,
+)
 from radarsim.errors import PortUnavailable, PresetError, ServerError
 from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
 
@@ -40,116 +52,67 @@ log = logging.getLogger("radarsim.server")
 OTHER_FILES: Final = 128  # that the server opens besides those of its clients
 
 
-class DialectName(StrEnum):
-    """Dialects of the USARSim protocol."""
-
-    COMPAT = "compat"
-    UDK = "udk"
-
-
 def serve(
     map_: MapArgument,
     *,
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[
-        int,
-        typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
-    ] = DEFAULT_PORT,
-    image_port: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            help="Serve pictures of the first robot's camera on this port as well; the"
-            " original's is 5003.",
-        ),
-    ] = None,
-    web: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            help="Serve a web page on this port as well, to see and drive robots; 0"
-            " takes a free one. 'radarsim commander' has more options.",
-        ),
-    ] = None,
+    host: ListenHostOption = "127.0.0.1",
+    port: ListenPortOption = DEFAULT_PORT,
+    image_port: ImagePortOption = None,
+    web: WithWebOption = None,
     seed: SeedOption = 0,
-    speed: Annotated[
-        float,
-        typer.Option(
-            callback=check_positive, help="Simulated seconds per second of real time."
-        ),
-    ] = 1.0,
-    dialect: Annotated[
-        DialectName,
-        typer.Option(
-            help="Form of the lines: as today's clients need it, or the original's."
-        ),
-    ] = DialectName.COMPAT,
-    drive_unit: Annotated[
-        DriveUnit | None,
-        typer.Option(help="Unit of DRIVE commands; the dialect's by default."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="ITEM.KEY=VALUE",
-            help="Change a setting of the robots' items, such as lms200.max_range=20.",
-        ),
-    ] = None,
+    speed: SpeedOption = 1.0,
+    dialect: DialectOption = DialectName.COMPAT,
+    drive_unit: CommandUnitOption = None,
+    settings: ItemSettingsOption = None,
     record: RecordOption = None,
-    max_clients: Annotated[
-        int, typer.Option(min=1, help="Refuse clients when this many are connected.")
-    ] = DEFAULT_MAX_CLIENTS,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Log connections as well.")
-    ] = False,
+    max_clients: MaxClientsOption = DEFAULT_MAX_CLIENTS,
+    verbose: VerboseOption = False,
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
     # before imports that take long
     _check_ports(host, {"--port": port, "--image-port": image_port}, web)
-    options = None
-    if web is not None:
-        options = ["--web", str(web), "--map", map_, "--dialect", dialect.value]
-        options += [] if drive_unit is None else ["--drive-unit", drive_unit.value]
-        options += [word for text in settings or [] for word in ("--set", text)]
+    options = ServerOptions(dialect, drive_unit, settings)
     with ExitStack() as until_end:
-        page = until_end.enter_context(commander_process(options))
-        from radarsim.protocol.dialect import get_dialect
-        from radarsim.server.tcp_server import Server
-        from radarsim.server.tcp_server import serve as serve_until_signal
-        from radarsim.simulation.config import SimulationConfig
-
+        words = None if web is None else ["--web", str(web), "--map", map_]
+        page = until_end.enter_context(
+            commander_process(None if words is None else [*words, *options.words()])
+        )
         level = logging.INFO if verbose else logging.WARNING
         start_log(level, "%(asctime)s %(levelname)s %(message)s")
-        config = SimulationConfig(
-            get_dialect(dialect.value),
-            None if drive_unit is None else drive_unit.value,
-            read_item_settings(settings or []),
-        )
+        config = options.config()
         with compile_progress():  # which maps with meshes do, while they are read
             recorded = open_host(map_, config, record, seed=seed, begins=False)
             simulated = until_end.enter_context(recorded)
+        from radarsim.server.tcp_server import Server
+        from radarsim.server.tcp_server import serve as serve_until_signal
+
         images = None
         if image_port is not None:
             images = make_image_server(simulated, image_port)
-
-        def announce_all(address: tuple[str, int]) -> None:
-            announce(address)
-            if images is not None:
-                announce_images(images.address)
-            if page is not None:
-                page.connect(address)
-
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
-        serving = serve_until_signal(server, host, port, announce_all, images)
+        tell = _announcer(images, page)
+        serving = serve_until_signal(server, host, port, tell, images)
         with cure_of_port({"--image-port": image_port}), compile_progress():
             code = asyncio.run(serving)
     if server.is_loading:
         exit_immediately(code)
     raise typer.Exit(code)
+
+
+def _announcer(
+    images: ImageServer | None, page: CommanderProcess | None
+) -> Callable[[tuple[str, int]], None]:
+    """Return what is to be called with the address when clients can connect."""
+
+    def announce_all(address: tuple[str, int]) -> None:
+        announce(address)
+        if images is not None:
+            announce_images(images.address)
+        if page is not None:
+            page.connect(address)
+
+    return announce_all
 
 
 def _check_ports(host: str, ports: Mapping[str, int | None], web: int | None) -> None:

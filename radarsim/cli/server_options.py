@@ -1,0 +1,112 @@
+"""Options of the commands that serve, or go along with a server that was served so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from radarsim.cli.options import DriveUnit, check_positive, read_item_settings
+
+if TYPE_CHECKING:
+    from radarsim.simulation.config import SimulationConfig
+
+
+class DialectName(StrEnum):
+    """Dialects of the USARSim protocol."""
+
+    COMPAT = "compat"
+    UDK = "udk"
+
+
+ListenHostOption = Annotated[str, typer.Option(help="Address to listen on.")]
+ListenPortOption = Annotated[
+    int,
+    typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
+]
+ImagePortOption = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=65535,
+        help="Serve pictures of the first robot's camera on this port as well; the"
+        " original's is 5003.",
+    ),
+]
+WithWebOption = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=65535,
+        help="Serve a web page on this port as well, to see and drive robots; 0"
+        " takes a free one. 'radarsim commander' has more options.",
+    ),
+]
+SpeedOption = Annotated[
+    float,
+    typer.Option(
+        callback=check_positive, help="Simulated seconds per second of real time."
+    ),
+]
+DialectOption = Annotated[
+    DialectName,
+    typer.Option(
+        help="Form of the lines: as today's clients need it, or the original's."
+    ),
+]
+CommandUnitOption = Annotated[
+    DriveUnit | None,
+    typer.Option(help="Unit of DRIVE commands; the dialect's by default."),
+]
+ItemSettingsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="ITEM.KEY=VALUE",
+        help="Change a setting of the robots' items, such as lms200.max_range=20.",
+    ),
+]
+MaxClientsOption = Annotated[
+    int, typer.Option(min=1, help="Refuse clients when this many are connected.")
+]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Log connections as well.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class ServerOptions:
+    """How a server speaks, and how its robots' items differ from their presets.
+
+    Attributes:
+        dialect: Dialect of its lines.
+        drive_unit: Unit of commands to drive; None for the dialect's.
+        settings: Values of ``--set``.
+    """
+
+    dialect: DialectName
+    drive_unit: DriveUnit | None
+    settings: list[str] | None
+
+    def config(self) -> SimulationConfig:
+        """Return them as the configuration of a simulation.
+
+        Raises:
+            typer.BadParameter: If a setting cannot be read.
+        """
+        from radarsim.protocol.dialect import get_dialect
+        from radarsim.simulation.config import SimulationConfig
+
+        return SimulationConfig(
+            get_dialect(self.dialect.value),
+            None if self.drive_unit is None else self.drive_unit.value,
+            read_item_settings(self.settings or []),
+        )
+
+    def words(self) -> list[str]:
+        """Return them as words of a command line."""
+        unit = [] if self.drive_unit is None else ["--drive-unit", self.drive_unit]
+        settings = [word for text in self.settings or [] for word in ("--set", text)]
+        return ["--dialect", self.dialect, *unit, *settings]
