@@ -3,6 +3,7 @@
 Needs radarsim, playwright and a Chromium on the PATH. The README shows the first one.
 """
 
+import itertools
 import re
 import shutil
 import subprocess
@@ -16,7 +17,8 @@ OPTIONS = ("--no-sandbox", "--enable-unsafe-swiftshader")
 WIDE = {"width": 1360, "height": 850}
 NARROW = {"width": 390, "height": 844}
 PLACE = {"x": "-3.7", "y": "0", "yaw": "0"}  # near enough for the laser
-BEAM = "92"
+AHEAD = range(172, 190)  # beams of a full circle that meet the hedge
+BEHIND = 8.0  # m, beyond the hedge
 
 
 def add_robot(page: Page) -> None:
@@ -38,9 +40,17 @@ def open_page(browser: Browser, url: str, **options: object) -> Page:
 
 
 def select_beam(page: Page) -> None:
-    """Select the beam that the pictures explain."""
-    page.locator("#beam [name=beam]").fill(BEAM)
-    page.locator("#reading", has_text=f"Beam {BEAM}").wait_for()
+    """Select a beam that has passed the hedge, and hold its scan."""
+    hold = page.locator("#beam [name=hold]")
+    reading = page.locator("#reading")
+    for beam in itertools.cycle(AHEAD):
+        page.locator("#beam [name=beam]").fill(str(beam))
+        page.locator("#reading", has_text=f"Beam {beam}").wait_for()
+        hold.check()
+        found = re.search(r"reads ([\d.]+) m", reading.text_content() or "")
+        if found and float(found[1]) > BEHIND:
+            break
+        hold.uncheck()
     page.evaluate("document.activeElement.blur()")
 
 

@@ -240,7 +240,11 @@ export class Plan {
     drawMarks(pen, marks, 6);
     pen.font = `600 ${LABEL}`;
     const text = Number.isFinite(beam.range) ? `${number}: ${beam.range.toFixed(2)} m` : `${number}: –`;
-    drawLabel(pen, text, end[0] + 9, end[1] - 9);
+    const right = end[0] + 9 + pen.measureText(text).width;
+    const turned = right > this.canvas.clientWidth; // it would be cut off
+    pen.textAlign = turned ? "right" : "left";
+    drawLabel(pen, text, ...(turned ? [end[0] - 9, end[1] + 20] : [end[0] + 9, end[1] - 9]));
+    pen.textAlign = "left";
   }
 
   drawScale(pen, { width, height }) {
