@@ -116,18 +116,19 @@ def cold_start(times: int = 2) -> Iterator[BenchmarkRow]:
 
 @contextmanager
 def served(
-    map_: str, *, cache: Path | None = None, loaded: bool = True
+    map_: str, *options: str, cache: Path | None = None, loaded: bool = True
 ) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int]]]:
     """Run the server in its own process, on a free port.
 
     Args:
         map_: Name of a map, or path of a map file.
+        options: Other options of the server.
         cache: Folder of what is compiled; None for the user's.
         loaded: Whether to wait until the server has loaded its engine.
     """
     environment = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
     process = subprocess.Popen(
-        [*PROGRAM, "serve", map_, "--port", "0"],
+        [*PROGRAM, "serve", map_, "--port", "0", *options],
         stdout=subprocess.PIPE,
         stderr=None if cache is None else subprocess.DEVNULL,
         text=True,
@@ -148,12 +149,18 @@ def served(
 
 
 @contextmanager
-def served_hall() -> Iterator[tuple[subprocess.Popen[str], tuple[str, int], Drive]]:
-    """Serve the hall, with clients in another process."""
+def served_hall(
+    *options: str,
+) -> Iterator[tuple[subprocess.Popen[str], tuple[str, int], Drive]]:
+    """Serve the hall, with clients in another process.
+
+    Args:
+        options: Other options of the server.
+    """
     pipe = subprocess.PIPE
     with (
         tempfile.TemporaryDirectory() as folder,
-        served(str(write_hall(Path(folder)))) as (process, (host, port)),
+        served(str(write_hall(Path(folder))), *options) as (process, (host, port)),
         subprocess.Popen(
             [*DRIVERS, host, str(port)], stdin=pipe, stdout=pipe, text=True
         ) as clients,

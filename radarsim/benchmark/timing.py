@@ -119,5 +119,6 @@ GROUPS = {
     "j": "many driving robots, Host.step and take",
     "k": "a map of one closed mesh, made ready for rays, against trimesh and embreex",
     "l": "viewers of the commander, beside robots of other clients",
+    "m": "recording a server",
     "n": "environments for reinforcement learning, processor time",
 }

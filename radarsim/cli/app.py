@@ -28,6 +28,7 @@ from radarsim.cli.output import print_message
 from radarsim.cli.presets import materials, sensors
 from radarsim.cli.recording import recording
 from radarsim.cli.replay import replay
+from radarsim.cli.ros import ros
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
 from radarsim.cli.spectrum import spectrum
@@ -86,6 +87,7 @@ app.command("map")(with_compile_progress(map_))
 app.command()(with_compile_progress(figures))
 app.command()(with_compile_progress(replay))
 app.add_typer(recording, name="recording")
+app.command()(ros)
 app.command()(docs)
 app.command()(with_compile_progress(bench))
 

@@ -104,10 +104,13 @@ class RunRecording:
         Args:
             robot: Name of the robot, if it is not in what its client sends.
         """
+        from radarsim.recording.wire_recorder import FIRST
+
         wire = self._wire
         if wire is None:
             return None
-        wire.robot = robot
+        if robot:
+            wire.begin(FIRST, robot)
 
         def record(number: int, side: str, data: bytes) -> None:
             (wire.sent if side == "client" else wire.received)(number, data)

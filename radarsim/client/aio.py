@@ -160,6 +160,10 @@ class AsyncClient:
         warn_renamed("AsyncClient.order", "AsyncClient.set_item")
         await self.set_item(kind, name, opcode, params)
 
+    async def send(self, data: bytes) -> None:
+        """See ``Client.send``."""
+        await self._run(self._requests.send(data))
+
     async def drive(self, left: float, right: float) -> None:
         """See ``Client.drive``."""
         await self._run(self._requests.send(questions.drive(left, right)))

@@ -231,6 +231,14 @@ class Client:
         warn_renamed("Client.order", "Client.set_item")
         self.set_item(kind, name, opcode, params)
 
+    def send(self, data: bytes) -> None:
+        """Send whole lines as they are, and wait for no answer.
+
+        Raises:
+            ClientError: If the connection is lost.
+        """
+        self._run(self._requests.send(data))
+
     def drive(self, left: float, right: float) -> None:
         """Set the speeds of the left and the right wheels in the server's unit.
 

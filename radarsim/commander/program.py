@@ -7,14 +7,10 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from socket import socket
 from typing import TYPE_CHECKING, Any, Final
-
-import uvicorn
-from starlette.types import ASGIApp
 
 from radarsim.commander.activities import import_algorithms, load_algorithms
 from radarsim.commander.app import create_app
@@ -22,13 +18,12 @@ from radarsim.commander.commander import Commander
 from radarsim.commander.doors import Doors
 from radarsim.commander.requests import LONGEST_MESSAGE
 from radarsim.server.lifecycle import bind, exit_code_of_signal
+from radarsim.server.web_server import WebServer
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.commander.scene_message import SceneMessages
 
-MOST_CONNECTIONS: Final = 200
-END_TIMEOUT: Final = 1  # s that browsers have to go at the end
 FIRST_LOOK: Final = 3.0  # s in which nothing takes time from the first browser
 
 
@@ -92,7 +87,9 @@ async def serve_page(
         commander = Commander(settings.server, settings.config, settings.record_to)
         doors = Doors(settings.web_host, address[1])
         app = create_app(commander, doors, settings.token)
-        server = _WebServer(app, lambda: announce(address))
+        server = WebServer(
+            app, lambda: announce(address), longest_message=LONGEST_MESSAGE
+        )
         loading = asyncio.ensure_future(_load(settings.map))
         if not settings.is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
@@ -167,36 +164,6 @@ async def _in_thread(function: Callable[..., Any], *arguments: object) -> Any:
 
     threading.Thread(target=run, daemon=True).start()
     return await result
-
-
-class _WebServer(uvicorn.Server):
-    """A server of uvicorn that leaves signals alone, and tells when it listens."""
-
-    def __init__(self, app: ASGIApp, on_start: Callable[[], None]) -> None:
-        config = uvicorn.Config(
-            app,
-            access_log=False,
-            http="h11",
-            lifespan="off",
-            limit_concurrency=MOST_CONNECTIONS,
-            log_config=None,
-            server_header=False,
-            timeout_graceful_shutdown=END_TIMEOUT,
-            ws="websockets-sansio",
-            ws_max_size=LONGEST_MESSAGE,
-            ws_per_message_deflate=False,
-        )
-        super().__init__(config)
-        self._on_start = on_start
-
-    def capture_signals(self) -> Any:
-        """Leave the handlers of signals as they are."""
-        return nullcontext()
-
-    async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Listen, and tell that it does."""
-        await super().startup(sockets)
-        self._on_start()
 
 
 def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:

@@ -72,8 +72,7 @@ class RecordingProcess:
         except OSError as error:
             text = f"cannot start recording: {describe_os_error(error)}"
             raise RecordingError(text) from error
-        first = json.dumps({"folder": str(folder.resolve()), "info": info.to_text()})
-        self._queue.put(first.encode() + b"\n")
+        self._queue.put(opening_of(folder, info))
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
 
@@ -86,8 +85,7 @@ class RecordingProcess:
         """Record a call; never raises, and waits only if that was asked for."""
         if self._has_ended:
             return
-        kind, tick, client, data = call
-        frame = FRAME.pack(kind, tick, client, len(data)) + data
+        frame = frame_of(call)
         self._queue.put(frame)
         self._queued += len(frame)
         while self._is_patient and self._is_behind() and not self._has_ended:
@@ -128,6 +126,18 @@ class RecordingProcess:
         self._has_ended = True
         with suppress(OSError):
             pipe.close()
+
+
+def opening_of(folder: Path, info: RecordingInfo) -> bytes:
+    """Return what the process is told first."""
+    first = json.dumps({"folder": str(folder.resolve()), "info": info.to_text()})
+    return first.encode() + b"\n"
+
+
+def frame_of(call: HostCall) -> bytes:
+    """Return what the process is told of a call."""
+    kind, tick, client, data = call
+    return FRAME.pack(kind, tick, client, len(data)) + data
 
 
 def write_calls() -> None:

@@ -36,7 +36,6 @@ class WireRecorder:
 
     Attributes:
         time: The last time that the server has sent, s.
-        robot: Name of the robot, if it is not in what clients send.
     """
 
     def __init__(self, record: Callable[[HostCall], None]) -> None:
@@ -46,7 +45,6 @@ class WireRecorder:
             record: Called with each call; it must not raise.
         """
         self.time = 0.0
-        self.robot = ""
         self._record = record
         self._connections: dict[int, _Connection] = {}
         self._early: list[HostCall] | None = []
@@ -55,6 +53,20 @@ class WireRecorder:
     def tick(self) -> int:
         """The last time that the server has sent, in ticks."""
         return round(100 * self.time)
+
+    def begin(self, number: int, robot: str) -> None:
+        """Record that a client connects, whose robot is known.
+
+        Args:
+            number: Number of the connection.
+            robot: Name of the robot.
+        """
+        self._describe(number, self._connection(number, robot))
+
+    def end_one(self, number: int) -> None:
+        """Record that a connection is closed."""
+        if self._connections.pop(number, None) is not None:
+            self._report(CallKind.DISCONNECT, number)
 
     def sent(self, number: int, data: bytes) -> None:
         """Record what a client sends on a connection."""
@@ -92,12 +104,10 @@ class WireRecorder:
             self._report(CallKind.DISCONNECT, number)
         self._report(CallKind.END)
 
-    def _connection(self, number: int) -> _Connection:
+    def _connection(self, number: int, robot: str = "") -> _Connection:
         if number not in self._connections:
-            self._connections[number] = _Connection(self.robot)
+            self._connections[number] = _Connection(robot)
             self._report(CallKind.CONNECT, number)
-            if self.robot:
-                self._describe(number, self._connections[number])
         return self._connections[number]
 
     def _describe(self, number: int, connection: _Connection) -> None:

@@ -1,6 +1,5 @@
 """Servers record in a process of its own, which ends well however the server ends."""
 
-import json
 import logging
 import os
 import re
@@ -22,7 +21,12 @@ from radarsim.recording import recording_process
 from radarsim.recording.bag_folder import create_folder, file_name
 from radarsim.recording.bag_reader import BagReader, repair
 from radarsim.recording.recording_info import RecordingInfo
-from radarsim.recording.recording_process import PROGRAM, RecordingProcess
+from radarsim.recording.recording_process import (
+    PROGRAM,
+    RecordingProcess,
+    frame_of,
+    opening_of,
+)
 from radarsim.scene.scene import Scene
 
 DISK_SIZES = range(8_000, 64_000, 7_000)  # bytes
@@ -166,16 +170,8 @@ def feed(folder: Path, calls: list[HostCall], limit: int | None) -> str:
         env=env,
         preexec_fn=restrict,  # noqa: PLW1509 - it changes limits only
     )
-    info = RecordingInfo(version="1")
-    first = json.dumps({"folder": str(folder), "info": info.to_text()})
-    frames = [
-        recording_process.FRAME.pack(call.kind, call.tick, call.client, len(call.data))
-        + call.data
-        for call in calls
-    ]
-    _, errors = process.communicate(
-        first.encode() + b"\n" + b"".join(frames), timeout=TIMEOUT
-    )
+    told = [opening_of(folder, RecordingInfo(version="1")), *map(frame_of, calls)]
+    _, errors = process.communicate(b"".join(told), timeout=TIMEOUT)
     return errors.decode()
 
 

@@ -13,8 +13,9 @@ from radarsim.recording.recording_info import RecordingInfo
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 
-FIRST = b"INIT {ClassName USARBot.P3AT_Compare} {Name R 1} {Start RobotStart1}\r\n"
-SECOND = b"INIT {ClassName P3AT} {Name R_1} {Start RobotStart2}\r\n"
+FIRST = "INIT {{ClassName USARBot.P3AT_Compare}} {{Name R 1}} {{Start {}}}\r\n"
+SECOND = "INIT {{ClassName P3AT}} {{Name R_1}} {{Start {}}}\r\n"
+STARTS = ("RobotStart1", "RobotStart2")
 ECHOES = b"SET {Type RangeScanner} {Name lms200} {Opcode ECHOES} {Params true}\r\n"
 DRIVE = b"DRIVE {Left 3} {Right 2}\r\n"
 
@@ -34,9 +35,17 @@ class RecordedRun(NamedTuple):
 
 
 def run_two_clients(
-    scene: Scene, *, ticks: int = 100, config: SimulationConfig | None = None
+    scene: Scene,
+    *,
+    ticks: int = 100,
+    config: SimulationConfig | None = None,
+    starts: Sequence[str] = STARTS,
 ) -> RecordedRun:
     """Run two clients; one spawns before simulated time begins, and leaves first."""
+    first_spawn, second_spawn = (
+        line.format(start).encode()
+        for line, start in zip((FIRST, SECOND), starts, strict=True)
+    )
     config = config or SimulationConfig()
     calls: list[HostCall] = []
     host = RecordedHost(calls.append, scene, config=config, seed=1, begins=False)
@@ -44,7 +53,7 @@ def run_two_clients(
     sent = {first: host.take(first)}
     for _ in range(3):
         host.step()
-    host.receive(first, FIRST)
+    host.receive(first, first_spawn)
     host.step()
     host.begin(host.make_simulation())
     second = host.connect()
@@ -53,7 +62,7 @@ def run_two_clients(
         host.step()
         if tick == ticks // 10:
             host.receive(first, ECHOES + DRIVE)
-            host.receive(second, SECOND + b"GETSTARTPOSES\r\n")
+            host.receive(second, second_spawn + b"GETSTARTPOSES\r\n")
         for number in host.clients_to_send():
             sent[number] += host.take(number)
     sent[first] += host.finish(first)

@@ -1,0 +1,1 @@
+"""Bridges to ROS 2: topics of the robots of a server, live."""
