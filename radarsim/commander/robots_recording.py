@@ -144,9 +144,10 @@ class RobotsRecording:
         """Record a line of a robot; ask about a robot that is new."""
         if is_seen(line):
             robot, own = split_seen(line)
-            recorder.robot = robot  # of a number that is new
-            number = self._numbers.setdefault(robot, len(self._numbers) + 1)
-            recorder.received(number, f"{own}\r\n".encode("latin-1"))
+            if robot not in self._numbers:
+                self._numbers[robot] = len(self._numbers) + 1
+                recorder.begin(self._numbers[robot], robot)
+            recorder.received(self._numbers[robot], f"{own}\r\n".encode("latin-1"))
         elif isinstance(report := _decode(line), RobotJoined):
             for kind in (ROBOT, RANGE_SCANNER):
                 for ask in (questions.geometry, questions.configuration):
