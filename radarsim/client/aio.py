@@ -129,6 +129,10 @@ class AsyncClient:
         """See ``Client.echoes``."""
         await self._run(self._requests.send(questions.echoes(scanner, on)))
 
+    async def targets(self, scanner: str, on: bool = True) -> None:
+        """See ``Client.targets``."""
+        await self._run(self._requests.send(questions.targets(scanner, on)))
+
     async def watch(
         self,
         robots: str | Iterable[str] | None = None,

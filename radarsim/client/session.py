@@ -329,6 +329,15 @@ def echoes(scanner: str, on: bool = True) -> bytes:
     return set_item(RANGE_SCANNER, scanner, "ECHOES", str(on).lower())
 
 
+def targets(scanner: str, on: bool = True) -> bytes:
+    """Write the command that switches ``RadarTargets`` reports on or off.
+
+    Raises:
+        ValueError: If the name cannot be written on a line.
+    """
+    return set_item(RANGE_SCANNER, scanner, "TARGETS", str(on).lower())
+
+
 def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
     """Write the command that changes settings; arguments as in ``change_settings``.
 

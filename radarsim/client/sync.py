@@ -184,6 +184,10 @@ class Client:
         """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
         self._run(self._requests.send(questions.echoes(scanner, on)))
 
+    def targets(self, scanner: str, on: bool = True) -> None:
+        """Switch the ``RadarTargets`` reports of a scanner's detector on or off."""
+        self._run(self._requests.send(questions.targets(scanner, on)))
+
     def watch(
         self,
         robots: str | Iterable[str] | None = None,

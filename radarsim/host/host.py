@@ -40,12 +40,15 @@ from radarsim.host.commands import CommandHandler, Handled
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.watchers import Watchers
 from radarsim.protocol.reports import Greeting, to_bytes
+from radarsim.protocol.targets import target_lines
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.host.echo_writer import EchoWriter
-    from radarsim.simulation.simulation import Simulation, TickOutput
+    from radarsim.protocol.dialect import Dialect
+    from radarsim.simulation.antennas import TurnTargets
+    from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 # Units of work of all clients together in a tick: for commands on arrival, and for
@@ -128,10 +131,12 @@ class Host:
         """Load or compile the engine, and create a simulation; in any thread."""
         from radarsim.host import echo_order  # noqa: PLC0415
         from radarsim.protocol import line_writer  # noqa: PLC0415
+        from radarsim.simulation import antennas  # noqa: PLC0415
         from radarsim.simulation.simulation import Simulation  # noqa: PLC0415
 
         line_writer.warm_up()
         echo_order.warm_up()
+        antennas.warm_up()
         return Simulation(self._scene, config=self._config, seed=self._seed)
 
     def begin(self, simulation: Simulation) -> None:
@@ -364,14 +369,25 @@ class Host:
         """Return the echo lines that a client asked for, and those of all its scans."""
         requested = shown = b""
         for scan in output.echoes:
-            lines = self._echo_writer.write(
-                *(self.simulation.time, scan.scanner, scan.echoes),
-                output.group.dialect,
-            )
+            lines = self._lines_of(scan, output.group.dialect)
             shown += lines
             if scan.is_requested:
                 requested += lines
         return requested, shown
+
+    def _lines_of(self, scan: ScanEchoes | TurnTargets, dialect: Dialect) -> bytes:
+        """Return the lines of the echoes or the targets of a scan."""
+        from radarsim.protocol.line_writer import (  # noqa: PLC0415
+            ReportBlock,
+            encode_blocks,
+        )
+        from radarsim.simulation.simulation import ScanEchoes  # noqa: PLC0415
+
+        time = self.simulation.time
+        if isinstance(scan, ScanEchoes):
+            return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
+        reports = target_lines(time, scan.scanner, *scan.targets)
+        return encode_blocks([ReportBlock(reports, dialect)])[0]
 
 
 def _split_lines(output: TickOutput, lines: bytes) -> tuple[bytes, bytes, bytes]:

@@ -10,7 +10,7 @@ from radarsim.simulation.config import SimulationConfig
 
 TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
 ROBOT = "robot"
-ECHOES = "echoes"  # a type of reports of scanners, not of items
+SCANNER_REPORTS = ("echoes", "radartargets")  # types of reports, not of items
 NO_ITEMS = "mispkg"  # mission packages: clients ask for them, no robot carries any
 
 
@@ -71,7 +71,8 @@ def _items_reporting(
     model: RobotModel, report_type: str, name: str | None
 ) -> tuple[Item, ...]:
     """Return the items that send reports of a type; drivers ask for each type."""
-    item_type = "RangeScanner" if report_type.casefold() == ECHOES else report_type
+    is_scanner = report_type.casefold() in SCANNER_REPORTS
+    item_type = "RangeScanner" if is_scanner else report_type
     return find_items(model, item_type, name)
 
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 SETTING: Final = "SETTING"
 MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
-OPCODES: Final = ("SCAN", "RESET", "POSE", "ECHOES", SETTING)
+TARGETS: Final = "TARGETS"
+OPCODES: Final = ("SCAN", "RESET", "POSE", "ECHOES", TARGETS, SETTING)
 
 
 def drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
@@ -86,6 +87,8 @@ def _apply_opcode(
         case _ if items[0].type != "RangeScanner":
             text = f"SET {opcode} of type {items[0].type!r}, expected RangeScanner"
             return Diagnostic("opcode", text)
+        case "TARGETS":
+            apply = partial(vehicle.enable_targets, enabled=parse_switch(params))
         case _:
             apply = partial(vehicle.enable_echoes, enabled=parse_switch(params))
     for item in items:

@@ -52,6 +52,13 @@ class SensorSettings(BaseModel):
             strongest of its beam, 0 to 1; 1e-5 is -50 dB, the default margin.
         penetration_power: Power that a beam can lose to densities; infinite for a beam
             that only an opaque surface stops.
+        detector: How ranges are found: by the ``penetration`` law of rays, or, of a
+            sensor with an FMCW radar, by a detector of targets in its spectrum: ``ca``,
+            ``os`` or ``k``. Noise, resolution, beamwidths and the number of rays are
+            then those of its spectrum.
+        detector_pfa: Probability of a false alarm in a bin of noise, of ``ca`` and
+            ``os``.
+        detector_count: How many bins ``k`` takes in each direction, at most.
         spent_reads: Reading of a beam whose power runs out: the ``range`` of that
             point, ``zero``, as of USARSim's Hokuyo in smoke, or ``nothing``.
         return_mode: Which echoes of a beam are kept: the ``last``, at which its ray
@@ -100,6 +107,9 @@ class SensorSettings(BaseModel):
     least_rcs_dbsm: Annotated[float, Field(ge=-100, le=100)] = -22.0
     echo_threshold: Annotated[float, Field(ge=0, le=1)] = 1e-5
     penetration_power: Annotated[float, Field(ge=0, allow_inf_nan=True)]
+    detector: Literal["penetration", "ca", "os", "k"] = "penetration"
+    detector_pfa: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-6
+    detector_count: Annotated[int, Field(ge=1, le=100)] = 12
     spent_reads: Literal["range", "zero", "nothing"] = "range"
     return_mode: Literal["last", "first", "strongest", "all"] = "last"
     side_mode: Literal["perpendicular", "lateral", "divergent", "cone"] = (
@@ -123,6 +133,11 @@ class SensorSettings(BaseModel):
     def beams(self) -> int:
         """The number of beams of a scan."""
         return round(self.fov_deg / self.resolution_deg) + 1
+
+    @property
+    def has_detector(self) -> bool:
+        """Whether ranges are those of targets in a spectrum."""
+        return self.detector != "penetration"
 
     @property
     def power_per_db(self) -> float:

@@ -61,9 +61,15 @@ def load_settings(name: str, /, **settings: Any) -> SensorSettings:
         raise unknown_preset("sensor", name, preset_names("sensors"))
     values = {key: setting.value for key, setting in presets[name].settings.items()}
     try:
-        return SensorSettings.model_validate({**values, **settings})
+        loaded = SensorSettings.model_validate({**values, **settings})
     except ValidationError as error:
         raise PresetError(_describe(name, error, SensorSettings)) from None
+    if loaded.has_detector and not presets[name].fmcw:
+        raise PresetError(
+            f"sensor {name}: detector {loaded.detector!r}, expected 'penetration', as"
+            " it has no spectrum"
+        )
+    return loaded
 
 
 def load_fmcw_settings(name: str, /, **settings: Any) -> FmcwSettings:
@@ -84,6 +90,11 @@ def load_fmcw_settings(name: str, /, **settings: Any) -> FmcwSettings:
         return FmcwSettings.model_validate({**values, **settings})
     except ValidationError as error:
         raise PresetError(_describe(name, error, FmcwSettings)) from None
+
+
+def has_fmcw(name: str) -> bool:
+    """Return whether a preset describes an FMCW radar."""
+    return name in sensor_presets() and bool(sensor_presets()[name].fmcw)
 
 
 def _describe(name: str, error: ValidationError, model: type[BaseModel]) -> str:

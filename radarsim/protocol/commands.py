@@ -203,7 +203,8 @@ class SetItem:
     Attributes:
         type: Type of the items in the client's spelling.
         name: Name of one item; None for all items of the type.
-        opcode: ``SCAN``, ``RESET``, ``POSE`` or ``ECHOES`` in the client's spelling.
+        opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES``, ``TARGETS`` or ``SETTING`` in
+            the client's spelling.
         params: Parameters of the opcode; empty if there are none.
     """
 

@@ -57,6 +57,7 @@ from radarsim.protocol.sensor_reports import (
     Tachometer,
     Touch,
 )
+from radarsim.protocol.targets import RadarTargets
 from radarsim.protocol.watch import (
     CommandError,
     RobotJoined,
@@ -80,6 +81,7 @@ __all__ = [
     "ItemGeo",
     "NameConf",
     "Odometry",
+    "RadarTargets",
     "RangeScan",
     "Report",
     "RobotConf",
@@ -259,6 +261,7 @@ Report: TypeAlias = (
     | Status
     | RangeScan
     | EchoLine
+    | RadarTargets
     | GroundTruth
     | Ins
     | Odometry
@@ -286,7 +289,7 @@ Report: TypeAlias = (
 _SENSOR_REPORTS: Final = {
     report.sensor_type.lower(): report
     for report in (
-        *(RangeScan, EchoLine, GroundTruth, Ins),
+        *(RangeScan, EchoLine, RadarTargets, GroundTruth, Ins),
         *(Odometry, Tachometer, Encoder, Touch, Sonar, Gps),
     )
 }

@@ -19,13 +19,19 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import EMPTY, pattern_of, template_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import ScanArrays, scan_batch, scan_poses
+from radarsim.sensors.scan_batch import (
+    ScanArrays,
+    scan_batch,
+    scan_poses,
+    stack_scans,
+)
 from radarsim.sensors.scan_plan import (
     ScanGroup,
     ScanRequest,
     aim_scans_apart,
     draw_scans,
 )
+from radarsim.sensors.targets import find_targets, scan_of
 
 if TYPE_CHECKING:
     from radarsim.fmcw.radar import FmcwRadar
@@ -151,6 +157,8 @@ class RangeScanner:
         Raises:
             ValueError: If the pose is invalid, or an rng is needed and missing.
         """
+        if self.settings.has_detector:
+            return self._scan_by_detector(scene, sensor_pose(scene, pose), rng)
         request = ScanRequest(self, sensor_pose(scene, pose), rng)
         return scan_batch(tracer_of(scene), [request], scene=scene)[0]
 
@@ -173,7 +181,20 @@ class RangeScanner:
         Raises:
             ValueError: If a pose is invalid, or an rng is needed and missing.
         """
-        return scan_poses(self, tracer_of(scene), _sensor_poses(scene, poses), rng)
+        placed = _sensor_poses(scene, poses)
+        if self.settings.has_detector:
+            scans = [self._scan_by_detector(scene, pose, rng) for pose in placed]
+            return stack_scans(self, scans)
+        return scan_poses(self, tracer_of(scene), placed, rng)
+
+    def _scan_by_detector(
+        self, scene: Scene, pose: Pose3, rng: np.random.Generator | None
+    ) -> Scan:
+        """Take a scan of the targets in a spectrum; the rays are those of its beams."""
+        if rng is None:
+            raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
+        targets = find_targets(self.fmcw.spectrum(scene, pose, rng), self.settings)
+        return scan_of(self.name, self.settings, pose, targets, scene)
 
     def plan(
         self,

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
+    from radarsim.sensors.targets import Targets
+
 
 # Not frozen: Python would take three times as long to set the attributes.
 @dataclass(slots=True, eq=False, repr=False)
@@ -37,6 +39,7 @@ class Scan:
         find_cast: Computes ``cast`` on demand.
         find_echoes: Computes ``echoes`` on demand.
         scene: The map; None for a scan of a simulation with its robots.
+        targets: What its detector found; None for a sensor without one.
     """
 
     sensor: str
@@ -50,6 +53,7 @@ class Scan:
     find_cast: Callable[[], Rays]
     find_echoes: Callable[[], Echoes]
     scene: Scene | None = None
+    targets: "Targets | None" = None
 
     def __repr__(self) -> str:
         read = sum(map(math.isfinite, self.ranges.tolist()))

@@ -7,7 +7,7 @@ many poses, scans are traced in threads, a chunk at a time, while the next are d
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -245,10 +245,21 @@ def scan_poses(
     Raises:
         ValueError: If an rng is needed and missing.
     """
+    scans = _scans(scanner, tracer, poses, rng, workers or process_cpu_count())
+    return _stack(scanner, poses, scans)
+
+
+def stack_scans(scanner: "RangeScanner", scans: Sequence[Scan]) -> ScanArrays:
+    """Return the readings of scans of one sensor as arrays."""
+    return _stack(scanner, [scan.pose for scan in scans], scans)
+
+
+def _stack(
+    scanner: "RangeScanner", poses: Sequence[Pose3], scans: Iterable[Scan]
+) -> ScanArrays:
     beams = len(scanner.angles)
     ranges = np.zeros((len(poses), beams))
     rays = np.zeros((len(poses), beams), np.int8)
-    scans = _scans(scanner, tracer, poses, rng, workers or process_cpu_count())
     for row, scan in enumerate(scans):
         ranges[row] = scan.ranges
         if scan.rays is not None:

@@ -36,6 +36,9 @@ class RayCounts(NamedTuple):
     def of(cls, item: Item, config: SimulationConfig) -> "RayCounts":
         """Count those of an item that is a range scanner."""
         settings = config.scanner_settings(item)
+        if settings.has_detector:
+            rays = config.turn_rays(item)
+            return cls(rays, rays / config.interval(item), rays)
         directions = settings.beams * settings.rays_per_beam
         rays = directions if settings.combines_rays else settings.beams
         return cls(rays, rays / config.interval(item), directions)

@@ -18,7 +18,7 @@ from radarsim.presets.items import (
 )
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import load_settings
+from radarsim.presets.sensors import load_fmcw_settings, load_settings
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
 from radarsim.robots.wheel_drive import WheelDrive
 from radarsim.sensors.proprioceptive import InsNoise
@@ -141,6 +141,15 @@ class SimulationConfig:
         """
         return load_settings(self._sensor_name(item), **self.settings(item))
 
+    def turn_rays(self, item: Item) -> int:
+        """Return the rays in a turn of an FMCW radar, before thin things are refined.
+
+        Raises:
+            PresetError: If it is none.
+        """
+        fmcw = load_fmcw_settings(self._sensor_name(item))
+        return fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
+
     def sonar_settings(self, item: Item) -> SonarSettings:
         """Return the settings of a sonar.
 
@@ -162,7 +171,10 @@ class SimulationConfig:
         if item.interval is not None:
             return item.interval
         if item.sensor is not None:
-            rate = self.scanner_settings(item).scan_rate_hz
+            settings = self.scanner_settings(item)
+            if settings.has_detector:
+                return 1 / load_fmcw_settings(self._sensor_name(item)).rotation_hz
+            rate = settings.scan_rate_hz
             return 1 / rate if rate else self.dialect.scan_interval_of(item.sensor)
         intervals = {
             "INS": self.dialect.ins_interval,

@@ -34,6 +34,8 @@ from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
+from radarsim.sensors.targets import Targets, read_ranges
+from radarsim.simulation.antennas import Antenna, Antennas, TurnTargets
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.ray_items import RayItem, read_together
@@ -70,14 +72,14 @@ class TickOutput(NamedTuple):
         group: The status, if it is due, and readings of items that cast no rays.
         numbers: The numbers of these.
         cast: Readings of sonars and GPS.
-        echoes: Echoes of the scans of scanners that list them.
+        echoes: Echoes and targets of the scans of scanners that list them.
         scans: Scans.
     """
 
     group: ReportGroup
     numbers: Sequence[float]
     cast: Sequence[Report]
-    echoes: Sequence[ScanEchoes]
+    echoes: Sequence[ScanEchoes | TurnTargets]
     scans: Sequence[RangeScan]
 
     @property
@@ -107,6 +109,7 @@ class Simulation:
         scene: The scene.
         config: Configuration of all robots.
         seed: Seed of all random numbers.
+        antennas: The turning antennas of FMCW radars.
     """
 
     def __init__(
@@ -124,6 +127,7 @@ class Simulation:
         self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
         self._reporting: Schedule[Vehicle] = Schedule(self._clock)
         self._drifting: Schedule[Vehicle] = Schedule(self._clock)
+        self.antennas = Antennas(scene, self._clock)
         self._warm_up()
 
     @property
@@ -187,6 +191,7 @@ class Simulation:
             gps_origin=self.scene.gps_origin,
         )
         self._vehicles[vehicle.number] = vehicle
+        self.antennas.add(vehicle)
         if vehicle.battery.runs_out:
             self._mortal[vehicle] = None
         if vehicle.drift.end > vehicle.drift.first:
@@ -197,6 +202,7 @@ class Simulation:
         """Remove a robot from the simulation."""
         del self._vehicles[vehicle.number]
         self._fleet.remove(vehicle.robot)
+        self.antennas.remove(vehicle)
         self._mortal.pop(vehicle, None)
         self._reporting.remove(vehicle)
         self._drifting.remove(vehicle)
@@ -218,15 +224,18 @@ class Simulation:
         Returns:
             What each robot reports, by its number; robots without a report are missing.
         """
+        turned = self._turn_antennas()
         reporting = self._reporting.due()
         if not reporting:
             return {}
         due = [(vehicle, vehicle.due()) for vehicle in reporting]
-        scanners = [(v, mounted) for v, items in due for mounted in items.scanners]
+        scanners = [
+            (v, each) for v, items in due for each in items.scanners if each.scans
+        ]
         ray_items = [(v, item) for v, items in due for item in items.ray_items]
         boxes = self.boxes() if scanners or ray_items else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
-        echoes: dict[int, list[ScanEchoes]] = {}
+        echoes: dict[int, list[ScanEchoes | TurnTargets]] = {}
         listing = self._select_listing(scanners)
         taken = self._scan(scanners, listing, boxes)
         for (vehicle, mounted), ranges in zip(scanners, taken.ranges, strict=True):
@@ -237,6 +246,7 @@ class Simulation:
             is_requested = vehicle.has_echoes_enabled(mounted.item)
             found = ScanEchoes(mounted.item.name, taken.scans[k].echoes, is_requested)
             echoes.setdefault(vehicle.number, []).append(found)
+        self._add_turns(turned, scans, echoes)
         cast = self._cast(ray_items, boxes)
         self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
@@ -250,6 +260,32 @@ class Simulation:
             )
             for vehicle, items in due
         }
+
+    def _turn_antennas(self) -> list[tuple[Antenna, Targets]]:
+        """Turn the antennas of radars for a tick; return those with a whole turn."""
+        if not self.antennas.turning:
+            return []
+        turned = self.antennas.turn(self.boxes())
+        for antenna, _ in turned:
+            self._reporting.request(antenna.vehicle)
+        return turned
+
+    def _add_turns(
+        self,
+        turned: Sequence[tuple[Antenna, Targets]],
+        scans: dict[int, list[RangeScan]],
+        echoes: dict[int, list[ScanEchoes | TurnTargets]],
+    ) -> None:
+        """Add turns to the scans of robots, and to their echoes if they are listed."""
+        for antenna, targets in turned:
+            number, mounted = antenna.vehicle.number, antenna.mounted
+            settings = mounted.scanner.settings
+            ranges = read_ranges(targets, settings)
+            ranges[np.isinf(ranges)] = settings.max_range
+            scans[number].append(self._scan_report(mounted, ranges))
+            if antenna.lists_targets:
+                listed = antenna.list_targets(targets)
+                echoes.setdefault(number, []).append(listed)
 
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
         """Return what programs write for robots, one after the other."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
+from radarsim.presets.sensors import has_fmcw
 from radarsim.protocol.periodic_reports import ReportForm, ReportGroup
 from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
@@ -58,6 +59,16 @@ class MountedScanner:
     scanner: RangeScanner
     rng: np.random.Generator
     shown_at: int = -1
+
+    @property
+    def scans(self) -> bool:
+        """Whether it takes whole scans, and does not wait for an antenna to turn."""
+        return not self.scanner.settings.has_detector
+
+    @property
+    def has_fmcw(self) -> bool:
+        """Whether it is an FMCW radar, which has a spectrum."""
+        return has_fmcw(self.scanner.name)
 
 
 class DueItems(NamedTuple):
@@ -127,6 +138,7 @@ class Vehicle:
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
         self._with_echoes: set[str] = set()
+        self._with_targets: set[str] = set()
         self.shows_echoes, self.extra_rays = False, 0.0
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
@@ -253,6 +265,17 @@ class Vehicle:
     def has_echoes_enabled(self, item: Item) -> bool:
         """Return whether the client of the robot gets the echoes of a scanner."""
         return item.name in self._with_echoes
+
+    def enable_targets(self, item: Item, enabled: bool) -> None:
+        """Switch the targets of a scanner with a detector on or off."""
+        if enabled:
+            self._with_targets.add(item.name)
+        else:
+            self._with_targets.discard(item.name)
+
+    def has_targets_enabled(self, item: Item) -> bool:
+        """Return whether the client of the robot gets the targets of a scanner."""
+        return item.name in self._with_targets
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Replace the pose of an INS; do nothing if the item is not one."""

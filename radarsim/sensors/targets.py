@@ -1,0 +1,140 @@
+"""Targets that a detector finds in a spectrum, as beams of a range scanner read them.
+
+Theory of operation
+===================
+A direction of the radar belongs to the beam that is nearest to it; a beam to which none
+belongs has no return. Of the targets of a beam, the return mode selects one: ``first``
+the nearest, ``strongest`` that of most power, of equally strong ones the nearest, and
+``last`` and ``all`` the farthest. Targets beyond the maximum range, or outside the
+field of view, are left out.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats, Pose3
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.raycast.rays import Rays
+from radarsim.scene.scene import Scene
+from radarsim.sensors.echoes import Echoes
+from radarsim.sensors.scan import Scan
+
+if TYPE_CHECKING:
+    from radarsim.fmcw.spectrum import Spectrum
+
+
+class Targets(NamedTuple):
+    """Targets of one turn, beam by beam from the right, the nearest first; T of them.
+
+    Attributes:
+        beams: (T,) int64, number of the beam.
+        ranges: (T,) m.
+        dbm: (T,) received power, dBm.
+    """
+
+    beams: NDArray[np.int64]
+    ranges: Floats
+    dbm: Floats
+
+    @classmethod
+    def join(cls, parts: Sequence["Targets"]) -> "Targets":
+        """Return the targets of several parts of a turn."""
+        beams, ranges, dbm = (
+            np.concatenate([part[k] for part in parts]) for k in range(3)
+        )
+        order = np.lexsort((ranges, beams))
+        return cls(beams[order].astype(np.int64), ranges[order], dbm[order])
+
+
+def find_targets(spectrum: "Spectrum", settings: SensorSettings) -> Targets:
+    """Detect the targets in a spectrum, or in some directions of one.
+
+    Args:
+        spectrum: The spectrum.
+        settings: Those of the scanner, with its detector.
+    """
+    found = spectrum.detections(
+        settings.detector, pfa=settings.detector_pfa, count=settings.detector_count
+    )
+    beams = beams_of(found.angles, settings)
+    seen = (beams >= 0) & (found.ranges <= settings.max_range)
+    return Targets.join([Targets(beams[seen], found.ranges[seen], found.dbm[seen])])
+
+
+def beams_of(angles: Floats, settings: SensorSettings) -> NDArray[np.int64]:
+    """Return the beam nearest to each angle, rad; -1 outside the field of view."""
+    turned = np.degrees(np.remainder(angles + math.pi, 2 * math.pi) - math.pi)
+    steps = (turned + settings.fov_deg / 2) / settings.resolution_deg
+    # Angles in the middle between two beams go to the left one, in spite of rounding.
+    beams = np.floor(steps + 0.5 + 1e-9).astype(np.int64)
+    # Straight back is to the left of the last beam, and to the right of the first.
+    beams %= max(round(360 / settings.resolution_deg), settings.beams)
+    return np.where(beams < settings.beams, beams, -1)
+
+
+def read_ranges(targets: Targets, settings: SensorSettings) -> Floats:
+    """Return the range that each beam reads, (N,) m; inf where it has no target."""
+    ranges = np.full(settings.beams, np.inf)
+    order = np.arange(len(targets.beams))[::-1]  # the nearest is written last
+    if settings.return_mode == "strongest":
+        order = order[np.argsort(targets.dbm[order], kind="stable")]
+    elif settings.return_mode != "first":
+        order = order[::-1]
+    for row in order.tolist():
+        ranges[targets.beams[row]] = targets.ranges[row]
+    if settings.fov_deg == 360:  # the first and the last beam are the same
+        ranges[0] = ranges[-1] = min(ranges[0], ranges[-1])
+    return ranges
+
+
+def scan_of(
+    name: str,
+    settings: SensorSettings,
+    pose: Pose3,
+    targets: Targets,
+    scene: Scene,
+) -> Scan:
+    """Return the scan that reads targets; its rays are the middles of its beams.
+
+    It lists no echoes: a spectrum does not tell the objects that targets are.
+
+    Args:
+        name: Name of the sensor.
+        settings: Its settings.
+        pose: Its pose, map frame.
+        targets: What its detector found.
+        scene: The map.
+    """
+    steps = np.arange(settings.beams) * settings.resolution_deg
+    angles: Floats = np.radians(steps - settings.fov_deg / 2)
+    ahead = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    directions = ahead @ pose.rotation().T
+    rays = Rays.uniform(
+        np.broadcast_to(pose.position(), directions.shape),
+        directions / np.linalg.norm(directions, axis=1)[:, None],
+        max_range=settings.max_range,
+        power=settings.penetration_power,
+    )
+    none, nowhere = np.zeros(0), np.zeros(0, np.int64)
+    echoes = Echoes(
+        *(nowhere, np.zeros(0, np.int8), none, none, np.zeros(0, np.uint8)),
+        *(none, none, nowhere, scene.parts, settings),
+    )
+    return Scan(
+        sensor=name,
+        pose=pose,
+        angles=angles,
+        ranges=read_ranges(targets, settings),
+        rays=np.zeros(len(angles), np.int8) if settings.has_side_rays else None,
+        range_min=settings.min_range,
+        range_max=settings.max_range,
+        resolution=math.radians(settings.resolution_deg),
+        find_cast=lambda: rays,
+        find_echoes=lambda: echoes,
+        scene=scene,
+        targets=targets,
+    )

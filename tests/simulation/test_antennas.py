@@ -1,0 +1,168 @@
+"""Radars whose antenna turns while robots drive, and what clients are sent of them."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim.geometry import Pose3
+from radarsim.host import Host
+from radarsim.presets.robots import load_robot
+from radarsim.protocol.reports import RadarTargets, RangeScan, decode_report
+from radarsim.scene.scene import Scene
+from radarsim.sensors.targets import Targets, beams_of, read_ranges
+from radarsim.simulation.config import SimulationConfig
+
+INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name R1} {Start RobotStart1}\r\n"
+TARGETS_ON = (
+    b"SET {Type RangeScanner} {Name Navtech} {Opcode TARGETS} {Params true}\r\n"
+)
+TURN = 25  # ticks
+
+
+def play(scene: Scene, ticks: int, *commands: bytes, watch: bytes = b"") -> list[bytes]:
+    """Return what the client of a robot, or else a watcher of it, is sent."""
+    host = Host(scene)
+    client = host.connect()
+    watcher = host.connect()
+    for command in (INIT, *commands):
+        assert host.receive(client, command) == []
+    host.receive(watcher, watch)
+    for number in (client, watcher):
+        host.take(number)
+    lines = []
+    for _ in range(ticks):
+        host.step()
+        own, seen = host.take(client), host.take(watcher)
+        lines += (seen if watch else own).splitlines()
+    return lines
+
+
+def reports(lines: list[bytes], kind: type) -> list[Any]:
+    decoded = [decode_report(line.decode()) for line in lines]
+    return [each for each in decoded if isinstance(each, kind)]
+
+
+@pytest.fixture(scope="module")
+def lines(foliage_room: Scene) -> list[bytes]:
+    return play(foliage_room, 4 * TURN, TARGETS_ON)
+
+
+def scans_of(lines: list[bytes]) -> list[RangeScan]:
+    return [scan for scan in reports(lines, RangeScan) if scan.name == "Navtech"]
+
+
+def test_turns_are_scans_four_times_a_second(lines: list[bytes]) -> None:
+    scans = scans_of(lines)
+    assert np.diff([scan.time for scan in scans]) == pytest.approx([0.25])
+    assert [len(scan.ranges) for scan in scans] == [401] * 2
+
+
+def test_other_scanner_of_the_robot_is_as_without_the_radar(
+    foliage_room: Scene, lines: list[bytes]
+) -> None:
+    host = Host(foliage_room)
+    client = host.connect()
+    host.receive(client, INIT.replace(b"_Navtech", b""))
+    host.take(client)
+    plain = []
+    for _ in range(4 * TURN):
+        host.step()
+        plain += host.take(client).splitlines()
+    is_radar = re.compile(rb"{Name Navtech}|GroundVehicle").search
+    assert [x for x in lines if not is_radar(x)] == [
+        x for x in plain if not is_radar(x)
+    ]
+
+
+def test_standing_turn_reads_what_the_sensor_scans_there(
+    foliage_room: Scene, lines: list[bytes]
+) -> None:
+    start = foliage_room.starts[0].pose
+    model = load_robot("P3AT_Navtech")
+    item = model.items_of("RangeScanner")[1]
+    sensor = SimulationConfig().scanner(item)
+    lift = Pose3(0.0, 0.0, model.origin_height)
+    pose = start.compose(lift).compose(item.mount)
+    rng = radarsim.generator_for(0, "R1", "Navtech")
+    for read in scans_of(lines):
+        scan = sensor.scan(foliage_room, pose, rng)
+        assert read.ranges == pytest.approx(
+            np.minimum(scan.ranges, sensor.settings.max_range), abs=0.00501
+        )
+
+
+def test_targets_come_in_numbered_lines_before_their_scan(lines: list[bytes]) -> None:
+    first = next(k for k, line in enumerate(lines) if b"{Type RadarTargets}" in line)
+    found = reports(lines[first:], RadarTargets)
+    scan = scans_of(lines)[0]
+    own = [each for each in found if each.time == scan.time]
+    assert [each.line for each in own] == list(range(1, len(own) + 1))
+    assert {each.lines for each in own} == {len(own)}
+    assert all(len(line) <= 4093 for line in lines)
+    # The reading of each beam is one of its targets.
+    targets = {
+        (beam, round(float(r), 2))
+        for each in own
+        for beam, r in zip(each.beams.tolist(), each.ranges, strict=True)
+    }
+    seen = np.flatnonzero(scan.ranges < 165)
+    read = {(int(beam), round(float(scan.ranges[beam]), 2)) for beam in seen}
+    assert read - {(0, round(float(scan.ranges[0]), 2))} <= targets
+    assert len(read) > 300
+
+
+def test_without_a_request_there_are_no_targets(foliage_room: Scene) -> None:
+    assert reports(play(foliage_room, 3 * TURN), RadarTargets) == []
+
+
+def test_watchers_with_echoes_see_targets_and_others_do_not(
+    foliage_room: Scene,
+) -> None:
+    for echoes, count in ((b"true", 1), (b"false", 0)):
+        watch = b"WATCH {Robots All} {Echoes %s}\r\n" % echoes
+        seen = play(foliage_room, 2 * TURN + 2, watch=watch)
+        heads = [line for line in seen if b"{Type RadarTargets}" in line]
+        assert bool(heads) == bool(count)
+
+
+@pytest.mark.parametrize(
+    ("mode", "expected"), [("first", 3.0), ("strongest", 5.0), ("last", 9.0)]
+)
+def test_return_mode_selects_a_target(mode: str, expected: float) -> None:
+    sensor = radarsim.load_sensor("navtech_cts350x", return_mode=mode)
+    targets = Targets(
+        np.array([7, 7, 7]), np.array([3.0, 5.0, 9.0]), np.array([-60.0, -40.0, -50.0])
+    )
+    ranges = read_ranges(targets, sensor.settings)
+    assert ranges[7] == expected
+    assert np.isinf(np.delete(ranges, 7)).all()
+
+
+def test_each_direction_belongs_to_one_beam() -> None:
+    turn = -np.radians(0.9) * np.arange(400)
+    half_a_step_beside = radarsim.load_sensor("navtech_cts350x").settings
+    assert sorted(beams_of(turn, half_a_step_beside)) == list(range(400))
+    ahead = radarsim.load_sensor("navtech_cts350x", fov_deg=180).settings
+    beams = beams_of(turn, ahead)
+    assert beams[0] == 100
+    assert (beams >= 0).sum() == 201
+
+
+def test_detector_needs_a_spectrum() -> None:
+    with pytest.raises(radarsim.PresetError, match=r"detector 'ca'.*no spectrum"):
+        radarsim.load_sensor("radar", detector="ca")
+
+
+def test_client_cannot_make_a_scanner_an_antenna_that_its_class_has_not(
+    foliage_room: Scene,
+) -> None:
+    settings = {"lms200": {"sensor": "navtech_cts350x"}}
+    host = Host(foliage_room, config=SimulationConfig(item_settings=settings))
+    client = host.connect()
+    host.receive(client, INIT.replace(b"_Navtech", b""))
+    command = b"SET {Type RangeScanner} {Opcode SETTING} {Params detector=ca}\r\n"
+    (problem,) = host.receive(client, command)
+    assert "25600 rays in a scan" in problem.text
