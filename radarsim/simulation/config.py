@@ -18,7 +18,7 @@ from radarsim.presets.items import (
 )
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import load_fmcw_settings, load_settings
+from radarsim.presets.sensors import has_fmcw, load_fmcw_settings, load_settings
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
 from radarsim.robots.wheel_drive import WheelDrive
 from radarsim.sensors.proprioceptive import InsNoise
@@ -90,7 +90,7 @@ class SimulationConfig:
             return own
         settings = dict(item.settings)
         max_range = self.dialect.laser_max_range
-        if max_range is not None and item.sensor != "hokuyo":
+        if max_range is not None and not _keeps_range(item.sensor):
             settings["max_range"] = max_range
         return settings | own
 
@@ -183,3 +183,8 @@ class SimulationConfig:
             "GPS": self.dialect.gps_interval,
         }
         return intervals.get(item.type, DEFAULT_INTERVAL)
+
+
+def _keeps_range(sensor: str) -> bool:
+    """Return whether a sensor has its own maximum range in all dialects."""
+    return sensor == "hokuyo" or has_fmcw(sensor)

@@ -53,6 +53,7 @@ LEFT, RIGHT = 2.0, 3.0  # rad/s
 MOST_BEAMS = {
     "P3AT_Radar360": 360,
     "P3AT_Compare360": 360,
+    "P3AT_Navtech": 401,
     "P3AT_Hokuyo": 228,
     "P3AT_Compare": 228,
 }

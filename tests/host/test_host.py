@@ -198,8 +198,8 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
             "class",
             "robot class 'KR6', expected one of ['P2AT', 'P2DX', 'P3AT', "
-            "'P3AT_Compare', 'P3AT_Compare360', 'P3AT_Hokuyo', 'P3AT_Radar360', "
-            "'P3AT_SICK']",
+            "'P3AT_Compare', 'P3AT_Compare360', 'P3AT_Hokuyo', 'P3AT_Navtech', "
+            "'P3AT_Radar360', 'P3AT_SICK']",
             id="unknown class",
         ),
         pytest.param(

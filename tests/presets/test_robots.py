@@ -22,6 +22,7 @@ NAMES = (
     "P3AT_Compare",
     "P3AT_Compare360",
     "P3AT_Hokuyo",
+    "P3AT_Navtech",
     "P3AT_Radar360",
     "P3AT_SICK",
 )

@@ -9,6 +9,7 @@ from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.reports import (
     CommandError,
     EchoLine,
+    RadarTargets,
     Encoder,
     EncoderConf,
     Gps,
@@ -115,6 +116,15 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "no echoes",
         EchoLine(10.2, "lms200", 0, 0, None),
         "SEN {Time 10.20} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
+    ),
+    (
+        "targets of a turn",
+        RadarTargets(
+            *(10.2, "Navtech", 2, 3),
+            *(np.array([92, 93]), np.array([7.545, 120.0]), np.array([-58.25, -99.5])),
+        ),
+        "SEN {Time 10.20} {Type RadarTargets} {Name Navtech} {Line 2} {Lines 3} "
+        "{Targets 92,7.55,-58.25 93,120.00,-99.50}",
     ),
     (
         "ground truth",

@@ -14,6 +14,7 @@ from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import Message, decode_message
 from radarsim.protocol.reports import (
     EchoLine,
+    RadarTargets,
     Encoder,
     EncoderConf,
     Gps,
@@ -151,6 +152,16 @@ REPORTS = st.one_of(
     st.builds(Status, TIMES, st.integers(-5, 99999), st.booleans()),
     st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
     st.builds(EchoLine, TIMES, NAMES, *[st.integers(0, 999_999)] * 2, st.none() | SEEN),
+    st.integers(0, 3).flatmap(
+        lambda count: st.builds(
+            RadarTargets,
+            *(TIMES, NAMES, st.integers(0, 999_999), st.integers(0, 999_999)),
+            *[
+                st.lists(each, min_size=count, max_size=count).map(np.array)
+                for each in (st.integers(0, 999_999), NUMBERS, NUMBERS)
+            ],
+        )
+    ),
     st.builds(GroundTruth, ANY_TIMES, NAMES, POSES),
     st.builds(Ins, ANY_TIMES, NAMES, POSES),
     st.builds(Odometry, ANY_TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
@@ -547,6 +558,11 @@ ECHOES += " {Transparency 1} {LaserPasses False} {RobotPasses False}"
             f"{ECHOES} {{Echoes 1,,Hit,1,1}}",
             "expected four numbers in it",
             id="echo of no range",
+        ),
+        pytest.param(
+            "SEN {Type RadarTargets} {Name N} {Line 1} {Lines 1} {Targets 1,2}",
+            "target '1,2', expected three numbers",
+            id="target without power",
         ),
         pytest.param(f"{ECHOES} {{Echoes }}", "'{Echoes ...}'", id="empty echoes"),
     ],

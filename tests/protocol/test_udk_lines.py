@@ -7,6 +7,7 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.reports import (
     EchoLine,
+    RadarTargets,
     Encoder,
     EncoderConf,
     Gps,
@@ -117,6 +118,11 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         "no echoes",
         EchoLine(31.2, "lms200", 0, 0, None),
         "SEN {Time 31.2000} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
+    ),
+    (
+        "no targets",
+        RadarTargets(31.2, "Navtech", 0, 0, *[np.zeros(0)] * 3),
+        "SEN {Time 31.2000} {Type RadarTargets} {Name Navtech} {Line 0} {Lines 0}",
     ),
     (
         "ground truth",
