@@ -23,6 +23,7 @@ from radarsim.cli.options import (
     read_item_settings,
 )
 from radarsim.cli.output import program_name, start_log
+from radarsim.cli.radar_port import NavtechOption, RadarPort
 from radarsim.cli.recorded_host import RecordOption, open_host
 from radarsim.cli.server_options import (
     CommandUnitOption,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from radarsim.host import Host
     from radarsim.host.recorded_host import HostCall
     from radarsim.server.image_server import ImageServer
+    from radarsim.server.navtech_server import NavtechServer
     from radarsim.simulation.config import SimulationConfig
 
 log = logging.getLogger("radarsim.server")
@@ -58,6 +60,7 @@ def serve(
     host: ListenHostOption = "127.0.0.1",
     port: ListenPortOption = DEFAULT_PORT,
     image_port: ImagePortOption = None,
+    navtech: NavtechOption = None,
     web: WithWebOption = None,
     seed: SeedOption = 0,
     speed: SpeedOption = 1.0,
@@ -70,7 +73,9 @@ def serve(
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
     # before imports that take long
-    _check_ports(host, {"--port": port, "--image-port": image_port}, web)
+    radar_port = RadarPort.parse(navtech)
+    ports = {"--port": port, "--image-port": image_port, "--navtech": radar_port.port}
+    _check_ports(host, ports, web)
     options = ServerOptions(dialect, drive_unit, settings)
     with ExitStack() as until_end:
         words = None if web is None else ["--web", str(web), "--map", map_]
@@ -90,10 +95,11 @@ def serve(
         if image_port is not None:
             images = make_image_server(simulated, image_port)
         most = _permitted_clients(max_clients)
-        server = Server(simulated, speed=speed, max_clients=most)
-        tell = _announcer(images, page)
-        serving = serve_until_signal(server, host, port, tell, images)
-        with cure_of_port({"--image-port": image_port}), compile_progress():
+        radar = radar_port.server()
+        server = Server(simulated, speed=speed, max_clients=most, radar=radar)
+        tell = _announcer(images, radar, page)
+        serving = serve_until_signal(server, host, port, tell, images, radar)
+        with cure_of_port(ports), compile_progress():
             code = asyncio.run(serving)
     if server.is_loading:
         exit_immediately(code)
@@ -101,7 +107,9 @@ def serve(
 
 
 def _announcer(
-    images: ImageServer | None, page: CommanderProcess | None
+    images: ImageServer | None,
+    radar: NavtechServer | None,
+    page: CommanderProcess | None,
 ) -> Callable[[tuple[str, int]], None]:
     """Return what is to be called with the address when clients can connect."""
 
@@ -109,6 +117,8 @@ def _announcer(
         announce(address)
         if images is not None:
             announce_images(images.address)
+        if radar is not None:
+            announce_radar(radar.address)
         if page is not None:
             page.connect(address)
 
@@ -274,6 +284,12 @@ def announce(address: tuple[str, int]) -> None:
 def announce_images(address: tuple[str, int]) -> None:
     """Tell on stdout that viewers can connect."""
     typer.echo(f"radarsim: images on {address[0]}:{address[1]}")
+    sys.stdout.flush()
+
+
+def announce_radar(address: tuple[str, int]) -> None:
+    """Tell on stdout that clients of a radar can connect."""
+    typer.echo(f"radarsim: radar on {address[0]}:{address[1]}")
     sys.stdout.flush()
 
 

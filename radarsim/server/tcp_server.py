@@ -22,6 +22,7 @@ from radarsim.simulation.clock import TICK
 
 if TYPE_CHECKING:
     from radarsim.server.image_server import ImageServer
+    from radarsim.server.navtech_server import NavtechServer
     from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")
@@ -43,7 +44,12 @@ class Server:
     """
 
     def __init__(
-        self, host: Host, *, speed: float = 1.0, max_clients: int = MAX_CLIENTS
+        self,
+        host: Host,
+        *,
+        speed: float = 1.0,
+        max_clients: int = MAX_CLIENTS,
+        radar: NavtechServer | None = None,
     ) -> None:
         """Create a server that does not listen yet.
 
@@ -51,12 +57,14 @@ class Server:
             host: The simulation and its clients.
             speed: Simulated seconds in one second of the wall clock.
             max_clients: Number of clients beyond which others are refused.
+            radar: A server of a robot's radar, which follows each tick; None for none.
         """
         self.address = ("", 0)
         self._host = host
         self._loader = EngineLoader(host)
         self._period = TICK / speed
         self._max_clients = max_clients
+        self._radar = radar
         self._connections = ConnectionTable()
         self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
@@ -109,6 +117,8 @@ class Server:
         """
         if not self._host.has_begun:
             self._host.begin(await self._loader.load())
+        if self._radar is not None:
+            self._radar.begin(self._host.simulation)
         return self._host.simulation
 
     @property
@@ -141,6 +151,8 @@ class Server:
     def tick(self) -> None:
         """Advance simulated time by 10 ms, if it has begun, and send what is due."""
         connections = self._connections.by_number
+        if self._radar is not None:
+            self._radar.tick()
         for number, diagnostic in self._host.step():
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
@@ -317,6 +329,7 @@ async def serve(
     port: int,
     announce: Callable[[tuple[str, int]], None],
     images: ImageServer | None = None,
+    radar: NavtechServer | None = None,
 ) -> int:
     """Serve until a signal comes.
 
@@ -326,6 +339,7 @@ async def serve(
         port: Port to listen on; 0 for a free one.
         announce: Called with the address as soon as clients can connect.
         images: A server of pictures that listens on the same address; None for none.
+        radar: A server of a radar likewise, the one that the server was given.
 
     Returns:
         The exit code: 130 after an interrupt, 0 after a request to terminate.
@@ -337,8 +351,9 @@ async def serve(
         pending: set[asyncio.Future[Any]] = {exit_code}
         try:
             await server.start(address, port)
-            if images is not None:
-                await images.start(address)
+            for other in (images, radar):
+                if other is not None:
+                    await other.start(address)
             announce(server.address)
             pending |= {
                 asyncio.ensure_future(_begin(server, images)),
@@ -354,8 +369,9 @@ async def serve(
         finally:
             for future in pending:
                 future.cancel()
-            if images is not None:
-                await images.stop()
+            for other in (images, radar):
+                if other is not None:
+                    await other.stop()
             await server.stop()
 
 

@@ -39,6 +39,8 @@ def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
         pytest.param(
             ["--port", "5003", "--image-port", "5003"], "--image-port", id="same port"
         ),
+        pytest.param(["--navtech", "x"], "'x', expected a port", id="radar port"),
+        pytest.param(["--navtech", "0:"], "'0:', expected the name", id="no robot"),
         pytest.param(["--seed", "-1"], "--seed", id="seed"),
         pytest.param(["--max-clients", "0"], "--max-clients", id="no clients"),
         pytest.param(["--dialect", "klingon"], "klingon", id="dialect"),

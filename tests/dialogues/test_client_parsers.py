@@ -123,6 +123,8 @@ class Robot:
             errors = self.true_sonars(sonars, pose) - list(sonars.values())
         elif isinstance(reading.values.get("Latitude"), tuple):
             errors = self.errors_on_globe(reading.values, pose)
+        elif reading.name == "Navtech":
+            return  # its ranges have noise, and its beams a width
         elif reading.kind == "RangeScanner":
             errors = self.true_ranges(reading, pose) - read
         elif reading.kind == "GroundTruth" and "Location" in reading.values:

@@ -9,7 +9,6 @@ from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.reports import (
     CommandError,
     EchoLine,
-    RadarTargets,
     Encoder,
     EncoderConf,
     Gps,
@@ -20,6 +19,7 @@ from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,
     Odometry,
+    RadarTargets,
     RangeScan,
     Report,
     RobotConf,
@@ -121,7 +121,7 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "targets of a turn",
         RadarTargets(
             *(10.2, "Navtech", 2, 3),
-            *(np.array([92, 93]), np.array([7.545, 120.0]), np.array([-58.25, -99.5])),
+            *(np.array([92, 93]), np.array([7.546, 120.0]), np.array([-58.25, -99.5])),
         ),
         "SEN {Time 10.20} {Type RadarTargets} {Name Navtech} {Line 2} {Lines 3} "
         "{Targets 92,7.55,-58.25 93,120.00,-99.50}",

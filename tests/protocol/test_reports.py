@@ -14,7 +14,6 @@ from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import Message, decode_message
 from radarsim.protocol.reports import (
     EchoLine,
-    RadarTargets,
     Encoder,
     EncoderConf,
     Gps,
@@ -25,6 +24,7 @@ from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,
     Odometry,
+    RadarTargets,
     RangeScan,
     Report,
     RobotConf,

@@ -7,7 +7,6 @@ from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.reports import (
     EchoLine,
-    RadarTargets,
     Encoder,
     EncoderConf,
     Gps,
@@ -17,6 +16,7 @@ from radarsim.protocol.reports import (
     IntervalConf,
     ItemGeo,
     Odometry,
+    RadarTargets,
     RangeScan,
     Report,
     RobotConf,
@@ -121,7 +121,7 @@ UDK_LINES: list[tuple[str, Report, str]] = [
     ),
     (
         "no targets",
-        RadarTargets(31.2, "Navtech", 0, 0, *[np.zeros(0)] * 3),
+        RadarTargets(31.2, "Navtech", 0, 0, np.zeros(0, np.int64), *[np.zeros(0)] * 2),
         "SEN {Time 31.2000} {Type RadarTargets} {Name Navtech} {Line 0} {Lines 0}",
     ),
     (
