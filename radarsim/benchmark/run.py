@@ -16,6 +16,7 @@ from radarsim.benchmark.engine import (
 from radarsim.benchmark.floods import FLOODS, floods, lateness_beside_floods
 from radarsim.benchmark.learning import decisions
 from radarsim.benchmark.meshes import RINGS, mesh_maps
+from radarsim.benchmark.radars import turning_radar
 from radarsim.benchmark.recording import recording_robots
 from radarsim.benchmark.robots import driving_robots, growth_of_robots
 from radarsim.benchmark.server import (
@@ -45,6 +46,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "lateness": (lambda: lateness_beside_floods(3, 1.0), 2 * len(FLOODS)),
     "commander": (lambda: commander_beside_robots(10.0), 5),
     "recording": (lambda: recording_robots(10.0), 7),
+    "radar": (lambda: turning_radar(10.0), 3),
     "learning": (lambda: decisions(2.0), 3),
     "meshes": (lambda: mesh_maps(RINGS, 5.0), 2),
     "start-up": (start_up, 2),

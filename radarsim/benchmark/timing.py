@@ -121,4 +121,5 @@ GROUPS = {
     "l": "viewers of the commander, beside robots of other clients",
     "m": "recording a server",
     "n": "environments for reinforcement learning, processor time",
+    "o": "a radar that turns, beside plain robots of other clients",
 }
