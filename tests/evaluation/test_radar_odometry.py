@@ -57,7 +57,7 @@ def test_points_seen_in_a_curve_give_its_motion() -> None:
     def turn_from(begin: Pose2, end: Pose2) -> Turn:
         angle = -np.arctan2(walls[:, 1], walls[:, 0]) % (2 * np.pi)
         shares = angle / (2 * np.pi)
-        yaw = begin.yaw + shares * 0.1
+        yaw = begin.yaw + shares * (end.yaw - begin.yaw)
         x = begin.x + shares * (end.x - begin.x)
         y = begin.y + shares * (end.y - begin.y)
         dx, dy = walls[:, 0] - x, walls[:, 1] - y
@@ -67,9 +67,9 @@ def test_points_seen_in_a_curve_give_its_motion() -> None:
         return Turn(places, shares, np.zeros((1, 1), np.uint8), end)
 
     begin = Pose2(-1.0, 0.5, 0.3)
-    odometry = RadarOdometry(begin.compose(motion))
-    for _ in range(10):
-        end = begin.compose(motion)
+    odometry = RadarOdometry(begin)
+    for moved in [Pose2(0.0, 0.0)] * 2 + [motion] * 8:
+        end = begin.compose(moved)
         found = odometry.step(turn_from(begin, end))
         begin = end
     assert found.x == pytest.approx(end.x, abs=0.05)
