@@ -1,7 +1,6 @@
 """Connects the robots of a server with a side of ROS, until the end."""
 
 import asyncio
-from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -12,13 +11,10 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import CommandError
 from radarsim.recording.robot_topics import TopicMessage, topic_name
 from radarsim.ros.driver import Driver
-from radarsim.ros.live_topics import LiveTopics
+from radarsim.ros.live_topics import DriveCallback, LiveTopics
 
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may have to compile
 SILENCE: Final = 60.0  # s that one call waits for reports
-
-# Called with a forward speed, m/s, and a turn rate, rad/s.
-DriveCallback = Callable[[float, float], None]
 
 
 class RosSide(Protocol):
@@ -66,14 +62,16 @@ async def run_bridge(settings: BridgeSettings, side: RosSide) -> None:
         await stack.enter_async_context(watcher)
         await watcher.greeting()
         await watcher.watch(echoes=settings.echoes)
-        working = [_watch(watcher, LiveTopics(side.publish, settings.drive_unit))]
+        driving = []
         if settings.robot_class is not None:
             client = await AsyncClient.connect(*settings.server)
             await stack.enter_async_context(client)
             driver = await _spawn(client, settings)
             side.subscribe(f"/{topic_name(driver.name)}/cmd_vel", driver.take)
-            working.append(driver.run())
-        tasks = [asyncio.ensure_future(each) for each in (side.run(), *working)]
+            driving.append(driver.run())
+        topics = LiveTopics(side.publish, settings.drive_unit)
+        working = (side.run(), _watch(watcher, topics), *driving)
+        tasks = [asyncio.ensure_future(each) for each in working]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:

@@ -13,13 +13,12 @@ from radarsim.errors import ServerError
 from radarsim.optional_packages import import_optional
 from radarsim.recording.message_types import Field, fields_of
 from radarsim.recording.robot_topics import TopicMessage
-from radarsim.ros.bridge import DriveCallback
+from radarsim.ros.live_topics import TWIST, DriveCallback
 
 EXTRA: Final = "dds"
 LOOPBACK: Final = "lo"
 POLL: Final = 0.02  # s between looks for commands
 DEPTH: Final = 10  # messages that are kept, as the default of ROS
-TWIST: Final = "geometry_msgs/msg/Twist"
 _CONFIG: Final = """<CycloneDDS><Domain>
 <General>
 <Interfaces><NetworkInterface name={interface}/></Interfaces>

@@ -1,7 +1,7 @@
 """From what a watcher of robots is sent to topics of ROS 2."""
 
 from collections.abc import Callable, Iterable
-from typing import Final
+from typing import Final, TypeAlias
 
 from radarsim.client import session as questions
 from radarsim.host.recorded_host import HostCall
@@ -13,7 +13,11 @@ from radarsim.recording.robot_topics import TopicMessage
 from radarsim.recording.wire_recorder import WireRecorder
 
 DESCRIBED: Final = ("Robot", "RangeScanner")
+TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
 WIRE: Final = frozenset({TO_CLIENT, TO_SERVER})
+
+# Called with a forward speed, m/s, and a turn rate, rad/s.
+DriveCallback: TypeAlias = Callable[[float, float], None]
 
 
 class LiveTopics:

@@ -12,13 +12,12 @@ from typing import Any, Final
 
 from radarsim.recording.robot_topics import TopicMessage
 from radarsim.ros.json_messages import message_json, velocity_of
+from radarsim.ros.live_topics import TWIST, DriveCallback
 
 LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
 MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
 MOST_SUBSCRIPTIONS: Final = 1000
-TWIST: Final = "geometry_msgs/msg/Twist"
-
-DriveCallback = Callable[[float, float], None]
+LONGEST_NAME: Final = 256  # characters
 
 
 class TopicBoard:
@@ -89,6 +88,9 @@ class RosbridgeClient:
         if now - self._last.get(topic, -math.inf) < self._subscriptions[topic]:
             return
         self._last[topic] = now
+        self._queue(topic, text)
+
+    def _queue(self, topic: str, text: str) -> None:
         self.waiting.append(
             f'{{"op": "publish", "topic": {json.dumps(topic)}, "msg": {text}}}'
         )
@@ -115,13 +117,15 @@ class RosbridgeClient:
 
     def _subscribe(self, message: dict[str, Any]) -> None:
         topic = str(message["topic"])
+        if len(topic) > LONGEST_NAME:
+            raise ValueError(f"a topic of {len(topic)} characters, expected a name")
         interval = float(message.get("throttle_rate") or 0) / 1000
         if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:
             raise ValueError(f"expected at most {MOST_SUBSCRIPTIONS} subscriptions")
         self._subscriptions[topic] = interval
         latched = self._board.latched(topic)
         if latched:
-            self.offer(topic, latched, -math.inf if interval else 0.0)
+            self._queue(topic, latched)
 
     def _unsubscribe(self, message: dict[str, Any]) -> None:
         self._subscriptions.pop(str(message["topic"]), None)

@@ -11,7 +11,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.commander.doors import Doors
 from radarsim.recording.robot_topics import TopicMessage
-from radarsim.ros.bridge import DriveCallback
+from radarsim.ros.live_topics import DriveCallback
 from radarsim.ros.rosbridge import LONGEST_MESSAGE, RosbridgeClient, TopicBoard
 from radarsim.server.lifecycle import bind
 from radarsim.server.web_server import WebServer
