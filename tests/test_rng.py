@@ -1,4 +1,9 @@
-from radarsim.rng import generator_for
+import math
+
+import numpy as np
+import pytest
+
+from radarsim.rng import NumberedStreams, generator_for
 
 
 def numbers(*key: int | str) -> list[float]:
@@ -19,3 +24,28 @@ def test_other_seed_or_name_gives_other_numbers() -> None:
 
 def test_boundaries_of_names_matter() -> None:
     assert numbers(0, "ab", "c") != numbers(0, "a", "bc")
+
+
+def drawn(streams: NumberedStreams, number: int, count: int) -> np.ndarray:
+    numbers = np.zeros(count, np.float32)
+    streams.fill_normal(number, numbers)
+    return numbers
+
+
+def test_streams_are_the_same_in_any_order_and_length() -> None:
+    streams = NumberedStreams(generator_for(0))
+    first, second = (drawn(streams, number, 9) for number in (0, 1))
+    assert (drawn(streams, 1, 5) == second[:5]).all()
+    assert (drawn(streams, 0, 9) == first).all()
+    assert (first != second).any()
+
+
+def test_numbers_of_streams_have_the_moments_of_normal_ones() -> None:
+    streams = NumberedStreams(generator_for(1))
+    numbers = np.array([drawn(streams, k, 2001) for k in range(100)], np.float64)
+    assert numbers.mean() == pytest.approx(0, abs=0.01)
+    assert numbers.std() == pytest.approx(1, abs=0.01)
+    # Sums of ten: a kurtosis of 3.
+    sums = numbers[:, :2000].reshape(-1, 10).sum(axis=1) / math.sqrt(10)
+    assert (sums**4).mean() == pytest.approx(3, abs=0.15)
+    assert abs(np.corrcoef(numbers[:-1].ravel(), numbers[1:].ravel())[0, 1]) < 0.01

@@ -28,6 +28,7 @@ from radarsim.benchmark.server import (
     start_up,
 )
 from radarsim.benchmark.timing import BenchmarkRow
+from radarsim.benchmark.turns import turns_of_a_radar
 
 # The function of each step, and its share of the progress bar.
 STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
@@ -38,6 +39,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "growth": (lambda: growth(0.4), 13),
     "beams": (lambda: beams_against_rays(1.0), 5),
     "surfaces": (lambda: mirrors_and_leaves(1.0), 2),
+    "turns": (lambda: turns_of_a_radar(4.0), 1),
     "robots": (lambda: driving_robots(2.0), 2),
     "more robots": (lambda: growth_of_robots(2.0), 3),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),

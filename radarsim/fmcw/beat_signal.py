@@ -16,7 +16,8 @@ Amplitudes are in units of the noise in a bin.
 """
 
 import math
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import NumberedStreams
+
+ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
 
 Power = NDArray[np.float32]
 Signal = NDArray[np.complex64]
@@ -93,41 +96,67 @@ def beat_rows(
         tones: Echoes of points, in any directions.
         streams: Source of speckle and noise: two streams for each direction.
     """
-    shape = noise_shape(settings)
-    signal = _speckle_signal(settings, first, mean / shape, streams)
-    own = tones.of_rows(range(first, first + len(signal)))
-    _add_tones(settings, signal, own._replace(rows=own.rows - first), shape)
-    _add_leakage(settings, signal)
-    _add_noise(settings, first, signal, streams)
-    _clip(settings, signal)
-    signal *= window_of(settings).astype(np.float32)
-    bins = fft.fft(signal, fft_length(settings), axis=1)[:, : settings.bins]
-    power: Power = bins.real**2
-    power += bins.imag**2
-    power *= shape
+    power = np.zeros(mean.shape, np.float32)
+    for start in range(0, len(mean), ROWS_AT_ONCE):
+        rows = slice(start, start + ROWS_AT_ONCE)
+        sweeps = _signal(settings, first + start, mean[rows], tones, streams)
+        spectra = fft.fft(sweeps, axis=1, overwrite_x=True)
+        _square(spectra, noise_shape(settings), power[rows])
     return power
 
 
-def _speckle_signal(
-    settings: FmcwSettings, first: int, mean: Power, streams: NumberedStreams
+def _signal(
+    settings: FmcwSettings,
+    first: int,
+    mean: Power,
+    tones: Tones,
+    streams: NumberedStreams,
 ) -> Signal:
-    """Return the beat signal of what is rough, (N, S); arguments as ``beat_rows``."""
+    """Return the windowed beat signal, padded, (N, L); arguments as ``beat_rows``."""
+    samples = sample_count(settings)
+    sweeps = np.zeros((len(mean), fft_length(settings)), np.complex64)
+    _fill_speckle(settings, first, mean, streams, sweeps)
+    sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
+    sweeps[:, samples:] = 0
+    signal = sweeps[:, :samples]
+    _add_tones(settings, signal, first, tones)
+    signal += _leakage(settings)
+    _add_noise(settings, signal, first, streams)
+    _clip(settings, signal)
+    signal *= window_of(settings).astype(np.float32)
+    return sweeps
+
+
+@njit_cached
+def _square(spectra: Any, shape: Any, power: Any) -> None:
+    for row in range(len(power)):
+        for b in range(len(shape)):
+            field = spectra[row, b]
+            power[row, b] = shape[b] * (field.real**2 + field.imag**2)
+
+
+def _fill_speckle(
+    settings: FmcwSettings,
+    first: int,
+    mean: Power,
+    streams: NumberedStreams,
+    lines: Signal,
+) -> None:
+    """Fill the amplitudes of what is rough into the first bins of ``lines``."""
     occupied = np.flatnonzero(mean.any(axis=0))
-    samples, length = sample_count(settings), fft_length(settings)
     if not len(occupied):
-        return np.zeros((len(mean), samples), np.complex64)
+        return
     depth, half = int(occupied[-1]) + 1, rows_in_beam(settings)
     # The directions beside these share points with them.
     white = np.zeros((len(mean) + 2 * half, 2 * depth), np.float32)
     for k, row in enumerate(white):
         streams.fill_normal(2 * ((first - half + k) % settings.azimuths), row)
-    lines = np.zeros((len(mean), depth), np.complex64)
-    _correlate(white.view(np.complex64), mean, _taps(settings), lines)
-    signal = fft.ifft(lines, length, axis=1, norm="forward", overwrite_x=True)
-    return np.ascontiguousarray(signal[:, :samples])
+    rough = mean[:, :depth] / noise_shape(settings)[:depth]
+    _correlate(white.view(np.complex64), rough, _taps(settings), lines)
 
 
-def _taps(settings: FmcwSettings) -> NDArray[np.float32]:
+@lru_cache(maxsize=16)
+def _taps(settings: FmcwSettings) -> Power:
     """Return by how much the points of one direction count in the next, (2 n + 1,).
 
     That is the two-way pattern of the field; the factor makes the power of Gaussian
@@ -141,54 +170,61 @@ def _taps(settings: FmcwSettings) -> NDArray[np.float32]:
 
 @njit_cached
 def _correlate(white: Any, mean: Any, taps: Any, lines: Any) -> None:
-    """Fill correlated amplitudes of a mean power, (N, D), from white ones.
+    """Fill correlated amplitudes of a mean power from white ones.
 
-    The white ones are (N + K - 1, D), those of the directions beside included, for K
-    taps.
+    Args:
+        white: (R + 2 n, D), n more directions on each side.
+        mean: (R, B) mean power.
+        taps: (2 n + 1,).
+        lines: (R, L) filled up to bin D.
     """
     for row in range(len(lines)):
         line = lines[row]
         for k in range(len(taps)):
             tap, source = taps[k], white[row + k]
-            for b in range(len(line)):
+            for b in range(len(source)):
                 line[b] += tap * source[b]
-        for b in range(len(line)):
+        for b in range(white.shape[1]):
             line[b] *= np.sqrt(mean[row, b])
 
 
 def _add_tones(
-    settings: FmcwSettings, signal: Signal, tones: Tones, shape: Power
+    settings: FmcwSettings, signal: Signal, first: int, tones: Tones
 ) -> None:
-    """Add the tones of points."""
-    bins = tones.ranges / settings.bin_size
-    level = np.interp(bins, np.arange(len(shape)), shape)
-    amplitudes = np.sqrt(tones.power / level) * np.exp(1j * tones.phases)
-    turns = bins / fft_length(settings)
-    samples = np.arange(signal.shape[1])
-    for row, turn, amplitude in zip(tones.rows, turns, amplitudes, strict=True):
-        signal[row] += (amplitude * np.exp(2j * np.pi * turn * samples)).astype(
-            np.complex64
-        )
+    """Add the tones of points to the directions from ``first`` on."""
+    shape, samples = noise_shape(settings), signal.shape[1]
+    own = tones.of_rows(range(first, first + len(signal)))
+    for row, distance, phase, power in zip(*own, strict=True):
+        place = distance / settings.bin_size
+        level = np.interp(place, np.arange(len(shape)), shape)
+        amplitude = np.sqrt(power / level) * np.exp(1j * phase)
+        signal[row - first] += _tone(amplitude, place / fft_length(settings), samples)
 
 
-def _add_leakage(settings: FmcwSettings, signal: Signal) -> None:
-    """Add what the transmitter leaks: the same tone in all directions."""
-    amplitude = 10 ** (settings.leakage_db / 20)
+@lru_cache(maxsize=16)
+def _leakage(settings: FmcwSettings) -> Signal:
+    """Return what the transmitter leaks: the same tone in all directions."""
     turn = settings.leakage_range / settings.bin_size / fft_length(settings)
-    samples = np.arange(signal.shape[1])
-    signal += (amplitude * np.exp(2j * np.pi * turn * samples)).astype(np.complex64)
+    amplitude = 10 ** (settings.leakage_db / 20)
+    return _tone(amplitude, turn, sample_count(settings))
+
+
+def _tone(amplitude: complex, turn: float, samples: int) -> Signal:
+    """Return a tone that turns by ``turn`` from one sample to the next."""
+    phases = 2j * np.pi * turn * np.arange(samples)
+    tone: Signal = (amplitude * np.exp(phases)).astype(np.complex64)
+    return tone
 
 
 def _add_noise(
-    settings: FmcwSettings, first: int, signal: Signal, streams: NumberedStreams
+    settings: FmcwSettings, signal: Signal, first: int, streams: NumberedStreams
 ) -> None:
     """Add white noise whose mean power in a bin will be 1."""
-    window = window_of(settings)
-    deviation = 1 / math.sqrt(2 * float((window**2).sum()))
     noise = np.zeros((len(signal), 2 * signal.shape[1]), np.float32)
-    for k, row in enumerate(noise):
-        streams.fill_normal(2 * (first + k) + 1, row)
-    noise *= np.float32(deviation)
+    for row, own in enumerate(noise, first):
+        streams.fill_normal(2 * row + 1, own)
+    energy = float((window_of(settings) ** 2).sum())
+    noise *= np.float32(1 / math.sqrt(2 * energy))
     signal += noise.view(np.complex64)
 
 

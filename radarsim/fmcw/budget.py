@@ -13,7 +13,7 @@ import numpy as np
 from radarsim.fmcw.antenna import directivity, elevation_limits, elevation_pattern
 from radarsim.fmcw.radar import FmcwRadar
 from radarsim.fmcw.radar_equation import dbm_of, noise_power
-from radarsim.fmcw.scattering import Scattering, scattering_of
+from radarsim.fmcw.scattering import GRAZING, Scattering, gamma_at, scene_scattering
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import EventKind
@@ -103,7 +103,7 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
     budget = Budget(azimuth, angle, entries, float(dbm_of(noise_power(it))))
     tracer = tracer_of(scene)
     events, incidence = _trace(radar, tracer, pose, angle)
-    scattering = scattering_of(tracer, radar.ray_class)
+    scattering = scene_scattering(tracer, radar.ray_class)
     losses = _Losses(radar, tracer.parts)
     for event in events:
         losses.advance(event)
@@ -165,7 +165,8 @@ def _echo_of(
     per_db = radar.ray_class.power_per_db
     part = min(part, len(scattering.gamma) - 1)
     if event.kind is EventKind.HIT:
-        gamma = scattering.gamma[part] * incidence ** scattering.exponent[part]
+        cosine = max(incidence, GRAZING)
+        gamma = gamma_at(cosine, *(each[part] for each in scattering[:4]))
         degrees = math.degrees(math.acos(min(incidence, 1.0)))
         return "surface", f"backscatter, met at {degrees:.0f} deg", float(gamma)
     if event.kind is EventKind.MIRRORED:

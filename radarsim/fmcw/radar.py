@@ -17,7 +17,7 @@ from radarsim.fmcw.radar_equation import (
     radar_constant,
 )
 from radarsim.fmcw.ray_fan import RayFan, extents_from, refined_fan
-from radarsim.fmcw.scattering import scattering_of
+from radarsim.fmcw.scattering import scene_scattering
 from radarsim.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
@@ -179,6 +179,14 @@ class FmcwRadar:
             rows: The directions whose rays are traced; None for all.
         """
         rows = range(self.settings.azimuths) if rows is None else rows
+        fan, rays = self.aim(scene, pose, carrier_id, rows)
+        traces = tracer_of(scene).trace(rays, boxes, events=True, incidence=True)
+        return TracedTurn(rows, fan, rays.directions, traces)
+
+    def aim(
+        self, scene: Scene, pose: Pose3, carrier_id: int, rows: range
+    ) -> tuple[RayFan, Rays]:
+        """Return the rays of directions, as a fan and in the map; see ``trace``."""
         extents = extents_from(pose, _bounds_of(scene))
         fan = refined_fan(self.settings, extents, rows)
         # Not a product of matrices, which rounds by how many rows there are.
@@ -197,8 +205,7 @@ class FmcwRadar:
             np.full(count, carrier_id, np.int64),
             (self.ray_class,),
         )
-        traces = tracer_of(scene).trace(rays, boxes, events=True, incidence=True)
-        return TracedTurn(rows, fan, directions, traces)
+        return fan, rays
 
     def mean_power(
         self,
@@ -240,7 +247,7 @@ class FmcwRadar:
             1.0 / self.ray_class.power_per_db,
             doppler_shift(self.settings, speeds),
         )
-        scattering = scattering_of(tracer, self.ray_class)
+        scattering = scene_scattering(tracer, self.ray_class)
         power.add(turn.rows, turn.fan, turn.directions, turn.traces, scattering, scale)
 
     def tones(

@@ -5,6 +5,7 @@ beam, G = 16 ln 2 / (az el).
 """
 
 import math
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -56,13 +57,16 @@ def noise_power(settings: FmcwSettings) -> float:
     return density * bandwidth
 
 
+@lru_cache(maxsize=16)
 def noise_shape(settings: FmcwSettings) -> NDArray[np.float32]:
     """Return the noise power of each bin relative to ``noise_power``, (B,).
 
     It falls by ``noise_tilt_db`` over all bins; the mean of its decibels is 0.
     """
     places = np.linspace(0.5, -0.5, settings.bins)
-    return (10 ** (settings.noise_tilt_db * places / 10)).astype(np.float32)
+    shape = (10 ** (settings.noise_tilt_db * places / 10)).astype(np.float32)
+    shape.setflags(write=False)
+    return shape
 
 
 def doppler_shift(

@@ -2,27 +2,39 @@
 
 Surfaces follow gamma = sigma0 / cos: the share of the power on a square metre across
 the ray that is scattered back, as if to all sides. A wall of Lambert's law has gamma0
-cos; ground has the same gamma at all angles. Volumes scatter a share of what they take,
-their albedo omega: a canopy that lets nothing through has a gamma of omega / 2. So does
-a sheet, which has no depth: omega times the share that it takes.
+cos; open ground has the same gamma at all angles. What is smooth also reflects: its
+facets, whose slopes are normally distributed, glint where they face the radar. With the
+share Gamma^2 that they reflect and the rms slope s, by geometrical optics,
 
-Gamma and albedo are those of the materials of the map.
+    sigma0 = Gamma^2 / (2 s^2 cos^4) e^(-tan^2 / (2 s^2)).
+
+Over the whole lobe that is what a flat mirror returns, pi Gamma^2 R^2.
+
+Volumes scatter a share of what they take, their albedo omega: a canopy that lets
+nothing through has a gamma of omega / 2. So does a sheet, which has no depth: omega
+times the share that it takes.
+
+Gamma, albedo, reflection and slope are those of the materials of the map. Source: F. T.
+Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from radarsim.geometry import Floats
+from radarsim.jit import njit_inline
 from radarsim.presets.rain_reflectivity import rain_reflectivity
 from radarsim.raycast.rays import RayClass
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
+GRAZING: Final = 1e-3  # the smallest cosine of an angle of incidence
 MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
-_GROUND: Final = ("soil", "ground", "grass", "asphalt", "gravel", "floor")
+ROBOT_DB: Final = -5.0  # gamma of robots; estimate
+MIRROR_SLOPE_DEG: Final = 1.0  # rms, of what mirrors are made of; estimate
 
 
 class Scattering(NamedTuple):  # compiled into kernels
@@ -32,6 +44,8 @@ class Scattering(NamedTuple):  # compiled into kernels
         gamma: (P + 1,) of the surfaces, at normal incidence.
         exponent: (P + 1,) of the cosine by which it falls off: 1 for Lambert's law, 0
             for ground.
+        glint: (P + 1,) Gamma^2 / (2 s^2) of the surfaces; 0 of rough ones.
+        narrowness: (P + 1,) 1 / (2 s^2) likewise.
         volume: (P + 1,) radar cross section of a cubic metre inside, m^2/m^3.
         albedo: (P + 1,) share of what a sheet takes that comes back.
         air: Cross section of a cubic metre of the air, m^2/m^3.
@@ -39,12 +53,14 @@ class Scattering(NamedTuple):  # compiled into kernels
 
     gamma: Floats
     exponent: Floats
+    glint: Floats
+    narrowness: Floats
     volume: Floats
     albedo: Floats
     air: float
 
 
-def scattering_of(tracer: Tracer, ray_class: RayClass) -> Scattering:
+def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     """Return what the parts of a scene scatter of the waves of a class."""
     materials = [part.material for part in tracer.parts]
     density, air_density = tracer.densities(ray_class)
@@ -57,22 +73,49 @@ def scattering_of(tracer: Tracer, ray_class: RayClass) -> Scattering:
     air = 0.0
     if tracer.air_part >= 0:
         air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
+    lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
+    gamma = [10 ** (surface_db(each) / 10) for each in materials]
     return Scattering(
-        _with_robots([10 ** (surface_db(each) / 10) for each in materials], -5.0),
-        np.append([0.0 if is_ground(each) else 1.0 for each in materials], 1.0),
+        np.append(gamma, 10 ** (ROBOT_DB / 10)),
+        np.append([0.0 if each.constant_gamma else 1.0 for each in materials], 1.0),
+        np.append(lobes[:, 0], 0.0),
+        np.append(lobes[:, 1], 0.0),
         np.append(volume, 0.0),
         np.append(albedo, 0.0),
         float(air),
     )
 
 
-def _with_robots(gamma: list[float], robots_db: float) -> Floats:
-    return np.append(gamma, 10 ** (robots_db / 10))
+@njit_inline
+def gamma_at(
+    cosine: Any, gamma: Any, exponent: Any, glint: Any, narrowness: Any
+) -> Any:
+    """Return the gamma of a surface at an angle of incidence.
+
+    Args:
+        cosine: Cosine of the angle, above 0.
+        gamma: As in ``Scattering``.
+        exponent: Likewise.
+        glint: Likewise.
+        narrowness: Likewise.
+    """
+    rough = gamma * cosine**exponent
+    if glint <= 0.0:
+        return rough
+    square = cosine * cosine
+    lobe = np.exp(-narrowness * (1.0 - square) / square)
+    return rough + glint * lobe / (square * square * cosine)
 
 
-def is_ground(material: Material) -> bool:
-    """Return whether a material scatters like open ground."""
-    return material.name in _GROUND
+def lobe_of(material: Material) -> tuple[float, float]:
+    """Return ``glint`` and ``narrowness`` of ``Scattering`` of an opaque surface."""
+    reflected, slope = material.specular_db, material.slope_deg
+    if material.radar_mirror and reflected is None:
+        reflected, slope = -material.absorption_db, MIRROR_SLOPE_DEG
+    if reflected is None:
+        return 0.0, 0.0
+    narrowness = 0.5 / math.radians(slope) ** 2
+    return 10 ** (reflected / 10) * narrowness, narrowness
 
 
 def surface_db(material: Material) -> float:

@@ -43,11 +43,14 @@ Key: TypeAlias = Literal[
     "laser_rain_alpha",
     "backscatter_db",
     "albedo",
+    "specular_db",
+    "slope_deg",
     "transmission_db",
 ]
 Losses: TypeAlias = tuple[float, float, float]
 BACKSCATTER_DB: Final = -10.0  # dB, of a rough surface of which nothing is known
 ALBEDO: Final = 0.2  # of foliage
+SLOPE_DEG: Final = 2.0  # of facets of which only the reflection is known
 
 
 class LibraryEntry(BaseModel):
@@ -60,8 +63,10 @@ class LibraryEntry(BaseModel):
             ``db_per_g`` the loss per metre for one gramme in a cubic metre, dB;
             ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km;
             ``backscatter_db`` what a surface returns to a radar head-on, dB, and
-            ``albedo`` the share of a loss that is scattered; ``transmission_db`` the
-            loss on the way through a pane, in each band, dB.
+            ``albedo`` the share of a loss that is scattered; ``specular_db`` what
+            facets reflect that face a radar, dB, and ``slope_deg`` their rms slope,
+            degrees; ``transmission_db`` the loss on the way through a pane, in each
+            band, dB.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -92,6 +97,9 @@ class MaterialProperties:
         rain: Rate of the rain in it, mm/h.
         backscatter_db: What its surface returns to a radar head-on, dB.
         albedo: Share of what it takes from a radar wave that it scatters.
+        specular_db: What facets of its surface reflect to a radar that they face, dB;
+            None for a rough surface.
+        slope_deg: Rms slope of these facets, degrees.
         transmission_db: Loss of radar waves on their way through a pane in each of
             ``BANDS_GHZ``, dB; None for what is none.
     """
@@ -108,6 +116,8 @@ class MaterialProperties:
     rain: float
     backscatter_db: float
     albedo: float
+    specular_db: float | None
+    slope_deg: float
     transmission_db: Losses | None
 
 
@@ -175,6 +185,8 @@ def library_material(
         rain=float(values.get("mm_per_h", 0.0)),
         backscatter_db=float(values.get("backscatter_db", BACKSCATTER_DB)),
         albedo=float(values.get("albedo", ALBEDO)),
+        specular_db=values.get("specular_db"),
+        slope_deg=float(values.get("slope_deg", SLOPE_DEG)),
         transmission_db=None if transmission is None else _by_band(transmission),
     )
 

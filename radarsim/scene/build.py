@@ -81,7 +81,12 @@ def _scattering_properties(entry: MaterialEntry, base: Material) -> dict[str, An
         properties["attenuation_db"] = base.radar_db
     if entry.absorption_db is not None:
         properties["backscatter_db"] = base.backscatter_db - entry.absorption_db
-    names = ("attenuation_db", "sheet_attenuation_db", "backscatter_db", "albedo")
+        if base.specular_db is not None:
+            properties["specular_db"] = base.specular_db - entry.absorption_db
+    names = (
+        *("attenuation_db", "sheet_attenuation_db", "backscatter_db", "albedo"),
+        *("constant_gamma", "specular_db", "slope_deg"),
+    )
     given = {name: getattr(entry, name) for name in names}
     return properties | {k: value for k, value in given.items() if value is not None}
 

@@ -44,6 +44,8 @@ MAX_START_NAME = 40  # characters, so that the one line that lists starts holds 
 MAX_DB = 1e6  # per metre; a material that attenuates more is opaque
 MAX_AMOUNT = 1000.0  # mm/h, g/m^3
 MAX_LEVEL = 200.0  # dB, of what returns to a radar
+MIN_SLOPE = 0.2  # degrees, of facets
+MAX_SLOPE = 30.0
 
 START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
@@ -237,6 +239,10 @@ class MaterialEntry(Entry):
         backscatter_db: What an opaque surface that is met head-on returns to a radar,
             dB, without what it absorbs.
         albedo: Share of what it takes from a radar wave that it scatters.
+        constant_gamma: Whether it returns the same at all angles, as open ground does.
+        specular_db: What facets of an opaque surface reflect to a radar that they face,
+            dB.
+        slope_deg: Rms slope of these facets, degrees.
         transmission_db: What a radar wave loses on its way through a pane, dB.
     """
 
@@ -256,6 +262,9 @@ class MaterialEntry(Entry):
     sheet_attenuation_db: BandDecibels | None = None
     backscatter_db: Level | None = None
     albedo: Annotated[Real, Ge(0), Le(1)] | None = None
+    constant_gamma: Annotated[bool, Strict()] | None = None
+    specular_db: Annotated[Real, Ge(-MAX_LEVEL), Le(0)] | None = None
+    slope_deg: Annotated[Real, Ge(MIN_SLOPE), Le(MAX_SLOPE)] | None = None
     transmission_db: BandDecibels | None = None
 
 

@@ -42,6 +42,11 @@ class Material:
         backscatter_db: What a radar receives from an opaque surface that it meets
             head-on: its radar cross section per area seen, gamma 0, dB. What the
             surface absorbs is missing from it.
+        constant_gamma: Whether an opaque surface has the same gamma at all angles, as
+            open ground has; else it follows Lambert's law.
+        specular_db: What the facets of an opaque surface reflect to a radar that they
+            face, dB: 0 is all; None for a surface that is rough everywhere.
+        slope_deg: Rms slope of these facets against the surface, degrees.
         albedo: The share of what a volume or a sheet takes from a radar wave that it
             scatters to all sides; the rest turns into heat. The drops of ``rain`` come
             on top.
@@ -63,6 +68,9 @@ class Material:
     sheet_attenuation_db: tuple[float, float, float] | None = None
     backscatter_db: float = -10.0
     albedo: float = 0.2
+    constant_gamma: bool = False
+    specular_db: float | None = None
+    slope_deg: float = 2.0
     transmission_db: tuple[float, float, float] | None = None
 
     def __repr__(self) -> str:

@@ -95,7 +95,7 @@ def test_false_alarms_in_a_padded_spectrum(window: str, detector: str) -> None:
     settings = radar(window=window).settings
     training = training_of(settings)
     shares = []
-    for seed in range(3):
+    for seed in range(6):
         rng = generator_for(seed)
         power = beat_spectrum(settings, no_echoes(settings), NO_TONES, rng)
         if detector == "ca":

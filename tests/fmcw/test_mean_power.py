@@ -80,6 +80,39 @@ def test_wall_falls_by_6_db_as_its_distance_doubles() -> None:
     assert np.diff(db(powers)) == pytest.approx([-6.02] * 3, abs=0.05)
 
 
+def test_smooth_wall_returns_what_a_flat_mirror_does_on_top() -> None:
+    """Of a mirror as large as the beam: K pi Gamma^2 / R^2, without the pattern."""
+    reflected, slope = 0.15, 0.3
+    smooth = radarsim.Material(
+        "smooth", specular_db=db(reflected), slope_deg=slope, backscatter_db=-200
+    )
+    which = radar(bins=1000, beamwidth_az_deg=10, beamwidth_el_deg=10, rays_up=64)
+    expected = radar_constant(which.settings) * math.pi * reflected / 10**2
+    found = total_ahead(which, wall_at(10, smooth))
+    # The lobe is a tenth of the beam wide, where the two-way pattern has 0.98.
+    assert db(found / expected) == pytest.approx(0, abs=0.3)
+
+
+def test_glint_fades_within_a_few_slopes_of_the_normal() -> None:
+    smooth = radarsim.Material("smooth", specular_db=-8.1)
+    rough = radarsim.Material("rough")
+    which = radar(bins=1000, beamwidth_az_deg=0.5, beamwidth_el_deg=0.5, azimuths=1600)
+    for degrees, low, high in ((0, 24, 28.1), (2, 21, 27), (12, 0, 0.1)):
+        pose = Pose3(0.0, 0.0, 1.0, 0, 0, math.radians(degrees))
+        powers = [
+            total_ahead(which, wall_at(10, each), pose) for each in (smooth, rough)
+        ]
+        assert low <= db(powers[0] / powers[1]) <= high
+
+
+def test_open_ground_returns_the_same_at_all_angles() -> None:
+    ground = radarsim.Material("any name", constant_gamma=True)
+    which, wall = radar(bins=1000), wall_at(10, ground)
+    slanted = Pose3(5.0, 0, 1, 0, 0, math.radians(60))
+    head_on, tilted = (total_ahead(which, wall, pose) for pose in (EYE, slanted))
+    assert db(tilted / head_on) == pytest.approx(0, abs=0.1)
+
+
 def test_surface_met_at_60_degrees_returns_half_of_one_met_head_on() -> None:
     which, wall = radar(bins=1000), wall_at(10)
     # Level, 10 m from the same wall along the ray, at 60 degrees to its normal.

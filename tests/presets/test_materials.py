@@ -131,6 +131,8 @@ def test_all_properties_of_a_material() -> None:
         rain=0,
         backscatter_db=-10,
         albedo=0.2,
+        specular_db=-9.7,
+        slope_deg=3,
         transmission_db=None,
     )
 

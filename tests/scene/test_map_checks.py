@@ -121,10 +121,11 @@ def test_problem_of_the_top_level_has_place_and_expectation(
         pytest.param(
             "{density: 1, colour: red}",
             "17: m.colour: unknown key, expected one of ['absorption_db', 'albedo',"
-            " 'attenuation_db', 'backscatter_db', 'based_on', 'db_per_m', 'density',"
-            " 'g_per_m3', 'laser_absorption_db', 'laser_db_per_m', 'laser_density',"
-            " 'mirror', 'mm_per_h', 'sheet_attenuation_db', 'sheet_loss', 'solid',"
-            " 'transmission_db']",
+            " 'attenuation_db', 'backscatter_db', 'based_on', 'constant_gamma',"
+            " 'db_per_m', 'density', 'g_per_m3', 'laser_absorption_db',"
+            " 'laser_db_per_m', 'laser_density', 'mirror', 'mm_per_h',"
+            " 'sheet_attenuation_db', 'sheet_loss', 'slope_deg', 'solid',"
+            " 'specular_db', 'transmission_db']",
         ),
     ],
 )

@@ -100,8 +100,8 @@ def problems(text: str) -> list[str]:
             id="dB beside a sheet loss",
         ),
         pytest.param(
-            "{density: opaque, backscatter_db: -25}",
-            {"backscatter_db": -25.0},
+            "{density: opaque, backscatter_db: -25, constant_gamma: true}",
+            {"backscatter_db": -25.0, "constant_gamma": True},
             id="soil",
         ),
         pytest.param(
@@ -198,6 +198,7 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
                 "laser_mirror": False,
                 "absorption_db": 20.0,
                 "backscatter_db": -30.0,
+                "specular_db": -20.01,
             },
             id="dull",
         ),

@@ -1,0 +1,164 @@
+"""Power by range: where a ray adds what comes back along it.
+
+A surface that is grazed takes up more than one bin, as the next ray of the beam meets
+it farther off: its power is spread over that distance. A volume adds to every bin that
+the ray passes, less and less as it takes from the wave.
+"""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.fmcw.scattering import NEPER_DB
+from radarsim.geometry import Floats
+from radarsim.jit import njit_inline
+
+NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
+
+Power = NDArray[np.float32]
+
+
+class Bins(NamedTuple):
+    """The range bins.
+
+    Attributes:
+        size: m.
+        per_square: (B,) 1 / R^2 of each, 1/m^2; 0 where it is too near.
+        full: Power with which rays start.
+        db_per_power: dB one way in a unit of it.
+    """
+
+    size: float
+    per_square: Floats
+    full: float
+    db_per_power: float
+
+
+class Lines(NamedTuple):
+    """Power by range, of one column and the next.
+
+    Attributes:
+        power: (2, B) float32.
+        spans: (2, 2) int64, the first and the last bin with power in each.
+    """
+
+    power: Power
+    spans: NDArray[np.int64]
+
+
+class Place(NamedTuple):
+    """Where a ray's power goes.
+
+    Attributes:
+        here: Row of ``Lines`` of its column.
+        across: Share of the next column.
+        weight: Power at 1 m from a gamma of 1.
+        shift: m, added to ranges.
+    """
+
+    here: int
+    across: float
+    weight: float
+    shift: float
+
+
+class Passage(NamedTuple):
+    """The part of a ray that is in one volume.
+
+    Attributes:
+        start: Where it begins, m.
+        end: Where it ends, m.
+        volume: Cross section of a cubic metre, m^2/m^3.
+        loss: dB one way up to there.
+        slope: dB per metre one way within.
+    """
+
+    start: float
+    end: float
+    volume: float
+    loss: float
+    slope: float
+
+
+@njit_inline
+def add_surface(
+    lines: Any, place: Any, bins: Any, t: Any, gamma: Any, length: Any
+) -> None:
+    """Add what a surface returns, evenly over a length, and at least over one bin.
+
+    Args:
+        lines: The ``Lines``.
+        place: The ``Place``.
+        bins: The ``Bins``.
+        t: Its distance, m.
+        gamma: The share of the wave that it returns, less the losses on the way.
+        length: m along the ray.
+    """
+    if gamma <= 0.0 or t < NEAREST:
+        return
+    power = place.weight * gamma / (t * t)
+    size, count = bins.size, len(bins.per_square)
+    half = 0.5 * max(length, size)
+    middle = t + place.shift
+    # Bin b is from (b - 1/2) to (b + 1/2) bin sizes.
+    start, end = (middle - half) / size + 0.5, (middle + half) / size + 0.5
+    low, high = max(int(np.floor(start)), 0), min(int(np.floor(end)), count - 1)
+    if high < low:
+        return
+    density = power / (end - start)
+    for b in range(low, high + 1):
+        share = min(end, b + 1.0) - max(start, float(b))
+        _add_to_bin(lines, place, b, density * share)
+    _widen(lines, low, high)
+
+
+@njit_inline
+def add_volume(lines: Any, place: Any, bins: Any, passage: Any) -> None:
+    """Add what a volume returns along the ``Passage`` of a ray through it."""
+    size, count = bins.size, len(bins.per_square)
+    rate = 2.0 * passage.slope / NEPER_DB  # nepers of power per metre, out and back
+    start = (passage.start + place.shift) / size + 0.5
+    end = (passage.end + place.shift) / size + 0.5
+    low, high = max(int(np.floor(start)), 0), min(int(np.floor(end)), count - 1)
+    if high < low:
+        return
+    fade = np.exp(-rate * size)
+    whole = _mean_depth(rate, size)
+    begin = max(start, float(low))
+    left = place.weight * passage.volume * 10.0 ** (-0.2 * passage.loss)
+    left *= np.exp(-rate * (begin - start) * size)
+    for b in range(low, high + 1):
+        depth = (min(end, b + 1.0) - begin) * size
+        if depth < 0.999999 * size:
+            returned = left * _mean_depth(rate, depth)
+            left *= np.exp(-rate * depth)
+        else:
+            returned = left * whole
+            left *= fade
+        _add_to_bin(lines, place, b, returned * bins.per_square[b])
+        begin = b + 1.0
+    _widen(lines, low, high)
+
+
+@njit_inline
+def _mean_depth(rate: Any, depth: Any) -> Any:
+    """Return the integral of e^(-rate r) over a depth."""
+    if rate * depth < 1e-6:
+        return depth
+    return (1.0 - np.exp(-rate * depth)) / rate
+
+
+@njit_inline
+def _add_to_bin(lines: Any, place: Any, b: Any, power: Any) -> None:
+    here, beside = place.here, 1 - place.here
+    lines.power[here, b] += power * (1.0 - place.across)
+    lines.power[beside, b] += power * place.across
+
+
+@njit_inline
+def _widen(lines: Any, low: Any, high: Any) -> None:
+    """Note that bins from ``low`` to ``high`` have power."""
+    for k in range(2):
+        lines.spans[k, 0] = min(lines.spans[k, 0], low)
+        lines.spans[k, 1] = max(lines.spans[k, 1], high)
