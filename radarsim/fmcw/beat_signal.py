@@ -114,7 +114,7 @@ def _signal(
 ) -> Signal:
     """Return the windowed beat signal, padded, (N, L); arguments as ``beat_rows``."""
     samples = sample_count(settings)
-    sweeps = np.zeros((len(mean), fft_length(settings)), np.complex64)
+    sweeps: Signal = np.zeros((len(mean), fft_length(settings)), np.complex64)
     _fill_speckle(settings, first, mean, streams, sweeps)
     sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
     sweeps[:, samples:] = 0
