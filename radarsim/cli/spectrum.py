@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,6 +25,7 @@ from radarsim.cli.scan import load_scene_and_pose
 from radarsim.errors import PresetError
 
 if TYPE_CHECKING:
+    from radarsim.cli.spectrum_files import Detector, Shown
     from radarsim.fmcw.spectrum import Spectrum
     from radarsim.sensors.range_scanner import RangeScanner
 
@@ -56,97 +56,161 @@ class DetectorName(StrEnum):
     K = "k"
 
 
+OutputOption = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        help="File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with"
+        " the detections. With --path a folder.",
+    ),
+]
+PathOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--path",
+        metavar="FILE.tum",
+        help="Record all turns along a path of the antenna, as in a data set.",
+    ),
+]
+SettingsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a setting of the sensor; of its FMCW radar: fmcw.KEY=VALUE.",
+    ),
+]
+ViewOption = Annotated[
+    View | None,
+    typer.Option(help="What the picture shows.", show_default="cartesian"),
+]
+AzimuthOption = Annotated[
+    int | None,
+    typer.Option(min=0, help="Direction of the A-scope.", show_default="0"),
+]
+RangeOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-range",
+        "--range",
+        metavar="M",
+        callback=check_positive,
+        help="Longest range in the picture; by default what is above the noise.",
+    ),
+]
+LayoutOption = Annotated[
+    ImageLayout | None,
+    typer.Option(
+        help="Write an image as in a data set, not a picture.",
+        show_default="oxford with --path",
+    ),
+]
+DetectorOption = Annotated[
+    DetectorName | None,
+    typer.Option(help="Detector of targets.", show_default="ca for .csv"),
+]
+PfaOption = Annotated[
+    float, typer.Option(help="False alarms in a bin of noise, for ca and os.")
+]
+StrongestOption = Annotated[
+    int, typer.Option(min=1, help="Bins of each direction, for k.")
+]
+CountOption = Annotated[
+    int, typer.Option(min=1, help="Number of turns, for .npz and .csv.")
+]
+
+
 def spectrum(
     map_: MapArgument,
     *,
     sensor: SensorOption,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            help="File to write: .png, .svg or .pdf, .npz with all numbers, or .csv"
-            " with the detections.",
-        ),
-    ],
+    output: OutputOption,
     start: SensorStartOption = None,
     pose: SensorPoseOption = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change a setting of the sensor; of its FMCW radar: fmcw.KEY=VALUE.",
-        ),
-    ] = None,
-    view: Annotated[
-        View | None,
-        typer.Option(help="What the picture shows.", show_default="cartesian"),
-    ] = None,
-    azimuth: Annotated[
-        int | None,
-        typer.Option(min=0, help="Direction of the A-scope.", show_default="0"),
-    ] = None,
-    reach: Annotated[
-        float | None,
-        typer.Option(
-            "--range",
-            metavar="M",
-            callback=check_positive,
-            help="Longest range in the picture.",
-        ),
-    ] = None,
-    layout: Annotated[
-        ImageLayout | None,
-        typer.Option(help="Write an image as in a data set, not a picture."),
-    ] = None,
-    detector: Annotated[
-        DetectorName | None,
-        typer.Option(help="Detector of targets.", show_default="ca for .csv"),
-    ] = None,
-    pfa: Annotated[
-        float, typer.Option(help="False alarms in a bin of noise, for ca and os.")
-    ] = 1e-4,
-    strongest: Annotated[
-        int, typer.Option(min=1, help="Bins of each direction, for k.")
-    ] = 12,
-    count: Annotated[
-        int, typer.Option(min=1, help="Number of turns, for .npz and .csv.")
-    ] = 1,
+    path: PathOption = None,
+    settings: SettingsOption = None,
+    view: ViewOption = None,
+    azimuth: AzimuthOption = None,
+    reach: RangeOption = None,
+    layout: LayoutOption = None,
+    detector: DetectorOption = None,
+    pfa: PfaOption = 1e-4,
+    strongest: StrongestOption = 12,
+    count: CountOption = 1,
     seed: SeedOption = 0,
 ) -> None:
     """Record turns of an FMCW radar: the power over range in each direction."""
+    from radarsim.cli.spectrum_files import Detector, Shown
     from radarsim.rng import generator_for
 
+    pictures = {"--view": view, "--azimuth": azimuth, "--range": reach}
+    if path is not None:
+        others = {"--start": start, "--pose": pose, "--detector": detector, **pictures}
+        refuse_options(others, "expected no --path with it")
+        scanner = _load_radar(sensor, settings)
+        _record_path(map_, scanner, path, layout or ImageLayout.OXFORD, output, seed)
+        return
     ending = check_ending(output, _ENDINGS, "-o")
-    _check_combinations(ending, view, azimuth, reach, layout, count)
+    _check_combinations(ending, pictures, layout, count)
+    if azimuth is not None and view is not View.ASCOPE:
+        raise typer.BadParameter("expected --view ascope", param_hint="--azimuth")
     _check_pfa(pfa)
     check_writable(output, "-o")
     scanner = _load_radar(sensor, settings)
     scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
     rng = generator_for(seed, sensor)
     turns = [scanner.spectrum(scene, sensor_pose, rng) for _ in range(count)]
-    chosen = detector.value if detector else ("ca" if ending == "csv" else None)
-    if layout is not None:
-        from radarsim.fmcw.image_files import image_of
+    shown = Shown((view or View.CARTESIAN).value, azimuth or 0, reach)
+    found = Detector(detector.value if detector else None, pfa, strongest)
+    write_file(output, _contents(turns, ending, layout, shown, found))
 
-        data = image_of(turns[0], layout.value)
-    elif ending == "npz":
-        data = _as_npz(turns)
-    elif ending == "csv":
-        data = _as_csv(turns, chosen or "ca", pfa, strongest)
-    else:
-        data = _as_picture(
-            turns[0], ending, view, azimuth, reach, (chosen, pfa, strongest)
-        )
-    write_file(output, data)
+
+def _contents(
+    turns: list[Spectrum],
+    ending: str,
+    layout: ImageLayout | None,
+    shown: Shown,
+    detector: Detector,
+) -> bytes:
+    """Return the contents of the file."""
+    from radarsim.cli.spectrum_files import as_csv, as_npz, as_picture
+    from radarsim.fmcw.image_files import image_of
+
+    if layout is not None:
+        return image_of(turns[0], layout.value)
+    if ending == "npz":
+        return as_npz(turns)
+    if ending == "csv":
+        return as_csv(turns, detector)
+    return as_picture(turns[0], ending, shown, detector)
+
+
+def _record_path(
+    map_: str,
+    scanner: RangeScanner,
+    path: Path,
+    layout: ImageLayout,
+    folder: Path,
+    seed: int,
+) -> None:
+    """Write the turns along a path, and say how many they are."""
+    from radarsim.cli.spectrum_files import load_path, write_sequence
+    from radarsim.fmcw.sequence import turns_along
+    from radarsim.rng import generator_for
+    from radarsim.scene.map_file import load_map
+
+    scene = load_map(map_)
+    way = load_path(path, scene)
+    rng = generator_for(seed, scanner.name)
+    turns = turns_along(scanner.fmcw, scene, way, rng)
+    number = write_sequence(folder, layout.value, turns)
+    typer.echo(f"{number} turns along {way.duration:.1f} s in {folder}", err=True)
 
 
 def _check_combinations(
     ending: str,
-    view: View | None,
-    azimuth: int | None,
-    reach: float | None,
+    pictures: Mapping[str, object],
     layout: ImageLayout | None,
     count: int,
 ) -> None:
@@ -155,7 +219,6 @@ def _check_combinations(
     Raises:
         typer.BadParameter: If there is one.
     """
-    pictures = {"--view": view, "--azimuth": azimuth, "--range": reach}
     if layout is not None:
         refuse_options(pictures, "expected no --layout with it")
         if ending != "png":
@@ -168,8 +231,6 @@ def _check_combinations(
         raise typer.BadParameter(
             f"{count}, expected 1 for a .{ending} file", param_hint="--count"
         )
-    if azimuth is not None and view is not View.ASCOPE:
-        raise typer.BadParameter("expected --view ascope", param_hint="--azimuth")
 
 
 def _check_pfa(pfa: float) -> None:
@@ -200,67 +261,3 @@ def _load_radar(sensor: str, settings: list[str] | None) -> RangeScanner:
     except PresetError as error:
         raise typer.BadParameter(str(error)) from None
     return scanner
-
-
-def _as_picture(
-    turn: Spectrum,
-    form: str,
-    view: View | None,
-    azimuth: int | None,
-    reach: float | None,
-    detector: tuple[str | None, float, int],
-) -> bytes:
-    from radarsim.plotting import draw_spectrum
-
-    last = len(turn.angles) - 1
-    if azimuth is not None and azimuth > last:
-        raise typer.BadParameter(
-            f"{azimuth}, expected 0 to {last}", param_hint="--azimuth"
-        )
-    name, pfa, strongest = detector
-    found = turn.detections(name, pfa=pfa, count=strongest) if name else None
-    return draw_spectrum(
-        turn,
-        view=(view or View.CARTESIAN).value,
-        azimuth=azimuth or 0,
-        reach=reach,
-        detections=found,
-        form=form,
-    )
-
-
-def _as_npz(turns: list[Spectrum]) -> bytes:
-    """Return all numbers of turns as a NumPy archive."""
-    import numpy as np
-
-    data = io.BytesIO()
-    np.savez_compressed(
-        data,
-        angles=turns[0].angles,
-        ranges=turns[0].ranges,
-        noise_floor=turns[0].noise_floor,
-        pose=np.array(turns[0].pose.numbers()),
-        power=np.stack([turn.power for turn in turns]),
-        counts=np.stack([turn.counts for turn in turns]),
-    )
-    return data.getvalue()
-
-
-def _as_csv(turns: list[Spectrum], detector: str, pfa: float, strongest: int) -> bytes:
-    """Return a row for each detection."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["turn", "azimuth", "angle", "range", "dbm"])
-    for number, turn in enumerate(turns):
-        found = turn.detections(detector, pfa=pfa, count=strongest)
-        for row, angle, range_, dbm in zip(
-            found.rows.tolist(),
-            found.angles.tolist(),
-            found.ranges.tolist(),
-            found.dbm.tolist(),
-            strict=True,
-        ):
-            writer.writerow(
-                [number, row, f"{angle:.6f}", f"{range_:.4f}", f"{dbm:.2f}"]
-            )
-    return text.getvalue().encode()

@@ -86,6 +86,31 @@ def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> 
     return f"{time_us}.png"
 
 
+def folder_of(layout: str) -> str:
+    """Return the folder in which a data set has its images."""
+    return "Navtech_Polar" if layout == "radiate" else "radar"
+
+
+def list_file(layout: str) -> str:
+    """Return the name of the file that lists a data set's images."""
+    return "Navtech_Polar.txt" if layout == "radiate" else "radar.timestamps"
+
+
+def list_line(layout: str, name: str, time_us: int) -> str:
+    """Return the line of an image in that file.
+
+    Args:
+        layout: Of which data set.
+        name: Name of the image's file.
+        time_us: Time at which the turn begins, us.
+    """
+    stem = name.removesuffix(".png")
+    if layout == "radiate":
+        seconds, rest = divmod(time_us, 1_000_000)
+        return f"Frame: {stem} Time: {seconds}.{rest:06d}000\n"
+    return f"{stem} 1\n"  # valid
+
+
 def _encode(pixels: NDArray[np.uint8]) -> bytes:
     data = io.BytesIO()
     Image.fromarray(pixels).save(data, "PNG", compress_level=_FASTEST)

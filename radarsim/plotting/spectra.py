@@ -19,6 +19,10 @@ VIEWS: Final = ("cartesian", "polar", "ascope")
 PIXELS: Final = 1000  # along a side of the picture from above
 DARKEST: Final = 10  # dB of the grey scale under the median of the noise
 BRIGHTEST: Final = 50  # and over it
+VISIBLE: Final = 3.0  # dB over the noise, from which on an echo shows
+LEAST_LOUD: Final = 2  # directions at a range, or it is not shown for them
+MARGIN: Final = 1.1  # what is shown, by what has echoes
+SHORTEST_REACH: Final = 5.0  # m
 _MARK: Final[dict[str, Any]] = {
     "marker": "o",
     "linestyle": "none",
@@ -42,7 +46,7 @@ def draw_spectrum(
         spectrum: The turn.
         view: One of ``VIEWS``.
         azimuth: The direction of an A-scope.
-        reach: Longest range that is shown, m; None for all.
+        reach: Longest range that is shown, m; None for what is above the noise.
         detections: Targets to be marked.
         form: File format.
     """
@@ -71,7 +75,7 @@ def plot_spectrum(
         view: ``cartesian``, as seen from above with the front of the sensor upwards;
             ``polar``, a row for each direction; ``ascope``, power over range.
         azimuth: The direction of an A-scope.
-        reach: Longest range that is shown, m; None for all.
+        reach: Longest range that is shown, m; None for what is above the noise.
         detections: Targets to be marked.
 
     Raises:
@@ -83,7 +87,7 @@ def plot_spectrum(
     if not 0 <= azimuth <= last:
         raise ValueError(f"azimuth {azimuth}, expected 0 to {last}")
     axes = ax or _new_axes(view)
-    reach = min(reach or math.inf, float(spectrum.ranges[-1]))
+    reach = min(reach or echo_reach(spectrum), float(spectrum.ranges[-1]))
     if view == "ascope":
         _draw_ascope(axes, spectrum, azimuth, reach, detections)
     elif view == "polar":
@@ -92,6 +96,14 @@ def plot_spectrum(
         _draw_cartesian(axes, spectrum, reach, detections)
     axes.set_title(_title(spectrum, view, azimuth), fontsize="medium")
     return axes
+
+
+def echo_reach(spectrum: "Spectrum") -> float:
+    """Return the range up to which there are echoes above the noise, and a bit more."""
+    noise = spectrum.noise_floor * np.float32(10 ** (VISIBLE / 10))
+    loud = (spectrum.echo_power > noise).sum(axis=0) >= LEAST_LOUD
+    last = np.flatnonzero(loud).max(initial=0)
+    return max(MARGIN * float(spectrum.ranges[last]), SHORTEST_REACH)
 
 
 def _new_axes(view: str) -> Axes:

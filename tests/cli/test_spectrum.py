@@ -155,3 +155,46 @@ def test_budget_names_what_each_material_takes(radarsim: Command) -> None:
     )
     assert "lost in foliage" in run.text
     assert run.text.count("signal to noise") >= 2
+
+
+def test_turns_along_a_path_are_written_as_in_a_data_set(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    """One metre in four turns of 0.25 s, 6.4 m from the south wall."""
+    path, folder = tmp_path / "way.tum", tmp_path / "sequence"
+    path.write_text("# a path\n5 -8 0 0 0 0 0 1\n6 -7 0 0 0 0 0 1\n")
+    options = ["--path", str(path), "-o", str(folder)]
+    assert radarsim("spectrum", "foliage_room", *SMALL, *options).code == 0
+    names = [f"{5_000_000 + 250_000 * turn}.png" for turn in range(4)]
+    assert sorted(each.name for each in (folder / "radar").iterdir()) == names
+    listed = (folder / "radar.timestamps").read_text().splitlines()
+    assert listed == [f"{name.removesuffix('.png')} 1" for name in names]
+    poses = np.loadtxt(folder / "poses.tum")
+    assert poses[:, 0] == pytest.approx([5.125, 5.375, 5.625, 5.875])
+    assert poses[:, 1] == pytest.approx([-7.875, -7.625, -7.375, -7.125])
+    assert poses[:, 3] == pytest.approx(0.346)
+    assert poses[:, 7] == pytest.approx(1)
+    with Image.open(folder / "radar" / names[0]) as image:
+        counts = np.asarray(image)[25, 11:]
+    assert 0.0438 * counts[60:].argmax() + 2.6 == pytest.approx(6.4, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        pytest.param("0 0 0 0 0 0 1\n", "line 1", id="seven numbers"),
+        pytest.param("0 0 0 0 0 0 0 1\n", "1 poses, expected at least 2", id="one"),
+        pytest.param("1 0 0 0 0 0 0 1\n" * 2, "expected above 1", id="same time"),
+        pytest.param("1 0 0 0 0 0 0 0\n", "expected time x y z", id="no turn"),
+        pytest.param("1 nan 0 0 0 0 0 1\n", "expected time x y z", id="nan"),
+    ],
+)
+def test_what_is_wrong_with_a_path_is_told(
+    radarsim: Command, tmp_path: Path, lines: str, problem: str
+) -> None:
+    path = tmp_path / "way.tum"
+    path.write_text(lines)
+    options = ["--path", str(path), "-o", str(tmp_path / "out")]
+    result = radarsim("spectrum", "foliage_room", *SMALL, *options)
+    assert result.code == 2
+    assert problem in " ".join(result.err.split())

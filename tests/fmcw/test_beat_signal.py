@@ -169,3 +169,34 @@ def test_clipped_direction_is_lifted_as_a_whole() -> None:
     found = beat_spectrum(settings, no_echoes(settings), strong, generator_for(0))
     quiet = np.delete(np.arange(8), 2)
     assert db(np.median(found[2]) / np.median(found[quiet])) > 10
+
+
+@pytest.mark.parametrize(
+    ("spread", "snr_db", "pfa", "expected"),
+    [
+        pytest.param(None, 13.0, 1e-8, 0.6287, id="steady"),
+        pytest.param(None, 11.0, 1e-8, 0.1683, id="steady and weaker"),
+        pytest.param(1, 16.0, 1e-4, 0.7980, id="Swerling 1"),
+        pytest.param(1, 6.8, 1e-4, 0.2036, id="Swerling 1 and weaker"),
+        pytest.param(2, 15.2, 1e-4, 0.8846, id="Swerling 3"),
+    ],
+)
+def test_detection_of_points_is_that_of_their_fluctuation(
+    spread: int | None, snr_db: float, pfa: float, expected: float
+) -> None:
+    """Published probabilities; a fluctuating power is a Gamma of that shape."""
+    settings = radar(azimuths=2000, bins=100, bin_size=0.17).settings
+    rng, count = generator_for(2), settings.azimuths
+    share = rng.gamma(spread, 1 / spread, count) if spread else np.ones(count)
+    tones = Tones(
+        np.arange(count),
+        np.full(count, 50 * settings.bin_size),
+        rng.uniform(0, 2 * np.pi, count),
+        10 ** (snr_db / 10) * share,
+    )
+    power = [
+        beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))[:, 50]
+        for seed in range(4)
+    ]
+    found = (np.array(power) > -math.log(pfa)).mean()
+    assert found == pytest.approx(expected, abs=0.025)

@@ -120,15 +120,6 @@ def test_detection_of_a_fluctuating_target() -> None:
     assert found == pytest.approx(0.7707, abs=0.02)
 
 
-@pytest.mark.parametrize(("snr_db", "expected"), [(16.0, 0.7980), (6.8, 0.2036)])
-def test_detection_above_known_noise(snr_db: float, expected: float) -> None:
-    """A Swerling 1 target over a fixed threshold: Pfa^(1 / (1 + S))."""
-    snr = 10 ** (snr_db / 10)
-    assert (1e-4) ** (1 / (1 + snr)) == pytest.approx(expected, abs=1e-3)
-    power = generator_for(8).standard_exponential(400_000) * (1 + snr)
-    assert (power > -np.log(1e-4)).mean() == pytest.approx(expected, abs=0.003)
-
-
 def test_strongest_bins_of_equal_counts_are_the_nearest() -> None:
     counts = np.array([[70, 90, 90, 50, 90, 80]], np.uint8)
     allowed = np.array([True] * 6)
