@@ -119,8 +119,8 @@ GROUPS = {
     "j": "many driving robots, Host.step and take",
     "k": "a map of one closed mesh, made ready for rays, against trimesh and embreex",
     "l": "viewers of the commander, beside robots of other clients",
-    "m": "a turn of an FMCW radar, against tracing its rays and an FFT per direction",
     "m": "recording a server",
     "n": "environments for reinforcement learning, processor time",
     "o": "a radar that turns, beside plain robots of other clients",
+    "p": "a turn of an FMCW radar, against tracing its rays and an FFT per direction",
 }

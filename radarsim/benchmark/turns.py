@@ -38,4 +38,4 @@ def turns_of_a_radar(seconds: float) -> Iterator[BenchmarkRow]:
     )
     note = f"{result.subject * 1e3:.0f} ms against {result.reference * 1e3:.0f}"
     title = f"{settings.azimuths} x {settings.bins} bins in {MAP}"
-    yield BenchmarkRow("m", title, result.ratio, "x", LIMIT, note)
+    yield BenchmarkRow("p", title, result.ratio, "x", LIMIT, note)
