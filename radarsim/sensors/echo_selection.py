@@ -13,7 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.sensors.echo_extraction import ENTER, EchoColumns
+from radarsim.sensors.echo_extraction import EchoColumns
+from radarsim.sensors.echo_strength import ENTER
 
 LAST, FIRST, STRONGEST = 0, 1, 2
 ROUNDING: Final = 1e-12  # relative difference below which strengths are equal

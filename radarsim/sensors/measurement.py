@@ -29,8 +29,6 @@ from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, ray_class_of
 from radarsim.sensors.echo_extraction import (
-    SPENT,
-    Densities,
     EchoColumns,
     backscatter,
     extract_echoes,
@@ -43,6 +41,7 @@ from radarsim.sensors.echo_selection import (
     merge_echoes,
     select_echoes,
 )
+from radarsim.sensors.echo_strength import SPENT, Densities
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.rain import add_rain, find_speckle
 from radarsim.sensors.scan import Scan
@@ -214,18 +213,19 @@ class ScanBuilder:
         columns = self._all_echoes(plan, traces, rows)
         mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
         selected = select_echoes(columns, mode, beams, settings.echo_threshold)
-        if settings.spent_reads == "nothing":
-            spent = np.flatnonzero(columns.kind == SPENT)
-            selected[np.isin(selected, spent)] = -1
         found = np.flatnonzero(selected >= 0)
-        ranges = np.full(len(selected), np.inf)
-        ranges[found] = columns.t[selected[found]]
+        kept = selected[found]
+        if settings.spent_reads == "nothing":
+            reads = columns.kind[kept] != SPENT
+            found, kept = found[reads], kept[reads]
+        ranges = np.full(beams, np.inf)
+        ranges[found] = columns.t[kept]
         rays = self._middle_rows() if rows is None else rows.copy()
-        rays[found] = columns.row[selected[found]]
+        rays[found] = columns.row[kept]
         if settings.spent_reads == "zero":
             ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
         if settings.return_mode != "all":
-            columns = columns.take(selected[found])
+            columns = columns.take(kept)
         find_echoes = partial(self._echoes, plan, columns)
         return self._scan(plan, ranges, rays, find_echoes, scene)
 

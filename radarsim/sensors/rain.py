@@ -33,7 +33,8 @@ from radarsim.presets.rain_reflectivity import rain_reflectivity
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import Tracer
-from radarsim.sensors.echo_extraction import ENTER, LEAVE, START_INSIDE, EchoColumns
+from radarsim.sensors.echo_extraction import EchoColumns
+from radarsim.sensors.echo_strength import ENTER, LEAVE, START_INSIDE
 
 BLIND_RANGE: Final = 1.0  # m
 DEFAULT_CELL: Final = 0.25  # m, for a sensor without range resolution

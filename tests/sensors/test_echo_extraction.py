@@ -19,13 +19,13 @@ from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
     LEAF_BACKSCATTER,
-    Densities,
     EchoColumns,
     backscatter,
     extract_echoes,
     extract_ray_ends,
 )
 from radarsim.sensors.echo_selection import LAST, select_echoes
+from radarsim.sensors.echo_strength import Densities
 
 WALL = Material("wall")
 SMOKE = Material("smoke", density=0.0, solid=False)
