@@ -130,6 +130,10 @@ class ScanBuilder:
         self.is_random = self.selects_ray or self.is_noisy
         self._resolution = math.radians(settings.resolution_deg)
         self._shares = np.tile(pattern.weights, len(pattern.angles))
+        # the ray of each beam that represents it where none was selected
+        self._middle_rows = np.arange(len(pattern.angles)) * pattern.rays + (
+            pattern.rays // 2
+        )
 
     def build(
         self,
@@ -220,7 +224,7 @@ class ScanBuilder:
             found, kept = found[reads], kept[reads]
         ranges = np.full(beams, np.inf)
         ranges[found] = columns.t[kept]
-        rays = self._middle_rows() if rows is None else rows.copy()
+        rays = (self._middle_rows if rows is None else rows).copy()
         rays[found] = columns.row[kept]
         if settings.spent_reads == "zero":
             ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
@@ -246,7 +250,7 @@ class ScanBuilder:
             traces, weights, self._pattern.rays, densities, settings
         )
         if plan.draws.rain.size:
-            stand_ins = self._middle_rows() if rows is None else rows
+            stand_ins = self._middle_rows if rows is None else rows
             speckle = find_speckle(
                 plan.tracer, traces.events, stand_ins, plan.draws.rain, settings
             )
@@ -256,11 +260,6 @@ class ScanBuilder:
         self._add_errors(columns.t, error)
         self._add_errors(columns.front, error)
         return columns
-
-    def _middle_rows(self) -> Rows:
-        """Return the ray of each beam that represents it where none was selected."""
-        per_beam = self._pattern.rays
-        return np.arange(len(self._pattern.angles)) * per_beam + per_beam // 2
 
     def _add_errors(self, ranges: Floats, error: Floats | None) -> None:
         """Add the sensor's random errors to ranges and quantise them, in place."""
