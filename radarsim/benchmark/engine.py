@@ -1,6 +1,6 @@
 """Benchmarks of the ray engine: groups a to d, g and h of the table.
 
-Most results are ratios against a raw first-hit call of Embree on the same rays,
+Most results are ratios against a raw first-hit call of Embree on rays drawn alike,
 measured in turns in one process, so that they hold on machines of any speed. A scan
 draws other rays each time. So do the first hits of single scans: of the same rays over
 and over, the processor would learn which boxes they meet.

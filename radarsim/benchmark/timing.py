@@ -107,7 +107,7 @@ class BenchmarkRow:
 
 
 GROUPS = {
-    "a": "a radar scan against one raw first-hit call on the same rays",
+    "a": "a radar scan against one raw first-hit call on as many rays, drawn alike",
     "b": "all hits of the same rays by Open3D, against the radar scan",
     "c": "scans per second, and threads",
     "d": "what a scan costs as scenes and beams grow",
