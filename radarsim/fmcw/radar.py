@@ -123,7 +123,8 @@ class FmcwRadar:
         power = TurnPower(self.settings)
         self.add_power(power, tracer_of(scene), turn, velocity)
         rows = range(self.settings.azimuths)
-        mean = power.rows(rows.start, rows.stop, power, power) + power.sidelobes()
+        mean = power.rows(rows.start, rows.stop, power, power)
+        mean += power.sidelobes()
         tones = self.tones(scene, pose, boxes, carrier_id, velocity)
         streams = NumberedStreams(rng)
         spectrum = self.receive(pose, rows, mean, tones, streams)
@@ -142,7 +143,8 @@ class FmcwRadar:
         Args:
             pose: Pose of the antenna, map frame.
             rows: The directions.
-            mean: (N, B) their mean power, in units of the noise in a bin.
+            mean: (N, B) their mean power, in units of the noise in a bin; becomes the
+                ``echo_power`` of the spectrum.
             tones: The echoes of points.
             streams: Source of speckle and noise.
         """
@@ -150,14 +152,16 @@ class FmcwRadar:
         power = beat_rows(settings, rows.start, mean, tones, streams)
         _add_to_bins(settings, rows, mean, tones)
         noise = np.float32(noise_power(settings))
+        power *= noise
+        mean *= noise
         return Spectrum(
             sensor=self.name,
             pose=pose,
             settings=settings,
             angles=self.angles[rows.start : rows.stop],
             ranges=self.ranges,
-            power=power * noise,
-            echo_power=mean * noise,
+            power=power,
+            echo_power=mean,
             noise_floor=noise_shape(settings) * noise,
         )
 
