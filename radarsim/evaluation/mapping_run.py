@@ -83,6 +83,7 @@ class MappingResult:
             "left_out": [list(point) for point in self.unreached],
             "safety_distance": _rounded(self.safety_distance, 3),
             "scans": 0 if self.mapper is None else self.mapper.scans,
+            "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
             "cells": _cell_counts(self.mapper),
             "pose_errors": _pose_errors(self.mapper),
             "files": [str(file) for file in self.files],

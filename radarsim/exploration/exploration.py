@@ -184,6 +184,8 @@ class Exploration:
             raise
         finally:
             client.stop()
+            if self.mapper is not None:
+                self.mapper.finish()
 
     def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
         plan = self.plan

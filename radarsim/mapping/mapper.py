@@ -17,6 +17,7 @@ from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
+from radarsim.mapping.rebuildable_grid import RebuildableGrid
 from radarsim.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
@@ -63,7 +64,6 @@ class Mapper:
     Attributes:
         settings: How the map is made.
         scanner: The scanner that it is made with.
-        grid: The map.
         slam: Estimates the robot's pose.
         truth: True poses, as far as the server sends them.
         scans: Number of scans on the map.
@@ -85,7 +85,9 @@ class Mapper:
             clock: Returns the time in s, for servers without advancing time stamps.
         """
         self.settings = settings or MapperSettings()
-        self.grid = OccupancyGrid(self.settings.resolution)
+        self._grid = RebuildableGrid(
+            self.settings.resolution, self.settings.robot_radius
+        )
         self.slam = Slam(self.settings.slam)
         self.truth = Trajectory()
         self.scans = 0
@@ -101,6 +103,11 @@ class Mapper:
         self._sources: set[str] = set()  # that sent poses
         source = self.settings.slam.motion_source
         self.missing = self._missing_scan if source == "none" else self._missing_pose
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map."""
+        return self._grid.grid
 
     @property
     def trajectory(self) -> Trajectory:
@@ -140,6 +147,10 @@ class Mapper:
             self._take_pose(report)
         return None
 
+    def finish(self) -> None:
+        """Complete the map, if it is being built anew after a loop was closed."""
+        self._grid.finish(self.trajectory)
+
     def _take_pose(self, report: Ins | GroundTruth | Odometry) -> None:
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
         if not isinstance(report, Odometry):  # which counts from anywhere
@@ -176,11 +187,16 @@ class Mapper:
             min_range=self.scanner.min_range,
             mount=self._mount,
         )
+        closures = self.slam.closures
         pose = self.slam.step(scan, self._prior)
+        if self.slam.closures > closures:
+            self._grid.rebuild()
         if echoes is None and time < self._echoes_due:
             self.missing = f"echoes of {self.scanner.name!r}"
             return None
-        self._add_to_grid(pose, scan)
+        self._grid.add(self.trajectory, scan)
+        self.scans += 1
+        self.missing = self._missing_scan
         return self._observation(pose, scan)
 
     def _is_motion_known(self) -> bool:
@@ -188,13 +204,6 @@ class Mapper:
         self._scans_since_prior += 1
         is_recent = self._scans_since_prior <= MAX_SCANS_WITHOUT_MOTION
         return self._prior is not None and is_recent
-
-    def _add_to_grid(self, pose: Pose2, scan: PlanarScan) -> None:
-        self.grid.add(pose, scan)
-        if self.settings.robot_radius:
-            self.grid.clear_disc(pose, self.settings.robot_radius)
-        self.scans += 1
-        self.missing = self._missing_scan
 
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
         nearest = np.full(len(scan.angles), math.inf)

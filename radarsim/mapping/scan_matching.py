@@ -28,6 +28,7 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.jit import njit_cached, njit_inline
+from radarsim.mapping.normal_equations import keep_only, solve
 from radarsim.mapping.point_map import LINE_RATIO, Table, shape_around
 
 MAX_ITERATIONS: Final = 12
@@ -36,10 +37,11 @@ ROBUST_SCALE: Final = 4.0
 SAMPLED_POINTS: Final = 150  # at most, that are used to compare starts
 HALF_SCORE: Final = 1 / 0.05**2  # 1/m^2; a point known to 5 cm scores one half
 WIDER: Final = 2  # wider windows in which lines are looked for along a corridor
-CORRIDOR_RATIO: Final = 0.1  # least information by most, below which it is one
+CORRIDOR_RATIO: Final = 0.3  # least information by most, below which it is one
 # Normals are off by some degrees: along a wall its points seem to have up to this share
 # of the information that they have across it, and have none.
-LEAST_RATIO: Final = 0.02
+LEAST_RATIO: Final = 0.05
+INLIER_WEIGHT: Final = 0.25  # robust weight from which a point fits the map
 MAX_SPOT: Final = 0.15**2  # m^2, largest variance of a spot
 RANGE_ERROR: Final = 0.02  # m, of ranges and of the map's own lines
 
@@ -60,9 +62,34 @@ class ScanPoints(NamedTuple):
     spots: bool
 
 
+class Fit(NamedTuple):
+    """The pose at which a scan fits a map best.
+
+    Attributes:
+        pose: Pose of the robot, map frame.
+        score: Sum of the scores of all points there.
+        inliers: Share of the points that lie where the map has points.
+        information: (3, 3) information matrix of x, y and yaw by the points alone.
+    """
+
+    pose: Pose2
+    score: float
+    inliers: float
+    information: Floats
+
+    @property
+    def evenness(self) -> float:
+        """Least information on a translation in any direction by the most.
+
+        It is near 0 in a corridor, and 0 without points.
+        """
+        least, most = np.linalg.eigvalsh(self.information[:2, :2])
+        return float(max(least, 0.0) / most) if most > 0.0 else 0.0
+
+
 def fit(
     table: Table, points: ScanPoints, start: Pose2, predicted: Pose2, sigma: Floats
-) -> tuple[Pose2, float]:
+) -> Fit:
     """Find the pose near a start at which a scan fits the map best.
 
     Args:
@@ -71,15 +98,16 @@ def fit(
         start: Pose to begin at.
         predicted: Pose by the robot's motion.
         sigma: (3,) standard deviations of the predicted pose, m, m and rad.
-
-    Returns:
-        The pose, and the sum of the scores of all points there.
     """
     state = np.array([start.x, start.y, start.yaw])
     prior = np.array([predicted.x, predicted.y, predicted.yaw])
-    score = float(_fit(table, points, state, prior, 1.0 / np.square(sigma)))
+    information = np.zeros((3, 3))
+    known = 1.0 / np.square(sigma)
+    score, inliers = _fit(table, points, state, prior, known, information)
     x, y, yaw = state.tolist()
-    return Pose2(x, y, wrap_angle(yaw)), score
+    information = np.tril(information) + np.tril(information, -1).T
+    share = inliers / max(len(points.places), 1)
+    return Fit(Pose2(x, y, wrap_angle(yaw)), score, share, information)
 
 
 def best_start(table: Table, points: ScanPoints, starts: Floats) -> int:
@@ -187,13 +215,18 @@ def _score(information: Any, weight: Any) -> Any:
 def _add_up(
     table: Any, points: Any, state: Any, normal: Any, gradient: Any, wider: Any
 ) -> Any:
-    """Set the normal equations of the points, and return the sum of their scores."""
+    """Set the normal equations of the points.
+
+    Returns:
+        The sum of the points' scores, and the number of inliers.
+    """
     normal[:], gradient[:] = 0.0, 0.0
     turn = math.cos(state[2]), math.sin(state[2])
-    score = 0.0
+    score, inliers = 0.0, 0
     for i in range(len(points.places)):
         match = _compare(table, points, i, state, turn, wider)
         score += _score(match.information, match.weight)
+        inliers += match.weight > INLIER_WEIGHT
         a = match.weight * match.information[0]
         b = match.weight * match.information[1]
         d = match.weight * match.information[2]
@@ -210,7 +243,7 @@ def _add_up(
         normal[2, 0] += p
         normal[2, 1] += q
         normal[2, 2] += rx * q - ry * p
-    return score
+    return score, inliers
 
 
 @njit_inline
@@ -236,68 +269,40 @@ def _constraint(table: Any, points: Any, state: Any) -> Any:
     return ratio, math.cos(angle), math.sin(angle)
 
 
-@njit_inline
-def _keep_only(normal: Any, gradient: Any, nx: Any, ny: Any) -> None:
-    """Keep of what points say of a translation only what is along a unit vector.
-
-    Source: Zhang, Kaess and Singh, "On degeneracy of optimization-based state
-    estimation problems" (2016), with a ratio in place of the absolute threshold.
-    """
-    a, b, c = normal[0, 0], normal[1, 0], normal[1, 1]
-    most = a * nx * nx + 2.0 * b * nx * ny + c * ny * ny
-    normal[0, 0], normal[1, 0] = most * nx * nx, most * nx * ny
-    normal[1, 1] = most * ny * ny
-    cross = nx * normal[2, 0] + ny * normal[2, 1]
-    normal[2, 0], normal[2, 1] = cross * nx, cross * ny
-    force = nx * gradient[0] + ny * gradient[1]
-    gradient[0], gradient[1] = force * nx, force * ny
-
-
-@njit_inline
-def _factor(normal: Any) -> None:
-    """Compute the Cholesky factor of (3, 3) in place; only the lower half is read."""
-    for j in range(3):
-        for i in range(j, 3):
-            for k in range(j):
-                normal[i, j] -= normal[i, k] * normal[j, k]
-        normal[j, j] = math.sqrt(normal[j, j])
-        for i in range(j + 1, 3):
-            normal[i, j] /= normal[j, j]
-
-
-@njit_inline
-def _solve(normal: Any, gradient: Any) -> None:
-    """Solve three symmetric equations in place, by Cholesky."""
-    _factor(normal)
-    for j in range(3):
-        for k in range(j):
-            gradient[j] -= normal[j, k] * gradient[k]
-        gradient[j] /= normal[j, j]
-    for j in range(2, -1, -1):
-        for k in range(j + 1, 3):
-            gradient[j] -= normal[k, j] * gradient[k]
-        gradient[j] /= normal[j, j]
-
-
 @njit_cached
-def _fit(table: Any, points: Any, state: Any, prior: Any, information: Any) -> Any:
-    """Move a pose to where the scan fits, and return the score before the last step."""
-    normal, gradient, score = np.zeros((3, 3)), np.zeros(3), 0.0
+def _fit(
+    table: Any, points: Any, state: Any, prior: Any, known: Any, information: Any
+) -> Any:
+    """Move a pose to where the scan fits.
+
+    Args:
+        table: Table of the map.
+        points: Points of the scan.
+        state: (3,) pose to begin at, and the result.
+        prior: (3,) predicted pose.
+        known: (3,) information of the predicted pose.
+        information: (3, 3), lower half: that of the points, to be filled.
+
+    Returns:
+        The score and the number of inliers before the last step.
+    """
+    normal, gradient, score, inliers = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     ratio, nx, ny = _constraint(table, points, state)
     wider = WIDER if ratio < CORRIDOR_RATIO else 0
     for _ in range(MAX_ITERATIONS):
-        score = _add_up(table, points, state, normal, gradient, wider)
+        score, inliers = _add_up(table, points, state, normal, gradient, wider)
         if ratio < LEAST_RATIO:
-            _keep_only(normal, gradient, nx, ny)
+            keep_only(normal, gradient, nx, ny)
+        information[:] = normal
         for k in range(3):
-            normal[k, k] += information[k]
-            gradient[k] += information[k] * (prior[k] - state[k])
-        _solve(normal, gradient)
+            normal[k, k] += known[k]
+            gradient[k] += known[k] * (prior[k] - state[k])
+        solve(normal, gradient)
         state += gradient
         # Nothing within 10 m of the robot moves by more than about 0.1 mm any more.
         if max(abs(gradient[0]), abs(gradient[1]), 10.0 * abs(gradient[2])) < 1e-4:
             break
-    return score
+    return score, inliers
 
 
 @njit_cached

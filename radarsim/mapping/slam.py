@@ -9,9 +9,10 @@ that its motion leads to are tried, and the best of them is corrected.
 
 A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
 since the last keyframe; so do the first scans while it stands, which have the start's
-pose and make the map dense. The map forgets nothing: a place that is seen again is
-matched against what was seen first, which closes loops as long as the drift until then
-is less than the size of what is matched.
+pose and make the map dense. A place that is seen again is matched against what was seen
+first, unless the robot has been so far away in between that its pose may have drifted
+(``keyframes``). Then the loop is looked for (``loop_closure``), and when it closes, the
+error is spread over all poses since (``keyframe_graph``), also those of earlier scans.
 """
 
 import math
@@ -21,9 +22,11 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.mapping.point_map import PointMap
+from radarsim.mapping.keyframe_graph import KeyframeGraph
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap
+from radarsim.mapping.loop_closure import LoopCloser
 from radarsim.mapping.scan import PlanarScan
-from radarsim.mapping.scan_matching import ScanPoints, best_start, fit
+from radarsim.mapping.scan_matching import Fit, ScanPoints, best_start, fit
 from radarsim.mapping.trajectory import Trajectory
 
 MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
@@ -68,6 +71,7 @@ class Slam:
         pose: Pose of the robot at the last scan; before the first one its start.
         trajectory: The pose at the time of each scan.
         dead_reckoning: The same by the motion source alone, which never sees a scan.
+        closures: Number of loops closed; at each, the poses before change too.
     """
 
     def __init__(
@@ -85,11 +89,14 @@ class Slam:
         self.trajectory = Trajectory()
         self.dead_reckoning = Trajectory()
         self._starts_at_prior = start is None
-        self._map = PointMap()
+        self.closures = 0
+        self._map = KeyframeMap()
+        self._graph = KeyframeGraph()
+        self._closer = LoopCloser()
         self._prior: Pose2 | None = None
         self._motion = Pose2(0.0, 0.0)
-        self._keyframe = self.pose
-        self._keyframes = 0
+        self._fit: Fit | None = None
+        self._length = 0.0
 
     def step(self, scan: PlanarScan, prior: Pose2 | None = None) -> Pose2:
         """Estimate where the robot was when it took a scan.
@@ -115,11 +122,17 @@ class Slam:
             self.pose = self._next_pose(points, prior)
         self._starts_at_prior = False
         self._motion = self.pose.relative_to(last)
+        self._length += math.hypot(self._motion.x, self._motion.y)
         self._reckon(scan.time, prior)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
-        if len(places) and self._is_keyframe():
-            self._add_keyframe(places)
+        is_keyframe = len(places) > 0 and self._is_keyframe()
+        if is_keyframe:
+            self._map.add(Keyframe(self.pose, points, self._length))
+            self._graph.add(self.pose)
+        self._graph.follow(self.pose)
+        if is_keyframe:
+            self._close_loop()
         return self.pose
 
     def _next_pose(self, points: ScanPoints, prior: Pose2 | None) -> Pose2:
@@ -129,8 +142,11 @@ class Slam:
             return self._search(points) if can_match else self.pose
         predicted, sigma = self._predict(self._prior, prior)
         if not can_match:
+            self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
-        return fit(self._map.table, points, predicted, predicted, sigma)[0]
+        found = fit(self._map.points.table, points, predicted, predicted, sigma)
+        self._learn(sigma, found)
+        return found.pose
 
     def _predict(self, before: Pose2, after: Pose2) -> tuple[Pose2, Floats]:
         """Apply the reported motion to the pose.
@@ -174,26 +190,36 @@ class Slam:
         ]
         candidates.append(self.pose.compose(self._motion))
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
-        table = self._map.table
+        table = self._map.points.table
         best = candidates[best_start(table, points, starts)]
         # The best start can lead to a local optimum; unchanged motion is tried too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
-        return max(fits, key=lambda each: each[1])[0]
+        found = max(fits, key=lambda each: each.score)
+        self._learn(sigma, found)
+        return found.pose
+
+    def _learn(self, sigma: Floats, found: Fit) -> None:
+        self._graph.learn(sigma, found.information)
+        self._fit = found
 
     def _is_keyframe(self) -> bool:
-        distance = math.hypot(
-            self.pose.x - self._keyframe.x, self.pose.y - self._keyframe.y
-        )
-        turn = abs(wrap_angle(self.pose.yaw - self._keyframe.yaw))
+        if len(self._map) < FIRST_KEYFRAMES:
+            return True
+        motion = self.pose.relative_to(self._map.keyframes[-1].pose)
         settings = self.settings
-        is_far = distance > settings.keyframe_distance or turn > settings.keyframe_angle
-        return is_far or self._keyframes < FIRST_KEYFRAMES
+        is_far = math.hypot(motion.x, motion.y) > settings.keyframe_distance
+        return is_far or abs(motion.yaw) > settings.keyframe_angle
 
-    def _add_keyframe(self, places: Floats) -> None:
-        c, s = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
-        turn = np.array([[c, s], [-s, c]])
-        self._map.add(places @ turn + (self.pose.x, self.pose.y))
-        self._keyframe = self.pose
-        self._keyframes += 1
+    def _close_loop(self) -> None:
+        """Move everything if the robot is back at a place where it has been before."""
+        if self._fit is None:
+            return
+        closure = self._closer.closure(self._map, self._fit)
+        poses = None if closure is None else self._graph.close(*closure)
+        if poses is not None:
+            self.closures += 1
+            self._map.move(poses)
+            self.pose = poses[-1]
+            self.trajectory.poses = self._graph.trajectory()

@@ -147,6 +147,8 @@ class TrafficMapper:
             self.error = self._fault(observer, is_finished=is_finished)
             if not is_finished:  # the thread may still change it
                 self.mapper = None
+            elif self.mapper is not None:
+                self.mapper.finish()
         return code
 
     def begin(self, connection: ConnectionState, scanner: str) -> "TrafficMapper":

@@ -1,0 +1,136 @@
+"""Loop closure: recognises a place that the robot has been to before.
+
+Theory of operation
+===================
+Near keyframes that the local map has left behind, what the robot has seen last is
+matched with the map that these make. The pose may have drifted since, in proportion to
+the path, so that poses are tried all around the estimated one, and the best is
+corrected. It counts only where most points fit, and not in a corridor, which looks the
+same everywhere along it.
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap, map_of, moved, turned
+from radarsim.mapping.scan_matching import Fit, best_start, fit
+
+MAX_DISTANCE: Final = 4.0  # m from the old keyframe
+RETRY: Final = 0.5  # m of path between two attempts
+LATEST: Final = 3.0  # m of path whose keyframes are matched together
+MAX_POINTS: Final = 600  # of these, that are matched
+DRIFT: Final = 0.04  # share of the path by which the pose may be off
+MIN_DRIFT, MAX_DRIFT = 0.15, 1.5  # m
+TURN_DRIFT: Final = 0.003  # rad/m
+MIN_TURN, MAX_TURN = 0.05, 0.2  # rad
+STEP, TURN_STEP = 0.15, 0.025  # m and rad between poses that are tried
+MIN_INLIERS: Final = 0.6  # share of the points
+MIN_EVENNESS: Final = 0.1
+
+
+class Closure(NamedTuple):
+    """A loop that closes.
+
+    Attributes:
+        start: Number of an old keyframe.
+        pose: Where the last keyframe is by the map around the old one.
+        information: (3, 3) information matrix of that pose, on the map's axes.
+    """
+
+    start: int
+    pose: Pose2
+    information: Floats
+
+
+@dataclass(slots=True)
+class LoopCloser:
+    """Looks for loops.
+
+    Attributes:
+        next_station: Length of the path from which on it looks again, m.
+    """
+
+    next_station: float = 0.0
+
+    def closure(self, known: KeyframeMap, latest: Fit) -> Closure | None:
+        """Return where the last keyframe is by older ones, if a loop closes.
+
+        Args:
+            known: All keyframes.
+            latest: The fit of the last one to the local map.
+        """
+        last = known.keyframes[-1]
+        if last.station < self.next_station or latest.evenness < MIN_EVENNESS:
+            return None
+        near = known.left_behind(last.pose, min(MAX_DISTANCE, known.reach))
+        if not near:
+            return None
+        self.next_station = last.station + RETRY
+        x, y = last.pose.x, last.pose.y
+        poses = [known.keyframes[number].pose for number in near]
+        nearest = near[
+            int(np.argmin([(pose.x - x) ** 2 + (pose.y - y) ** 2 for pose in poses]))
+        ]
+        return _match(known, nearest, _latest(known))
+
+
+def _match(known: KeyframeMap, number: int, latest: Keyframe) -> Closure | None:
+    """Match the latest keyframe with those around an old one."""
+    old = known.keyframes[number]
+    gap = latest.station - old.station
+    distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
+    turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
+    table = map_of(_around(known, number)).table
+    starts = _starts(latest.pose, distance, turn)
+    start = Pose2(*starts[best_start(table, latest.points, starts)].tolist())
+    sigma = np.array([distance, distance, turn])
+    found = fit(table, latest.points, start, latest.pose, sigma)
+    if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
+        return None
+    return Closure(number, found.pose, found.information)
+
+
+def _starts(pose: Pose2, distance: float, turn: float) -> Floats:
+    """Return poses all around a pose, (S, 3)."""
+    shifts = _steps(distance, STEP)
+    x, y, yaw = np.meshgrid(shifts, shifts, _steps(turn, TURN_STEP))
+    offsets = np.column_stack([x.ravel(), y.ravel(), yaw.ravel()])
+    starts: Floats = offsets + np.array([pose.x, pose.y, pose.yaw])
+    return starts
+
+
+def _steps(limit: float, step: float) -> Floats:
+    count = int(np.ceil(limit / step))
+    steps: Floats = np.arange(-count, count + 1, dtype=np.float64) * step
+    return steps
+
+
+def _around(known: KeyframeMap, number: int) -> list[Keyframe]:
+    """Return the keyframes that were left behind with an old one."""
+    station = known.keyframes[number].station
+    return [
+        each
+        for each in known.keyframes
+        if not each.is_local and abs(each.station - station) < known.reach
+    ]
+
+
+def _latest(known: KeyframeMap) -> Keyframe:
+    """Return the last keyframe with points of those shortly before, too."""
+    last = known.keyframes[-1]
+    places, along = [], []
+    for each in reversed(known.keyframes):
+        if each.station < last.station - LATEST or not each.is_local:
+            break
+        motion = each.pose.relative_to(last.pose)
+        places.append(moved(each.points.places, motion))
+        along.append(turned(each.points.along, motion.yaw))
+    step = 1 + sum(map(len, places)) // MAX_POINTS
+    points = last.points._replace(
+        places=np.ascontiguousarray(np.concatenate(places)[::step]),
+        along=np.ascontiguousarray(np.concatenate(along)[::step]),
+    )
+    return Keyframe(last.pose, points, last.station)
