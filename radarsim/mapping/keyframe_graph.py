@@ -73,7 +73,8 @@ class KeyframeGraph:
             these, or closures before, and is left out.
         """
         old = self._poses[start]
-        covariance: Floats = POINTS_PER_ERROR * _inverse(information)
+        # 1/m² and 1/rad² more: points that are all in one place say nothing of a turn.
+        covariance = _inverse(information / POINTS_PER_ERROR + np.eye(3))
         weight = _information(covariance, old.yaw, CLOSURE_SIGMA)
         edge = Edge(start, len(self._poses) - 1, pose.relative_to(old), weight)
         edges, closures = [*self.edges, edge], [*self._closures, len(self.edges)]
