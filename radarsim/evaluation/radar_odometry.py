@@ -102,13 +102,13 @@ class RadarOdometry:
             for _ in range(UNROLLINGS):
                 points = _unroll(turn, motion)
                 predicted = last.compose(motion)
-                self.pose, _ = fit(
+                self.pose = fit(
                     self._map.table,
                     points,
                     predicted,
                     last.compose(self._motion),
                     SIGMA,
-                )
+                ).pose
                 motion = self.pose.relative_to(last)
         self._motion = motion
         if self._is_keyframe():
