@@ -1,4 +1,4 @@
-"""``radarsim navigate``: drive a robot to a goal by Bug1 or Bug2."""
+"""``radarsim navigate``: drive a robot to a goal."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _check_share(value: float) -> float:
 
 def navigate(
     *,
-    algorithm: Annotated[Algorithm, typer.Option(help="Bug1 or Bug2.")],
+    algorithm: Annotated[Algorithm, typer.Option(help="How to get around obstacles.")],
     goal: Annotated[
         list[str] | None,
         typer.Option(
@@ -161,7 +161,7 @@ def navigate(
     film: FilmOption = None,
     film_speed: FilmSpeedOption = 6.0,
 ) -> None:
-    """Drive a robot to a goal with Bug1 or Bug2; exit with 3 if there is no path."""
+    """Drive a robot to a goal; exit with 3 if there is no path."""
     from radarsim.cli.film import check_film
     from radarsim.evaluation.navigation_run import NavigationRun
     from radarsim.navigation.control import SpeedLimits

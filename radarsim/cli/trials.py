@@ -77,7 +77,7 @@ def trials(
         ),
     ] = None,
 ) -> None:
-    """Run Bug1 and Bug2 on several maps, and score them by the ground truth."""
+    """Run navigators on several maps, and score them by the ground truth."""
     from radarsim.evaluation.trials import MAPS, all_trials, run_trials
 
     if random is not None:

@@ -1,4 +1,4 @@
-"""Trials of Bug1 and Bug2: runs in lockstep, scored by the ground truth and the map.
+"""Trials of navigators: runs in lockstep, scored by the ground truth and the map.
 
 The score uses what the robot cannot measure: its true pose, what it touches, and the
 length of the shortest path.
@@ -51,7 +51,7 @@ class TrialResult:
 
     Attributes:
         map: Name of the map.
-        algorithm: ``bug1`` or ``bug2``.
+        algorithm: Name of the algorithm.
         sensor: Name of the sensor preset; all of them cover a full circle.
         seed: Seed of the simulation.
         outcome: ``reached`` if the robot reports that and is there, ``no_path`` or

@@ -17,10 +17,10 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.exploration.shortest_path import Cell, flood_fill, shortest_path
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.navigation.grid_path import Cell, flood_fill, shortest_path
 
 TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
@@ -66,11 +67,30 @@ def blocked_ranges(ranges: Floats, echoes: Sequence[TargetEchoes]) -> Floats:
         (N,) m; the nearest echo of what robots cannot pass, at most the range.
     """
     nearest = np.array(ranges, np.float64)
+    beams, lengths = blocking_echoes(len(nearest), echoes)
+    np.minimum.at(nearest, beams, lengths)
+    return nearest
+
+
+def blocking_echoes(
+    beam_count: int, echoes: Sequence[TargetEchoes]
+) -> tuple[NDArray[np.int64], Floats]:
+    """Return the echoes of what robots cannot pass, near and far.
+
+    Args:
+        beam_count: Number of beams of the scan; echoes of no beam are left out.
+        echoes: Echoes of the scan.
+
+    Returns:
+        Beams and ranges in m, (M,) each.
+    """
+    beams, lengths = [np.zeros(0, np.int64)], [np.zeros(0)]
     for target in echoes:
         if target.robot_passes:
             continue
         counts = np.array([kind != _AIR for kind in target.kinds], np.bool_)
-        counts &= (target.beams >= 0) & (target.beams < len(nearest))
+        counts &= (target.beams >= 0) & (target.beams < beam_count)
         counts &= target.ranges >= 0  # nan compares false
-        np.minimum.at(nearest, target.beams[counts], target.ranges[counts])
-    return nearest
+        beams.append(target.beams[counts])
+        lengths.append(target.ranges[counts])
+    return np.concatenate(beams), np.concatenate(lengths)

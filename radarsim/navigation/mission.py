@@ -11,6 +11,7 @@ from radarsim.navigation.bug import TOLERANCE, Bug, BugSettings, Point
 from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
+from radarsim.navigation.path_planning import PathPlanning
 from radarsim.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.suggestions import expected_one_of
 
@@ -22,7 +23,7 @@ class Mission:
     """A navigation mission.
 
     Attributes:
-        algorithm: Bug1 or Bug2.
+        algorithm: Bug1, Bug2, or paths planned on what is seen.
         goals: Waypoints in turn, the last one the goal, m, map frame.
         robot_class: Class of the robot; its scanner has to cover a full circle.
         start: Name of a start pose; the server's first one if there is no pose either.
@@ -114,8 +115,13 @@ def run_mission(
         timeout=mission.timeout,
         echoes=mission.echoes,
     )
-    bug = Bug(mission.goals, settings)
-    return navigator.run(bug, bumpers, time_limit=mission.time_limit, observe=observe)
+    steers = PathPlanning if mission.algorithm is Algorithm.PLANNED else Bug
+    return navigator.run(
+        steers(mission.goals, settings),
+        bumpers,
+        time_limit=mission.time_limit,
+        observe=observe,
+    )
 
 
 def choose_start(client: Client, wanted: str | None) -> str | None:

@@ -6,7 +6,7 @@ then changes no distance.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,19 +58,29 @@ class Observation:
         pose: Estimated pose of the robot, map frame.
         bearings: (N,) rad, counter-clockwise from the robot's front, in [-pi, pi).
         ranges: (N,) m from the robot's centre; ``inf`` for beams without return.
+        farther: (M, 2) bearings, rad, and ranges, m, of what else blocks robots, behind
+            what the ranges tell; seen through something thin.
     """
 
     time: float
     pose: Pose2
     bearings: Floats
     ranges: Floats
+    farther: Floats = field(default_factory=lambda: np.zeros((0, 2)))
 
     def points(self) -> Floats:
         """Return the end points of the beams with a return, (M, 2) m, map frame."""
         returned = np.isfinite(self.ranges)
-        angles = self.bearings[returned] + self.pose.yaw
+        return self._points(self.bearings[returned], self.ranges[returned])
+
+    def blocking_points(self) -> Floats:
+        """Return these points and those of ``farther``, (M, 2) m, map frame."""
+        return np.vstack([self.points(), self._points(*self.farther.T)])
+
+    def _points(self, bearings: Floats, ranges: Floats) -> Floats:
+        angles = bearings + self.pose.yaw
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
-        points: Floats = directions * self.ranges[returned, None]
+        points: Floats = directions * ranges[:, None]
         points += self.pose.x, self.pose.y
         return points
 

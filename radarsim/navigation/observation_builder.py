@@ -4,11 +4,17 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
 from radarsim.navigation.control import check_beams
-from radarsim.navigation.echo_ranges import EchoCollector, blocked_ranges
+from radarsim.navigation.echo_ranges import (
+    EchoCollector,
+    blocked_ranges,
+    blocking_echoes,
+)
 from radarsim.navigation.observation import Observation, ScanClock, from_centre
 from radarsim.navigation.options import PoseSource
 from radarsim.protocol.reports import (
@@ -110,10 +116,15 @@ class ObservationBuilder:
             self._echoes_due = time + self._echo_wait
         if echoes is None and time < self._echoes_due:
             return None
+        angles, farther = beam_angles(report), np.zeros((0, 2))
         known = report.ranges
         if echoes is not None:
             known = blocked_ranges(known, echoes)
-        bearings, ranges = from_centre(
-            known, beam_angles(report), scanner.mount, scanner.max_range
-        )
-        return Observation(time, pose, bearings, ranges)
+            beams, lengths = blocking_echoes(len(known), echoes)
+            behind = lengths > known[beams]
+            beams, lengths = beams[behind], lengths[behind]
+            farther = np.column_stack(
+                from_centre(lengths, angles[beams], scanner.mount, math.inf)
+            )
+        bearings, ranges = from_centre(known, angles, scanner.mount, scanner.max_range)
+        return Observation(time, pose, bearings, ranges, farther)

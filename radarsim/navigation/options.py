@@ -11,6 +11,7 @@ class Algorithm(StrEnum):
 
     BUG1 = "bug1"
     BUG2 = "bug2"
+    PLANNED = "planned"  # shortest path on the map as it is seen
 
 
 class Rule(StrEnum):

@@ -25,6 +25,7 @@ from radarsim.navigation.moving_things import Waiting
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.observation_builder import ObservationBuilder
 from radarsim.navigation.options import PoseSource
+from radarsim.navigation.path_planning import PathPlanning
 
 
 class TripMeter:
@@ -144,7 +145,7 @@ class Navigator:
 
     def run(
         self,
-        bug: Bug,
+        bug: Bug | PathPlanning,
         bumpers: Bumpers,
         *,
         time_limit: float = math.inf,

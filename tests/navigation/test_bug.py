@@ -22,7 +22,7 @@ class World(Protocol):
 
 S = 0.5
 FAST = SpeedLimits(0.6, 1.5)  # exact worlds allow it, and tests are over sooner
-BOTH = pytest.mark.parametrize("algorithm", list(Algorithm))
+BOTH = pytest.mark.parametrize("algorithm", [Algorithm.BUG1, Algorithm.BUG2])
 HANDS = pytest.mark.parametrize("wall_on_left", [True, False], ids=["left", "right"])
 
 
@@ -209,7 +209,7 @@ BOXES = st.builds(
 
 @pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
-@given(st.sampled_from(list(Algorithm)), st.booleans(), BOXES)
+@given(st.sampled_from([Algorithm.BUG1, Algorithm.BUG2]), st.booleans(), BOXES)
 def test_goal_behind_any_box_is_reached(
     flatland: World, algorithm: Algorithm, wall_on_left: bool, box: shapely.Polygon
 ) -> None:

@@ -51,7 +51,7 @@ def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
     return bug, run_log
 
 
-@pytest.mark.parametrize("algorithm", list(Algorithm))
+@pytest.mark.parametrize("algorithm", [Algorithm.BUG1, Algorithm.BUG2])
 def test_log_agrees_with_the_bug(
     flatland: Callable[..., Any], algorithm: Algorithm
 ) -> None:

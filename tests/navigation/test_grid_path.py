@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from radarsim.exploration.shortest_path import flood_fill, shortest_path
 from radarsim.geometry import Floats
+from radarsim.navigation.grid_path import flood_fill, shortest_path
 
 COSTS = arrays(
     np.float64, (5, 6), elements=st.sampled_from([1.0, 2.0, 5.0, math.inf, math.inf])

@@ -1,0 +1,149 @@
+"""Path planning: along the cheapest path to the goal, on the grid as it is seen so far.
+
+What nobody has seen counts as open, so paths are as short as they can be, and are
+planned anew while the robot drives. There is no path if none is left on the grid and
+the robot has stood and looked for a moment.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.navigation.bug import Activity, BugSettings, Point
+from radarsim.navigation.control import STOP, Twist, bearing_of, distance, moved
+from radarsim.navigation.grid_path import shortest_path
+from radarsim.navigation.observation import Observation
+from radarsim.navigation.obstacle_grid import CELL, ObstacleGrid
+
+INTERVAL: Final = 0.5  # s between two plans
+LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line is open
+SURE_AFTER: Final = 5.0  # s without a path after which there is none
+CHEAP: Final = 2.0  # cost of a step that a short cut may lead over
+ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
+ESCAPE_COST: Final = 10.0
+TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
+_STEP: Final = 0.15  # m ahead of the robot where that holds
+
+
+class PathPlanning:
+    """Drives to one goal after the other along planned paths; has what a ``Bug`` has.
+
+    Attributes:
+        activity: What it is doing.
+        goals: The goals that are left, the next one first, m, map frame.
+        hit_points: Always empty.
+        leave_points: Always empty.
+        circuits: Always 0.
+    """
+
+    def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
+        if not goals:
+            raise ValueError("no goals, expected at least one")
+        self.activity = Activity.GOING
+        self.goals = list(goals)
+        self.hit_points: list[Point] = []
+        self.leave_points: list[Point] = []
+        self.circuits = 0
+        self._settings = settings
+        self._grid: ObstacleGrid | None = None
+        self._cost: Floats = np.zeros((0, 0))
+        self._path: Floats = np.zeros((0, 2))
+        self._planned = -math.inf  # s
+        self._hopeless_since: float | None = None  # s
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has reached its last goal, or given up."""
+        return self.activity in (Activity.REACHED, Activity.NO_PATH)
+
+    def step(self, observation: Observation) -> Twist:
+        """Decide by a scan how to move until the next one."""
+        pose = observation.pose
+        while self.goals and distance(pose, *self.goals[0]) <= self._settings.tolerance:
+            self.goals.pop(0)
+            self._planned = -math.inf
+        if not self.goals:
+            self.activity = Activity.REACHED
+            return STOP
+        if observation.time >= self._planned + INTERVAL:
+            self._plan(observation)
+        if len(self._path):
+            return self._drive(observation)
+        return self._look(observation)
+
+    def _plan(self, observation: Observation) -> None:
+        """Add the scan to the grid, and plan a path on it."""
+        pose, goal = observation.pose, self.goals[0]
+        if self._grid is None:
+            self._grid = ObstacleGrid([(pose.x, pose.y), *self.goals])
+        self._grid.add(observation)
+        self._planned = observation.time
+        cost = self._grid.cost(self._settings.bumpers.safety_distance)
+        start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
+        if not math.isfinite(cost[start]):
+            rows, columns = np.indices(cost.shape)
+            near = np.hypot(rows - start[0], columns - start[1]) * CELL < ESCAPE_RADIUS
+            cost[near & ~np.isfinite(cost)] = ESCAPE_COST
+        targets = np.zeros(cost.shape, np.bool_)
+        targets[end] = True
+        self._cost = cost
+        self._path = self._grid.centres(shortest_path(cost, start, targets))
+        if len(self._path):
+            self._path[-1] = goal
+
+    def _look(self, observation: Observation) -> Twist:
+        """Stand where there is no path; if none appears, there is none."""
+        if self._hopeless_since is None:
+            self._hopeless_since = observation.time
+        if observation.time - self._hopeless_since >= SURE_AFTER:
+            self.activity = Activity.NO_PATH
+        return STOP
+
+    def _drive(self, observation: Observation) -> Twist:
+        """Head for a point of the path, and only turn where something is too near."""
+        self._hopeless_since = None
+        pose = observation.pose
+        left = distance(pose, *self.goals[0])
+        bearing = bearing_of(pose, *self._next_point(pose))
+        twist = self._settings.speed_limits.towards(bearing, most=0.05 + 0.8 * left)
+        return Twist(0.0, twist.turn) if self._is_too_near(observation) else twist
+
+    def _is_too_near(self, observation: Observation) -> bool:
+        """Return whether a step ahead would bring the robot too near to something."""
+        near = observation.ranges < self._settings.bumpers.pressed_below
+        ranges, bearings = observation.ranges[near], observation.bearings[near]
+        x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
+        after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
+        least = self._settings.bumpers.safety_distance - TOO_NEAR
+        return after < min(least, float(ranges.min(initial=math.inf)))
+
+    def _next_point(self, pose: Pose2) -> Point:
+        """Return the farthest point of the path to which the straight line is open."""
+        distances = np.hypot(*(self._path - (pose.x, pose.y)).T)
+        nearest = int(distances.argmin())
+        chosen = self._path[min(nearest + 2, len(self._path) - 1)]
+        for point, away in zip(self._path[nearest:], distances[nearest:], strict=True):
+            if away > LOOKAHEAD:
+                break
+            if self._is_cheap(pose, point):
+                chosen = point
+        return float(chosen[0]), float(chosen[1])
+
+    def _is_cheap(self, pose: Pose2, point: Floats) -> bool:
+        """Return whether the straight line to a point costs little more than open."""
+        assert self._grid is not None
+        end = Pose2(float(point[0]), float(point[1]))
+        shares = np.linspace(0, 1, max(2, math.ceil(moved(pose, end) / CELL * 2)))
+        cells = (
+            self._grid.cell(
+                (pose.x + s * (end.x - pose.x), pose.y + s * (end.y - pose.y))
+            )
+            for s in shares.tolist()
+        )
+        start = self._cost[self._grid.cell((pose.x, pose.y))]
+        worst = max(float(self._cost[cell]) for cell in cells)
+        target = float(self._cost[self._grid.cell((end.x, end.y))])
+        return worst <= max(2.0, float(start), target)

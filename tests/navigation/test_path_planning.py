@@ -1,0 +1,109 @@
+"""Paths that are planned on what is seen so far."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from radarsim.geometry import Pose2
+from radarsim.navigation.bug import Activity, BugSettings
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.observation import Observation
+from radarsim.navigation.obstacle_grid import ObstacleGrid
+from radarsim.navigation.options import Algorithm
+from radarsim.navigation.path_planning import PathPlanning
+
+World = Callable[..., Any]
+S = 0.5
+BOX = shapely.box(-1.5, -2, 1.5, 2.5)
+TRAP = shapely.box(-1.5, -2, 1, 2).difference(shapely.box(-4, -1.9, 0.9, 1.9))
+CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
+
+
+def planning(*goals: tuple[float, float]) -> PathPlanning:
+    settings = BugSettings(
+        algorithm=Algorithm.PLANNED,
+        bumpers=Bumpers(safety_distance=S),
+        speed_limits=SpeedLimits(0.6, 1.5),
+    )
+    return PathPlanning(goals, settings)
+
+
+@pytest.mark.parametrize(
+    ("shape", "way"),
+    [
+        # around a box: two straight lines and an arc, touching the box grown by S
+        pytest.param(BOX, shapely.box(-1.5, -2, 1.5, 2.5), id="box"),
+        pytest.param(TRAP, shapely.box(-1.5, -2, 1, 2), id="trap"),
+    ],
+)
+def test_path_is_little_longer_than_the_shortest(
+    flatland: World, shape: shapely.Polygon, way: shapely.Polygon
+) -> None:
+    world = flatland(shape, at=Pose2(-6.0, 0.0))
+    planned = planning((6.0, 0.2))
+    world.run(planned)
+    assert planned.activity is Activity.REACHED
+    assert world.nearest > 0.4
+    ends = shapely.LineString([(-6, 0), (6, 0.2)])
+    hull = shapely.union(way.buffer(S), ends).convex_hull.exterior
+    around = [hull.project(shapely.Point(*end)) for end in ends.coords]
+    half = abs(around[1] - around[0])
+    assert world.length <= 1.15 * min(half, hull.length - half)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        pytest.param((-6.0, 0.3), (0.2, 0.1), id="goal inside"),
+        pytest.param((0.1, 0.2), (6.0, 0.4), id="start inside"),
+    ],
+)
+def test_closed_box_has_no_path(
+    flatland: World, start: tuple[float, float], goal: tuple[float, float]
+) -> None:
+    world = flatland(CELL, at=Pose2(*start, 1.0))
+    planned = planning(goal)
+    world.run(planned, steps=3000)
+    assert planned.activity is Activity.NO_PATH
+    assert world.nearest > 0.4
+
+
+def test_waypoints_are_reached_in_turn(flatland: World) -> None:
+    world = flatland(BOX, at=Pose2(-4.0, -4.0))
+    goals = [(-4.0, 4.0), (4.0, 4.0)]
+    planned = planning(*goals)
+    world.run(planned)
+    assert planned.activity is Activity.REACHED
+    places = iter(world.track)
+    for x, y in goals:
+        assert any(math.hypot(p.x - x, p.y - y) < 0.11 for p in places)
+    with pytest.raises(ValueError, match="no goals"):
+        planning()
+
+
+def test_what_is_seen_behind_something_thin_is_on_the_grid() -> None:
+    grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
+    behind = np.array([[0.0, 3.0]])
+    grid.add(Observation(0.0, Pose2(0.0, 0.0), bearings, np.full(1, 2.0), behind))
+    cost = grid.cost(0.3)
+    assert math.isinf(cost[grid.cell((2.0, 0.0))])
+    assert math.isinf(cost[grid.cell((3.0, 0.0))])
+    assert cost[grid.cell((1.0, 0.0))] == 1
+
+
+def test_what_has_driven_away_is_forgotten() -> None:
+    grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
+    for length in (2.0, *[4.0] * 3):
+        pose = Pose2(0.0, 0.0)
+        grid.add(Observation(0.0, pose, bearings, np.full(1, length)))
+    assert cost_is_open(grid, (2.0, 0.0))
+    assert not cost_is_open(grid, (4.0, 0.0))
+
+
+def cost_is_open(grid: ObstacleGrid, point: tuple[float, float]) -> bool:
+    return bool(np.isfinite(grid.cost(0.3)[grid.cell(point)]))
