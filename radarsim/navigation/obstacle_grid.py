@@ -76,9 +76,15 @@ class ObstacleGrid:
 
     def cell(self, point: Point) -> Cell:
         """Return row and column of a point; of the nearest cell, if it is outside."""
-        column, row = np.floor((np.array(point) - self._corner) / CELL).astype(int)
-        rows, columns = self._evidence.shape
-        return int(np.clip(row, 0, rows - 1)), int(np.clip(column, 0, columns - 1))
+        rows, columns = self.cells(np.array([point]))
+        return int(rows[0]), int(columns[0])
+
+    def cells(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the rows and columns of points, (N, 2) m, as ``cell`` does."""
+        places = np.floor((points - self._corner) / CELL).astype(np.int64)
+        most = np.array(self._evidence.shape)[::-1] - 1
+        columns, rows = np.clip(places, 0, most).T
+        return rows, columns
 
     def centres(self, cells: NDArray[np.int64]) -> Floats:
         """Return the centres of cells, (N, 2) rows and columns, as (N, 2) m."""

@@ -136,14 +136,7 @@ class PathPlanning:
         """Return whether the straight line to a point costs little more than open."""
         assert self._grid is not None
         end = Pose2(float(point[0]), float(point[1]))
-        shares = np.linspace(0, 1, max(2, math.ceil(moved(pose, end) / CELL * 2)))
-        cells = (
-            self._grid.cell(
-                (pose.x + s * (end.x - pose.x), pose.y + s * (end.y - pose.y))
-            )
-            for s in shares.tolist()
-        )
-        start = self._cost[self._grid.cell((pose.x, pose.y))]
-        worst = max(float(self._cost[cell]) for cell in cells)
-        target = float(self._cost[self._grid.cell((end.x, end.y))])
-        return worst <= max(2.0, float(start), target)
+        count = max(2, math.ceil(moved(pose, end) / CELL * 2))
+        line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
+        costs = self._cost[self._grid.cells(line)]
+        return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

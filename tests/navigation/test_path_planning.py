@@ -37,7 +37,9 @@ def planning(*goals: tuple[float, float]) -> PathPlanning:
     ("shape", "way"),
     [
         # around a box: two straight lines and an arc, touching the box grown by S
-        pytest.param(BOX, shapely.box(-1.5, -2, 1.5, 2.5), id="box"),
+        pytest.param(
+            BOX, shapely.box(-1.5, -2, 1.5, 2.5), id="box", marks=pytest.mark.slow
+        ),
         pytest.param(TRAP, shapely.box(-1.5, -2, 1, 2), id="trap"),
     ],
 )
@@ -56,6 +58,7 @@ def test_path_is_little_longer_than_the_shortest(
     assert world.length <= 1.15 * min(half, hull.length - half)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "goal"),
     [
@@ -73,6 +76,7 @@ def test_closed_box_has_no_path(
     assert world.nearest > 0.4
 
 
+@pytest.mark.slow
 def test_waypoints_are_reached_in_turn(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-4.0, -4.0))
     goals = [(-4.0, 4.0), (4.0, 4.0)]
