@@ -96,7 +96,7 @@ class ObstacleGrid:
         mask = np.zeros(self._evidence.shape, np.bool_)
         columns = np.floor((x - self._corner[0]) / CELL).astype(np.int64)
         rows = np.floor((y - self._corner[1]) / CELL).astype(np.int64)
-        inside = (columns >= 0) & (columns < mask.shape[1])
-        inside &= (rows >= 0) & (rows < mask.shape[0])
+        height, width = self._evidence.shape
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
         mask[rows[inside], columns[inside]] = True
         return mask
