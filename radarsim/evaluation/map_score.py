@@ -20,7 +20,6 @@ import shapely
 from shapely import MultiPoint
 
 from radarsim.evaluation.free_space import Position, component_around, free_space
-from radarsim.exploration.shortest_path import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.mapper import Mapper
@@ -30,6 +29,7 @@ from radarsim.mapping.occupancy_grid import (
     Mask,
     OccupancyGrid,
 )
+from radarsim.navigation.grid_path import flood_fill
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Part, Scene
