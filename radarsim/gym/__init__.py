@@ -13,16 +13,17 @@ Gymnasium comes with ``pip install 'radarsim[gym]'``, PettingZoo with
 import importlib
 from typing import TYPE_CHECKING, Any
 
-try:
-    import gymnasium
-except ImportError as error:
-    raise ImportError(
-        f"{error}, expected: pip install 'radarsim[gym]'", name=error.name
-    ) from None
+from radarsim.optional_packages import import_optional
 
-from radarsim.gym.environment import GoToEnv
-from radarsim.gym.settings import GoToSettings, Transition, progress_reward
-from radarsim.gym.vector import VectorEnv
+gymnasium = import_optional("gymnasium", extra="gym")
+
+from radarsim.gym.environment import GoToEnv  # noqa: E402 - it needs Gymnasium
+from radarsim.gym.settings import (  # noqa: E402
+    GoToSettings,
+    Transition,
+    progress_reward,
+)
+from radarsim.gym.vector import VectorEnv  # noqa: E402
 
 if TYPE_CHECKING:
     from radarsim.gym.parallel import ParallelEnv

@@ -12,13 +12,9 @@ from radarsim.gym.environment import Observation
 from radarsim.gym.picture import Picture
 from radarsim.gym.settings import GoToSettings
 from radarsim.gym.task import GoToTask
+from radarsim.optional_packages import import_optional
 
-try:
-    import pettingzoo
-except ImportError as error:
-    raise ImportError(
-        f"{error}, expected: pip install 'radarsim[marl]'", name=error.name
-    ) from None
+pettingzoo = import_optional("pettingzoo", extra="marl")
 
 
 class ParallelEnv(
