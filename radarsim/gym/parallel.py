@@ -14,12 +14,10 @@ from radarsim.gym.settings import GoToSettings
 from radarsim.gym.task import GoToTask
 from radarsim.optional_packages import import_optional
 
-pettingzoo = import_optional("pettingzoo", extra="marl")
+_Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv
 
 
-class ParallelEnv(
-    pettingzoo.ParallelEnv[str, Observation, NDArray[np.float32]]  # type: ignore[misc]
-):
+class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
     """Robots that drive to a goal each, among each other.
 
     Agents are ``robot_0``, ``robot_1`` and so on; what they observe and do is that of
