@@ -5,7 +5,7 @@ Times are simulated seconds, frames are those of REP-103 and REP-105, units SI.
 
 import math
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -18,7 +18,7 @@ NANOSECONDS: Final = 1_000_000_000
 UNKNOWN_COVARIANCE: Final = np.zeros(36)
 # Types of ``sensor_msgs/msg/PointField`` by those of numpy.
 _POINT_TYPES: Final = {"<f4": 7, "<u2": 4}
-POINT: Final = np.dtype(
+ECHO: Final = np.dtype(
     [
         ("x", "<f4"),
         ("y", "<f4"),
@@ -30,6 +30,9 @@ POINT: Final = np.dtype(
         ("object", "<u2"),
         ("material", "<u2"),
     ]
+)
+TARGET: Final = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("dbm", "<f4"), ("beam", "<u2")]
 )
 
 Points: TypeAlias = NDArray[np.void]
@@ -97,11 +100,11 @@ def laser_scan(time: float, frame: str, beams: Beams) -> RosMessage:
 
 
 def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
-    """Encode echoes, rows of ``POINT``."""
+    """Encode echoes or targets, rows of ``ECHO`` or ``TARGET``."""
     message = CdrWriter()
     _put_header(message, time, frame)
     message.numbers("I", 1, len(points))
-    fields: Any = POINT.fields
+    fields: Any = points.dtype.fields
     message.numbers("I", len(fields))
     for name, (dtype, offset, *_) in fields.items():
         message.text(name)
@@ -109,7 +112,7 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
         message.numbers("B", _POINT_TYPES[dtype.str])
         message.numbers("I", 1)
     message.numbers("B", 0)  # little-endian
-    message.numbers("I", POINT.itemsize, POINT.itemsize * len(points))
+    message.numbers("I", points.itemsize, points.nbytes)
     message.octets(points.tobytes())
     message.numbers("B", 1)  # all points are valid
     return RosMessage("sensor_msgs/msg/PointCloud2", message.to_bytes())
@@ -220,19 +223,22 @@ def read_octets(data: bytes) -> tuple[str, bytes]:
     return label, found
 
 
-def echo_points(
-    angles: Iterable[float], ranges: Floats, columns: dict[str, NDArray[Any]]
+def make_points(
+    dtype: np.dtype[np.void],
+    angles: Floats,
+    ranges: Floats,
+    columns: Mapping[str, NDArray[Any]],
 ) -> Points:
-    """Return rows of ``POINT`` in the frame of a scanner.
+    """Return rows of a type in the frame of a scanner.
 
     Args:
-        angles: (E,) rad, of the beam of each echo.
-        ranges: (E,) m.
-        columns: The other columns by name, (E,) each.
+        dtype: ``ECHO`` or ``TARGET``.
+        angles: (P,) rad, of the beam of each point.
+        ranges: (P,) m.
+        columns: The other columns by name, (P,) each.
     """
-    directions = np.asarray(angles)
-    points = np.zeros(len(ranges), POINT)
-    points["x"], points["y"] = ranges * np.cos(directions), ranges * np.sin(directions)
+    points = np.zeros(len(ranges), dtype)
+    points["x"], points["y"] = ranges * np.cos(angles), ranges * np.sin(angles)
     for name, column in columns.items():
         points[name] = column
     return points

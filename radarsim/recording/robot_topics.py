@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
 from radarsim.protocol.commands import Drive
 from radarsim.protocol.echoes import EchoLine, TargetEchoes
 from radarsim.protocol.reports import (
@@ -18,14 +18,17 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
 )
+from radarsim.protocol.targets import RadarTargets
 from radarsim.recording.legend import Legend
 from radarsim.recording.messages import (
+    ECHO,
+    TARGET,
     Beams,
     Points,
     RosMessage,
     Transform,
-    echo_points,
     laser_scan,
+    make_points,
     odometry,
     point_cloud,
     pose_stamped,
@@ -34,6 +37,8 @@ from radarsim.recording.messages import (
 )
 
 MAP: Final = "map"
+
+Line = TypeVar("Line", EchoLine, RadarTargets)
 
 
 class TopicMessage(NamedTuple):
@@ -69,7 +74,7 @@ class RobotTopics:
         self._scanners: tuple[ScannerInfo, ...] = ()
         self._robot: RobotInfo | None = None
         self._has_truth = False
-        self._echoes: dict[str, list[EchoLine]] = {}
+        self._lines: dict[tuple[type[Report], str], list[Any]] = {}
 
     def describe(
         self, robot: RobotInfo | None, scanners: Sequence[ScannerInfo], time: float
@@ -89,6 +94,8 @@ class RobotTopics:
                 yield self._scan(report)
             case EchoLine():
                 yield from self._echo_cloud(report)
+            case RadarTargets():
+                yield from self._target_cloud(report)
             case Odometry(time, _, pose):
                 placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
                 frames = self._frame("odom"), self._frame("base_link")
@@ -132,28 +139,41 @@ class RobotTopics:
 
     def _echo_cloud(self, line: EchoLine) -> Iterator[TopicMessage]:
         """Yield the echoes of a scan once its last line has come."""
-        key = line.name.casefold()
-        if line.line <= 1:
-            self._echoes[key] = []
-        lines = self._echoes.setdefault(key, [])
-        lines.append(line)
-        if line.line < line.lines:
-            return
-        del self._echoes[key]
-        scanner = self._scanner(line.name)
-        if scanner is None:
+        lines, scanner = self._lines_until(line), self._scanner(line.name)
+        if not lines or scanner is None:
             return
         groups = [each.echoes for each in lines if each.echoes is not None]
         points = [self._points(scanner, group) for group in groups]
         if self._legend.has_changed:
             yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
-        cloud = np.concatenate(points) if points else echo_points((), np.zeros(0), {})
+        cloud = np.concatenate([np.zeros(0, ECHO), *points])
         message = point_cloud(line.time, self._frame(line.name), cloud)
         yield TopicMessage(self._topic(topic_name(line.name), "echoes"), message)
 
+    def _target_cloud(self, line: RadarTargets) -> Iterator[TopicMessage]:
+        """Yield the targets of a turn once its last line has come."""
+        lines, scanner = self._lines_until(line), self._scanner(line.name)
+        if not lines or scanner is None:
+            return
+        beams, ranges, dbm = (
+            np.concatenate([getattr(each, name) for each in lines])
+            for name in ("beams", "ranges", "dbm")
+        )
+        columns = {"dbm": dbm, "beam": beams}
+        cloud = make_points(TARGET, _angles(scanner, beams), ranges, columns)
+        message = point_cloud(line.time, self._frame(line.name), cloud)
+        yield TopicMessage(self._topic(topic_name(line.name), "targets"), message)
+
+    def _lines_until(self, line: Line) -> list[Line]:
+        """Return all lines of a scan with its last one; nothing before that."""
+        key = type(line), line.name.casefold()
+        if line.line <= 1:
+            self._lines[key] = []
+        lines = self._lines.setdefault(key, [])
+        lines.append(line)
+        return self._lines.pop(key) if line.line >= line.lines else []
+
     def _points(self, scanner: ScannerInfo, group: TargetEchoes) -> Points:
-        angles = scanner.beams - 1
-        step = scanner.fov / angles if angles else 0.0
         columns: dict[str, NDArray[np.generic]] = {
             "intensity": group.strength,
             "power": group.power,
@@ -164,7 +184,7 @@ class RobotTopics:
                 len(group.beams), self._legend.material(group.material)
             ),
         }
-        return echo_points(group.beams * step - scanner.fov / 2, group.ranges, columns)
+        return make_points(ECHO, _angles(scanner, group.beams), group.ranges, columns)
 
     def _scanner(self, name: str) -> ScannerInfo | None:
         found = [each for each in self._scanners if same_name(each.name, name)]
@@ -182,6 +202,13 @@ class RobotTopics:
 
     def _frame(self, name: str) -> str:
         return f"{self._name}/{name}"
+
+
+def _angles(scanner: ScannerInfo, beams: NDArray[np.int64]) -> Floats:
+    """Return the directions of beams, rad, counter-clockwise from straight ahead."""
+    gaps = scanner.beams - 1
+    step = scanner.fov / gaps if gaps else 0.0
+    return np.asarray(beams * step - scanner.fov / 2)
 
 
 def topic_name(name: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.recording.messages import POINT
+from radarsim.recording.messages import ECHO
 
 Fields = Mapping[str, Any]  # a decoded message
 
@@ -148,7 +148,7 @@ class EchoSeries:
             messages: The messages.
             legend: The last text of the topic ``/radarsim/legend``.
         """
-        clouds = [np.frombuffer(message["data"], POINT) for message in messages]
+        clouds = [np.frombuffer(message["data"], ECHO) for message in messages]
         rows = np.concatenate(clouds)
         names = json.loads(legend)
         kinds, objects, materials = (

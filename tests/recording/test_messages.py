@@ -9,11 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
+from radarsim.client.robot_info import ScannerInfo
 from radarsim.geometry import Pose3, rotation_matrix
+from radarsim.protocol.targets import target_lines
 from radarsim.recording import messages
+from radarsim.recording.legend import Legend
 from radarsim.recording.messages import Beams, RosMessage, Transform
+from radarsim.recording.robot_topics import RobotTopics
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
+PointField: Any = STORE.types["sensor_msgs/msg/PointField"]
 NUMBERS = st.floats(-1e6, 1e6)
 POSES = st.builds(Pose3, *[NUMBERS] * 3, *[st.floats(-3.2, 3.2)] * 3)
 NAMES = st.text(st.characters(min_codepoint=33, max_codepoint=0x2FFF), max_size=30)
@@ -32,6 +37,20 @@ def decoded(message: RosMessage) -> Any:
 
 def stamp_of(header: Any) -> tuple[int, int]:
     return header.stamp.sec, header.stamp.nanosec
+
+
+def rows_of(cloud: Any) -> Any:
+    """Return the points of a cloud by what it tells of its fields."""
+    kinds = {PointField.FLOAT32: "<f4", PointField.UINT16: "<u2"}
+    dtype = np.dtype(
+        {
+            "names": [field.name for field in cloud.fields],
+            "formats": [kinds[field.datatype] for field in cloud.fields],
+            "offsets": [field.offset for field in cloud.fields],
+            "itemsize": cloud.point_step,
+        }
+    )
+    return cloud.data.view(dtype)
 
 
 @given(TIMES, NAMES, st.lists(st.floats(0, 100), max_size=40))
@@ -89,21 +108,36 @@ def test_transforms_name_parent_and_child(each: list[Transform]) -> None:
 def test_points_keep_their_columns(count: int) -> None:
     numbers = np.arange(count, dtype=np.float64)
     columns = {"intensity": numbers / 64, "power": numbers / 32, "beam": numbers}
-    points = messages.echo_points(numbers / 10, numbers + 1.0, columns)
+    angles, ranges = numbers / 10, numbers + 1.0
+    points = messages.make_points(messages.ECHO, angles, ranges, columns)
     found = decoded(messages.point_cloud(1.0, "R1/lms200", points))
-    dtype = np.dtype(
-        {
-            "names": [field.name for field in found.fields],
-            "formats": ["<f4" if f.datatype == 7 else "<u2" for f in found.fields],
-            "offsets": [field.offset for field in found.fields],
-            "itemsize": found.point_step,
-        }
-    )
-    read = found.data.view(dtype)
+    read = rows_of(found)
     assert (found.width, found.row_step) == (count, count * found.point_step)
     np.testing.assert_allclose(np.hypot(read["x"], read["y"]), numbers + 1.0, rtol=1e-6)
     np.testing.assert_array_equal(read["intensity"], numbers / 64)
     np.testing.assert_array_equal(read["beam"], numbers)
+
+
+@pytest.mark.parametrize("count", [0, 1, 300])
+def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
+    mount = Pose3(0.2, 0.0, 0.2)
+    scanner = ScannerInfo("Navtech", mount, 2.5, 165.0, 0.0157, 2 * math.pi * 0.9, 361)
+    topics = RobotTopics("R1", Legend())
+    topics.describe(None, [scanner], 0.0)
+    beams, ranges = np.arange(count), np.linspace(3.0, 90.0, count)
+    lines = target_lines(4.0, "Navtech", beams, ranges, -60.0 - ranges)
+    told = [message for line in lines for message in topics.of_report(line)]
+    (topic, message, latched) = told[-1]
+    assert (len(told), topic, latched) == (1, "/R1/Navtech/targets", False)
+    cloud = decoded(message)
+    assert (cloud.header.frame_id, stamp_of(cloud.header)) == ("R1/Navtech", (4, 0))
+    read = rows_of(cloud)
+    np.testing.assert_array_equal(read["beam"], beams)
+    np.testing.assert_allclose(read["dbm"], -60.0 - ranges)
+    directions = np.arctan2(read["y"], read["x"])
+    expected = (scanner.angles[:count] + math.pi) % (2 * math.pi) - math.pi
+    np.testing.assert_allclose(directions, expected, atol=1e-6)
+    np.testing.assert_allclose(np.hypot(read["x"], read["y"]), ranges, rtol=1e-6)
 
 
 def test_clock_and_text() -> None:
