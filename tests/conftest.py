@@ -44,9 +44,11 @@ def pytest_collection_modifyitems(
 ) -> None:
     """Deselect the slow tests that are not in the sample."""
     share = config.getoption("--sample")
-    slow = [item for item in items if item.get_closest_marker("slow")]
+    marks = {item: item.get_closest_marker("slow") for item in items}
+    alone = [item for item, mark in marks.items() if mark and mark.args == ("alone",)]
+    slow = [item for item, mark in marks.items() if mark and not mark.args]
     slow.sort(key=lambda item: item.nodeid)
-    left_out = {
+    left_out = set(alone if share < 1 else ()) | {
         item
         for number, item in enumerate(slow)
         if number and int(number * share) == int((number - 1) * share)

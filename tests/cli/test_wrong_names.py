@@ -88,7 +88,7 @@ def test_names_in_a_map_are_suggested(radarsim: RunCommand, tmp_path: Path) -> N
         (("drive", "--port", "99999"), "'99999', expected at most 65535"),
         (("serve", "a", "--speed", "x"), "'x', expected a number"),
         (("serve", "a", "--seed", "-1"), "'-1', expected at least 0"),
-        (("navigate", "--algorithm", "x"), "'x', expected one of ['bug1', 'bug2']"),
+        (("navigate", "--algorithm", "x"), "'x', expected one of ['bug1', 'bug2',"),
         ((*SCAN, "radar", "--set", "max_range=x"), "'x', expected a number"),
         ((*SCAN, "radar", "--set", "max_range=0"), "0, expected at least 0.001"),
         ((*SCAN, "radar", "--set", "ray_weights=1"), "1, expected a list"),

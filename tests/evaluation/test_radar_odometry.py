@@ -31,7 +31,7 @@ def oval(time: float) -> Pose3:
     return Pose3(MIDDLE + x, y, HEIGHT, 0.0, 0.0, yaw)
 
 
-@pytest.mark.slow
+@pytest.mark.slow("alone")  # takes minutes
 def test_drift_along_a_meadow_is_small() -> None:
     scene = radarsim.load_map("forest_edge")
     radar = radarsim.load_sensor("navtech_cts350x").fmcw

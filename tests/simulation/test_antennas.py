@@ -159,10 +159,10 @@ def test_detector_needs_a_spectrum() -> None:
 def test_client_cannot_make_a_scanner_an_antenna_that_its_class_has_not(
     foliage_room: Scene,
 ) -> None:
-    settings = {"lms200": {"sensor": "navtech_cts350x"}}
+    settings = {"lms200": {"sensor": "k2pi"}}
     host = Host(foliage_room, config=SimulationConfig(item_settings=settings))
     client = host.connect()
     host.receive(client, INIT.replace(b"_Navtech", b""))
     command = b"SET {Type RangeScanner} {Opcode SETTING} {Params detector=ca}\r\n"
     (problem,) = host.receive(client, command)
-    assert "25600 rays in a scan" in problem.text
+    assert "23040 rays in a scan, expected at most 5400" in problem.text
