@@ -21,7 +21,7 @@ from websockets.typing import Origin
 from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
 from radarsim.pytest_plugin import UsarsimServer
-from radarsim.recording.messages import POINT
+from radarsim.recording.messages import ECHO
 from radarsim.ros.rosbridge import RosbridgeClient, TopicBoard
 
 TIMEOUT = 240  # s that a busy machine may need
@@ -100,7 +100,7 @@ def test_robots_of_others_are_topics(usarsim_server: UsarsimServer) -> None:
         ]
         side.send(op="subscribe", topic="/R2/lms200/echoes")
         cloud = side.wait_for(op="publish", topic="/R2/lms200/echoes")["msg"]
-        points = np.frombuffer(base64.b64decode(cloud["data"]), POINT)
+        points = np.frombuffer(base64.b64decode(cloud["data"]), ECHO)
         assert len(points) == cloud["width"] > 100
         side.send(op="subscribe", topic="/tf_static")  # latched
         frames = side.wait_for(op="publish", topic="/tf_static")["msg"]["transforms"]
