@@ -111,7 +111,9 @@ class Rotation:
         while self._traced < end:
             turn, first = divmod(self._traced, azimuths)
             rows = range(first, min(first + end - self._traced, azimuths))
-            power = self._power.setdefault(turn, TurnPower(self.radar.settings))
+            if turn not in self._power:
+                self._power[turn] = TurnPower(self.radar.settings)
+            power = self._power[turn]
             traced = self.radar.trace(self._scene, pose, boxes, carrier_id, rows)
             tracer = tracer_of(self._scene)
             self.radar.add_power(power, tracer, traced, velocity)

@@ -20,6 +20,7 @@ Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
 
 import math
 from typing import Any, Final, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -62,6 +63,16 @@ class Scattering(NamedTuple):  # compiled into kernels
 
 def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     """Return what the parts of a scene scatter of the waves of a class."""
+    known = _known.setdefault(tracer, {})
+    if ray_class not in known:
+        known[ray_class] = _compute_scattering(tracer, ray_class)
+    return known[ray_class]
+
+
+_known: WeakKeyDictionary[Tracer, dict[RayClass, Scattering]] = WeakKeyDictionary()
+
+
+def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     materials = [part.material for part in tracer.parts]
     density, air_density = tracer.densities(ray_class)
     per_db = ray_class.power_per_db

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from radarsim.fmcw.rotation import Rotation, Sector
 
 STANDING: Final = (0.0, 0.0, 0.0)  # m/s
-# In a tick no more antennas turn: each takes some 40 % of a tick of one processor.
-MOST_TURNING: Final = 2
+# In a tick no more antennas turn: each takes most of the time of a tick.
+MOST_TURNING: Final = 1
 ROUNDING: Final = 1e-9  # of directions
 
 
