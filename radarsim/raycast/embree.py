@@ -31,7 +31,6 @@ Rule 3: a ray that starts outside the scene is first advanced to the sphere arou
 so that Embree handles no numbers larger than the scene's.
 """
 
-import copy
 import ctypes
 import math
 import weakref
@@ -239,12 +238,6 @@ class FirstHits:
             TriangleMesh(self._scene, corners, np.asarray(faces, np.int32))
         self._rays = np.float32(origins), np.float32(directions)
         self.run()  # Embree builds its tree at the first call
-
-    def with_rays(self, origins: Floats, directions: Floats) -> "FirstHits":
-        """Return the first hits of other rays on the same meshes."""
-        other = copy.copy(self)
-        other._rays = np.float32(origins), np.float32(directions)
-        return other
 
     def run(self) -> NDArray[np.int32]:
         """Return the index of the triangle in its mesh that each ray hits, or -1."""
