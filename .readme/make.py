@@ -17,6 +17,7 @@ COMMANDS = (
     "radarsim.plants plants --figure shrub.png",
     "radarsim navigate --algorithm bug2 --serve bug_u_trap --plot navigate.png",
     "radarsim map map/ --serve foliage_room",
+    "radarsim sweep foliage_thickness -o sweep",
 )
 PICTURES = {
     "scene": "figures/figure_06.png",
@@ -26,6 +27,7 @@ PICTURES = {
     "scan": "scan.png",
     "navigate": "navigate.png",
     "map": "map/map_view.png",
+    "sweep": "sweep/figure.png",
     "shrub_shapes": "shrub.png",
     "commander": "commander.png",
 }

@@ -5,6 +5,7 @@
         * MalformedMessage -- a line, a number or a vector that cannot be read
         * LineTooLong -- the only one that closes the connection
     * MapError -- a file under maps/ is wrong; names the file, the place and the key
+    * ForeignFileError -- a file of another program cannot be imported; names the place
     * PresetError -- an unknown sensor, robot class or setting, or a value out of range
     * EngineError -- Embree cannot be loaded, or got input that it would misread
     * ServerError -- the server cannot start: its address is not available
@@ -15,6 +16,7 @@
     * NavigationError -- a robot cannot do a task: it has no scanner, or is too wide
         * TooNearError -- a start or a goal is inside the safety distance
     * RecordingError -- a recording cannot be written, read, or repeated
+    * SweepError -- a sweep file is wrong, or a sweep cannot be run
     * MissingPackage -- an optional package is not installed; names the extra
 
 Programming errors stay ValueError, TypeError and AssertionError.
@@ -57,6 +59,10 @@ class MapError(RadarsimError):
     def __reduce__(self) -> tuple[type["MapError"], tuple[list[str]]]:
         """Pickle the problems, not the message that joins them."""
         return type(self), (self.problems,)
+
+
+class ForeignFileError(RadarsimError):
+    """A file of another program cannot be imported."""
 
 
 class PresetError(RadarsimError):
@@ -108,6 +114,10 @@ class TooNearError(NavigationError):
 
 class RecordingError(RadarsimError):
     """A recording cannot be written, read, or repeated."""
+
+
+class SweepError(RadarsimError):
+    """A sweep file is wrong, or a sweep cannot be run where it was asked to."""
 
 
 class MissingPackage(RadarsimError, ImportError):

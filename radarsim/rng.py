@@ -13,6 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 _BITS: Final = 32  # of a normal number
+_PERIOD: Final = 2**128  # of PCG64
+# Steps from one stream to the next, the golden ratio of the period, as numpy's
+# ``PCG64.jumped``. By a multiple of a power of two the lower half of the state would be
+# the same in all streams, and their numbers correlated.
+_STRIDE: Final = 0x9E3779B97F4A7C15F39CC0605CEDC835
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
@@ -56,7 +61,7 @@ class NumberedStreams:
             out: Contiguous array.
         """
         self._bits.state = self._start
-        self._bits.advance(number << 64)  # far more than a stream needs
+        self._bits.advance(number * _STRIDE % _PERIOD)
         words = self._bits.random_raw(-(-out.size // 2))
         ones = np.bitwise_count(words.view(np.uint32)[: out.size])
         np.subtract(ones, np.float32(_BITS / 2), out=out)

@@ -13,8 +13,8 @@ from radarsim.benchmark.engine import (
     scans_against_first_hits,
     throughput,
 )
+from radarsim.benchmark.environments import decisions
 from radarsim.benchmark.floods import FLOODS, floods, lateness_beside_floods
-from radarsim.benchmark.learning import decisions
 from radarsim.benchmark.meshes import RINGS, mesh_maps
 from radarsim.benchmark.radars import turning_radar
 from radarsim.benchmark.recording import recording_robots

@@ -21,6 +21,7 @@ from radarsim.cli.docs import docs
 from radarsim.cli.drive import drive
 from radarsim.cli.explain import explain
 from radarsim.cli.figures import figures
+from radarsim.cli.import_ import import_
 from radarsim.cli.map import map_
 from radarsim.cli.navigate import navigate
 from radarsim.cli.new import new
@@ -32,6 +33,8 @@ from radarsim.cli.ros import ros
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
 from radarsim.cli.spectrum import spectrum
+from radarsim.cli.study import study
+from radarsim.cli.sweep import sweep
 from radarsim.cli.trials import trials
 from radarsim.cli.usage import PlainGroup
 from radarsim.errors import RadarsimError
@@ -41,9 +44,11 @@ from radarsim.signal_handlers import INTERRUPTED, ignore_signals
 app = typer.Typer(
     no_args_is_help=True,
     cls=PlainGroup,
-    add_completion=False,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "auto_envvar_prefix": "RADARSIM",
+    },
     help="A USARSim server without Unreal: a P3AT whose radar sees through foliage.",
 )
 
@@ -74,6 +79,7 @@ app.command()(with_compile_progress(demo))
 app.command()(serve)
 app.command()(with_compile_progress(check))
 app.command()(new)
+app.command("import")(import_)
 app.command()(with_compile_progress(scan))
 app.command()(with_compile_progress(spectrum))
 app.command()(with_compile_progress(explain))
@@ -83,6 +89,8 @@ app.command()(drive)
 app.command()(commander)
 app.command()(with_compile_progress(navigate))
 app.command()(with_compile_progress(trials))
+app.command()(with_compile_progress(study))
+app.command()(with_compile_progress(sweep))
 app.command("map")(with_compile_progress(map_))
 app.command()(with_compile_progress(figures))
 app.command()(with_compile_progress(replay))

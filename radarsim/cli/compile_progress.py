@@ -73,7 +73,7 @@ def compile_now(*, maps: bool = False) -> None:
     Args:
         maps: Whether to compile what maps are made with as well.
     """
-    from radarsim.exploration.exploration import warm_up
+    from radarsim.exploration.compilation import warm_up
     from radarsim.host import Host
     from radarsim.scene.map_file import load_map
 

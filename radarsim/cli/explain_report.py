@@ -73,8 +73,22 @@ def explain_beam(
         "range": _finite(float(scan.ranges[beam])),
         "rain": _rain_range(scan, beam),
         "return_mode": settings.return_mode,
+        "detector": settings.detector,
+        "targets": _targets(scan, beam),
         "air": tracer.densities(scan.cast.ray_classes[0])[1],
     }
+
+
+def _targets(scan: Scan, beam: int) -> list[dict[str, float]] | None:
+    """Return what a detector found in a beam; None for a scanner without one."""
+    targets = scan.targets
+    if targets is None:
+        return None
+    rows = np.flatnonzero(targets.beams == beam)
+    return [
+        {"range": float(targets.ranges[row]), "dbm": float(targets.dbm[row])}
+        for row in rows
+    ]
 
 
 def _rain_range(scan: Scan, beam: int) -> float | None:
@@ -191,13 +205,27 @@ def as_text(report: dict[str, Any]) -> list[str]:
     }
     power = _power_text(report["power_left"])
     lines.append(f"{endings[report['outcome']]}, power left {power}")
+    if report["targets"] is not None:
+        lines += [
+            f"{target['range']:.4f} m: a target of {target['dbm']:.1f} dBm"
+            for target in report["targets"]
+        ]
+        detector = f" by its detector {report['detector']!r}"
+    else:
+        detector = ""
+    return [*lines, _reading_text(report) + detector]
+
+
+def _reading_text(report: dict[str, Any]) -> str:
+    """Return what a beam reads, as a sentence."""
     if report["range"] is None:
-        return [*lines, "reads nothing"]
+        return "reads nothing"
     mirrored = any(row["at"] < report["range"] for row in report["mirrors"])
     ghost = ", a ghost: it was mirrored on its way" if mirrored else ""
     mode = report["return_mode"]
-    echo = f", its {mode} echo" if mode in ("first", "strongest") else ""
-    return [*lines, f"reads {report['range']:.4f} m{echo}{ghost}"]
+    found = "echo" if report["targets"] is None else "target"
+    which = f", its {mode} {found}" if mode in ("first", "strongest") else ""
+    return f"reads {report['range']:.4f} m{which}{ghost}"
 
 
 def _crossing_text(row: dict[str, Any]) -> str:

@@ -2,21 +2,20 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
 import typer
 
 from radarsim.cli.film import filmed
-from radarsim.cli.map_report import MapFiles, map_progress, print_result, save_map
+from radarsim.cli.map_files import MapFiles, MapOutput, save_map
+from radarsim.cli.map_report import map_progress, print_result
 from radarsim.cli.map_view import MapCamera
 from radarsim.cli.options import read_pose
 from radarsim.cli.output import print_message, start_log
-from radarsim.cli.run_recording import RunRecording
 from radarsim.errors import PortUnavailable, ServerError
 from radarsim.evaluation.mapping_run import MappingResult
-from radarsim.exploration.exploration import warm_up
+from radarsim.exploration.compilation import warm_up
 from radarsim.geometry import Pose3
 from radarsim.mapping.slam import MotionSource
 from radarsim.proxy.connection_state import ScannerDefaults
@@ -35,30 +34,25 @@ class FollowedMapping:
     """A map of what a robot reports that another client drives.
 
     Attributes:
-        files: Where to write the map.
+        output: What is made of it.
         server: Host and port of the server.
-        recording: Records what passes, and the map.
-        film: File to film the growing map into, or None.
-        film_speed: Seconds of the run in a second of its film.
         motion_source: Sensor from which the motion between scans is read.
         resolution: Side of a cell, m.
+        map_range: Range of the scanner that is mapped, m.
         scanner: Name of the scanner to map with; None for the first.
         mount: ``X,Y,YAW_DEG`` of the scanner on the robot, or None.
         max_range: Maximum range of the scanner, m, or None.
-        as_json: Whether to print JSON.
     """
 
-    files: MapFiles
+    output: MapOutput
     server: tuple[str, int]
-    recording: RunRecording
-    film: Path | None
-    film_speed: float
+    _: KW_ONLY
     motion_source: MotionSource
     resolution: float
+    map_range: float
     scanner: str | None
     mount: str | None
     max_range: float | None
-    as_json: bool
 
     def run_proxy(self, port: int) -> int:
         """Forward a port to the server until a signal comes, and map what passes.
@@ -118,11 +112,13 @@ class FollowedMapping:
         traffic = TrafficMapper(
             motion_source=self.motion_source,
             resolution=self.resolution,
+            map_range=self.map_range,
             scanner=self.scanner,
             defaults=ScannerDefaults(_read_mount(self.mount), self.max_range),
         )
         traffic.on_guess = lambda name: print_message(_GUESS.format(name))
-        self.files.check()
+        output, recording = self.output, self.output.recording
+        output.check()
         start_log(logging.WARNING, "%(message)s")
         warm_up()
         source = traffic.motion_source
@@ -130,28 +126,28 @@ class FollowedMapping:
         camera = MapCamera(result, traffic)
         with (
             raise_on_signals(),
-            self.recording,
-            filmed(self.film, camera.draw, self.film_speed) as update_film,
+            recording,
+            filmed(output.film, camera.draw, output.film_speed) as update_film,
         ):
-            traffic.on_data = self.recording.follow(robot)
+            traffic.on_data = recording.follow(robot)
             with map_progress(traffic) as update:
 
                 def note_scan() -> None:
                     update("listening")
                     update_film(traffic.trip.time)
-                    self.recording.add_map(traffic.mapper)
+                    recording.add_map(traffic.mapper)
 
                 traffic.on_scan = note_scan
                 code = run(traffic)
-            self.recording.add_map(traffic.mapper, last=True)
-            _complete(result, traffic, self.files)
-            print_result(result, as_json=self.as_json)
+            recording.add_map(traffic.mapper, last=True)
+            _complete(result, traffic, output.files)
+            print_result(result, as_json=output.as_json)
         return 1 if result.error else code
 
 
 def _complete(result: MappingResult, traffic: TrafficMapper, files: MapFiles) -> None:
     """Write the map, and note what went wrong."""
-    result.mapper = traffic.mapper
+    result.mapper, result.dropped = traffic.mapper, traffic.dropped
     save_map(result, files)
     if traffic.error and not result.error:
         result.error = traffic.error

@@ -20,6 +20,7 @@ from radarsim.plotting.outlines import Outline, outlines_of
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
 ENDINGS: Final = {
+    "incomplete": "until nothing was left to try",
     "time_limit": "until time was up",
     "stuck": "until the robot was stuck",
     "failed": "until the run failed",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from radarsim.atomic_write import write_atomically
+from radarsim.cli.completion import complete_map, complete_sensor
 from radarsim.errors import PresetError
 from radarsim.os_errors import describe_os_error
 from radarsim.signal_handlers import raise_on_signals
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT: Final = 3000  # of USARSim
 DEFAULT_MAX_CLIENTS: Final = 1024
+
+_GIVEN: Final = "COMMANDLINE"  # source of an option
 
 PICTURE_FORMS: Final = ("png", "svg", "pdf")  # endings of files that plots go into
 
@@ -59,6 +62,7 @@ MapArgument = Annotated[
     str,
     typer.Argument(
         metavar="MAP",
+        autocompletion=complete_map,
         help="A map file, or the name of a shipped map; @VARIANT may follow.",
     ),
 ]
@@ -70,7 +74,11 @@ SeedOption = Annotated[
 # One scanner in a map without a server: scan and explain.
 SensorOption = Annotated[
     str,
-    typer.Option("--sensor", help="Preset of the sensor; see 'radarsim sensors'."),
+    typer.Option(
+        "--sensor",
+        autocompletion=complete_sensor,
+        help="Preset of the sensor; see 'radarsim sensors'.",
+    ),
 ]
 SensorPoseOption = Annotated[
     str | None,
@@ -273,6 +281,15 @@ def refuse_options(options: Mapping[str, object], text: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise typer.BadParameter(text, param_hint=name)
+
+
+def given_options(context: typer.Context) -> dict[str, str]:
+    """Return the options on the command line: how they begin, by parameter's name."""
+    return {
+        each.name: each.opts[0]
+        for each in context.command.params
+        if getattr(context.get_parameter_source(each.name), "name", "") == _GIVEN
+    }
 
 
 def check_start(start: str | None, pose: str | None, scene: Scene | None) -> None:

@@ -3,12 +3,14 @@
 Names from maps, clients and command lines are in them, so all is made printable.
 """
 
+import json
 import logging
 import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, ExitStack
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -45,15 +47,16 @@ def program_name() -> str:
     return shlex.quote(sys.argv[0])
 
 
-def start_log(level: int, form: str) -> None:
+def start_log(level: int, form: str, *, as_json: bool = False) -> None:
     """Write the log to stderr.
 
     Args:
         level: Lowest level that is written.
         form: Format of a line, as ``logging.Formatter`` takes it.
+        as_json: Whether each line is a JSON object instead.
     """
     handler = _LogHandler()
-    handler.setFormatter(_PrintableFormatter(form))
+    handler.setFormatter(_JsonFormatter() if as_json else _PrintableFormatter(form))
     logging.basicConfig(handlers=[handler], level=level)
 
 
@@ -64,6 +67,14 @@ class _LogHandler(logging.StreamHandler[TextIO]):
             for context in log_line_contexts:
                 until_written.enter_context(context())
             super().emit(record)
+
+
+class _JsonFormatter(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a record as a JSON object, without its traceback."""
+        time = datetime.fromtimestamp(record.created, UTC).isoformat()
+        keys = {"time": time, "level": record.levelname, "logger": record.name}
+        return json.dumps({**keys, "message": record.getMessage()})
 
 
 class _PrintableFormatter(logging.Formatter):

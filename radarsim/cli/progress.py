@@ -11,6 +11,7 @@ from rich.text import Text
 from radarsim.printable_text import escape_unprintable
 
 REFRESH_RATE: Final = 8  # Hz
+_ESTIMATE_PERIOD: Final = 600.0  # s; results may take a minute each
 
 _Result = TypeVar("_Result")
 
@@ -37,16 +38,29 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
 
 
 def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Result]:
-    """Yield results, and show on stderr how many of them there are."""
+    """Yield results, and show on stderr how many there are, and the time left."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
         Progress,
+        TextColumn,
         TimeElapsedColumn,
+        TimeRemainingColumn,
     )
 
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    columns = (
+        *(BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()),
+        *(TextColumn("left"), TimeRemainingColumn()),
+    )
+    console = Console(stderr=True)
+    bar = Progress(
+        *columns,
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+        speed_estimate_period=_ESTIMATE_PERIOD,
+    )
+    with bar:
         task = bar.add_task(name, total=total)
         for result in results:
             bar.advance(task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import closing, nullcontext
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,8 +54,11 @@ def run_random(
             ) as running,
         ):
             results += _written(running, output, len(todo))
+    results.sort(key=lambda each: (each["number"], algorithms.index(each["algorithm"])))
     Console().print(_table(results))
-    print_lines(_failure_text(each) for each in results if not each["correct"])
+    for each in results:
+        if not each["correct"]:
+            print_lines([_failure_text(each)])
 
 
 def _read(output: Path | None) -> list[dict[str, Any]]:
@@ -75,16 +78,13 @@ def _written(
 ) -> Iterator[dict[str, Any]]:
     """Write each result as soon as there is one, in one piece."""
     from radarsim.cli.progress import with_bar
-    from radarsim.evaluation.random_trials import cut_incomplete_line
+    from radarsim.evaluation.result_log import opened_log
 
-    if output is not None:
-        cut_incomplete_line(output)
-    with nullcontext() if output is None else output.open("a") as file:
+    with opened_log(output) as add:
         for result in with_bar(running, "trials", total):
-            if file is not None:
-                file.write(result.as_line())
-                file.flush()
-            yield result.to_dict()
+            values = result.to_dict()
+            add(values)
+            yield values
 
 
 def _table(results: Sequence[dict[str, Any]]) -> Table:

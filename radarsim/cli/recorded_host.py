@@ -26,6 +26,10 @@ RecordOption = Annotated[
         " repeats. Needs the extra 'record'.",
     ),
 ]
+RecordSpectraOption = Annotated[
+    bool,
+    typer.Option(help="Record what FMCW radars receive as well, some 180 MB a minute."),
+]
 
 
 @contextmanager
@@ -36,6 +40,7 @@ def open_host(
     *,
     seed: int = 0,
     begins: bool = True,
+    spectra: bool = False,
 ) -> Iterator[Host]:
     """Load a map, and record what is done to its host if that is wanted.
 
@@ -45,6 +50,7 @@ def open_host(
         folder: Folder to create for the recording; None for none.
         seed: Seed of the simulation.
         begins: Whether the simulation begins at once.
+        spectra: Whether what FMCW radars receive is recorded as well.
 
     Raises:
         MapError: If the map is wrong.
@@ -53,6 +59,9 @@ def open_host(
     """
     from radarsim.cli.serve import load_host
 
+    if folder is None and spectra:
+        hint = "--record-spectra"
+        raise typer.BadParameter("expected --record with it", param_hint=hint)
     if folder is None:
         yield load_host(map_, config, seed=seed, begins=begins)
         return
@@ -70,7 +79,9 @@ def open_host(
         with suppress(OSError):
             folder.rmdir()
         raise
-    host = RecordedHost(process.add, scene, config=config, seed=seed, begins=begins)
+    host = RecordedHost(
+        process.add, scene, spectra=spectra, config=config, seed=seed, begins=begins
+    )
     try:
         yield host
     finally:
@@ -101,5 +112,6 @@ def describe(
             "settings": {
                 item: dict(keys) for item, keys in config.item_settings.items()
             },
+            "robots": config.robots,
         }
     )

@@ -6,7 +6,7 @@ from collections import Counter
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from radarsim.cli.replay import FolderArgument
 
@@ -33,7 +33,7 @@ def info(folder: FolderArgument) -> None:
         f"map {conditions.map or conditions.level}, seed {conditions.seed},"
         f" dialect {conditions.dialect}"
     )
-    table = Table("topic", "type", "messages")
+    table = Table(Column("topic", overflow="fold"), "type", "messages")
     for (topic, type_), count in sorted(counts.items()):
         table.add_row(topic, type_, str(count))
     Console().print(table)

@@ -123,7 +123,7 @@ def _host(bag: BagReader, map_: str | None) -> Host:
     if digest_of(path) != info.map_digest:
         raise RecordingError(f"{path} is not as it was, expected the map recorded")
     config = SimulationConfig(
-        get_dialect(info.dialect), info.drive_unit, item_settings=info.settings
+        get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
     )
     return Host(load_map(name), config=config, seed=info.seed, begins=False)
 

@@ -14,6 +14,7 @@ import typer
 
 from radarsim.cli.commander_process import CommanderProcess, commander_process
 from radarsim.cli.compile_progress import compile_progress
+from radarsim.cli.config_file import ConfigOption
 from radarsim.cli.options import (
     DEFAULT_MAX_CLIENTS,
     DEFAULT_PORT,
@@ -24,7 +25,7 @@ from radarsim.cli.options import (
 )
 from radarsim.cli.output import program_name, start_log
 from radarsim.cli.radar_port import NavtechOption, RadarPort
-from radarsim.cli.recorded_host import RecordOption, open_host
+from radarsim.cli.recorded_host import RecordOption, RecordSpectraOption, open_host
 from radarsim.cli.server_options import (
     CommandUnitOption,
     DialectName,
@@ -33,7 +34,10 @@ from radarsim.cli.server_options import (
     ItemSettingsOption,
     ListenHostOption,
     ListenPortOption,
+    LogFormat,
+    LogFormatOption,
     MaxClientsOption,
+    RobotsOption,
     ServerOptions,
     SpeedOption,
     VerboseOption,
@@ -67,26 +71,36 @@ def serve(
     dialect: DialectOption = DialectName.COMPAT,
     drive_unit: CommandUnitOption = None,
     settings: ItemSettingsOption = None,
+    robots: RobotsOption = None,
     record: RecordOption = None,
+    record_spectra: RecordSpectraOption = False,
     max_clients: MaxClientsOption = DEFAULT_MAX_CLIENTS,
     verbose: VerboseOption = False,
+    log_format: LogFormatOption = LogFormat.TEXT,
+    config_file: ConfigOption = None,  # noqa: ARG001 - its callback reads it
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
     # before imports that take long
     radar_port = RadarPort.parse(navtech)
     ports = {"--port": port, "--image-port": image_port, "--navtech": radar_port.port}
     _check_ports(host, ports, web)
-    options = ServerOptions(dialect, drive_unit, settings)
+    options = ServerOptions(dialect, drive_unit, settings, robots or ())
     with ExitStack() as until_end:
         words = None if web is None else ["--web", str(web), "--map", map_]
         page = until_end.enter_context(
             commander_process(None if words is None else [*words, *options.words()])
         )
         level = logging.INFO if verbose else logging.WARNING
-        start_log(level, "%(asctime)s %(levelname)s %(message)s")
+        as_json = log_format is LogFormat.JSON
+        start_log(level, "%(asctime)s %(levelname)s %(message)s", as_json=as_json)
         config = options.config()
         with compile_progress():  # which maps with meshes do, while they are read
-            recorded = open_host(map_, config, record, seed=seed, begins=False)
+            recorded = open_host(
+                *(map_, config, record),
+                seed=seed,
+                begins=False,
+                spectra=record_spectra,
+            )
             simulated = until_end.enter_context(recorded)
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal

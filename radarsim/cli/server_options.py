@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,6 +13,7 @@ import typer
 from radarsim.cli.options import DriveUnit, check_positive, read_item_settings
 
 if TYPE_CHECKING:
+    from radarsim.presets.robots import RobotModel
     from radarsim.simulation.config import SimulationConfig
 
 
@@ -19,6 +22,13 @@ class DialectName(StrEnum):
 
     COMPAT = "compat"
     UDK = "udk"
+
+
+class LogFormat(StrEnum):
+    """Forms of the log."""
+
+    TEXT = "text"
+    JSON = "json"
 
 
 ListenHostOption = Annotated[str, typer.Option(help="Address to listen on.")]
@@ -68,9 +78,17 @@ ItemSettingsOption = Annotated[
         help="Change a setting of the robots' items, such as lms200.max_range=20.",
     ),
 ]
+RobotsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="FILE",
+        help="File of another robot class that clients may spawn; repeat it.",
+    ),
+]
 MaxClientsOption = Annotated[
     int, typer.Option(min=1, help="Refuse clients when this many are connected.")
 ]
+LogFormatOption = Annotated[LogFormat, typer.Option(help="Form of the log on stderr.")]
 VerboseOption = Annotated[
     bool, typer.Option("--verbose", "-v", help="Log connections as well.")
 ]
@@ -84,17 +102,20 @@ class ServerOptions:
         dialect: Dialect of its lines.
         drive_unit: Unit of commands to drive; None for the dialect's.
         settings: Values of ``--set``.
+        robots: Files of robot classes.
     """
 
     dialect: DialectName
     drive_unit: DriveUnit | None
     settings: list[str] | None
+    robots: Sequence[Path] = ()
 
     def config(self) -> SimulationConfig:
         """Return them as the configuration of a simulation.
 
         Raises:
-            typer.BadParameter: If a setting cannot be read.
+            typer.BadParameter: If a setting, or the file of a class, cannot be read.
+            PresetError: If the file of a class is wrong.
         """
         from radarsim.protocol.dialect import get_dialect
         from radarsim.simulation.config import SimulationConfig
@@ -103,6 +124,7 @@ class ServerOptions:
             get_dialect(self.dialect.value),
             None if self.drive_unit is None else self.drive_unit.value,
             read_item_settings(self.settings or []),
+            tuple(map(_read_robot, self.robots)),
         )
 
     def words(self) -> list[str]:
@@ -110,3 +132,15 @@ class ServerOptions:
         unit = [] if self.drive_unit is None else ["--drive-unit", self.drive_unit]
         settings = [word for text in self.settings or [] for word in ("--set", text)]
         return ["--dialect", self.dialect, *unit, *settings]
+
+
+def _read_robot(path: Path) -> RobotModel:
+    """Read the file of a robot class."""
+    from radarsim.os_errors import describe_os_error
+    from radarsim.presets.robots import read_robot
+
+    try:
+        return read_robot(path)
+    except OSError as error:
+        text = f"{path}: {describe_os_error(error)}"
+        raise typer.BadParameter(text, param_hint="--robots") from None

@@ -22,78 +22,96 @@ from radarsim.cli.progress import with_bar
 from radarsim.cli.random_trials import run_random
 from radarsim.cpu_count import process_cpu_count
 from radarsim.errors import MapError, PresetError
-from radarsim.navigation.options import Algorithm
+from radarsim.navigation.options import Algorithm, Rule
 from radarsim.printable_text import escape_unprintable
 from radarsim.signal_handlers import raise_on_signals
 from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
-    from radarsim.evaluation.trials import TrialResult
+    from radarsim.evaluation.trials import TrialResult, TrialSpec
+
+
+MapsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME,...",
+        help="Maps that have a trial; by default all that are made for trials.",
+    ),
+]
+AlgorithmsOption = Annotated[
+    str, typer.Option(metavar="NAME,...", help="Algorithms to compare.")
+]
+SensorsOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME,...", help="Sensor presets; they see all the way round."
+    ),
+]
+RulesOption = Annotated[
+    str, typer.Option(metavar="NAME,...", help="Rules of the bumpers to compare.")
+]
+SeedsOption = Annotated[
+    int,
+    typer.Option(min=1, metavar="K", help="Repeat each trial with seeds 0 to K - 1."),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Number of processes; one for each core by default."),
+]
+RandomOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Run on random maps 0 to N - 1 instead: radar and laser by turn.",
+    ),
+]
+OutputOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="With --random: add a line of JSON for each trial; those that are in"
+        " the file are not run again.",
+    ),
+]
 
 
 def trials(
     *,
-    maps: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Maps that have a trial; by default all that are made for trials.",
-        ),
-    ] = None,
-    algorithms: Annotated[
-        str, typer.Option(metavar="NAME,...", help="Algorithms to compare.")
-    ] = "bug1,bug2",
-    sensors: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME,...", help="Sensor presets; they see all the way round."
-        ),
-    ] = "radar",
-    seeds: Annotated[
-        int,
-        typer.Option(
-            min=1, metavar="K", help="Repeat each trial with seeds 0 to K - 1."
-        ),
-    ] = 3,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of processes; one for each core by default."),
-    ] = None,
+    maps: MapsOption = None,
+    algorithms: AlgorithmsOption = "bug1,bug2",
+    sensors: SensorsOption = "radar",
+    rules: RulesOption = "share",
+    seeds: SeedsOption = 3,
+    workers: WorkersOption = None,
     as_json: JsonOption = False,
-    random: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Run on random maps 0 to N - 1 instead: radar and laser by turn.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="With --random: add a line of JSON for each trial; those that are in"
-            " the file are not run again.",
-        ),
-    ] = None,
+    random: RandomOption = None,
+    output: OutputOption = None,
 ) -> None:
     """Run navigators on several maps, and score them by the ground truth."""
-    from radarsim.evaluation.trials import MAPS, all_trials, run_trials
+    from radarsim.evaluation.trials import MAPS, all_trials
 
+    workers = workers or process_cpu_count()
+    chosen = _split(algorithms, "--algorithms")
     if random is not None:
-        _refuse_others(maps, as_json=as_json)
-        chosen = _split(algorithms, "--algorithms")
-        _check((), chosen, ())
-        run_random(random, chosen, output, workers or process_cpu_count())
+        _refuse_others(maps, rules, as_json=as_json)
+        _check((), chosen)
+        run_random(random, chosen, output, workers)
         return
     if output is not None:
         raise typer.BadParameter("expected with --random", param_hint="--output")
     names = MAPS if maps is None else _split(maps, "--maps")
-    chosen_algorithms = _split(algorithms, "--algorithms")
     chosen_sensors = _split(sensors, "--sensors")
-    _check(names, chosen_algorithms, chosen_sensors)
-    todo = all_trials(names, chosen_algorithms, chosen_sensors, seeds)
-    processes = min(workers or process_cpu_count(), len(todo))
+    chosen_rules = _split(rules, "--rules")
+    _check(names, chosen, chosen_sensors, chosen_rules)
+    todo = all_trials(names, chosen, chosen_sensors, seeds, chosen_rules)
+    _run(todo, min(workers, len(todo)), as_json=as_json)
+
+
+def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
+    """Run trials, and print their scores."""
+    from radarsim.evaluation.trials import run_trials
+
     compile_now()
     began = time.perf_counter()
     with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:
@@ -114,8 +132,10 @@ def trials(
     typer.echo(f"{trials_in} in {duration:.1f} s by {by}")
 
 
-def _refuse_others(maps: str | None, *, as_json: bool) -> None:
+def _refuse_others(maps: str | None, rules: str, *, as_json: bool) -> None:
     """Refuse what has no meaning for random maps."""
+    if rules != Rule.SHARE:
+        raise typer.BadParameter("not with --random", param_hint="--rules")
     if maps is not None:
         raise typer.BadParameter("not with --random", param_hint="--maps")
     if as_json:
@@ -132,22 +152,28 @@ def _split(text: str, hint: str) -> list[str]:
 
 
 def _check(
-    maps: Sequence[str], algorithms: Sequence[str], sensors: Sequence[str]
+    maps: Sequence[str],
+    algorithms: Sequence[str],
+    sensors: Sequence[str] = (),
+    rules: Sequence[str] = (),
 ) -> None:
     from radarsim.evaluation.trials import config_with_sensor
 
     for name in maps:
         _check_map(name)
-    known = [algorithm.value for algorithm in Algorithm]
-    for name in algorithms:
-        if name not in known:
-            text = expected_one_of(name, known)
-            raise typer.BadParameter(text, param_hint="--algorithms")
+    _check_names(algorithms, [each.value for each in Algorithm], "--algorithms")
+    _check_names(rules, [each.value for each in Rule], "--rules")
     for name in sensors:
         try:
             config_with_sensor(name)
         except PresetError as error:
             raise typer.BadParameter(str(error), param_hint="--sensors") from None
+
+
+def _check_names(names: Sequence[str], known: Sequence[str], hint: str) -> None:
+    for name in names:
+        if name not in known:
+            raise typer.BadParameter(expected_one_of(name, known), param_hint=hint)
 
 
 def _check_map(name: str) -> None:
@@ -165,13 +191,13 @@ def _check_map(name: str) -> None:
 
 def _table(scores: Sequence[TrialResult]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
-    for column in ("map", "algorithm", "sensor"):
+    for column in ("map", "algorithm", "rule", "sensor"):
         table.add_column(column, no_wrap=True)
     for column in ("success", "path m", "ratio", "touches", "time s", "circuits"):
         table.add_column(column, justify="right")
-    groups: dict[tuple[str, str, str], list[TrialResult]] = {}
+    groups: dict[tuple[str, str, str, str], list[TrialResult]] = {}
     for score in scores:
-        key = (score.map, score.algorithm, score.sensor)
+        key = (score.map, score.algorithm, score.rule, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
         names = (Text(escape_unprintable(name)) for name in key)
@@ -194,5 +220,6 @@ def _group_columns(group: Sequence[TrialResult]) -> Iterator[str]:
 def _failure_text(score: TrialResult) -> str:
     collisions = f"collisions: {score.collisions}" if score.collisions else ""
     reasons = "; ".join(filter(None, (score.outcome, score.note, collisions)))
-    trial = f"{score.map} {score.algorithm} {score.sensor} seed {score.seed}"
+    by = f"{score.algorithm} {score.rule}"
+    trial = f"{score.map} {by} {score.sensor} seed {score.seed}"
     return f"{trial}: {reasons}"

@@ -38,7 +38,7 @@ def import_algorithms() -> None:
 
 def load_algorithms() -> None:
     """Load or compile what tasks and maps are made with."""
-    importlib.import_module("radarsim.exploration.exploration").warm_up()
+    importlib.import_module("radarsim.exploration.compilation").warm_up()
 
 
 class Activities:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from radarsim.evaluation.map_score import Truth, unreachable_floor
+from radarsim.evaluation.map_truth import Truth
+from radarsim.evaluation.true_floor import find_floor
 from radarsim.mapping.occupancy_grid import GridFrame, OccupancyGrid
 from radarsim.scene.scene import Scene
 
@@ -33,9 +34,9 @@ class HiddenFloor:
         """
         low, high = scene.bounds[:, :2].tolist()
         frame = GridFrame(resolution).extended_to(tuple(low), tuple(high))
-        free = Truth(scene, frame, height).free()
-        hidden = free & unreachable_floor(scene, frame, start, robot_radius)
-        rows, columns = np.nonzero(hidden)
+        truth = Truth(scene, frame, height)
+        floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
+        rows, columns = np.nonzero(floor.hidden)
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
     def coverage(self, grid: OccupancyGrid) -> float | None:

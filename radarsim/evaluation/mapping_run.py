@@ -44,7 +44,9 @@ class MappingResult:
         trip: Time and path length of the run.
         mapper: The mapper, which holds the map; None if the robot was never known.
         outcome: How the run ended.
-        unreached: Waypoints that the robot could not reach, m.
+        dropped: Number of scans that were left out, as mapping fell behind.
+        unreached: Waypoints that the robot could not reach, m; after exploring, places
+            where it would fit, but that it did not reach.
         safety_distance: The robot's safety distance, m; None if another client drove.
         monitor: Monitor of the true robot, if the server was in this process.
         robot_class: Class of the robot; None where another client drove.
@@ -59,6 +61,7 @@ class MappingResult:
     trip: TripMeter = field(default_factory=TripMeter)
     mapper: Mapper | None = None
     outcome: str = Outcome.BROKEN_OFF.value
+    dropped: int = 0
     unreached: tuple[tuple[float, float], ...] = ()
     safety_distance: float | None = None
     monitor: GroundTruthMonitor | None = None
@@ -80,9 +83,10 @@ class MappingResult:
             "seed_from": self.motion_source,
             "time": round(self.trip.time, 3),
             "path_length": round(self.trip.length, 3),
-            "left_out": [list(point) for point in self.unreached],
+            "left_out": [[round(x, 3), round(y, 3)] for x, y in self.unreached],
             "safety_distance": _rounded(self.safety_distance, 3),
             "scans": 0 if self.mapper is None else self.mapper.scans,
+            "scans_left_out": self._scans_left_out(),
             "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
             "cells": _cell_counts(self.mapper),
             "pose_errors": _pose_errors(self.mapper),
@@ -97,6 +101,10 @@ class MappingResult:
             if self.score is not None:
                 result["judge"] |= self.score.to_dict()
         return result
+
+    def _scans_left_out(self) -> dict[str, int]:
+        known = {} if self.mapper is None else self.mapper.left_out
+        return {"no_pose": 0, "no_echoes": 0, **known, "late": self.dropped}
 
     def to_json(self) -> str:
         """Return the result as one line of JSON."""

@@ -35,6 +35,7 @@ UNROLLINGS: Final = 2  # how often a turn is unrolled and matched
 SIGMA: Final = np.array([0.1, 0.1, 0.1])
 TICK: Final = 0.01  # s
 CEN_SMOOTHING: Final = 17  # bins
+CEN_TRUNCATION: Final = 1.5  # standard deviations, to each side
 CEN_THRESHOLD: Final = 3.0  # standard deviations of the noise
 CEN_NEAREST: Final = 58  # bins
 
@@ -196,7 +197,11 @@ def follow(turns: Iterator[Turn]) -> Estimate:
     return Estimate(truth, estimated, np.array(peaks, np.int64))
 
 
-def cen2018_peaks(counts: NDArray[np.uint8]) -> int:
+def cen2018_peaks(
+    counts: NDArray[np.uint8],
+    smoothing: int = CEN_SMOOTHING,
+    nearest: int = CEN_NEAREST,
+) -> int:
     """Count the peaks of an image as a common front end of radar odometry does.
 
     Source: S. H. Cen and P. Newman, "Precise Ego-Motion Estimation with Millimeter-Wave
@@ -205,15 +210,21 @@ def cen2018_peaks(counts: NDArray[np.uint8]) -> int:
 
     Args:
         counts: (A, B).
+        smoothing: Standard deviation of the filter along each direction, bins; 17 is
+            for bins of 0.04 m, 5 for those of 0.17 m.
+        nearest: The first bin in which peaks are looked for.
     """
     above = counts - counts.mean(axis=1, keepdims=True)
-    smooth = gaussian_filter1d(above, CEN_SMOOTHING, axis=1)
+    smooth = gaussian_filter1d(
+        above, smoothing, axis=1, mode="mirror", truncate=CEN_TRUNCATION
+    )
     below = np.where(above < 0, above, 0.0)
     number = np.maximum((above < 0).sum(axis=1, keepdims=True), 1)
-    sigma = np.sqrt((below**2).sum(axis=1, keepdims=True) / number)
+    # Twice the mean square, as public implementations have it.
+    sigma = np.sqrt(2 * (below**2).sum(axis=1, keepdims=True) / number)
     sigma = np.maximum(sigma, 1e-9)
     is_noise = np.exp(-0.5 * ((above - smooth) / sigma) ** 2)
     is_flat = np.exp(-0.5 * (smooth / sigma) ** 2)
     signal = above * (1 - is_noise) + smooth * (is_noise - is_flat)
-    over = signal[:, CEN_NEAREST:] > CEN_THRESHOLD * sigma
+    over = signal[:, nearest:] > CEN_THRESHOLD * sigma
     return int((over[:, 1:] & ~over[:, :-1]).sum() + over[:, 0].sum())

@@ -4,14 +4,13 @@ Side beams (0, 25 or 50 UU beside the centre) and the sensor (radar or laser) go
 over the maps, and every map is run with every algorithm.
 """
 
-import json
 from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from radarsim.atomic_write import write_atomically
 from radarsim.evaluation.random_maps import (
     FAMILIES,
     SAFETY_DISTANCE,
@@ -19,6 +18,8 @@ from radarsim.evaluation.random_maps import (
     make_random_map,
 )
 from radarsim.evaluation.raster_truth import Expectation, raster_truth
+from radarsim.evaluation.result_log import read_log
+from radarsim.evaluation.task_runner import run_tasks
 from radarsim.evaluation.trials import SCANNER, SENSORS, Drive, drive_mission
 from radarsim.host import Host
 from radarsim.navigation.mission import Mission
@@ -26,7 +27,6 @@ from radarsim.navigation.options import Algorithm
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.worker_pool import worker_pool
 
 SIDE_OFFSETS: Final = (0, 25, 50)  # UU
 UU: Final = 0.004  # m
@@ -112,10 +112,6 @@ class RandomTrialResult:
         }
         return {**values, "correct": self.is_correct}
 
-    def as_line(self) -> str:
-        """Return the result as a line of JSON."""
-        return json.dumps(self.to_dict(), allow_nan=False) + "\n"
-
 
 _KEYS: Final = {field.name for field in fields(RandomTrialResult)} | {"correct"}
 
@@ -146,31 +142,7 @@ def read_results(file: Path) -> list[dict[str, Any]]:
         OSError: If the file exists and cannot be read.
         ValueError: If it has other lines.
     """
-    lines = file.read_text().splitlines(keepends=True) if file.exists() else []
-    return [
-        _read_line(line, f"{file}:{number}")
-        for number, line in enumerate(lines, 1)
-        if line.endswith("\n")
-    ]
-
-
-def _read_line(line: str, place: str) -> dict[str, Any]:
-    try:
-        result = json.loads(line)
-    except ValueError:
-        result = None
-    if not isinstance(result, dict) or not {*result} >= _KEYS:
-        raise ValueError(f"{place}: expected the result of a trial on a random map")
-    return result
-
-
-def cut_incomplete_line(file: Path) -> None:
-    """Cut off a last line that a run which was killed has left incomplete."""
-    if file.exists():
-        data = file.read_bytes()
-        complete = data.rfind(b"\n") + 1
-        if complete < len(data):
-            write_atomically({file: data[:complete]})
+    return read_log(file, _KEYS, "the result of a trial on a random map")
 
 
 def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
@@ -219,14 +191,11 @@ def load_random_map(map_: RandomMap) -> Scene:
 def run_random_trials(
     specs: Sequence[RandomTrialSpec], *, workers: int
 ) -> Generator[RandomTrialResult, None, None]:
-    """Run trials on several cores, and yield the results in their order.
+    """Run trials on several cores, and yield each result as soon as there is one.
 
     Args:
         specs: The trials.
         workers: Number of processes; with one, all trials run in this process.
     """
-    if workers == 1 or len(specs) == 1:
-        yield from map(run_random_trial, specs)
-        return
-    with worker_pool(workers) as pool:
-        yield from pool.map(run_random_trial, specs)
+    with closing(run_tasks(run_random_trial, specs, workers=workers)) as running:
+        yield from (result.unwrap() for result in running)

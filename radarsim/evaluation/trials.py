@@ -6,6 +6,7 @@ length of the shortest path.
 
 import math
 from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
@@ -15,15 +16,15 @@ from radarsim.client import Client
 from radarsim.errors import ClientError, MapError, NavigationError, TooNearError
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
 from radarsim.evaluation.shortest_path import shortest_path
+from radarsim.evaluation.task_runner import in_order, run_tasks
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.navigation.mission import Mission, run_mission
-from radarsim.navigation.options import ROBOT, Algorithm
+from radarsim.navigation.options import ROBOT, Algorithm, Rule
 from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.config import SimulationConfig
-from radarsim.worker_pool import worker_pool
 
 MAPS = (
     *("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"),
@@ -43,6 +44,7 @@ class TrialSpec:
     algorithm: str
     sensor: str
     seed: int
+    rule: str = Rule.SHARE.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,7 @@ class TrialResult:
         algorithm: Name of the algorithm.
         sensor: Name of the sensor preset; all of them cover a full circle.
         seed: Seed of the simulation.
+        rule: Rule of the bumpers.
         outcome: ``reached`` if the robot reports that and is there, ``no_path`` or
             ``too_near`` if it reports that, ``failed`` otherwise.
         collisions: How often the robot began to touch something.
@@ -70,6 +73,7 @@ class TrialResult:
     algorithm: str
     sensor: str
     seed: int
+    rule: str
     outcome: str
     collisions: int
     path_length: float
@@ -95,11 +99,18 @@ class TrialResult:
 
 
 def all_trials(
-    maps: Sequence[str], algorithms: Sequence[str], sensors: Sequence[str], seeds: int
+    maps: Sequence[str],
+    algorithms: Sequence[str],
+    sensors: Sequence[str],
+    seeds: int,
+    rules: Sequence[str] = (Rule.SHARE.value,),
 ) -> list[TrialSpec]:
     """Return all combinations, map by map."""
     return [
-        TrialSpec(*each) for each in product(maps, algorithms, sensors, range(seeds))
+        TrialSpec(map_, algorithm, sensor, seed, rule)
+        for map_, algorithm, rule, sensor, seed in product(
+            maps, algorithms, rules, sensors, range(seeds)
+        )
     ]
 
 
@@ -141,6 +152,7 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         goals=(trial.goal,),
         start=trial.start,
         safety_distance=trial.safety_distance,
+        rule=Rule(spec.rule),
         time_limit=TIME_LIMIT,
     )
     drive = drive_mission(host, mission)
@@ -215,11 +227,8 @@ def run_trials(
         PresetError: If there is no such sensor.
     """
     _check(specs)
-    if workers == 1 or len(specs) == 1:
-        yield from map(run_trial, specs)
-        return
-    with worker_pool(workers) as pool:
-        yield from pool.map(run_trial, specs)
+    with closing(run_tasks(run_trial, specs, workers=workers)) as running:
+        yield from (result.unwrap() for result in in_order(running))
 
 
 def _check(specs: Sequence[TrialSpec]) -> None:

@@ -1,19 +1,15 @@
-"""Exploration: spawn a robot, request its sensors, and let it map its surroundings.
-
-``warm_up`` compiles everything that maps are made with. The first use of a compiled
-function on a machine takes seconds, during which a moving robot would go on blindly.
-"""
+"""Exploration: spawn a robot, request its sensors, and let it map its surroundings."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
+from radarsim.client import Client, DriveUnit, RobotInfo
 from radarsim.errors import ClientError, MappingError, NavigationError
+from radarsim.exploration.compilation import warm_up
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import (
     ExplorationSettings,
@@ -21,11 +17,11 @@ from radarsim.exploration.path_follower import (
     WaypointFollower,
 )
 from radarsim.exploration.strategies import create_strategy
-from radarsim.exploration.traversability import Point, TraversabilityMap
-from radarsim.geometry import Pose2, Pose3
+from radarsim.exploration.traversability import Point
+from radarsim.exploration.unexplored import find_unexplored
+from radarsim.geometry import Pose2
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import RESOLUTION
-from radarsim.mapping.point_map import PointMap
 from radarsim.mapping.slam import MotionSource, SlamSettings
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import (
@@ -44,7 +40,6 @@ from radarsim.navigation.mission import (
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import ROBOT
 from radarsim.navigation.runner import TripMeter
-from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, TargetEchoes
 
 RADIUS = 12.0  # m
 TIME_LIMIT = 3600.0  # s
@@ -54,7 +49,8 @@ NOISE = 0.05  # m; estimated poses differ by less while the robot stands
 class Outcome(StrEnum):
     """How an exploration ended."""
 
-    EXPLORED = "explored"
+    EXPLORED = "explored"  # nothing is left that the robot can reach
+    INCOMPLETE = "incomplete"  # the strategy was done before
     TIME_LIMIT = "time_limit"
     STUCK = "stuck"
     FAILED = "failed"  # the server did not send what is needed
@@ -72,6 +68,7 @@ class ExplorationPlan:
         motion_source: Where the robot's motion between scans is read from.
         echoes: Whether to ask the server for echoes.
         resolution: Side of a cell of the map, m.
+        map_range: Range of the scanner that is mapped, m.
         robot_class: Robot to spawn; to explore, its scanner has to see all around.
         start: Name of a start pose; the server's first one if there is no pose either.
         pose: Start pose, if it is none of the server's.
@@ -92,6 +89,7 @@ class ExplorationPlan:
     motion_source: MotionSource = "ins"
     echoes: bool = True
     resolution: float = RESOLUTION
+    map_range: float = math.inf
     robot_class: str = ROBOT
     start: str | None = None
     pose: Pose2 | None = None
@@ -130,6 +128,8 @@ class Exploration:
         outcome: How the run ended; ``broken_off`` while it lasts.
         safety_distance: Distance kept from obstacles, m; nan before the robot is known.
         trip: Time and path length so far.
+        unreached: Waypoints that the robot could not reach, m; after exploring, a place
+            in each piece of floor that is left, where it would fit.
     """
 
     def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
@@ -145,15 +145,8 @@ class Exploration:
         self.safety_distance = math.nan
         self.trip = TripMeter(noise=NOISE)
         self._rng = rng
-        self._strategy: Strategy | None = None
-
-    @property
-    def unreached(self) -> tuple[Point, ...]:
-        """Waypoints that the robot could not reach, m."""
-        strategy = self._strategy
-        if isinstance(strategy, WaypointFollower):
-            return tuple(strategy.unreached)
-        return ()
+        self.unreached: tuple[Point, ...] = ()
+        self._settings: ExplorationSettings | None = None
 
     def run(
         self,
@@ -183,9 +176,11 @@ class Exploration:
             self.outcome = Outcome.STUCK if has_started else Outcome.FAILED
             raise
         finally:
-            client.stop()
-            if self.mapper is not None:
-                self.mapper.finish()
+            try:
+                client.stop()
+            finally:  # an interrupt may come before it is sent
+                if self.mapper is not None:
+                    self.mapper.finish()
 
     def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
         plan = self.plan
@@ -201,6 +196,7 @@ class Exploration:
         mapper_settings = MapperSettings(
             slam=SlamSettings(motion_source=plan.motion_source),
             resolution=plan.resolution,
+            map_range=plan.map_range,
             echo_wait=1.0 if plan.echoes else 0.0,
             robot_radius=min(robot.length, robot.width) / 2,
         )
@@ -211,10 +207,8 @@ class Exploration:
     def _create_strategy(self, settings: ExplorationSettings) -> Strategy:
         plan = self.plan
         if plan.waypoints:
-            self._strategy = WaypointFollower(settings, plan.waypoints)
-        else:
-            self._strategy = create_strategy(plan.strategy, settings, self._rng)
-        return self._strategy
+            return WaypointFollower(settings, plan.waypoints)
+        return create_strategy(plan.strategy, settings, self._rng)
 
     def _settings_for(self, robot: RobotInfo) -> ExplorationSettings:
         plan = self.plan
@@ -222,7 +216,7 @@ class Exploration:
             robot, plan.safety_distance, plan.penetration_depth
         )
         self.safety_distance = safety
-        return ExplorationSettings(
+        self._settings = ExplorationSettings(
             bumpers=Bumpers(safety_distance=safety),
             speed_limits=SpeedLimits(
                 min(plan.speed_limits.speed, robot.top_speed), plan.speed_limits.turn
@@ -230,6 +224,7 @@ class Exploration:
             wall_on_left=plan.wall_on_left,
             radius=plan.radius,
         )
+        return self._settings
 
     def _explore(
         self,
@@ -243,56 +238,27 @@ class Exploration:
             check_beams(len(observation.bearings), self.mapper.scanner)
             self.trip.add(observation)
             twist = strategy.step(observation, self.mapper.grid)
+            if isinstance(strategy, WaypointFollower):
+                self.unreached = tuple(strategy.unreached)
             is_over = strategy.is_done or self.trip.time > self.plan.time_limit
             if not is_over:
                 loop.drive(twist)  # at once: who observes may take long
             observe(ExplorationStep(observation, strategy.activity, twist))
             if is_over:
-                done = strategy.is_done
-                self.outcome = Outcome.EXPLORED if done else Outcome.TIME_LIMIT
+                self._conclude(observation, strategy)
                 return
             stuck.check(observation, twist)
             standstill.check(observation)
 
-
-_BEAMS = 90
-_FOV = math.radians(356)
-_SCANNER = ScannerInfo("x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), _FOV, _BEAMS)
-_SCANS = 3
-_POINTS = 1000  # more than a new map has rows for
-
-
-def warm_up() -> None:
-    """Make small maps, with and without a motion source, and plan on them."""
-    PointMap().add(np.zeros((_POINTS, 2)))
-    for settings in (SlamSettings(), SlamSettings(motion_source="none")):
-        mapper = Mapper(_SCANNER, MapperSettings(slam=settings, robot_radius=0.2))
-        for report in _reports():
-            mapper.take(report)
-        floor = TraversabilityMap(mapper.grid, 0.4)
-        center = Pose2(0.0, 0.0)
-        floor.find_path(center, floor.frontiers | floor.unvisited)
-        floor.outer_boundary(floor.reachable(center))
-        mapper.grid.drivable_cells(0.4)
-
-
-def _reports() -> Iterator[Report]:
-    """Return what a robot reports inside a round wall, with a hedge on one side."""
-    beams = np.arange(_BEAMS // 2)
-    for k in range(_SCANS):
-        time = 0.1 * k
-        yield Ins(time, "x", Pose3(0.3 * k, 0.0, 0.0))
-        yield EchoLine(time, "x", 1, 2, _echoes("wall", np.arange(_BEAMS), 5.0, "hit"))
-        yield EchoLine(time, "x", 2, 2, _echoes("hedge", beams, 3.0, "enter"))
-        ranges = np.full(_BEAMS, 5.0)
-        yield RangeScan(time, "x", math.radians(4), _FOV, ranges)
-
-
-def _echoes(
-    name: str, beams: NDArray[np.int64], range_: float, kind: str
-) -> TargetEchoes:
-    ones = np.ones(len(beams))
-    kinds, flags = (kind,) * len(beams), (False, False)
-    return TargetEchoes(
-        name, name, 1.0, 0.5, *flags, beams, range_ * ones, kinds, ones, ones
-    )
+    def _conclude(self, observation: Observation, strategy: Strategy) -> None:
+        """Tell how the run ended, and what is left."""
+        assert self.mapper is not None
+        assert self._settings is not None
+        self.outcome = Outcome.EXPLORED if strategy.is_done else Outcome.TIME_LIMIT
+        if isinstance(strategy, WaypointFollower) or not strategy.is_done:
+            return
+        start = self.trip.start or observation.pose
+        left = find_unexplored(observation, self.mapper.grid, self._settings, start)
+        self.unreached = tuple(left.frontiers + left.cut_off)
+        if left.frontiers:
+            self.outcome = Outcome.INCOMPLETE

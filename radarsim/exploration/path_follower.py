@@ -146,7 +146,7 @@ class PathFollower:
         for point in path[nearest:]:
             if distance(pose, *point) > LOOKAHEAD:
                 break
-            if self.floor.is_line_open(pose, *point):
+            if self.floor.is_line_cheap(pose, *point):
                 chosen = point
         return chosen
 

@@ -29,6 +29,7 @@ from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.control import STOP, Twist
 from radarsim.navigation.observation import Observation
 
+MAX_FRONTIERS: Final = 4  # times that frontiers are chosen
 ENCLOSED_SHARE: Final = 0.5  # of the directions that end at something
 
 _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]] = {
@@ -121,7 +122,7 @@ class AutoStrategy:
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
-            (StrategyName.FRONTIERS, bool(frontiers.any()), 2),
+            (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),
             (StrategyName.CONTOUR, enclosed, 1),
         ):
             if fits and self.chosen.count(name) < max_times:

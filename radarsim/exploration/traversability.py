@@ -5,9 +5,9 @@ Theory of operation
 Cells of the map are joined to tiles of about 0.1 m. At a distance beams are so far
 apart that cells between them stay unknown, so a tile counts as unknown only where a
 small disc fits in which nothing was sensed, and all other tiles as sensed. Open tiles
-are sensed and keep the safety distance from what robots cannot enter. Frontiers are
-open tiles next to unknown ones. Unvisited tiles are open ones that no beam has passed
-at short range.
+are sensed, and a robot may be there by the rule of passage. Frontiers are open tiles
+next to unknown ones. Unvisited tiles are open ones that no beam has passed at short
+range.
 """
 
 import math
@@ -16,17 +16,16 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy import ndimage
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.distance_field import distance_field
 from radarsim.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.navigation.grid_path import Cell, flood_fill, shortest_path
+from radarsim.navigation.passage import CHEAP, COSTLY, step_cost
 
 TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
-MARGIN: Final = 0.12  # m that paths keep on top of the safety distance
-COSTLY_MARGIN: Final = 0.4  # m beyond that, where paths lead only if others are longer
-COSTLY_FACTOR: Final = 4.0  # added at its inner edge to the cost of a step, which is 1
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
 _PADDING: Final = 4  # unknown tiles around the map
@@ -57,8 +56,8 @@ class TraversabilityMap:
         self._corner = x - _PADDING * self.size, y - _PADDING * self.size
         self._sensed = self._tiles(grid.sensed_cells())
         self._near = self._tiles(grid.short_range_cells())
-        blocked = self._tiles(grid.blocked_cells())
-        self._clearance = self._distances(blocked, safety + MARGIN + COSTLY_MARGIN)
+        self._clearance = self._tile_clearance(grid.blocked_cells(), frame.resolution)
+        self._step_cost = step_cost(self._clearance, safety)
 
     @cached_property
     def unknown(self) -> Mask:
@@ -68,8 +67,7 @@ class TraversabilityMap:
     @cached_property
     def open(self) -> Mask:
         """Tiles where the robot may be."""
-        is_clear = self._clearance > self.safety + MARGIN
-        return np.asarray(is_clear & ~self.unknown)
+        return np.asarray(np.isfinite(self._step_cost) & ~self.unknown)
 
     @cached_property
     def frontiers(self) -> Mask:
@@ -111,14 +109,19 @@ class TraversabilityMap:
         tile = self._tile(x, y)
         return self._is_inside(tile) and bool(self.open[tile])
 
-    def is_line_open(self, pose: Pose2, x: float, y: float) -> bool:
-        """Return whether the straight line from the robot to a point, m, is open."""
+    def is_line_cheap(self, pose: Pose2, x: float, y: float) -> bool:
+        """Return whether the robot may go straight to a point, m, for little cost."""
+        if not self.is_open(x, y):
+            return False
         steps = max(2, math.ceil(math.hypot(x - pose.x, y - pose.y) / self.size * 2))
-        along = np.linspace(0.0, 1.0, steps + 1)[1:]
-        points = zip(
-            pose.x + along * (x - pose.x), pose.y + along * (y - pose.y), strict=True
-        )
-        return all(self.is_open(*point) for point in points)
+        points = np.linspace((pose.x, pose.y), (x, y), steps + 1)
+        tiles = np.array([self._tile(*point) for point in points.tolist()])
+        inside = np.all((tiles >= 0) & (tiles < self.open.shape), axis=1)
+        rows, columns = tiles.T
+        if not inside.all() or self.unknown[rows, columns].any():
+            return False
+        costs = self._step_cost[rows, columns]
+        return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 
     def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
         """Return the path to the nearest of some tiles, m; empty if there is none.
@@ -141,22 +144,35 @@ class TraversabilityMap:
         passable = np.isfinite(self._cost(pose, start))
         return np.asarray(flood_fill(passable, start) & self.open)
 
+    def places_of(self, tiles: Mask, least_area: float) -> list[Point]:
+        """Return the tile in the middle of each connected piece of some tiles, m.
+
+        Args:
+            tiles: (R, C).
+            least_area: m²; smaller pieces are left out.
+        """
+        labels, count = ndimage.label(tiles, np.ones((3, 3)))
+        x, y = self.tile_centers()
+        places = []
+        for number in range(1, count + 1):
+            rows, columns = np.nonzero(labels == number)
+            if len(rows) * self.size**2 >= least_area:
+                middle = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
+                places.append((float(x[columns[middle]]), float(y[rows[middle]])))
+        return places
+
     def outer_boundary(self, region: Mask) -> Mask:
         """Return the tiles at the outer edge of a region that run along obstacles.
 
         The edges around islands within the region do not count.
         """
         outside = flood_fill(~region, (0, 0))
-        is_walled = self._clearance <= self.safety + MARGIN + 2 * self.size
+        is_walled = self._clearance <= self.safety + 2 * self.size
         return np.asarray(region & self._dilated(outside) & is_walled)
 
     def _cost(self, pose: Pose2, start: Cell) -> Floats:
         """Return the cost of a step into each tile; inf where the robot may not be."""
-        missing = (
-            self.safety + MARGIN + COSTLY_MARGIN - np.minimum(self._clearance, 1e9)
-        )
-        extra = COSTLY_FACTOR * np.maximum(missing, 0.0) / COSTLY_MARGIN
-        cost = np.where(self.open, 1.0 + extra, math.inf)
+        cost = np.where(self.open, self._step_cost, math.inf)
         if not self.open[start]:
             escape = self.disc(pose.x, pose.y, ESCAPE_RADIUS) & ~self.open
             escape &= (self._clearance >= self._clearance[start]) & ~self.unknown
@@ -182,6 +198,24 @@ class TraversabilityMap:
                 tiles[: subset.shape[0], : subset.shape[1]] |= subset
         return np.pad(tiles, _PADDING)
 
+    def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
+        """Return the least clearance of each tile's cells, m; inf where it is large."""
+        limit = self.safety + COSTLY + self.size
+        padding = _PADDING * self._factor
+        cells = np.pad(blocked, padding)
+        near = np.full(cells.shape, math.inf)
+        window = _window_around(cells, math.ceil(limit / resolution))
+        near[window] = distance_field(cells[window], limit / resolution) * resolution
+        factor = self._factor
+        rows, columns = (-(-count // factor) + 2 * _PADDING for count in blocked.shape)
+        tiles = np.full((rows, columns), math.inf)
+        for i in range(factor):
+            for j in range(factor):
+                subset = near[i::factor, j::factor][:rows, :columns]
+                part = tiles[: subset.shape[0], : subset.shape[1]]
+                np.minimum(part, subset, out=part)
+        return tiles
+
     def _distances(self, tiles: Mask, max_distance: float) -> Floats:
         """Return the distance to the nearest of some tiles, m; inf beyond the limit."""
         return distance_field(tiles, max_distance / self.size) * self.size
@@ -194,3 +228,13 @@ class TraversabilityMap:
         """Return the morphological opening of some tiles by a disc."""
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
+
+
+def _window_around(cells: Mask, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns that hold all true cells, and a margin of cells."""
+    spans = []
+    for axis, length in enumerate(cells.shape):
+        lines = np.flatnonzero(cells.any(axis=1 - axis))
+        first, last = (int(lines[0]), int(lines[-1])) if len(lines) else (0, -1)
+        spans.append(slice(max(first - margin, 0), min(last + margin + 1, length)))
+    return spans[0], spans[1]

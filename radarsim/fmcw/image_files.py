@@ -17,12 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from radarsim.fmcw.image_rows import encoder_counts, put_metadata
 from radarsim.fmcw.spectrum import Spectrum
 
 LAYOUTS: Final = ("oxford", "boreas", "radiate")
-ENCODER_COUNTS: Final = 5600  # in a turn
-METADATA_BYTES: Final = 11
-VALID: Final = 255
 _FASTEST: Final = 1  # of the levels of compression
 
 
@@ -47,12 +45,7 @@ def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
 def rows_with_metadata(spectrum: Spectrum, time_us: int) -> NDArray[np.uint8]:
     """Return the rows of an image of Oxford's layout, (A, 11 + B)."""
     times, encoder = row_times(spectrum, time_us), encoder_counts(len(spectrum.angles))
-    rows = np.zeros((len(times), METADATA_BYTES + len(spectrum.ranges)), np.uint8)
-    rows[:, :8] = times.astype("<i8").view(np.uint8).reshape(-1, 8)
-    rows[:, 8:10] = encoder.astype("<u2").view(np.uint8).reshape(-1, 2)
-    rows[:, 10] = VALID
-    rows[:, METADATA_BYTES:] = spectrum.counts
-    return rows
+    return put_metadata(spectrum.counts, times, encoder)
 
 
 def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
@@ -61,12 +54,6 @@ def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
     elapsed = np.rint(np.arange(len(spectrum.angles)) * sweep_us)
     times: NDArray[np.int64] = elapsed.astype(np.int64) + time_us
     return times
-
-
-def encoder_counts(azimuths: int) -> NDArray[np.int64]:
-    """Return the encoder at each direction, (A,); 0 is straight ahead."""
-    counts: NDArray[np.int64] = np.arange(azimuths) * ENCODER_COUNTS // azimuths
-    return counts
 
 
 def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> str:

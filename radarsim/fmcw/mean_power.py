@@ -131,7 +131,7 @@ class TurnPower:
         settings = self._settings
         rays = FanRays(
             *(fan.column, fan.across, fan.weights * scale.constant, fan.spread),
-            *(directions, scale.shift, traces.incidence),
+            *(directions, scale.shift, traces.ranges, traces.incidence),
         )
         bins = Bins(settings.bin_size, self._per_square, scale.full, scale.db_per_power)
         traced = TracedFan(rays, traces.events, scattering, bins)

@@ -1,7 +1,12 @@
 """Power by range: where a ray adds what comes back along it.
 
 A surface that is grazed takes up more than one bin, as the next ray of the beam meets
-it farther off: its power is spread over that distance. A volume adds to every bin that
+it farther off: its power is spread over that distance. From level ground at a depth h
+below the antenna, which rays meet metres apart, elevations of d theta return at ranges
+
+    dR = R^2 / h sqrt(1 - h^2 / R^2) d theta.
+
+A volume adds to every bin that
 the ray passes, less and less as it takes from the wave.
 """
 
@@ -14,6 +19,7 @@ from radarsim.fmcw.scattering import NEPER_DB
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 
+_STEEPEST: Final = 0.999  # square of h / R, at which the formula for ground ends
 NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
 
 Power = NDArray[np.float32]
@@ -109,8 +115,48 @@ def add_surface(
     density = power / (end - start)
     for b in range(low, high + 1):
         share = min(end, b + 1.0) - max(start, float(b))
-        _add_to_bin(lines, place, b, density * share)
-    _widen(lines, low, high)
+        add_to_bin(lines, place, b, density * share)
+    widen(lines, low, high)
+
+
+@njit_inline
+def add_ground(
+    lines: Any, place: Any, bins: Any, grazing: Any, gamma: Any, exponent: Any
+) -> None:
+    """Add what level ground returns.
+
+    Args:
+        lines: The ``Lines``.
+        place: The ``Place``.
+        bins: The ``Bins``.
+        grazing: The ``Grazing``.
+        gamma: Its gamma where the ray meets it, less the losses on the way.
+        exponent: Of the cosine by which gamma falls off.
+    """
+    depth, size, count = grazing.depth, bins.size, len(bins.per_square)
+    here = np.arcsin(min(depth / grazing.t, 1.0))
+    half = 0.5 * grazing.angle
+    start = max(depth / np.sin(min(here + half, 1.5)), grazing.near, NEAREST)
+    end = grazing.far
+    if here > half:
+        end = min(end, depth / np.sin(here - half))
+    # The share of the ray's power in a radian; what lies beyond the last bin is lost.
+    angle = np.arcsin(min(depth / start, 1.0)) - np.arcsin(min(depth / end, 1.0))
+    first = (start + place.shift) / size + 0.5
+    last = min((end + place.shift) / size + 0.5, float(count))
+    low, high = max(int(np.floor(first)), 0), min(int(np.floor(last)), count - 1)
+    if high < low or angle <= 0.0:
+        return
+    scale = place.weight * gamma * depth * size / angle
+    for b in range(low, high + 1):
+        inverse = bins.per_square[b]
+        steep = min(depth * depth * inverse, _STEEPEST)
+        power = scale * inverse * inverse / np.sqrt(1.0 - steep)
+        if exponent != 0.0:
+            power *= (grazing.t * np.sqrt(inverse)) ** exponent
+        share = min(last, b + 1.0) - max(first, float(b))
+        add_to_bin(lines, place, b, power * share)
+    widen(lines, low, high)
 
 
 @njit_inline
@@ -136,9 +182,9 @@ def add_volume(lines: Any, place: Any, bins: Any, passage: Any) -> None:
         else:
             returned = left * whole
             left *= fade
-        _add_to_bin(lines, place, b, returned * bins.per_square[b])
+        add_to_bin(lines, place, b, returned * bins.per_square[b])
         begin = b + 1.0
-    _widen(lines, low, high)
+    widen(lines, low, high)
 
 
 @njit_inline
@@ -150,14 +196,15 @@ def _mean_depth(rate: Any, depth: Any) -> Any:
 
 
 @njit_inline
-def _add_to_bin(lines: Any, place: Any, b: Any, power: Any) -> None:
+def add_to_bin(lines: Any, place: Any, b: Any, power: Any) -> None:
+    """Add power to a bin of a ray's column, and of the next one."""
     here, beside = place.here, 1 - place.here
     lines.power[here, b] += power * (1.0 - place.across)
     lines.power[beside, b] += power * place.across
 
 
 @njit_inline
-def _widen(lines: Any, low: Any, high: Any) -> None:
+def widen(lines: Any, low: Any, high: Any) -> None:
     """Note that bins from ``low`` to ``high`` have power."""
     for k in range(2):
         lines.spans[k, 0] = min(lines.spans[k, 0], low)

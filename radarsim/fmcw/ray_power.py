@@ -5,15 +5,24 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.fmcw.range_lines import Bins, Passage, Place, add_surface, add_volume
+from radarsim.fmcw.ground import Grazing, grazing_at, is_level, way_to_open
+from radarsim.fmcw.range_lines import (
+    Bins,
+    Passage,
+    Place,
+    add_ground,
+    add_surface,
+    add_volume,
+)
 from radarsim.fmcw.scattering import GRAZING, Scattering, gamma_at
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 from radarsim.raycast.attenuation import EventKind
 
 _START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT = map(int, list(EventKind)[:5])
-_MIRRORED = int(EventKind.MIRRORED)
+_MIRRORED, _OUT_OF_RANGE = int(EventKind.MIRRORED), int(EventKind.OUT_OF_RANGE)
 
+OVERLAP: Final = 1.5  # by how much the ranges of a ray reach over those of the next
 LONGEST_SPREAD: Final = 3.0  # m, over which a grazed surface is spread
 
 
@@ -27,6 +36,7 @@ class FanRays(NamedTuple):
         spread: As there.
         directions: (M, 3) unit vectors, map frame.
         shift: (M,) m, by how much all seems farther by Doppler's effect.
+        ranges: (M,) m, to where each ends; inf if it meets nothing.
         incidence: (M,) cosine of the angle of incidence.
     """
 
@@ -36,6 +46,7 @@ class FanRays(NamedTuple):
     spread: Floats
     directions: Floats
     shift: Floats
+    ranges: Floats
     incidence: Floats
 
 
@@ -70,7 +81,7 @@ def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) 
     rays, events, bins = fan.rays, fan.events, fan.bins
     place = Place(here, rays.across[ray], rays.weights[ray], rays.shift[ray])
     per_power, first, count = bins.db_per_power, event, 0
-    t, power = 0.0, bins.full
+    t, power, is_turned = 0.0, bins.full, False
     while event < len(events) and events[event].ray == ray:
         e = events[event]
         left = min(e.power, power)
@@ -81,7 +92,12 @@ def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) 
             add_volume(lines, place, bins, Passage(t, e.t, volume, loss, slope))
         through = 10.0 ** (-0.2 * (bins.full - left) * per_power)
         if e.kind == _HIT:
-            _add_end(fan, lines, place, ray, event, through)
+            if not is_turned and is_level(rays.directions[ray], rays.incidence[ray]):
+                _add_level(fan, lines, place, ray, event, through)
+            else:
+                _add_end(fan, lines, place, ray, event, through)
+        elif e.kind == _OUT_OF_RANGE and not is_turned:
+            _add_open_ground(fan, lines, place, ray, e, (t, power))
         elif e.kind == _SHEET:
             taken = 1.0 - 10.0 ** (-0.1 * e.absorbed * per_power)
             gamma = fan.scattering.albedo[_row(fan.scattering, e.part)] * taken
@@ -90,6 +106,7 @@ def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) 
             cosine = _mirror_cosine(fan, ray, first, event)
             gamma = _surface_gamma(fan.scattering, e.part, cosine)
             add_surface(lines, place, bins, e.t, gamma * through, 0.0)
+            is_turned = True
         count = _count_inside(inside, count, e)
         t, power = e.t, left - e.absorbed
         event += 1
@@ -134,6 +151,62 @@ def _add_end(
     slant = np.sqrt(1.0 - cosine * cosine) / cosine
     length = min(fan.rays.spread[ray] * e.t * slant, LONGEST_SPREAD)
     add_surface(lines, place, fan.bins, e.t, gamma * through, length)
+
+
+@njit_inline
+def _add_level(
+    fan: Any, lines: Any, place: Any, ray: Any, event: Any, through: Any
+) -> None:
+    """Add level ground that ends a ray; arguments as of ``_add_end``."""
+    e, direction = fan.events[event], fan.rays.directions[ray]
+    row = _row(fan.scattering, e.part)
+    gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
+    angle = OVERLAP * fan.rays.spread[ray]
+    end = _end_of_view(fan.rays, ray)
+    grazing = grazing_at(fan.scattering.ground, row, e, direction, angle, end)
+    exponent = fan.scattering.exponent[row]
+    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
+
+
+@njit_inline
+def _end_of_view(rays: Any, ray: Any) -> Any:
+    """Return where the view over level ground ends that a ray meets, m.
+
+    That is where the next ray, which looks higher, meets something upright.
+    """
+    after = ray + 1
+    if after == len(rays.column) or rays.column[after] != rays.column[ray]:
+        return np.inf
+    if is_level(rays.directions[after], rays.incidence[after]):
+        return np.inf
+    return max(rays.ranges[after], rays.ranges[ray])
+
+
+@njit_inline
+def _add_open_ground(
+    fan: Any, lines: Any, place: Any, ray: Any, end: Any, before: Any
+) -> None:
+    """Add the open ground that a ray meets beyond the edge of the map.
+
+    Args:
+        fan: The ``TracedFan``.
+        lines: The ``Lines``.
+        place: The ``Place``.
+        ray: Number of the ray.
+        end: The event at which it is out of range.
+        before: Where it left what it met last, m, and the power that it had there.
+    """
+    ground, direction = fan.scattering.ground, fan.rays.directions[ray]
+    way, (t, power) = way_to_open(ground, end, direction), before
+    if way <= t or way >= end.t:
+        return
+    lost = fan.bins.full - power + (power - end.power) * (way - t) / (end.t - t)
+    through = 10.0 ** (-0.2 * lost * fan.bins.db_per_power)
+    row, depth = ground.open_part, -way * direction[2]
+    gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
+    grazing = Grazing(way, depth, OVERLAP * fan.rays.spread[ray], 0.0, np.inf)
+    exponent = fan.scattering.exponent[row]
+    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
 
 
 @njit_inline

@@ -24,6 +24,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from radarsim.fmcw.ground import Ground, find_ground
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 from radarsim.presets.rain_reflectivity import rain_reflectivity
@@ -50,6 +51,7 @@ class Scattering(NamedTuple):  # compiled into kernels
         volume: (P + 1,) radar cross section of a cubic metre inside, m^2/m^3.
         albedo: (P + 1,) share of what a sheet takes that comes back.
         air: Cross section of a cubic metre of the air, m^2/m^3.
+        ground: Which parts are level, and where they end.
     """
 
     gamma: Floats
@@ -59,6 +61,7 @@ class Scattering(NamedTuple):  # compiled into kernels
     volume: Floats
     albedo: Floats
     air: float
+    ground: Ground
 
 
 def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
@@ -94,6 +97,7 @@ def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         np.append(volume, 0.0),
         np.append(albedo, 0.0),
         float(air),
+        find_ground(tracer),
     )
 
 

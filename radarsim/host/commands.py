@@ -10,7 +10,7 @@ from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.replies import configuration, geometry
 from radarsim.host.robot_commands import SETTING, drive, set_items
 from radarsim.host.watchers import MAX_WATCHERS, Watchers
-from radarsim.presets.robots import RobotModel, load_robot, robot_names
+from radarsim.presets.robots import RobotModel
 from radarsim.protocol.commands import (
     Command,
     Drive,
@@ -89,7 +89,7 @@ class CommandHandler:
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
         self._next_spawn = 0  # the first tick that may have one
-        self._classes = {name.casefold(): name for name in robot_names()}
+        self._classes = {name.casefold(): name for name in config.robot_names()}
         self._reply_lines: dict[tuple[str | None, ...], bytes] = {}
 
     @property
@@ -298,7 +298,7 @@ class CommandHandler:
 
     def _model(self, class_name: str) -> RobotModel:
         # Presets are cached by the requested spelling, of which clients have many.
-        return load_robot(self._classes.get(class_name.casefold(), class_name))
+        return self._config.robot(self._classes.get(class_name.casefold(), class_name))
 
     def _requested_pose(self, command: Init) -> tuple[Pose2, Diagnostic | None]:
         """Return the requested pose; the origin for an unknown start."""

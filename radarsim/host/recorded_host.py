@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from radarsim.host.connection import Client, Diagnostic
 from radarsim.host.host import Host
 from radarsim.host.replies import configuration, geometry
+from radarsim.host.turn_collector import RecordedTurn, TurnCollector
 from radarsim.protocol.reports import Report, to_bytes
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class CallKind(IntEnum):
     END = 8  # the recording ends
     ROBOT = 9  # lines that describe the new robot of a client; not a call
     MESSAGE = 10  # a message for a topic of the recording; not a call
+    TURN = 11  # a turn of a radar on the robot of a client; not a call
 
 
 class HostCall(NamedTuple):
@@ -60,16 +62,22 @@ class RecordedHost(Host):
     """A host that reports its calls."""
 
     def __init__(
-        self, record: Callable[[HostCall], None], *args: Any, **options: Any
+        self,
+        record: Callable[[HostCall], None],
+        *args: Any,
+        spectra: bool = False,
+        **options: Any,
     ) -> None:
         """Create a host.
 
         Args:
             record: Called after each call; it must not raise.
             args: Arguments of ``Host``.
+            spectra: Whether turns of FMCW radars are reported as well.
             options: Options of ``Host``.
         """
         self._record = record
+        self._spectra = spectra
         self._tick = 0
         self._idle_ticks = 0
         self._described: dict[int, tuple[Vehicle, SimulationConfig]] = {}
@@ -144,6 +152,8 @@ class RecordedHost(Host):
         if known is not None and known[0] is vehicle and known[1] is vehicle.config:
             return
         self._described[client.number] = state
+        if self._spectra and (known is None or known[0] is not vehicle):
+            self._observe_antennas(client.number, vehicle)
         reports: list[Report | None] = []
         for kind in DESCRIBED:
             reports.append(geometry(vehicle.model, kind, None))
@@ -152,3 +162,13 @@ class RecordedHost(Host):
         lines = [report.encode(dialect) for report in reports if report is not None]
         data = vehicle.robot.name.encode() + b"\r\n" + to_bytes(lines)
         self._report(CallKind.ROBOT, client.number, data)
+
+    def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
+        """Report the turns of the radars on a robot."""
+
+        def report(turn: RecordedTurn) -> None:
+            self._report(CallKind.TURN, client, turn.to_bytes())
+
+        for antenna in self.simulation.antennas.of(vehicle):
+            collector = TurnCollector(antenna.mounted.item.name, report)
+            antenna.observers.append(collector.take)

@@ -48,6 +48,8 @@ class MapperSettings:
         resolution: Side of a cell, m.
         echo_wait: How long scans without echoes are not added to the map, since their
             echoes may still come, s; 0 if no client asked for echoes.
+        map_range: Range of the scanner that is mapped, m; the pose is found with all of
+            it.
         robot_radius: Radius of the disc around the robot that is marked free, m; 0 for
             none.
     """
@@ -55,6 +57,7 @@ class MapperSettings:
     slam: SlamSettings = field(default_factory=SlamSettings)
     resolution: float = RESOLUTION
     echo_wait: float = 1.0
+    map_range: float = math.inf
     robot_radius: float = 0.0
 
 
@@ -67,6 +70,8 @@ class Mapper:
         slam: Estimates the robot's pose.
         truth: True poses, as far as the server sends them.
         scans: Number of scans on the map.
+        left_out: Number of scans that are not, as nobody knew where the robot was, and
+            as their echoes did not come.
         missing: Report that it needs before the next scan counts, for messages.
     """
 
@@ -91,6 +96,7 @@ class Mapper:
         self.slam = Slam(self.settings.slam)
         self.truth = Trajectory()
         self.scans = 0
+        self.left_out = {"no_pose": 0, "no_echoes": 0}
         self.scanner = scanner
         mount = scanner.mount
         self._mount = Pose2(mount.x, mount.y, mount.yaw)
@@ -171,6 +177,7 @@ class Mapper:
         source = settings.slam.motion_source
         if source != "none" and not self._is_motion_known():
             self.missing = self._missing_pose
+            self.left_out["no_pose"] += 1
             return None
         time = self._stamps.time_of(report.time)
         if not len(self.trajectory):
@@ -193,8 +200,9 @@ class Mapper:
             self._grid.rebuild()
         if echoes is None and time < self._echoes_due:
             self.missing = f"echoes of {self.scanner.name!r}"
+            self.left_out["no_echoes"] += 1
             return None
-        self._grid.add(self.trajectory, scan)
+        self._grid.add(self.trajectory, scan.within(settings.map_range))
         self.scans += 1
         self.missing = self._missing_scan
         return self._observation(pose, scan)

@@ -12,7 +12,7 @@ A range below the minimum range means nothing: a laser in smoke reads zero.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
@@ -114,6 +114,23 @@ class PlanarScan:
         along = np.column_stack([np.cos(angles), np.sin(angles)])
         points = along * self.known_range[chosen, None] + (self.mount.x, self.mount.y)
         return points, along
+
+    def within(self, distance: float) -> "PlanarScan":
+        """Return the scan of beams that end at a distance, m, if nothing is nearer."""
+        if not (self.known_range > distance).any():
+            return self
+        hits = self.hits
+        is_within = hits.near <= distance
+        columns: Any = (column[is_within] for column in hits)
+        beams, near, far, layer = columns
+        return replace(
+            self,
+            known_range=np.minimum(self.known_range, distance),
+            ends=np.where(
+                self.known_range > distance, BeamEnd.NOTHING, self.ends
+            ).astype(np.int8),
+            hits=BeamHits(beams, near, np.minimum(far, distance), layer),
+        )
 
 
 def read_scan(

@@ -19,6 +19,7 @@ from radarsim.navigation.boundary_policy import (
     Landmark,
     Step,
 )
+from radarsim.navigation.bumper_steering import BumperSteering
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import (
     STOP,
@@ -30,7 +31,7 @@ from radarsim.navigation.control import (
 )
 from radarsim.navigation.followed_obstacle import FollowedObstacle
 from radarsim.navigation.observation import Observation
-from radarsim.navigation.options import Algorithm, GiveUp
+from radarsim.navigation.options import Algorithm, GiveUp, Rule
 from radarsim.navigation.standing_obstacle import StandingObstacle
 from radarsim.navigation.wall_following import FollowMode, WallFollower
 
@@ -96,6 +97,7 @@ class Bug:
         self.circuits = 0
         self._settings = settings
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
+        self._steering = _steering(settings.bumpers.rule, self._follower)
         self._first_mode = FollowMode(wall_on_left=settings.wall_on_left)
         self._mode = self._first_mode
         self._policy: BoundaryPolicy | None = None  # None away from boundaries
@@ -196,7 +198,7 @@ class Bug:
 
     def _align(self, observation: Observation) -> Twist:
         obstacle = bearing_of(observation.pose, *self.goals[0])
-        twist, aligned = self._follower.align(observation, self._mode, obstacle)
+        twist, aligned = self._steering.align(observation, self._mode, obstacle)
         self.activity = Activity.FOLLOWING if aligned else Activity.ALIGNING
         return twist
 
@@ -241,7 +243,7 @@ class Bug:
     def _follow_boundary(
         self, observation: Observation, obstacle: Observation, step: float
     ) -> Twist:
-        twist, found = self._follower.step(observation, self._mode, obstacle)
+        twist, found = self._steering.step(observation, self._mode, obstacle)
         self._lost = 0.0 if found else self._lost + step
         if self._lost > _LOST * 2 * math.pi * self._follower.target_distance:
             return self._leave(observation)
@@ -270,3 +272,7 @@ class Bug:
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self.activity, self._policy, self._leaving = Activity.GOING, None, True
         return self._go(observation)
+
+
+def _steering(rule: Rule, follower: WallFollower) -> WallFollower | BumperSteering:
+    return BumperSteering(follower) if rule is Rule.THESIS else follower

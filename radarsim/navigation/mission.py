@@ -1,7 +1,7 @@
 """Missions: spawn a robot, query its properties, and drive it to its goals."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
@@ -12,7 +12,13 @@ from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.path_planning import PathPlanning
-from radarsim.navigation.runner import NavigationStep, Navigator, Result
+from radarsim.navigation.runner import (
+    Controller,
+    NavigationStep,
+    Navigator,
+    Result,
+)
+from radarsim.navigation.tangent_bug import TangentBug
 from radarsim.suggestions import expected_one_of
 
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
@@ -23,7 +29,7 @@ class Mission:
     """A navigation mission.
 
     Attributes:
-        algorithm: Bug1, Bug2, or paths planned on what is seen.
+        algorithm: Bug1, Bug2, TangentBug, or paths planned on what is seen.
         goals: Waypoints in turn, the last one the goal, m, map frame.
         robot_class: Class of the robot; its scanner has to cover a full circle.
         start: Name of a start pose; the server's first one if there is no pose either.
@@ -115,13 +121,23 @@ def run_mission(
         timeout=mission.timeout,
         echoes=mission.echoes,
     )
-    steers = PathPlanning if mission.algorithm is Algorithm.PLANNED else Bug
     return navigator.run(
-        steers(mission.goals, settings),
+        create_controller(mission.goals, settings),
         bumpers,
         time_limit=mission.time_limit,
         observe=observe,
     )
+
+
+def create_controller(goals: Sequence[Point], settings: BugSettings) -> Controller:
+    """Create what decides how to move, by the algorithm of the settings."""
+    match settings.algorithm:
+        case Algorithm.PLANNED:
+            return PathPlanning(goals, settings)
+        case Algorithm.TANGENT_BUG:
+            return TangentBug(goals, settings)
+        case Algorithm.BUG1 | Algorithm.BUG2:
+            return Bug(goals, settings)
 
 
 def choose_start(client: Client, wanted: str | None) -> str | None:

@@ -13,6 +13,9 @@ would come too near to each other within the next seconds, and less so if it sta
 
 A robot that waits for something follows nothing, so what passes becomes no obstacle.
 What has come to a stand is an obstacle like others.
+
+What does not give way may drive into the robot. Then the robot neither turns nor goes
+on, since both would press against it: it backs off until it has room to turn.
 """
 
 import math
@@ -23,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.navigation.bumpers import Bumpers
-from radarsim.navigation.control import Twist
+from radarsim.navigation.control import STOP, Twist
 from radarsim.navigation.observation import Observation, wrap_angles
 
 INTERVAL: Final = 2.0  # s between the scans that are compared
@@ -33,8 +36,11 @@ SPEED: Final = 0.3  # m/s at which the robot would go on
 HORIZON: Final = 4.0  # s ahead that are looked at
 MORE: Final = 1.0  # m beyond the reach of the bumpers within which it waits
 PAUSE: Final = 1.0  # s without motion after which it goes on
+CONFIRMED_WITHIN: Final = 1.0  # s in which a second scan has to show the same
 PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
 IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
+BACK_SPEED: Final = 0.15  # m/s away from what has driven into the robot
+RECENT: Final = 30.0  # s after motion was seen, in which it backs off
 _BESIDE: Final = 0.3  # m beside a place where earlier beams count
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 
@@ -67,14 +73,23 @@ class MotionDetector:
 class Waiting:
     """Decides when to stand because something moves into the robot's way."""
 
-    def __init__(self, bumpers: Bumpers) -> None:
+    def __init__(self, bumpers: Bumpers, clearance: float) -> None:
+        """Create it.
+
+        Args:
+            bumpers: Bumpers of the robot.
+            clearance: What the robot needs around its centre to turn, m.
+        """
         self._bumpers = bumpers
+        self._clearance = clearance
         self._detector = MotionDetector()
         self._seen: deque[tuple[float, complex]] = (
             deque()
         )  # when and where things moved
         self._ahead = 1.0  # or -1: whether the robot went forward, or backward
         self._moved = -math.inf  # s; when something last moved into its way
+        self._crossed = -math.inf  # s; when a scan last showed that
+        self._last_motion = -math.inf  # s; when something last moved anywhere near
         self._since = math.inf  # s; since when it waits
         self._impatient_until = -math.inf  # s
 
@@ -89,7 +104,9 @@ class Waiting:
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._is_crossed(observation):
-            self._moved = now
+            if now - self._crossed <= CONFIRMED_WITHIN:  # one scan may be in error
+                self._moved = now
+            self._crossed = now
         if now - self._moved >= PAUSE or now < self._impatient_until:
             self._since = math.inf
             return False
@@ -99,6 +116,22 @@ class Waiting:
         self._impatient_until = now + IMPATIENCE
         return False
 
+    def back_off(self, observation: Observation) -> Twist | None:
+        """Return the motion away from what has driven into the robot; None if nothing.
+
+        Args:
+            observation: The newest scan, after ``has_to_wait``.
+        """
+        ranges, bearings = observation.ranges, observation.bearings
+        is_recent = observation.time - self._last_motion < RECENT
+        if not is_recent or ranges.min(initial=math.inf) >= self._clearance:
+            return None
+        forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
+        ahead = forward * np.cos(bearings) > 0.5
+        if (ranges[ahead] < self._clearance + MARGIN).any():
+            return STOP
+        return Twist(forward * BACK_SPEED, 0.0)
+
     def _is_crossed(self, observation: Observation) -> bool:
         """Return whether something that moves would come too near if the robot went."""
         reach = self._bumpers.pressed_below + MORE
@@ -106,6 +139,7 @@ class Waiting:
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return False
         pose, now = observation.pose, observation.time
+        self._last_motion = now
         angles = observation.bearings[beams] + pose.yaw
         ends = observation.ranges[beams] * np.exp(1j * angles)
         centre = complex(ends.mean())

@@ -11,7 +11,6 @@ A radar that sends its echoes also shows what is behind a first thin hedge: a de
 is known before the robot has driven into it.
 """
 
-import math
 from typing import Final
 
 import numpy as np
@@ -21,12 +20,11 @@ from scipy import ndimage
 from radarsim.geometry import Floats
 from radarsim.navigation.grid_path import Cell
 from radarsim.navigation.observation import Observation
+from radarsim.navigation.passage import step_cost
 
 CELL: Final = 0.1  # m
 MARGIN: Final = 8.0  # m around start and goal
 MAX_DISTANCE: Final = 10.0  # m; longer beams only say that this much is free
-COSTLY: Final = 0.4  # m beyond the least distance, where paths cost more
-COSTLY_FACTOR: Final = 3.0  # added at its inner edge to the cost of a step, which is 1
 _GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell
 _SHORT: Final = 0.15  # m before its end where a beam tells nothing
 
@@ -69,10 +67,7 @@ class ObstacleGrid:
         is_open = self._evidence <= 0
         if is_open.all():
             return np.ones(is_open.shape)
-        distances = ndimage.distance_transform_edt(is_open) * CELL
-        depth = np.clip(1 - (distances - least) / COSTLY, 0, 1)
-        cost: Floats = np.where(distances < least, math.inf, 1 + COSTLY_FACTOR * depth)
-        return cost
+        return step_cost(ndimage.distance_transform_edt(is_open) * CELL, least)
 
     def cell(self, point: Point) -> Cell:
         """Return row and column of a point; of the nearest cell, if it is outside."""

@@ -11,14 +11,16 @@ class Algorithm(StrEnum):
 
     BUG1 = "bug1"
     BUG2 = "bug2"
+    TANGENT_BUG = "tangentbug"  # by the edges of obstacles that scans show
     PLANNED = "planned"  # shortest path on the map as it is seen
 
 
 class Rule(StrEnum):
-    """When a bumper is pressed."""
+    """When a bumper is pressed, and what boundaries are followed by."""
 
     SHARE = "share"  # a share of its beams is nearer than the far end of the band
     ALL = "all"  # all of its beams are within the band, as in the thesis
+    THESIS = "thesis"  # the same, and boundaries are followed by bumpers alone
 
 
 class GiveUp(StrEnum):

@@ -17,15 +17,14 @@ from radarsim.navigation.control import STOP, Twist, bearing_of, distance, moved
 from radarsim.navigation.grid_path import shortest_path
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.obstacle_grid import CELL, ObstacleGrid
+from radarsim.navigation.open_directions import leads_too_near
+from radarsim.navigation.passage import CHEAP
 
 INTERVAL: Final = 0.5  # s between two plans
 LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line is open
 SURE_AFTER: Final = 5.0  # s without a path after which there is none
-CHEAP: Final = 2.0  # cost of a step that a short cut may lead over
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
-TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
-_STEP: Final = 0.15  # m ahead of the robot where that holds
 
 
 class PathPlanning:
@@ -109,16 +108,9 @@ class PathPlanning:
         left = distance(pose, *self.goals[0])
         bearing = bearing_of(pose, *self._next_point(pose))
         twist = self._settings.speed_limits.towards(bearing, most=0.05 + 0.8 * left)
-        return Twist(0.0, twist.turn) if self._is_too_near(observation) else twist
-
-    def _is_too_near(self, observation: Observation) -> bool:
-        """Return whether a step ahead would bring the robot too near to something."""
-        near = observation.ranges < self._settings.bumpers.pressed_below
-        ranges, bearings = observation.ranges[near], observation.bearings[near]
-        x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
-        after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
-        least = self._settings.bumpers.safety_distance - TOO_NEAR
-        return after < min(least, float(ranges.min(initial=math.inf)))
+        safety_distance = self._settings.bumpers.safety_distance
+        is_near = leads_too_near(observation, safety_distance)
+        return Twist(0.0, twist.turn) if is_near else twist
 
     def _next_point(self, pose: Pose2) -> Point:
         """Return the farthest point of the path to which the straight line is open."""

@@ -7,10 +7,11 @@ motion that it decides on is sent as a DRIVE command.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, Bug, Point
+from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.clearance_check import ClearanceCheck
 from radarsim.navigation.control import (
@@ -25,7 +26,25 @@ from radarsim.navigation.moving_things import Waiting
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.observation_builder import ObservationBuilder
 from radarsim.navigation.options import PoseSource
-from radarsim.navigation.path_planning import PathPlanning
+
+
+class Controller(Protocol):
+    """Decides at every scan how to move to its goals; see ``Bug``."""
+
+    activity: Activity
+    goals: list[Point]
+    hit_points: list[Point]
+    leave_points: list[Point]
+    circuits: int
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has reached its last goal, or given up."""
+        ...
+
+    def step(self, observation: Observation) -> Twist:
+        """Decide by a scan how to move until the next one."""
+        ...
 
 
 class TripMeter:
@@ -133,6 +152,7 @@ class Navigator:
             echoes: Whether to ask the server for echoes, and to use them.
         """
         self._client = client
+        self._robot_clearance = robot_info.clearance
         if echoes:
             client.echoes(scanner.name)
         source = ObservationBuilder(
@@ -145,7 +165,7 @@ class Navigator:
 
     def run(
         self,
-        bug: Bug | PathPlanning,
+        bug: Controller,
         bumpers: Bumpers,
         *,
         time_limit: float = math.inf,
@@ -166,14 +186,16 @@ class Navigator:
                 the start or a goal is inside the safety distance of something.
         """
         trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
-        clearance, waiting, twist = ClearanceCheck(bumpers), Waiting(bumpers), STOP
+        clearance, twist = ClearanceCheck(bumpers), STOP
+        waiting = Waiting(bumpers, self._robot_clearance)
         try:
             for observation in self._loop.scans():
                 clearance.check(observation, bug.goals[0] if bug.goals else None)
-                if waiting.has_to_wait(observation, twist):
-                    twist = STOP
+                has_to_wait = waiting.has_to_wait(observation, twist)
+                if (away := waiting.back_off(observation)) is not None:
+                    twist = away
                 else:
-                    twist = bug.step(observation)
+                    twist = STOP if has_to_wait else bug.step(observation)
                 trip.add(observation)
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
                 goal = bug.goals[0] if bug.goals else None

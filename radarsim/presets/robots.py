@@ -177,8 +177,14 @@ def load_robot(class_name: str) -> RobotModel:
     raise unknown_preset("robot class", class_name, robot_names())
 
 
-def read_robot(path: Path) -> RobotModel:
-    """Read the file of a robot class; a class that it is based on is a file beside it.
+def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:
+    """Read the file of a robot class.
+
+    A class that it is based on is a file beside it, or else a shipped one.
+
+    Args:
+        path: The file.
+        seen: The files of classes that are based on it.
 
     Raises:
         OSError: If one of the files cannot be read.
@@ -188,18 +194,23 @@ def read_robot(path: Path) -> RobotModel:
     if file.problems:
         raise PresetError("\n".join(file.problems))
     try:
-        return RobotModel.model_validate(_with_base(file.data, path.parent))
+        return RobotModel.model_validate(_with_base(file.data, path, seen))
     except ValidationError as error:
         raise PresetError(
             "\n".join(file.validation_problems(error, known=RobotModel.model_fields))
         ) from error
 
 
-def _with_base(data: Any, folder: Path) -> Any:
+def _with_base(data: Any, path: Path, seen: tuple[Path, ...]) -> Any:
     if not isinstance(data, dict) or "based_on" not in data:
         return data
     changed = {key: value for key, value in data.items() if key != "based_on"}
-    model = read_robot(folder / f"{data['based_on']}.yaml")
+    name = str(data["based_on"])
+    beside = path.parent / f"{name}.yaml"
+    if name.isidentifier() and beside.is_file() and beside not in (path, *seen):
+        model = read_robot(beside, (path, *seen))
+    else:
+        model = load_robot(name)
     base = model.model_dump(exclude_unset=True)
     added = changed.get("items", [])
     if not _are_named(added):

@@ -82,8 +82,7 @@ class TargetEchoes:
         Raises:
             MalformedMessage: If a field is missing or not readable.
         """
-        echoes = [_parse_echo(word) for word in message.require("Echoes").split()]
-        numbers = np.array([row for _, row in echoes])
+        kinds, numbers = _parse_echoes(message.require("Echoes"))
         return cls(
             object=message.require("Object"),
             material=message.require("Material"),
@@ -93,7 +92,7 @@ class TargetEchoes:
             robot_passes=message.parse("RobotPasses", parse_flag),
             beams=numbers[:, 0].astype(np.int64),
             ranges=numbers[:, 1],
-            kinds=tuple(kind for kind, _ in echoes),
+            kinds=kinds,
             power=numbers[:, 2],
             strength=numbers[:, 3],
         )
@@ -228,16 +227,23 @@ def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
     return head + b" ".join(echoes) + _END
 
 
-def _parse_echo(word: str) -> tuple[str, list[float]]:
-    """Parse one echo; return its kind, and its beam, range, power and strength."""
-    parts = word.split(",")
-    if len(parts) != 5:
-        raise MalformedMessage(f"echo {word[:80]!r}, expected five parts")
-    kind = parts.pop(2)
+def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
+    """Parse the echoes of a line, all at once: there are hundreds in each scan.
+
+    Returns:
+        Kinds, and (E, 4) beams, ranges, powers and strengths.
+    """
+    words = text.split()
+    parts = ",".join(words).split(",")
+    for word in words:
+        if word.count(",") != 4:
+            raise MalformedMessage(f"echo {word[:80]!r}, expected five parts")
+    kinds = tuple(kind.lower() for kind in parts[2::5])
+    del parts[2::5]
     numbers = parse_list(",".join(parts))
-    if len(numbers) != 4:
-        raise MalformedMessage(f"echo {word[:80]!r}, expected four numbers in it")
-    return kind.lower(), numbers
+    if len(numbers) != 4 * len(kinds):
+        raise MalformedMessage(f"echoes {text[:80]!r}, expected four numbers in each")
+    return kinds, np.array(numbers).reshape(-1, 4)
 
 
 def _parse_density(text: str) -> float:

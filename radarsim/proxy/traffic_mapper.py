@@ -1,6 +1,7 @@
 """Map made of the reports of a robot that another client drives."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 
@@ -30,6 +31,7 @@ class TrafficMapper:
         mapper: The mapper; None before a robot was selected.
         motion_source: Where the motion between scans is read from.
         trip: Time and path length so far.
+        dropped: Number of scans that were left out, as mapping fell behind.
         error: Why there is no map, or only a part of it; empty if there is one.
         on_data: Called with what passes, for a recording; it must not raise.
         on_scan: Called after every scan that is on the map, in the observer's thread.
@@ -42,6 +44,7 @@ class TrafficMapper:
         *,
         motion_source: MotionSource,
         resolution: float,
+        map_range: float = math.inf,
         scanner: str | None = None,
         defaults: ScannerDefaults = NO_DEFAULTS,
     ) -> None:
@@ -50,17 +53,20 @@ class TrafficMapper:
         Args:
             motion_source: Where the motion between scans is read from.
             resolution: Side of a cell, m.
+            map_range: Range of the scanner that is mapped, m.
             scanner: Name of the scanner to map with; the first that scans by default.
             defaults: Mount and maximum range, where no client asks the server for them.
         """
         self.mapper: Mapper | None = None
         self.trip = TripMeter(noise=NOISE)
+        self.dropped = 0
         self.error = ""
         self.on_data: DataCallback | None = None
         self.on_scan: Callable[[], None] = lambda: None
         self.on_guess: Callable[[str], None] = lambda _: None
         self.motion_source: MotionSource = motion_source
         self._resolution = resolution
+        self._map_range = map_range
         self._scanner = scanner
         self._defaults = defaults
 
@@ -129,6 +135,28 @@ class TrafficMapper:
         self.error = lost or self.error
         return code
 
+    async def follow(
+        self, server: tuple[str, int], robot: str, *, echoes: bool
+    ) -> None:
+        """Map what a robot of radarsim reports, until it leaves.
+
+        Args:
+            server: Host and port of the server.
+            robot: Name of the robot; it may come later.
+            echoes: Whether its scanners shall list their echoes.
+
+        Raises:
+            ClientError: If the connection is lost, or the server lets nobody watch.
+            ValueError: If the name cannot be sent.
+        """
+        observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
+        watcher = RobotWatcher(server, robot, observer.add_data, echoes=echoes)
+        observer.start()
+        try:
+            await watcher.run()
+        finally:
+            await asyncio.to_thread(observer.finish)
+
     def _observe(self, run: Callable[[DataCallback], int]) -> int:
         """Map the data that a function passes on while it runs."""
         observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
@@ -144,6 +172,7 @@ class TrafficMapper:
             code = run(pass_on)
         finally:
             is_finished = observer.finish()
+            self.dropped = observer.dropped
             self.error = self._fault(observer, is_finished=is_finished)
             if not is_finished:  # the thread may still change it
                 self.mapper = None
@@ -161,6 +190,7 @@ class TrafficMapper:
         settings = MapperSettings(
             slam=SlamSettings(motion_source=self.motion_source),
             resolution=self._resolution,
+            map_range=self._map_range,
             echo_wait=ECHO_WAIT if echoes else 0.0,
         )
         self.mapper = Mapper(info, settings, clock=time.monotonic)

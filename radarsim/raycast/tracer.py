@@ -48,7 +48,7 @@ from radarsim.raycast.rays import (
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.trace_kernel import NO_SCANS, trace_rays
 from radarsim.raycast.traced_scene import MaterialTable, PackedScene, pack_scene
-from radarsim.raycast.unaimed_scans import UnaimedScans
+from radarsim.raycast.unaimed_scans import SensorRays, UnaimedScans
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
@@ -78,20 +78,16 @@ class TracedScans(NamedTuple):
     crowded: int
 
 
-class _Call(NamedTuple):
-    """What ``trace_rays`` is called with, apart from scene and robots.
+class _GivenRays(NamedTuple):
+    """Rays that are aimed; names as in ``SensorRays``.
 
     Attributes:
-        size: The number of rays.
         ray_classes: Their classes.
         source: The packed ``RaySource``.
-        scans: The ``ScanColumns``.
     """
 
-    size: int
     ray_classes: tuple[RayClass, ...]
     source: PackedArrays
-    scans: tuple[Any, ...]
 
 
 class Tracer:
@@ -172,11 +168,11 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        columns = columns_of(rays)
-        call = _Call(
-            len(rays.origins), rays.ray_classes, pack_source(columns), NO_SCANS
+        given = _GivenRays(rays.ray_classes, pack_source(columns_of(rays)))
+        size = len(rays.origins)
+        traces, code, _ = self._run(
+            given, size, NO_SCANS, boxes, events=events, incidence=incidence
         )
-        traces, code, _ = self._run(call, boxes, events=events, incidence=incidence)
         if code < 0:
             reject_ray(rays, -1 - code)
         return traces
@@ -206,9 +202,8 @@ class Tracer:
         nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
         clear = np.zeros(count, np.bool_)
         columns = chances, places, nodes, sides, clear
-        call = _Call(n, sensor.ray_classes, sensor.source, columns)
         traces, code, crowded = self._run(
-            call, boxes, events=events, incidence=incidence
+            sensor, n, columns, boxes, events=events, incidence=incidence
         )
         if code < 0:
             reject_ray(scans.aim(), -1 - code)
@@ -250,16 +245,22 @@ class Tracer:
             self._packed[ray_classes] = packed
         return packed
 
-    def _table_of(self, boxes: Boxes | None) -> Floats:
-        return NO_BOXES if boxes is None else boxes.table(self._centre)
-
     def _run(
-        self, call: _Call, boxes: Boxes | None, *, events: bool, incidence: bool
+        self,
+        given: _GivenRays | SensorRays,
+        size: int,
+        scans: tuple[Any, ...],
+        boxes: Boxes | None,
+        *,
+        events: bool,
+        incidence: bool,
     ) -> tuple[Traces, int, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
-            call: The rays.
+            given: The rays, or the sensor of the scans.
+            size: The number of rays.
+            scans: The ``ScanColumns``.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
@@ -268,20 +269,24 @@ class Tracer:
             The traces; 0, or -1 minus the index of an invalid ray; and the number of
             scans that are not clear.
         """
-        n, ray_classes, source, scans = call
-        room = max(self._events_per_ray * n, INITIAL_CAPACITY) if events else 0
-        packed, table = self._packed_for(ray_classes), self._table_of(boxes)
+        room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
+        packed = self._packed_for(given.ray_classes)
+        table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
             columns: tuple[Any, Any, Any, Any, Any] = (  # the ``TraceColumns``
-                np.zeros(n),
-                np.zeros(n, np.uint8),
-                np.zeros(n, np.int64),
-                np.zeros(n),
-                np.zeros(n) if incidence else EMPTY,
+                np.zeros(size),
+                np.zeros(size, np.uint8),
+                np.zeros(size, np.int64),
+                np.zeros(size),
+                np.zeros(size) if incidence else EMPTY,
             )
             rows = np.zeros(room + 1, EVENT) if room else NO_EVENTS
             needed, crowded, height, unsliced = trace_rays(
-                *(packed.words, source.words, table, self._max_crossings, rows),
+                packed.words,
+                given.source.words,
+                table,
+                self._max_crossings,
+                rows,
                 *columns,
                 *scans,
             )
@@ -292,7 +297,7 @@ class Tracer:
                 if unsliced:
                     self._scene.count_unsliced(height, int(unsliced))
                 if room:
-                    most = count // max(n, 1) + 1
+                    most = count // max(size, 1) + 1
                     self._events_per_ray = max(self._events_per_ray, most)
                 return Traces(*columns, rows[:count]), 0, crowded
             self._max_crossings = max(self._max_crossings, 2 * needed)

@@ -10,6 +10,7 @@ Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, ve
 
 import io
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +28,8 @@ METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
 INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
 DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
+# In C where there is such: metadata of hundreds of topics would take seconds.
+_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
 
 
@@ -51,8 +54,13 @@ def _quality_of_service(*, latched: bool) -> list[dict[str, Any]]:
     ]
 
 
+@cache
+def _quality_text(*, latched: bool) -> str:
+    return _to_yaml(_quality_of_service(latched=latched))
+
+
 def _to_yaml(content: object) -> str:
-    text: str = yaml.safe_dump(content, sort_keys=False)
+    text: str = yaml.dump(content, Dumper=_DUMPER, sort_keys=False)
     return text
 
 
@@ -88,7 +96,7 @@ class BagWriter:
         self._path = path or folder / file_name(folder)
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[str, tuple[int, str]] = {}  # numbers and hashes of types
         self._first: int | None = None
         self._last = 0
         self._flushed = 0
@@ -147,15 +155,14 @@ class BagWriter:
     def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
         if type_ not in self._schemas:
             definition, _ = self._types.generate_msgdef(type_, ros_version=2)
-            self._schemas[type_] = self._writer.register_schema(
-                type_, "ros2msg", definition.encode()
-            )
-        digest = self._types.hash_rihs01(type_)
-        offered = _to_yaml(_quality_of_service(latched=latched))
+            schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
+            self._schemas[type_] = schema, self._types.hash_rihs01(type_)
+        schema, digest = self._schemas[type_]
+        offered = _quality_text(latched=latched)
         channel = self._writer.register_channel(
             name,
             "cdr",
-            self._schemas[type_],
+            schema,
             {"offered_qos_profiles": offered, "topic_type_hash": digest},
         )
         topic = self._topics[name] = _Topic(channel, type_, digest, latched=latched)

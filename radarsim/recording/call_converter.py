@@ -13,6 +13,7 @@ from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, ScannerIn
 from radarsim.client.session import Session
 from radarsim.errors import ClientError, MalformedMessage
 from radarsim.host.recorded_host import CallKind, HostCall
+from radarsim.host.turn_collector import RecordedTurn
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import Dialect, DriveUnit
 from radarsim.protocol.framing import LineBuffer
@@ -33,7 +34,7 @@ TO_CLIENT: Final = "/radarsim/wire/to_client"
 TO_SERVER: Final = "/radarsim/wire/to_server"
 FROM_HOST: Final = frozenset({CallKind.TAKE, CallKind.FINISH})
 # Calls without a message of their own
-SILENT: Final = frozenset({CallKind.ROBOT})
+SILENT: Final = frozenset({CallKind.ROBOT, CallKind.TURN})
 
 
 class TimedMessage(NamedTuple):
@@ -90,7 +91,7 @@ class CallConverter:
         if call.kind is CallKind.MESSAGE:
             yield TimedMessage(self._time, _unpack_message(call.data))
             return
-        for message in self._messages(call):
+        for message in (*self._clock(call), *self._messages(call)):
             yield TimedMessage(self._time, message)
         if call.kind in SILENT:
             return
@@ -98,17 +99,24 @@ class CallConverter:
         label = f"{call.kind.name.lower()} {call.client} {call.tick}"
         yield TimedMessage(self._time, TopicMessage(topic, octets(label, call.data)))
 
-    def _messages(self, call: HostCall) -> Iterator[TopicMessage]:
-        time = call.tick * TICK / 1e9
+    def _clock(self, call: HostCall) -> Iterator[TopicMessage]:
+        """Yield the time, where it is due."""
         if call.kind is not CallKind.WAIT and call.tick >= self._next_clock:
             self._next_clock = call.tick + CLOCK_INTERVAL
-            yield TopicMessage("/clock", clock(time))
+            yield TopicMessage("/clock", clock(call.tick * TICK / 1e9))
+
+    def _messages(self, call: HostCall) -> Iterator[TopicMessage]:
+        time = call.tick * TICK / 1e9
         connection = self._connections.setdefault(call.client, _Connection())
         match call.kind:
             case CallKind.DISCONNECT:
                 del self._connections[call.client]
             case CallKind.ROBOT:
                 yield self._describe(connection, call.data, time)
+            case CallKind.TURN:
+                assert connection.topics is not None  # it is described before
+                turn = RecordedTurn.from_bytes(call.data)
+                yield from connection.topics.of_turn(turn)
             case CallKind.TAKE | CallKind.FINISH:
                 for report in connection.session.receive(call.data):
                     if connection.topics is not None:

@@ -43,6 +43,8 @@ _DEFINITIONS: Final = {
     " geometry_msgs/msg/PoseWithCovariance pose,"
     " geometry_msgs/msg/TwistWithCovariance twist",
     "rosgraph_msgs/msg/Clock": "builtin_interfaces/msg/Time clock",
+    "sensor_msgs/msg/Image": "std_msgs/msg/Header header, uint32 height, uint32 width,"
+    " string encoding, uint8 is_bigendian, uint32 step, uint8[] data",
     "sensor_msgs/msg/LaserScan": "std_msgs/msg/Header header, float32 angle_min,"
     " float32 angle_max, float32 angle_increment, float32 time_increment,"
     " float32 scan_time, float32 range_min, float32 range_max, float32[] ranges,"

@@ -118,6 +118,19 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
     return RosMessage("sensor_msgs/msg/PointCloud2", message.to_bytes())
 
 
+def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage:
+    """Encode a grey picture, (H, W)."""
+    message = CdrWriter()
+    _put_header(message, time, frame)
+    height, width = pixels.shape
+    message.numbers("I", height, width)
+    message.text("mono8")
+    message.numbers("B", 0)  # little-endian
+    message.numbers("I", width)  # bytes of a row
+    message.octets(pixels.tobytes())
+    return RosMessage("sensor_msgs/msg/Image", message.to_bytes())
+
+
 def odometry(time: float, frame: str, child: str, pose: Pose3) -> RosMessage:
     """Encode a pose by odometry; velocities and covariances are not known."""
     message = CdrWriter()

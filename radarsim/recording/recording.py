@@ -1,6 +1,8 @@
 """Recordings as arrays."""
 
+import json
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from radarsim.errors import RecordingError
 from radarsim.recording.bag_folder import check_installed
 from radarsim.recording.message_types import decode
+from radarsim.recording.radar_turns import RadarTurn
 from radarsim.recording.recording_info import RecordingInfo
 from radarsim.recording.series import (
     EchoSeries,
@@ -51,6 +54,29 @@ class Recording:
     def __repr__(self) -> str:
         count = sum(len(each.times) for each in self.scans.values())
         return f"<Recording {self.folder}: {count} scans of {', '.join(self.scans)}>"
+
+    def turns(self, scanner: str) -> Iterator[RadarTurn]:
+        """Yield the turns of an FMCW radar, if they were recorded.
+
+        They are read one after the other, as each has a megabyte or more.
+
+        Args:
+            scanner: The scanner, such as ``R1/Navtech``.
+
+        Raises:
+            RecordingError: If the file cannot be read any more.
+        """
+        from radarsim.recording.bag_reader import BagReader  # noqa: PLC0415
+
+        layout: dict[str, Any] = {}
+        try:
+            for topic, message, _, _ in BagReader(self.folder).messages():
+                if topic == f"/{scanner}/spectrum/layout":
+                    layout = json.loads(decode(message)["data"])
+                elif topic == f"/{scanner}/spectrum":
+                    yield RadarTurn.of(decode(message), layout)
+        except (ValueError, LookupError) as error:
+            raise _not_ours(self.folder, error) from error
 
     def to_xarray(self) -> "xarray.DataTree":
         """Return all as a tree of datasets.
@@ -120,9 +146,11 @@ def load_recording(folder: Path | str) -> Recording:
             _echoes(messages),
         )
     except (ValueError, LookupError) as error:
-        raise RecordingError(
-            f"{folder}: {error}, expected topics of radarsim"
-        ) from error
+        raise _not_ours(Path(folder), error) from error
+
+
+def _not_ours(folder: Path, error: Exception) -> RecordingError:
+    return RecordingError(f"{folder}: {error}, expected topics of radarsim")
 
 
 def _scans(messages: dict[str, list[Fields]]) -> dict[str, ScanSeries]:

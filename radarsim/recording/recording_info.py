@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim.errors import RecordingError
+from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import DriveUnit
 
 
@@ -24,6 +25,7 @@ class RecordingInfo(BaseModel):
         dialect: Name of the dialect.
         drive_unit: Unit of commands to drive.
         settings: Settings of items that were changed, by item and key.
+        robots: Robot classes besides those that are shipped.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -36,12 +38,13 @@ class RecordingInfo(BaseModel):
     dialect: Literal["compat", "udk"] = "compat"
     drive_unit: DriveUnit = "rad_per_s"
     settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
+    robots: tuple[RobotModel, ...] = ()
 
     def to_text(self) -> dict[str, str]:
         """Return the conditions as a record of metadata."""
         return {
             key: value if isinstance(value, str) else json.dumps(value)
-            for key, value in self.model_dump().items()
+            for key, value in self.model_dump(mode="json").items()
         }
 
     @classmethod
@@ -53,7 +56,9 @@ class RecordingInfo(BaseModel):
         """
         try:
             settings = json.loads(record.get("settings", "{}"))
-            return cls.model_validate({**record, "settings": settings})
+            robots = json.loads(record.get("robots", "[]"))
+            read = {**record, "settings": settings, "robots": robots}
+            return cls.model_validate(read)
         except (ValidationError, ValueError) as error:
             text = f"metadata {sorted(record)} of the recording"
             raise RecordingError(f"{text}, expected those of radarsim") from error

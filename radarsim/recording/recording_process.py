@@ -1,22 +1,23 @@
 """Recording in a process of its own, so that it holds up no tick of a server.
 
-The server only packs its calls and hands them to a thread, which writes them to a pipe.
-The process at the other end converts and writes them. It outlives a server that is
+The server only packs its calls. A thread writes all that have come to a pipe a few
+times a second: each time it wakes up, it may hold up the server. The process at the
+other end converts and writes them. It outlives a server that is
 killed: at the end of the pipe it completes the recording.
 """
 
 import json
 import logging
 import os
-import queue
 import struct
 import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import IO, BinaryIO, Final
 
 from radarsim.errors import RecordingError
 from radarsim.host.recorded_host import CallKind, HostCall
@@ -27,6 +28,7 @@ log = logging.getLogger("radarsim.recording")
 
 NICENESS: Final = 10  # ticks of the server go first
 MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
+WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
 PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
 FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
@@ -59,7 +61,8 @@ class RecordingProcess:
             RecordingError: If it cannot be started.
         """
         self.folder = folder
-        self._queue: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._frames: deque[bytes] = deque()
+        self._is_closing = threading.Event()
         self._queued = self._written = 0  # bytes; each is changed by one thread only
         self._has_ended = False
         self._is_patient = is_patient
@@ -72,7 +75,7 @@ class RecordingProcess:
         except OSError as error:
             text = f"cannot start recording: {describe_os_error(error)}"
             raise RecordingError(text) from error
-        self._queue.put(opening_of(folder, info))
+        self._frames.append(opening_of(folder, info))
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
 
@@ -86,7 +89,7 @@ class RecordingProcess:
         if self._has_ended:
             return
         frame = frame_of(call)
-        self._queue.put(frame)
+        self._frames.append(frame)
         self._queued += len(frame)
         while self._is_patient and self._is_behind() and not self._has_ended:
             time.sleep(PAUSE)
@@ -100,7 +103,7 @@ class RecordingProcess:
     def close(self) -> bool:
         """Complete the recording; return whether all of it is written."""
         is_whole = not self._has_ended
-        self._queue.put(b"")
+        self._is_closing.set()
         self._thread.join(END_TIMEOUT)
         try:
             self._process.wait(END_TIMEOUT)
@@ -114,18 +117,22 @@ class RecordingProcess:
         return self._queued - self._written > MAX_WAITING
 
     def _pass_on(self) -> None:
-        """Write what is queued to the pipe, up to an empty entry."""
+        """Write frames to the pipe until the recording is closed."""
         pipe = self._process.stdin
         assert pipe is not None
         with suppress(OSError):  # the process has ended, and said why
-            while frame := self._queue.get():
-                pipe.write(frame)
-                self._written += len(frame)
-                if self._queue.empty():
-                    pipe.flush()
+            while not self._is_closing.wait(WRITE_INTERVAL):
+                self._write_frames(pipe)
+            self._write_frames(pipe)
         self._has_ended = True
         with suppress(OSError):
             pipe.close()
+
+    def _write_frames(self, pipe: IO[bytes]) -> None:
+        frames = [self._frames.popleft() for _ in range(len(self._frames))]
+        pipe.write(b"".join(frames))
+        pipe.flush()
+        self._written += sum(map(len, frames))
 
 
 def opening_of(folder: Path, info: RecordingInfo) -> bytes:

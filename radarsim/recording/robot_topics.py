@@ -1,5 +1,6 @@
 """From what one robot and its client say to each other to topics of ROS 2."""
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple, TypeVar
@@ -8,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
+from radarsim.fmcw.image_rows import METADATA_BYTES
 from radarsim.geometry import Floats, Pose3
+from radarsim.host.turn_collector import RecordedTurn
 from radarsim.protocol.commands import Drive
 from radarsim.protocol.echoes import EchoLine, TargetEchoes
 from radarsim.protocol.reports import (
@@ -27,11 +30,13 @@ from radarsim.recording.messages import (
     Points,
     RosMessage,
     Transform,
+    grey_image,
     laser_scan,
     make_points,
     odometry,
     point_cloud,
     pose_stamped,
+    string,
     transforms,
     twist_stamped,
 )
@@ -75,6 +80,7 @@ class RobotTopics:
         self._robot: RobotInfo | None = None
         self._has_truth = False
         self._lines: dict[tuple[type[Report], str], list[Any]] = {}
+        self._told_spectra: set[str] = set()  # scanners
 
     def describe(
         self, robot: RobotInfo | None, scanners: Sequence[ScannerInfo], time: float
@@ -126,6 +132,17 @@ class RobotTopics:
         frame = self._frame("base_link")
         message = twist_stamped(time, frame, (left + right) / 2, turn)
         return TopicMessage(self._topic("cmd_vel"), message)
+
+    def of_turn(self, turn: RecordedTurn) -> Iterator[TopicMessage]:
+        """Yield a turn of a radar as a picture, after what it needs to be read."""
+        names = topic_name(turn.scanner), "spectrum"
+        if turn.scanner not in self._told_spectra:
+            self._told_spectra.add(turn.scanner)
+            layout = {"bin_size": turn.bin_size, "metadata_bytes": METADATA_BYTES}
+            topic = self._topic(*names, "layout")
+            yield TopicMessage(topic, string(json.dumps(layout)), latched=True)
+        picture = grey_image(turn.time, self._frame(turn.scanner), turn.rows)
+        yield TopicMessage(self._topic(*names), picture)
 
     def _scan(self, scan: RangeScan) -> TopicMessage:
         known = self._scanner(scan.name)

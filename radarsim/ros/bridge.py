@@ -12,6 +12,7 @@ from radarsim.protocol.reports import CommandError
 from radarsim.recording.robot_topics import TopicMessage, topic_name
 from radarsim.ros.driver import Driver
 from radarsim.ros.live_topics import DriveCallback, LiveTopics
+from radarsim.ros.map_topic import publish_map
 
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may have to compile
 SILENCE: Final = 60.0  # s that one call waits for reports
@@ -40,6 +41,7 @@ class BridgeSettings:
         robot_name: Its name.
         start: Name of its start pose; None lets the server choose.
         echoes: Whether scanners list their echoes.
+        mapped: Name of the robot to publish a map of; None for no map.
         drive_unit: Unit in which the server takes wheel speeds.
     """
 
@@ -48,6 +50,7 @@ class BridgeSettings:
     robot_name: str = "R1"
     start: str | None = None
     echoes: bool = False
+    mapped: str | None = None
     drive_unit: DriveUnit = "rad_per_s"
 
 
@@ -70,7 +73,10 @@ async def run_bridge(settings: BridgeSettings, side: RosSide) -> None:
             side.subscribe(f"/{topic_name(driver.name)}/cmd_vel", driver.take)
             driving.append(driver.run())
         topics = LiveTopics(side.publish, settings.drive_unit)
-        working = (side.run(), _watch(watcher, topics), *driving)
+        working = [side.run(), _watch(watcher, topics), *driving]
+        if settings.mapped is not None:
+            where = settings.server, settings.mapped
+            working.append(publish_map(*where, side.publish, echoes=settings.echoes))
         tasks = [asyncio.ensure_future(each) for each in working]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

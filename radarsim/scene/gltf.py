@@ -145,7 +145,7 @@ def reduce_gltf(content: bytes, suffix: str, files: MeshFiles) -> bytes:
         MeshError: If it is broken, or too large in any way.
         OSError: If a buffer cannot be read.
     """
-    text, binary = _split_glb(content) if suffix == ".glb" else (content, None)
+    text, binary = split_glb(content) if suffix == ".glb" else (content, None)
     expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
     try:
         tree = _Tree.model_validate_json(text)
@@ -167,7 +167,7 @@ def _describe(details: ErrorDetails) -> str:
     return f"{keys}: {describe_invalid(details)}"
 
 
-def _split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
+def split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
     """Return the JSON and the binary chunk of a GLB file."""
     if len(content) < _HEADER.size:
         raise MeshError(f"{len(content)} bytes, expected a header of {_HEADER.size}")

@@ -239,7 +239,8 @@ class MaterialEntry(Entry):
         backscatter_db: What an opaque surface that is met head-on returns to a radar,
             dB, without what it absorbs.
         albedo: Share of what it takes from a radar wave that it scatters.
-        constant_gamma: Whether it returns the same at all angles, as open ground does.
+        constant_gamma: Whether it returns the same at all angles, as open ground does;
+            in a spectrum such ground goes on beyond the edge of the map.
         specular_db: What facets of an opaque surface reflect to a radar that they face,
             dB.
         slope_deg: Rms slope of these facets, degrees.

@@ -43,7 +43,8 @@ class Material:
             head-on: its radar cross section per area seen, gamma 0, dB. What the
             surface absorbs is missing from it.
         constant_gamma: Whether an opaque surface has the same gamma at all angles, as
-            open ground has; else it follows Lambert's law.
+            open ground has, which goes on beyond the edge of the map in a spectrum;
+            else it follows Lambert's law.
         specular_db: What the facets of an opaque surface reflect to a radar that they
             face, dB: 0 is all; None for a surface that is rough everywhere.
         slope_deg: Rms slope of these facets against the surface, degrees.

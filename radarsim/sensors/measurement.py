@@ -128,6 +128,12 @@ class ScanBuilder:
         self.reads_ends = not (self.needs_events or self.selects_ray)
         self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
         self.is_random = self.selects_ray or self.is_noisy
+        self._has_errors = self.is_noisy or settings.range_quantum > 0
+        self._has_side_rays = settings.has_side_rays
+        # what a beam reads where its ray was spent; None for where that was
+        self._spent_range = {"zero": 0.0, "nothing": math.inf, "range": None}[
+            settings.spent_reads
+        ]
         self._resolution = math.radians(settings.resolution_deg)
         self._shares = np.tile(pattern.weights, len(pattern.angles))
         # the ray of each beam that represents it where none was selected
@@ -182,11 +188,8 @@ class ScanBuilder:
             error: (M,) errors in standard deviations; empty for a sensor without noise.
         """
         self._add_errors(ranges, error)
-        if self._settings.spent_reads != "range":
-            ranges[outcomes == Outcome.SPENT] = self._spent_range()
-
-    def _spent_range(self) -> float:
-        return 0.0 if self._settings.spent_reads == "zero" else math.inf
+        if self._spent_range is not None:
+            ranges[outcomes == Outcome.SPENT] = self._spent_range
 
     def _select_rays(self, plan: PlannedScan, traces: Traces) -> Rows | None:
         """Select one ray of each beam at random; None where there is only one.
@@ -263,9 +266,9 @@ class ScanBuilder:
 
     def _add_errors(self, ranges: Floats, error: Floats | None) -> None:
         """Add the sensor's random errors to ranges and quantise them, in place."""
-        settings = self._settings
-        if not (self.is_noisy or settings.range_quantum):
+        if not self._has_errors:
             return
+        settings = self._settings
         finite = np.isfinite(ranges)
         if error is not None and error.size:
             exact = ranges[finite]
@@ -288,19 +291,22 @@ class ScanBuilder:
         find_echoes: Callable[[], Echoes],
         scene: Scene | None,
     ) -> Scan:
-        sides = plan.sides if rows is None else plan.sides[rows]
+        sides, settings = None, self._settings
+        if self._has_side_rays:
+            sides = plan.sides if rows is None else plan.sides[rows]
+        # in the order of its attributes: names would take longer
         return Scan(
-            sensor=self._name,
-            pose=plan.pose,
-            angles=self._pattern.angles,
-            ranges=ranges,
-            rays=sides if self._settings.has_side_rays else None,
-            range_min=self._settings.min_range,
-            range_max=self._settings.max_range,
-            resolution=self._resolution,
-            find_cast=partial(_cast, plan, rows),
-            find_echoes=find_echoes,
-            scene=scene,
+            self._name,
+            plan.pose,
+            self._pattern.angles,
+            ranges,
+            sides,
+            settings.min_range,
+            settings.max_range,
+            self._resolution,
+            partial(_cast, plan, rows),
+            find_echoes,
+            scene,
         )
 
     def _echoes(self, plan: PlannedScan, columns: EchoColumns) -> Echoes:

@@ -78,6 +78,9 @@ class RangeScanner:
         self.medium = RADAR if settings.medium == "radar" else LASER
         self.builder = ScanBuilder(name, settings, self.pattern)
         self.needs_incidence = self.builder.needs_incidence
+        self._is_random = self.pattern.is_random or self.builder.is_random
+        self._is_radar = settings.medium == "radar"
+        self._has_detector = settings.has_detector
 
     def __repr__(self) -> str:
         settings = self.settings
@@ -157,7 +160,7 @@ class RangeScanner:
         Raises:
             ValueError: If the pose is invalid, or an rng is needed and missing.
         """
-        if self.settings.has_detector:
+        if self._has_detector:
             return self._scan_by_detector(scene, sensor_pose(scene, pose), rng)
         request = ScanRequest(self, sensor_pose(scene, pose), rng)
         return scan_batch(tracer_of(scene), [request], scene=scene)[0]
@@ -231,15 +234,18 @@ class RangeScanner:
             ValueError: If an rng is needed and missing.
         """
         builder, beams = self.builder, len(self.angles)
-        is_raining = is_raining and self.medium == RADAR
-        is_random = self.pattern.is_random or builder.is_random or is_raining
-        if is_random and not isinstance(rng, np.random.Generator):
-            raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
-        if rng is None or not is_random:
+        is_raining = is_raining and self._is_radar
+        if not (self._is_random or is_raining):
             return Draws(EMPTY, EMPTY, EMPTY, NO_RAIN, builder.needs_events)
+        has_rng = isinstance(rng, np.random.Generator)
+        if rng is None or not has_rng:
+            raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
+        drawn = self.pattern.draw(rng)
+        if not (builder.is_random or is_raining):
+            return Draws(drawn, EMPTY, EMPTY, NO_RAIN, builder.needs_events)
         # In this order, which the numbers that follow depend on.
         return Draws(
-            self.pattern.draw(rng),
+            drawn,
             rng.random(beams) if builder.selects_ray else EMPTY,
             rng.standard_normal(beams) if builder.is_noisy else EMPTY,
             rng.standard_exponential((2, beams)) if is_raining else NO_RAIN,

@@ -177,42 +177,41 @@ def _trace_group(
     traced = tracer.trace_scans(
         scanner.unaimed(group), boxes, events=events, incidence=incidence
     )
-    plans = _plan_traced(tracer, group, traced)
-    pieces = _split(traced.traces, len(plans), events=events)
+    scans = _build_traced(tracer, group, traced, scene)
     if traced.crowded:
         crowded = np.flatnonzero(~traced.clear).tolist()
-        some = aim_scans_apart(tracer, group.take(crowded), boxes)
-        rays = Rays.concatenate([plan.rays for plan in some])
+        plans = aim_scans_apart(tracer, group.take(crowded), boxes)
+        rays = Rays.concatenate([plan.rays for plan in plans])
         traces = tracer.trace(rays, boxes, events=events, incidence=incidence)
-        found = _split(traces, len(some), events=events)
-        for k, plan, piece in zip(crowded, some, found, strict=True):
-            plans[k], pieces[k] = plan, piece
-    return [
-        request.scanner.builder.build(plan, traces, first, scene)
-        for request, plan, (traces, first) in zip(
-            group.requests, plans, pieces, strict=True
-        )
-    ]
+        pieces = _split(traces, len(plans), events=events)
+        for k, plan, (piece, first) in zip(crowded, plans, pieces, strict=True):
+            builder = group.requests[k].scanner.builder
+            scans[k] = builder.build(plan, piece, first, scene)
+    return scans
 
 
-def _plan_traced(
-    tracer: Tracer, group: ScanGroup, traced: TracedScans
-) -> list[PlannedScan]:
-    """Return the scans with the rays that were aimed while they were traced."""
-    scanner, first, plans = group.scanner, 0, []
-    for request, draws in zip(group.requests, group.draws, strict=True):
-        end = first + scanner.rays_per_scan
-        sides, nodes = traced.sides[first:end], traced.nodes[first:end]
-        if scanner.pattern.has_random_rays:
-            sides = scanner.pattern.sides_of(draws.beams)
+def _build_traced(
+    tracer: Tracer, group: ScanGroup, traced: TracedScans, scene: Scene | None
+) -> list[Scan]:
+    """Build scans whose rays were aimed while they were traced.
+
+    Those that are not clear have to be replaced.
+    """
+    pattern, incidence = group.scanner.pattern, group.scanner.needs_incidence
+    size, start, scans = pattern.rays_per_scan, 0, []
+    pieces = _split(traced.traces, len(group.draws), events=group.draws[0].events)
+    for request, draws, (traces, first) in zip(
+        group.requests, group.draws, pieces, strict=True
+    ):
+        scanner, end = request.scanner, start + size
+        sides, nodes = traced.sides[start:end], traced.nodes[start:end]
+        if pattern.has_random_rays:
+            sides = pattern.sides_of(draws.beams)
         aim = partial(scanner.aim_again, request, draws, nodes)
-        plans.append(
-            PlannedScan(
-                *(tracer, request.pose, sides, aim, draws, scanner.needs_incidence)
-            )
-        )
-        first = end
-    return plans
+        plan = PlannedScan(tracer, request.pose, sides, aim, draws, incidence)
+        scans.append(scanner.builder.build(plan, traces, first, scene))
+        start = end
+    return scans
 
 
 def _split(traces: Traces, count: int, *, events: bool) -> list[tuple[Traces, int]]:

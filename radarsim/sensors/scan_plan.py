@@ -41,24 +41,25 @@ class ScanGroup(NamedTuple):
     """Scans of equal sensors, which are traced in one call.
 
     Attributes:
+        scanner: One of the sensors.
         indices: The number of each scan among all that were requested.
         requests: The scans.
         draws: The random numbers of each.
     """
 
+    scanner: "RangeScanner"
     indices: list[int]
     requests: list[ScanRequest]
     draws: list[Draws]
 
-    @property
-    def scanner(self) -> "RangeScanner":
-        """One of the sensors."""
-        return self.requests[0].scanner
-
     def take(self, rows: Sequence[int]) -> "ScanGroup":
         """Return some of the scans."""
-        columns = ([column[row] for row in rows] for column in self)
-        return ScanGroup(*columns)
+        return ScanGroup(
+            self.scanner,
+            [self.indices[row] for row in rows],
+            [self.requests[row] for row in rows],
+            [self.draws[row] for row in rows],
+        )
 
     def range_errors(self) -> Floats:
         """Return the errors of all ranges, scan by scan; empty without noise."""
@@ -95,7 +96,7 @@ def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGrou
         key = i if pattern.has_random_rays else pattern
         group = groups.get(key)
         if group is None:
-            groups[key] = ScanGroup([i], [request], [draws])
+            groups[key] = ScanGroup(scanner, [i], [request], [draws])
         else:
             group.indices.append(i)
             group.requests.append(request)

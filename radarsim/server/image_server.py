@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from radarsim.camera.view import View
 from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
-from radarsim.server.lifecycle import configure_socket, listen, peer_name
+from radarsim.server.peer_connections import PeerConnection, PeerServer
 from radarsim.server.refusal_log import RefusalLog
 
 if TYPE_CHECKING:
@@ -37,7 +37,6 @@ log = logging.getLogger("radarsim.server")
 INTERVAL: Final = 0.2  # s of the wall clock between two pictures
 SILENCE: Final = 1.0  # s
 MAX_VIEWERS: Final = 64
-READ_BYTES: Final = 4096  # read from one viewer at a time
 READ_PAUSE: Final = 0.01  # s
 CLOSE_GRACE: Final = 2.0  # s for a viewer that has closed its side to read a picture
 
@@ -64,13 +63,10 @@ class PictureSource(Protocol):
         ...
 
 
-class ImageServer:
+class ImageServer(PeerServer):
     """Serves pictures of a simulation.
 
     Viewers can connect before the simulation has begun; they wait for their pictures.
-
-    Attributes:
-        address: Host and port that it listens on, once started.
     """
 
     def __init__(self, pictures: PictureSource, *, port: int = 5003) -> None:
@@ -80,30 +76,15 @@ class ImageServer:
             pictures: Draws the pictures; started and stopped by the server.
             port: Port to listen on; 0 for a free one.
         """
-        self.address = ("", 0)
+        super().__init__(port)
         self._pictures = pictures
-        self._port = port
         self._viewers: set[Viewer] = set()
         self._requested = asyncio.Event()
         self._refusals = RefusalLog("viewers")
-        self._listener: asyncio.Server | None = None
         self._drawing: asyncio.Task[None] | None = None
 
-    async def start(self, address: str = "127.0.0.1") -> None:
-        """Listen for viewers.
-
-        Args:
-            address: Address to listen on.
-
-        Raises:
-            ServerError: If the port is taken, or the address is not one of this
-                machine.
-        """
-        self._listener, self.address = await listen(
-            lambda: Viewer(self._viewers, self._requested, self._refusals),
-            address,
-            self._port,
-        )
+    def _accept(self) -> Viewer:
+        return Viewer(self._viewers, self._requested, self._refusals)
 
     async def begin(self, simulation: Simulation) -> None:
         """Draw pictures for viewers that wait.
@@ -116,18 +97,12 @@ class ImageServer:
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        self._close()
+        self._close(self._viewers)
         if self._drawing is not None:
             self._drawing.cancel()
             await asyncio.wait({self._drawing})
         await self._pictures.stop()
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
-
-    def _close(self) -> None:
-        if self._listener is not None:
-            self._listener.close()
-        for viewer in list(self._viewers):
-            viewer.close()
 
     async def _draw_forever(self, simulation: Simulation) -> None:
         """Draw while viewers wait; close the port if that is not possible any more."""
@@ -135,7 +110,7 @@ class ImageServer:
             await self._serve_forever(simulation)
         except ServerError as error:
             log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
-            self._close()
+            self._close(self._viewers)
 
     async def _serve_forever(self, simulation: Simulation) -> None:
         loop = asyncio.get_running_loop()
@@ -157,13 +132,15 @@ class ImageServer:
                 viewer.send(pictures[viewer.region])
 
 
-class Viewer(asyncio.BufferedProtocol):
+class Viewer(PeerConnection):
     """One connection of a viewer.
 
     Attributes:
-        peer: Address and port of the viewer, for the log.
         region: The part of a picture that it waits for; None for no request.
     """
+
+    KIND = "viewer"
+    MOST = MAX_VIEWERS
 
     def __init__(
         self,
@@ -178,15 +155,11 @@ class Viewer(asyncio.BufferedProtocol):
             requested: Set when the viewer waits for a picture.
             refusals: The log of viewers that are refused.
         """
-        self.peer = "?"
+        super().__init__(viewers, refusals)
         self.region: Region | None = None
-        self._viewers = viewers
         self._requested = requested
-        self._refusals = refusals
         self._requests = RequestBuffer()
-        self._buffer = bytearray(READ_BYTES)
         self._can_write = True
-        self._transport: asyncio.Transport | None = None
         self._silence: asyncio.TimerHandle | None = None
 
     @property
@@ -194,25 +167,10 @@ class Viewer(asyncio.BufferedProtocol):
         """Whether it waits for a picture, and has read all earlier ones."""
         return self.region is not None and self._can_write
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Wait for requests, or refuse the viewer if there are too many."""
-        assert isinstance(transport, asyncio.Transport)
-        self.peer = peer_name(transport)
-        if len(self._viewers) >= MAX_VIEWERS:
-            self._refusals.add(self.peer, MAX_VIEWERS)
-            transport.abort()
-            return
-        configure_socket(transport)
+    def _begin(self, transport: asyncio.Transport) -> None:
         transport.set_write_buffer_limits(high=0)
-        self._transport = transport
-        self._viewers.add(self)
         loop = asyncio.get_running_loop()
         self._silence = loop.call_later(SILENCE, self._request, WHOLE)
-        log.info("%s: viewer connected", self.peer)
-
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's name
-        """Return the buffer that received bytes are written to."""
-        return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
         """Look for a request in received bytes."""
@@ -242,12 +200,6 @@ class Viewer(asyncio.BufferedProtocol):
         if self._transport is not None:
             asyncio.get_running_loop().call_later(CLOSE_GRACE, self._transport.abort)
 
-    def connection_lost(self, error: Exception | None) -> None:
-        """Forget the viewer."""
-        if self._transport is not None:
-            self._forget()
-            log.info("%s: viewer disconnected: %s", self.peer, error or "closed")
-
     def send(self, picture: bytes) -> None:
         """Answer the request that waits, and read the next one."""
         if self._transport is None:
@@ -258,13 +210,6 @@ class Viewer(asyncio.BufferedProtocol):
             self._read_on()
         else:
             self._requested.set()
-
-    def close(self) -> None:
-        """Close the connection at once."""
-        transport = self._transport
-        if transport is not None:
-            self._forget()
-            transport.abort()
 
     def _read_on(self) -> None:
         """Look for the next request, unless one waits."""
@@ -283,7 +228,6 @@ class Viewer(asyncio.BufferedProtocol):
             self._silence.cancel()
 
     def _forget(self) -> None:
-        self._transport = None
+        super()._forget()
         self.region = None
-        self._viewers.discard(self)
         self._break_silence()

@@ -21,6 +21,7 @@ import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from radarsim.fmcw.image_rows import ENCODER_COUNTS
 from radarsim.navtech.messages import (
     Direction,
     Message,
@@ -28,7 +29,7 @@ from radarsim.navtech.messages import (
     MessageType,
     RadarConfiguration,
 )
-from radarsim.server.lifecycle import configure_socket, listen, peer_name
+from radarsim.server.peer_connections import PeerConnection, PeerServer
 from radarsim.server.refusal_log import RefusalLog
 
 if TYPE_CHECKING:
@@ -39,20 +40,14 @@ if TYPE_CHECKING:
 log = logging.getLogger("radarsim.server")
 
 PORT: Final = 6317  # of the real radars
-ENCODER_COUNTS: Final = 5600  # in a turn
 MAX_CLIENTS: Final = 8
-READ_BYTES: Final = 4096
 READ_PAUSE: Final = 0.01  # s
 MOST_UNSENT: Final = 262_144  # bytes; some 60 directions
 PATIENCE: Final = 10.0  # s
 
 
-class NavtechServer:
-    """Serves what the radar of one robot receives.
-
-    Attributes:
-        address: Host and port that it listens on, once started.
-    """
+class NavtechServer(PeerServer):
+    """Serves what the radar of one robot receives."""
 
     def __init__(self, *, port: int = PORT, robot: str | None = None) -> None:
         """Create a server that does not listen yet.
@@ -62,31 +57,16 @@ class NavtechServer:
             robot: Name of the robot, in any case; None for the first one that carries
                 such a radar.
         """
-        self.address = ("", 0)
-        self._port = port
+        super().__init__(port)
         self._robot = robot
         self._clients: set[RadarClient] = set()
         self._refusals = RefusalLog("radar clients")
-        self._listener: asyncio.Server | None = None
         self._simulation: Simulation | None = None
         self._antenna: Antenna | None = None
         self._configuration = b""
 
-    async def start(self, address: str = "127.0.0.1") -> None:
-        """Listen for clients.
-
-        Args:
-            address: Address to listen on.
-
-        Raises:
-            ServerError: If the port is taken, or the address is not one of this
-                machine.
-        """
-        self._listener, self.address = await listen(
-            lambda: RadarClient(self._clients, self._refusals, self._tell),
-            address,
-            self._port,
-        )
+    def _accept(self) -> RadarClient:
+        return RadarClient(self._clients, self._refusals, self._tell)
 
     def begin(self, simulation: Simulation) -> None:
         """Serve a radar of a simulation from now on."""
@@ -94,10 +74,7 @@ class NavtechServer:
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        if self._listener is not None:
-            self._listener.close()
-        for client in list(self._clients):
-            client.close()
+        self._close(self._clients)
         self._listen_to(None)
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
@@ -144,13 +121,15 @@ class NavtechServer:
                 client.send(data)
 
 
-class RadarClient(asyncio.BufferedProtocol):
+class RadarClient(PeerConnection):
     """One connection of a client.
 
     Attributes:
-        peer: Address and port of the client, for the log.
         wants_data: Whether it has asked for data.
     """
+
+    KIND = "radar client"
+    MOST = MAX_CLIENTS
 
     def __init__(
         self,
@@ -165,31 +144,14 @@ class RadarClient(asyncio.BufferedProtocol):
             refusals: The log of clients that are refused.
             tell: Sends it the configuration.
         """
-        self.peer = "?"
+        super().__init__(clients, refusals)
         self.wants_data = False
-        self._clients, self._refusals, self._tell = clients, refusals, tell
+        self._tell = tell
         self._messages = MessageBuffer()
-        self._buffer = bytearray(READ_BYTES)
-        self._transport: asyncio.Transport | None = None
         self._read_at = 0.0  # when all that was sent had left last
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Tell the configuration, or refuse the client if there are too many."""
-        assert isinstance(transport, asyncio.Transport)
-        self.peer = peer_name(transport)
-        if len(self._clients) >= MAX_CLIENTS:
-            self._refusals.add(self.peer, MAX_CLIENTS)
-            transport.abort()
-            return
-        configure_socket(transport)
-        self._transport = transport
-        self._clients.add(self)
-        log.info("%s: radar client connected", self.peer)
+    def _begin(self, transport: asyncio.Transport) -> None:  # noqa: ARG002 - not needed
         self._tell(self)
-
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's name
-        """Return the buffer that received bytes are written to."""
-        return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
         """Act on received messages, and read no more for a while."""
@@ -207,12 +169,6 @@ class RadarClient(asyncio.BufferedProtocol):
             self._transport.pause_reading()
             asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
 
-    def connection_lost(self, error: Exception | None) -> None:
-        """Forget the client."""
-        if self._transport is not None:
-            self._forget()
-            log.info("%s: radar client disconnected: %s", self.peer, error or "closed")
-
     def send(self, data: bytes) -> None:
         """Send whole messages, or none of them if too many still wait."""
         if self._transport is None or not data:
@@ -227,21 +183,13 @@ class RadarClient(asyncio.BufferedProtocol):
             log.warning("%s: closed: it reads nothing", self.peer)
             self.close()
 
-    def close(self) -> None:
-        """Close the connection at once."""
-        transport = self._transport
-        if transport is not None:
-            self._forget()
-            transport.abort()
-
     def _read_on(self) -> None:
         if self._transport is not None:
             self._transport.resume_reading()
 
     def _forget(self) -> None:
-        self._transport = None
+        super()._forget()
         self.wants_data = False
-        self._clients.discard(self)
 
 
 def _configuration_of(antenna: Antenna) -> bytes:

@@ -70,7 +70,8 @@ class Antenna:
         vehicle: The robot.
         mounted: The scanner.
         rotation: How far it has turned, and what it has received; None before.
-        listeners: Called with all that is received.
+        listeners: Called with all that is received; it turns for them.
+        observers: Called likewise, but it does not turn for them.
         since: Tick in which it began to turn.
         place: (3,) m, where it was in the tick before; None at first.
         targets: Of the turn that is received.
@@ -80,6 +81,7 @@ class Antenna:
     mounted: MountedScanner
     rotation: Rotation | None = None
     listeners: list[Listener] = field(default_factory=list)
+    observers: list[Listener] = field(default_factory=list)
     since: int = 0
     place: Floats | None = None
     targets: list[Targets] = field(default_factory=list)
@@ -128,7 +130,7 @@ class Antenna:
             carrier_id=self.vehicle.number,
             velocity=self._move(pose),
         ):
-            for listener in self.listeners:
+            for listener in (*self.listeners, *self.observers):
                 listener(SeenSector(sector, self._time_of(sector)))
             complete = self._detect(sector) or complete
         return complete

@@ -16,7 +16,7 @@ from radarsim.presets.items import (
     gps_settings,
     sonar_settings,
 )
-from radarsim.presets.robots import Item, load_robot, robot_names
+from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import has_fmcw, load_fmcw_settings, load_settings
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
@@ -39,20 +39,41 @@ class SimulationConfig:
         drive_unit: Unit of DRIVE; None for the dialect's.
         item_settings: Settings by item name, for items of all robots; a scanner also
             has ``sensor``, the name of another preset.
+        robots: Robot classes besides those that are shipped; of two of one name, the
+            one that is not.
     """
 
     dialect: Dialect = COMPAT
     drive_unit: DriveUnit | None = None
     item_settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    robots: tuple[RobotModel, ...] = ()
+
+    def robot_names(self) -> tuple[str, ...]:
+        """Return the names of all robot classes."""
+        return tuple(dict.fromkeys((*robot_names(), *(r.name for r in self.robots))))
+
+    def robot(self, class_name: str) -> RobotModel:
+        """Return a robot class by its name; case does not matter.
+
+        Raises:
+            PresetError: If there is no such class.
+        """
+        for model in self.robots:
+            if model.name.casefold() == class_name.casefold():
+                return model
+        return load_robot(class_name)
 
     def check(self) -> None:
-        """Check all item settings against all robot classes.
+        """Check all item settings against all robot classes, and classes of its own.
 
         Raises:
             PresetError: If no class has such an item, or the item has no such setting,
-                or a value is out of range.
+                or a value is out of range, or there is no such sensor.
         """
-        items = [item for name in robot_names() for item in load_robot(name).items]
+        items = [i for name in self.robot_names() for i in self.robot(name).items]
+        for model in self.robots:
+            for item in model.items:
+                self._check_item(item)
         for name in self.item_settings:
             named = [item for item in items if item.name.casefold() == name.casefold()]
             if not named:

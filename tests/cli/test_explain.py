@@ -241,3 +241,19 @@ def test_attenuation_of_air_is_printed(radarsim: Command, tmp_path: Path) -> Non
     run = radarsim("explain", str(tmp_path / "fog.yaml"), *ahead)
     assert "everywhere: the air takes 0.055000 of it per metre" in run.text
     assert "reads 4.5000 m, its first echo" in run.text
+
+
+def test_targets_of_a_detector_are_told(radarsim: Command) -> None:
+    words = (
+        *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
+        *("--set", "detector=ca", "--beam", "3"),
+    )
+    told = json.loads(radarsim("explain", *words, "--format", "json").text)
+    assert told["detector"] == "ca"
+    strongest = max(told["targets"], key=lambda target: target["dbm"])
+    assert told["range"] == strongest["range"]
+    # The wall behind the robot.
+    assert told["range"] == pytest.approx(told["distance"], abs=0.2)
+    text = radarsim("explain", *words).text
+    assert f"a target of {strongest['dbm']:.1f} dBm" in text
+    assert "its strongest target by its detector 'ca'" in text

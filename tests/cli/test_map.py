@@ -14,7 +14,7 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.client import Client
-from radarsim.exploration.exploration import warm_up
+from radarsim.exploration.compilation import warm_up
 from radarsim.protocol.reports import Ins, RangeScan
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.map_file import shipped_maps
@@ -49,6 +49,7 @@ def test_map_is_written_and_summarised_in_lines(
         r"pose     0\.0\d\d m and 0\.\d\d degrees off, at most 0\.0\d\d m and"
         r" 0\.\d\d\n"
         r"in truth 0\.\d\d m, \d\d\.\d% of the floor sensed, \d\d\.\d% at short range,"
+        r" \d\d+\.\d% of what it can get to,"
         r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
         r" \d+ wrong, collisions: 0\n"
         r"files    map\.png, map\.pgm, map\.yaml, map\.tum, map_view\.png"
@@ -81,13 +82,15 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     told = json.loads(run.text)
     assert list(told) == [
         *("outcome", "strategy", "seed_from", "time", "path_length"),
-        *("left_out", "safety_distance", "scans", "loop_closures", "cells"),
+        *("left_out", "safety_distance", "scans", "scans_left_out"),
+        *("loop_closures", "cells"),
         *("pose_errors", "files"),
         "error",
         "judge",
     ]
     assert (told["outcome"], told["strategy"]) == ("time_limit", "auto")
     assert (told["seed_from"], told["error"]) == ("ins", None)
+    assert told["scans_left_out"] == {"no_pose": 0, "no_echoes": 0, "late": 0}
     assert told["cells"]["foliage"] > 1000
     assert told["cells"]["resolution"] == 0.05
     assert list(told["pose_errors"]) == [
@@ -153,7 +156,7 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
         *("--scanner", "lms200", "--timeout", "1"),
     )
     told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (0, "explored")
+    assert (run.code, told["outcome"]) == (0, "incomplete")  # beyond 2 m
     assert told["strategy"] == "centre_out"
     assert told["seed_from"] == "odometry"
     assert told["safety_distance"] == pytest.approx(0.37 + 0.4 + 0.13, abs=0.01)

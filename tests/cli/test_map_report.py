@@ -59,11 +59,13 @@ def test_open_map_has_no_coverage(empty_room: Scene) -> None:
         unknown=None,
         coverage=None,
         near_coverage=None,
+        reachable_coverage=None,
         hidden_coverage=None,
         obstacles=0,
         within_one_cell=None,
         within_two_cells=None,
         false_obstacles=0.0,
+        misplaced=None,
         class_accuracy=None,
     )
     assert as_text(run)[-1] == "in truth 0.00 m, 3 cells right, 1 wrong, collisions: 0"

@@ -18,13 +18,23 @@ def test_table_has_a_row_for_each_kind_of_trial(radarsim: Command) -> None:
     assert run.code == 0
     head, *rows = run.text.splitlines()
     assert head.split() == [
-        *("map", "algorithm", "sensor", "success", "path", "m", "ratio", "touches"),
+        *(
+            "map",
+            "algorithm",
+            "rule",
+            "sensor",
+            "success",
+            "path",
+            "m",
+            "ratio",
+            "touches",
+        ),
         *("time", "s", "circuits"),
     ]
     one, two, _, last = rows
-    assert one.split()[:4] == ["bug_box", "bug1", "radar", "1/1"]
-    assert two.split()[:4] == ["bug_box", "bug2", "radar", "1/1"]
-    assert float(one.split()[4]) > float(two.split()[4])
+    assert one.split()[:5] == ["bug_box", "bug1", "share", "radar", "1/1"]
+    assert two.split()[:5] == ["bug_box", "bug2", "share", "radar", "1/1"]
+    assert float(one.split()[5]) > float(two.split()[5])
     assert re.fullmatch(r"2 trials in \d+\.\d s by 1 process", last)
     assert max(map(len, rows)) <= 80
 
@@ -63,6 +73,7 @@ def test_map_without_a_trial_is_an_error_that_lists_those_with_one(
     [
         pytest.param(["--maps", "bug_box,"], ["names with commas"], id="empty"),
         pytest.param(["--algorithms", "bug3"], ["'bug3'", "'bug2'"], id="algorithm"),
+        pytest.param(["--rules", "most"], ["'most'", "'thesis'"], id="rule"),
         pytest.param(["--sensors", "sonar"], ["'sonar'", "'laser'"], id="sensor"),
         pytest.param(["--seeds", "0"], ["--seeds"], id="seeds"),
         pytest.param(["--workers", "0"], ["--workers"], id="workers"),
@@ -87,7 +98,7 @@ def test_errors_of_a_map_are_printed(radarsim: Command, tmp_path: Any) -> None:
 
 def test_failed_trial_is_described() -> None:
     score = TrialResult(
-        *("bug_maze", "bug1", "radar", 3),
+        *("bug_maze", "bug1", "radar", 3, "thesis"),
         outcome="failed",
         collisions=2,
         path_length=1.0,
@@ -98,7 +109,7 @@ def test_failed_trial_is_described() -> None:
         note="no scan",
     )
     assert _failure_text(score) == (
-        "bug_maze bug1 radar seed 3: failed; no scan; collisions: 2"
+        "bug_maze bug1 thesis radar seed 3: failed; no scan; collisions: 2"
     )
 
 
@@ -121,6 +132,7 @@ def test_random_trials_are_resumed(radarsim: Command, tmp_path: Any) -> None:
     [
         pytest.param(["--output", "x"], "with --random", id="without"),
         pytest.param(["--random", "1", "--maps", "bug_box"], "--maps", id="maps"),
+        pytest.param(["--random", "1", "--rules", "all"], "--rules", id="rules"),
         pytest.param(["--random", "1", "--json"], "--json", id="json"),
         pytest.param(["--random", "0"], "--random", id="none"),
         pytest.param(["--random", "1", "--output", __file__], "expected", id="file"),

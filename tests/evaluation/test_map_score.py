@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarsim.evaluation.map_score import MapScore, Truth, score_map
+from radarsim.evaluation.map_score import MapScore, score_map
+from radarsim.evaluation.map_truth import Truth
 from radarsim.mapping.occupancy_grid import (
     CellClass,
     GridFrame,
@@ -75,9 +76,9 @@ def test_true_map_has_a_perfect_score(name: str) -> None:
     assert score.right > 100_000
 
 
-def test_free_floor_has_the_area_of_the_room(empty_room: Scene) -> None:
-    free = Truth(empty_room, FRAME, HEIGHT).free()
-    assert np.count_nonzero(free) * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.01)
+def test_floor_has_the_area_of_the_room(empty_room: Scene) -> None:
+    indoors = Truth(empty_room, FRAME, HEIGHT).indoors_around(START)
+    assert np.count_nonzero(indoors) * 0.05**2 == pytest.approx(20.8 * 12.8, rel=0.01)
 
 
 def test_unknown_cells_are_not_wrong(foliage_room: Scene) -> None:
@@ -86,6 +87,7 @@ def test_unknown_cells_are_not_wrong(foliage_room: Scene) -> None:
     )
     assert (score.right, score.wrong, score.obstacles) == (0, 0, 0)
     assert score.coverage == score.hidden_coverage == 0.0
+    assert score.reachable_coverage == 0.0
     assert score.near_coverage == pytest.approx(0.1, abs=0.02)  # around the start
     assert (
         score.within_one_cell is score.within_two_cells is score.class_accuracy is None
@@ -188,3 +190,66 @@ def test_json_values_are_rounded(empty_room: Scene) -> None:
     assert values["coverage"] == 1.0
     assert values["hidden_coverage"] is None
     assert all(len(str(value)) < 8 for value in values.values())
+
+
+# A room of 8 by 6 m: a closed block of four walls in one corner, 1.9 by 1.9 m inside,
+# and a hedge that parts the last 2 m, which a radar sees through.
+BLOCK_ROOM = """\
+version: 1
+materials: {wall: {density: opaque}, hedge: {density: 0.5}}
+objects:
+  - {name: floor, box: [20, 20, 0.2], position: [0, 0, -0.1], material: wall}
+  - {name: north, box: [8.2, 0.2, 2], position: [0, 3.1, 1], material: wall}
+  - {name: south, box: [8.2, 0.2, 2], position: [0, -3.1, 1], material: wall}
+  - {name: east, box: [0.2, 6, 2], position: [4.1, 0, 1], material: wall}
+  - {name: west, box: [0.2, 6, 2], position: [-4.1, 0, 1], material: wall}
+  - {name: block_side, box: [0.1, 2, 2], position: [-1.95, 2, 1], material: wall}
+  - {name: block_front, box: [2, 0.1, 2], position: [-3, 1.05, 1], material: wall}
+  - {name: hedge, box: [0.4, 6, 2], position: [2.2, 0, 1], material: hedge}
+starts: [{name: RobotStart1, position: [-1, -1.5, 0]}]
+"""
+
+
+@pytest.fixture(scope="module")
+def block_room(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = tmp_path_factory.mktemp("maps") / "block_room.yaml"
+    path.write_text(BLOCK_ROOM)
+    return load_map(path)
+
+
+def score_of_seen(scene: Scene, seen: Mask) -> MapScore:
+    classes = np.where(seen, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
+    return compute_score(classes, scene, start=(-1.0, -1.5))
+
+
+def test_reachable_floor_is_that_of_the_robot_without_closed_blocks(
+    block_room: Scene,
+) -> None:
+    across, up = (axis.ravel() for axis in np.meshgrid(*FRAME.cell_centers()))
+    across, up = across.reshape(FRAME.shape), up.reshape(FRAME.shape)
+    in_block = (across < -1.9) & (up > 1.0)
+    this_side = (across < 2.0) & ~in_block
+    score = score_of_seen(block_room, this_side)
+    assert score.reachable_coverage == 1.0
+    assert score.hidden_coverage == 0.0
+    assert score.coverage == pytest.approx((36 - 4) / (36 - 4 + 1.6 * 6), abs=0.02)
+    half = score_of_seen(block_room, this_side & (up < -1.0))
+    assert half.reachable_coverage == pytest.approx(12 / (36 - 4), abs=0.02)
+    behind = score_of_seen(block_room, across > 2.4)
+    assert (behind.reachable_coverage, behind.hidden_coverage) == (0.0, 1.0)
+    assert score_of_seen(block_room, ~in_block).coverage == 1.0
+
+
+def test_walls_farther_than_15_cm_from_the_true_ones_are_misplaced(
+    empty_room: Scene,
+) -> None:
+    right = perfect(empty_room)
+    assert compute_score(right, empty_room).misplaced == 0.0
+    across, up = FRAME.cell_centers()
+    for offset, is_misplaced in [(0.1, False), (0.3, True)]:
+        classes = right.copy()
+        row = np.abs(up - (6.4 - offset)).argmin()
+        classes[row, np.abs(across) < 4.0] = CellClass.OBSTACLE  # a wall again
+        misplaced = compute_score(classes, empty_room).misplaced
+        share = 160 / np.count_nonzero(classes == CellClass.OBSTACLE)
+        assert misplaced == pytest.approx(share if is_misplaced else 0.0, rel=0.01)

@@ -84,3 +84,13 @@ def test_lone_peaks_over_flat_noise_are_counted() -> None:
     for start in (200, 500, 800):
         counts[::2, start : start + 6] = 90
     assert 60 <= cen2018_peaks(counts) < 66
+
+
+def test_peaks_are_about_as_many_as_in_real_images() -> None:
+    """467 and 478 in two images of RADIATE; within a factor of two."""
+    scene = radarsim.load_map("forest_edge")
+    radar = radarsim.load_sensor("navtech_cts350x_radiate")
+    start = scene.starts[0].pose
+    place = (start.x, start.y, start.yaw)
+    counts = radar.spectrum(scene, place, radarsim.generator_for(0)).counts
+    assert 236 < cen2018_peaks(counts, smoothing=5, nearest=15) < 944

@@ -25,7 +25,7 @@ from radarsim.scene.scene import Scene
 QUICK = TrialSpec("bug_box", "bug2", "radar", 0)
 CLOSED = TrialSpec("bug_closed_box", "bug2", "laser", 1)
 DONE = TrialResult(
-    *("bug_box", "bug2", "radar", 0),
+    *("bug_box", "bug2", "radar", 0, "share"),
     outcome="reached",
     collisions=0,
     path_length=11.41849,

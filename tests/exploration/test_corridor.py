@@ -1,4 +1,4 @@
-"""A corridor without features, longer than the scanner sees."""
+"""Corridors that are longer than the scanner sees: a straight one, and a ring."""
 
 from pathlib import Path
 
@@ -43,3 +43,40 @@ def test_matching_along_a_corridor_is_no_worse_than_the_motion_alone(
     assert errors["length"] > 30
     assert errors["motion_ate"] > 0.01
     assert errors["ate"] <= 1.1 * errors["motion_ate"] + 0.01
+
+
+# A corridor 2.2 m wide around a block; 60 m along its middle.
+RING = """\
+version: 1
+materials:
+  concrete: {density: opaque}
+objects:
+  - {name: floor, box: [40, 40, 0.2], position: [0, 0, -0.1], material: concrete}
+  - {name: north, box: [18.6, 0.2, 2], position: [0, 8.2, 1], material: concrete}
+  - {name: south, box: [18.6, 0.2, 2], position: [0, -8.2, 1], material: concrete}
+  - {name: east, box: [0.2, 16.2, 2], position: [9.2, 0, 1], material: concrete}
+  - {name: west, box: [0.2, 16.2, 2], position: [-9.2, 0, 1], material: concrete}
+  - {name: block, box: [13.8, 11.8, 2], position: [0, 0, 1], material: concrete}
+starts:
+  - {name: RobotStart1, position: [-3, -7, 0]}
+"""
+# So near to each other that the way on is shorter than the way back.
+AROUND = (
+    *((8.0, -7.0), (8.0, 0.0), (8.0, 7.0), (0.0, 7.0), (-8.0, 7.0)),
+    *((-8.0, 0.0), (-8.0, -4.0), (-8.0, -7.0), (-3.0, -7.0), (4.0, -7.0)),
+)
+
+
+def test_a_ring_closes_and_has_each_wall_once(tmp_path: Path) -> None:
+    path = tmp_path / "ring.yaml"
+    path.write_text(RING)
+    config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
+    plan = ExplorationPlan(waypoints=AROUND, speed_limits=SpeedLimits(speed=0.6))
+    run = MappingRun(plan, Host(load_map(path), config=config, seed=1))
+    run.run(("", 0))
+    run.judge()
+    told = run.result.to_dict()
+    assert told["loop_closures"] >= 1
+    assert 60 < told["pose_errors"]["length"] < 75
+    assert told["pose_errors"]["ate"] < 0.05 < told["pose_errors"]["motion_ate"]
+    assert told["judge"]["misplaced"] < 0.005

@@ -13,12 +13,12 @@ import radarsim.mapping
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
+from radarsim.exploration.compilation import warm_up
 from radarsim.exploration.exploration import (
     Exploration,
     ExplorationPlan,
     ExplorationStep,
     Outcome,
-    warm_up,
 )
 from radarsim.exploration.options import StrategyName
 from radarsim.geometry import Pose2

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from radarsim.exploration.traversability import MARGIN, TraversabilityMap
+from radarsim.exploration.traversability import TraversabilityMap
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.occupancy_grid import (
     OccupancyGrid,
@@ -40,15 +40,15 @@ def floor(look: Look, room: Floats) -> TraversabilityMap:
 
 
 def test_open_floor_keeps_the_safety_distance(floor: TraversabilityMap) -> None:
-    nearest = 4.0 - SAFETY - MARGIN  # of the wall at y = 4
+    nearest = 4.0 - SAFETY  # of the wall at y = 4
     assert floor.is_open(0.0, nearest - 0.15)
     assert not floor.is_open(0.0, nearest + 0.15)
     assert not floor.is_open(0.0, 99.0)
 
 
-def test_open_lines_cross_no_obstacle(floor: TraversabilityMap) -> None:
-    assert floor.is_line_open(MIDDLE, -4.0, 2.0)
-    assert not floor.is_line_open(MIDDLE, -4.6, -2.0)  # a box is between
+def test_short_cuts_cross_no_obstacle(floor: TraversabilityMap) -> None:
+    assert floor.is_line_cheap(MIDDLE, -4.0, 2.0)
+    assert not floor.is_line_cheap(MIDDLE, -4.6, -2.0)  # a box is between
 
 
 def test_unknown_is_behind_things_and_walls(floor: TraversabilityMap) -> None:

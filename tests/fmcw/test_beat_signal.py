@@ -1,6 +1,7 @@
 """Noise, speckle and points in a spectrum, against closed forms."""
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -200,3 +201,22 @@ def test_detection_of_points_is_that_of_their_fluctuation(
     ]
     found = (np.array(power) > -math.log(pfa)).mean()
     assert found == pytest.approx(expected, abs=0.025)
+
+
+def test_detection_of_known_phase_is_that_of_published_curves() -> None:
+    """A threshold on the part in phase: 12.4 dB over a Pfa of 1e-6 are 0.8733.
+
+    A far stronger tone of the same phase makes the power follow that part alone.
+    """
+    settings = radar(azimuths=2000, bins=100, bin_size=0.17).settings
+    count, strong = settings.azimuths, 1e3
+    field = np.full(count, strong + 10 ** (12.4 / 20))
+    at, rows = np.full(count, 50 * settings.bin_size), np.arange(count)
+    tones = Tones(rows, at, np.zeros(count), field**2)
+    power = [
+        beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))[:, 50]
+        for seed in range(4)
+    ]
+    in_phase = np.sqrt(np.array(power, np.float64)) - strong
+    threshold = NormalDist(0, math.sqrt(0.5)).inv_cdf(1 - 1e-6)
+    assert (in_phase > threshold).mean() == pytest.approx(0.8733, abs=0.015)

@@ -5,17 +5,15 @@ import pytest
 from fmcw_scenes import no_echoes, radar
 
 from radarsim.fmcw.beat_signal import NO_TONES, beat_spectrum
-from radarsim.fmcw.detection import (
+from radarsim.fmcw.cfar import ca_mask, os_mask
+from radarsim.fmcw.cfar_thresholds import (
     Training,
     ca_factor,
-    ca_mask,
     os_factor,
-    os_mask,
-    peaks_of,
-    strongest_mask,
     training_correlation,
     training_of,
 )
+from radarsim.fmcw.detection import peaks_of, strongest_mask
 from radarsim.rng import generator_for
 
 NEIGHBOURS = Training(32, 2, 1)
@@ -51,6 +49,19 @@ def test_factor_of_ca(count: int, pfa: float, factor: float) -> None:
 )
 def test_factor_of_os(count: int, order: int, pfa: float, factor: float) -> None:
     assert os_factor(count, order, pfa) == pytest.approx(factor, rel=1e-4)
+
+
+def test_thresholds_of_ca_are_those_of_another_program() -> None:
+    """Those of radarsimpy for a line of ones with a target of 20 at bin 16."""
+    training = Training(20, 2, 1)
+    line = np.ones((1, 64), np.float32)
+    line[0, 16] = 20
+    # The target is among the training bins of 20; around 45 all are ones.
+    for at, threshold in ((20, 10.09809106), (45, 5.17850824)):
+        for part, is_found in ((0.9999, False), (1.0001, True)):
+            line_ = line.copy()
+            line_[0, at] = part * threshold
+            assert ca_mask(line_, training, 1e-2)[0, at] == is_found
 
 
 def exponential(seed: int) -> np.ndarray:

@@ -289,3 +289,27 @@ def test_echoes_belong_to_scans_without_time_stamps_too() -> None:
         feed(maker, scan(math.nan, 4.0))
     assert maker.scans == 3
     assert class_at(maker, 0.2 + 3.0, 0.0) == CellClass.FOLIAGE
+
+
+def test_only_what_is_within_the_map_range_is_mapped() -> None:
+    maker = mapper(map_range=2.5)
+    *_, sensed = feed(
+        maker,
+        ins(0.1),
+        echoes(0.1, (1.0, "enter"), (3.0, "leave"), line=1, lines=2),
+        echoes(0.1, (5.0, "hit"), object="wall", material="brick", line=2, lines=2),
+        scan(0.1, 5.0),
+    )
+    assert sensed.ranges[AHEAD] == pytest.approx(1.2)
+    assert class_at(maker, 1.9, 0.0) == CellClass.FOLIAGE
+    assert class_at(maker, 2.6, 0.0) == CellClass.FOLIAGE
+    across, up = np.meshgrid(*maker.grid.frame.cell_centers())
+    away = np.hypot(across - 0.2, up)[maker.grid.sensed_cells()]
+    assert 2.4 < away.max() < 2.6
+
+
+def test_scans_that_are_left_out_are_counted() -> None:
+    maker = mapper(echo_wait=0.5)
+    feed(maker, scan(0.0, 3.0), ins(0.1), scan(0.1, 3.0), scan(0.2, 3.0))
+    feed(maker, no_echoes(0.3), scan(0.3, 3.0))
+    assert (maker.scans, maker.left_out) == (1, {"no_pose": 1, "no_echoes": 2})

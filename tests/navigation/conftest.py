@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.navigation.bug import Bug
 from radarsim.navigation.control import Twist
 from radarsim.navigation.observation import Observation
+from radarsim.navigation.runner import Controller
 
 BEARINGS: Floats = np.radians(np.arange(360.0) - 180.0)
 STEP = 0.1  # s between two scans
@@ -75,7 +75,7 @@ class Flatland:
         place = shapely.Point(self.pose.x, self.pose.y)
         self.nearest = min(self.nearest, float(self._lines.distance(place)))
 
-    def run(self, bug: Bug, *, steps: int = 20_000) -> None:
+    def run(self, bug: Controller, *, steps: int = 20_000) -> None:
         """Run a bug until it is done."""
         for _ in range(steps):
             self.move(bug.step(self.scan()))

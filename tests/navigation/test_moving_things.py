@@ -30,7 +30,7 @@ def test_robot_lets_something_pass_and_reaches_its_goal(
 ) -> None:
     world = flatland(at=Pose2(-3.0, 0.0))
     bug = Bug([(3.0, 0.0)], BugSettings(algorithm=Algorithm.BUG1, bumpers=BUMPERS))
-    waiting, twist, nearest = Waiting(BUMPERS), STOP, math.inf
+    waiting, twist, nearest = Waiting(BUMPERS, 0.37), STOP, math.inf
     for k in range(600):
         other = crossing(begin + speed * 0.1 * k)
         world.walls = flatland(other, at=world.pose).walls
@@ -58,7 +58,7 @@ def test_nothing_moves_where_only_the_robot_does(flatland: World) -> None:
 
 def test_robot_does_not_wait_for_ever(flatland: World) -> None:
     """Something drives to and fro before it."""
-    world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS)
+    world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.37)
     waits = []
     for k in range(400):
         y = 0.4 * math.sin(0.08 * k)
@@ -71,3 +71,36 @@ def test_robot_does_not_wait_for_ever(flatland: World) -> None:
     stood = (ends[1::2] - ends[::2]).max()
     assert 0 < stood <= 10 * PATIENCE + 1
     assert not all(waits[-200:])
+
+
+def test_robot_that_is_driven_into_backs_off(flatland: World) -> None:
+    """Something comes from ahead, at the robot's left front, and does not stop."""
+    world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.37)
+    away = None
+    for k in range(60):
+        x = max(3.0 - 0.05 * k, 0.34)
+        world.walls = flatland(shapely.box(x, -0.1, x + 0.5, 0.3), at=world.pose).walls
+        scan = world.scan()
+        waiting.has_to_wait(scan, Twist(0.3, 0.0))
+        away = waiting.back_off(scan)
+        assert (away is not None) == (scan.ranges.min() < 0.37)
+        world.move(STOP)
+    assert away is not None
+    assert (away.speed < 0, away.turn) == (True, 0.0)
+
+
+def test_robot_does_not_back_off_from_what_stands_or_into_something(
+    flatland: World,
+) -> None:
+    behind = shapely.box(-1.0, -0.5, -0.4, 0.5)
+    world, waiting = flatland(behind, at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.45)
+    assert waiting.back_off(world.scan()) is None
+    for k in range(60):
+        x = max(3.0 - 0.05 * k, 0.34)
+        world.walls = flatland(
+            behind, shapely.box(x, -0.1, x + 0.5, 0.3), at=world.pose
+        ).walls
+        scan = world.scan()
+        waiting.has_to_wait(scan, Twist(0.3, 0.0))
+        world.move(STOP)
+    assert waiting.back_off(scan) == STOP

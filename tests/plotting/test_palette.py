@@ -107,6 +107,7 @@ def test_family_follows_from_name_and_properties(
         ("metal", Family.METAL),
         ("glass", Family.GLASS),
         ("fog", Family.SMOKE),
+        ("atmosphere", Family.SMOKE),
         ("rain", Family.SMOKE),
     ],
 )

@@ -21,10 +21,11 @@ PLANTS = (
 BOARDS = ("wood", "plasterboard", "chipboard")
 WALLS = ("concrete", "brick", "metal")
 WEATHER = ("smoke", "dust", "fog", "rain")
+AIR = (*WEATHER, "atmosphere")
 
 
 def test_library_holds_the_known_materials() -> None:
-    names = {*PLANTS, *BOARDS, *WALLS, *WEATHER, "glass"}
+    names = {*PLANTS, *BOARDS, *WALLS, *AIR, "glass"}
     assert set(library_names()) == set(library()) == names
     assert list(library_names()) == sorted(names)
 
@@ -66,8 +67,8 @@ def test_walls_are_opaque_and_solid(name: str) -> None:
     assert wall.solid
 
 
-@pytest.mark.parametrize("name", WEATHER)
-def test_weather_is_penetrable_by_beams_and_robots(name: str) -> None:
+@pytest.mark.parametrize("name", AIR)
+def test_air_and_weather_are_penetrable_by_beams_and_robots(name: str) -> None:
     air = library_material(name)
     assert (air.density, air.laser_density, air.solid) == (0, 0, False)
     assert min(air.radar_db) > 0
@@ -113,7 +114,9 @@ def test_amount_of_the_wrong_unit_is_rejected() -> None:
 
 
 def test_unknown_material_is_rejected_with_the_known_names() -> None:
-    with pytest.raises(PresetError, match=r"^material 'wod', expected one of \['brick"):
+    with pytest.raises(
+        PresetError, match=r"^material 'wod', expected one of \['atmosphere"
+    ):
         library_material("wod")
 
 

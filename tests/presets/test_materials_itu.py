@@ -14,14 +14,14 @@ from radarsim.presets.materials import library_entry, library_material
 BANDS = (24, 77, 94)
 
 
-def _models() -> tuple[ModuleType, ModuleType]:
+def _models() -> tuple[ModuleType, ModuleType, ModuleType]:
     with warnings.catch_warnings():  # from its imports
         warnings.simplefilter("ignore")
-        from itur.models import itu838, itu840
-    return itu838, itu840
+        from itur.models import itu676, itu838, itu840
+    return itu676, itu838, itu840
 
 
-RAIN, FOG = _models()
+GAS, RAIN, FOG = _models()
 
 
 def law(f_ghz: float, tilt_deg: float, elevation_deg: float = 0.0) -> PowerLaw:
@@ -72,3 +72,23 @@ def test_library_loss_of_one_gramme_of_fog_is_that_of_p840(
     assert 1000 * loss == pytest.approx(db, abs=1e-3)
     published = float(FOG.specific_attenuation_coefficients(band, 10))
     assert published == pytest.approx(db, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("f_ghz", "db_per_km"),
+    [
+        (24, 0.17316114),
+        (60, 14.77832),
+        (77, 0.34804351),
+        (94, 0.40812888),
+        (95, 0.41569336),
+    ],
+)
+def test_loss_in_clear_air_is_that_of_p676(f_ghz: float, db_per_km: float) -> None:
+    """The values are those that ITU-R publishes to validate programs."""
+    air = 1013.25, 7.5, 288.15  # hPa, g/m^3, K
+    oxygen, vapour = (law(f_ghz, *air) for law in (GAS.gamma0_exact, GAS.gammaw_exact))
+    assert (oxygen + vapour).value == pytest.approx(db_per_km, rel=1e-6)
+    if f_ghz in BANDS:
+        loss = library_material("atmosphere").radar_db[BANDS.index(int(f_ghz))]
+        assert 1000 * loss == pytest.approx(db_per_km, rel=3e-5)

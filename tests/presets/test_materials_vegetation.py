@@ -1,7 +1,7 @@
 """Vegetation of the library, against published one-way losses at 28.8 to 80 GHz."""
 
 import pytest
-from oracles.vegetation import convert_band, weissberger
+from oracles.vegetation import convert_band, p833, p833_most, weissberger
 
 from radarsim.presets.materials import library_material
 
@@ -73,3 +73,22 @@ def test_library_has_the_losses_of_its_sources(
 ) -> None:
     law = [convert_band(db, at_ghz, band) for band in (24, 77, 94)]
     assert library_material(name).radar_db == pytest.approx(law, abs=0.006)
+
+
+@pytest.mark.parametrize(
+    ("f_ghz", "most"),
+    [(0.1059, 9.4), (0.466475, 18.0), (0.949, 26.5), (1.8522, 29.0), (2.1175, 34.1)],
+)
+def test_most_that_woods_take_is_near_the_values_measured_for_p833(
+    f_ghz: float, most: float
+) -> None:
+    assert p833_most(f_ghz) == pytest.approx(most, abs=3.4)
+
+
+@pytest.mark.parametrize("band", [24, 77, 94])
+def test_loss_that_grows_evenly_is_near_p833_as_far_as_a_radar_sees(band: int) -> None:
+    """Its maximum is carried to these bands by its law, 95 to 168 dB."""
+    per_metre = library_material("woodland").radar_db[(24, 77, 94).index(band)]
+    depth = 20.0 / per_metre  # 40 dB, there and back
+    law = p833(per_metre, p833_most(band), depth)
+    assert law == pytest.approx(20.0, rel=0.1)

@@ -68,6 +68,14 @@ def test_scan_has_its_ranges_and_misses_are_infinite(
     assert limits == (0.5, 80.0, np.float32(0.1))
 
 
+def test_picture_has_its_rows() -> None:
+    pixels = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    found = decoded(messages.grey_image(2.5, "R1/Navtech", pixels))
+    assert (found.header.frame_id, found.encoding) == ("R1/Navtech", "mono8")
+    assert (found.height, found.width, found.step) == (3, 4, 4)
+    assert found.data.tolist() == list(range(12))
+
+
 @given(TIMES, POSES)
 def test_poses_are_positions_and_unit_quaternions(time: float, pose: Pose3) -> None:
     found = decoded(messages.pose_stamped(time, "map", pose)).pose

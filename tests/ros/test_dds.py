@@ -38,40 +38,57 @@ def bridge(server: UsarsimServer, domain: int) -> Iterator[int]:
             process.communicate(timeout=TIMEOUT)
 
 
-def listen(domain: int, seconds: float) -> list[dict[str, Any]]:
-    command = [sys.executable, str(LISTENER), str(domain), str(seconds)]
-    found: list[dict[str, Any]] = json.loads(
-        subprocess.check_output(command, timeout=2 * TIMEOUT)
-    )
-    return found
+def start_listener(domain: int, count: int) -> "subprocess.Popen[bytes]":
+    """Start a participant that drives, until it has heard so many scans."""
+    command = [sys.executable, str(LISTENER), str(domain), str(count)]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, stdin=pipe, stdout=pipe)
 
 
-@pytest.mark.slow
 @foliage_server
 def test_participant_hears_scans_and_drives(usarsim_server: UsarsimServer) -> None:
     pytest.importorskip("cyclonedds")
     with (
         Client.connect("127.0.0.1", usarsim_server.port) as watcher,
         bridge(usarsim_server, DOMAIN),
+        start_listener(DOMAIN + 101, 1) as other,
+        start_listener(DOMAIN, 30) as listener,
     ):
-        heard = listen(DOMAIN, 90)
+        heard = scans_of(listener)
         watcher.watch(["R1"])
-        poses: list[GroundTruth] = []
-        while not poses or poses[-1].time < poses[0].time + 1.5:
-            poses += [
-                each.report
-                for each in watcher.read()
-                if isinstance(each, WatchedLine)
-                and isinstance(each.report, GroundTruth)
-            ]
-        assert listen(DOMAIN + 101, 3) == []  # another domain
-    assert len(heard) >= 40
+        poses = watch_until_it_stands(watcher)
+        assert json.loads(other.communicate(b"\n", timeout=TIMEOUT)[0]) == []
     times = [scan["time"] for scan in heard]
     assert times == sorted(times)
     assert {scan["frame"] for scan in heard} == {"R1/lms200"}
     assert {len(scan["ranges"]) for scan in heard} == {181}
     assert heard[0]["ranges"] != heard[-1]["ranges"]  # it has driven
-    assert poses[-1].pose == poses[-2].pose  # and stands, as no command comes
+    # It stands, as no command comes; it has not driven to the wall.
+    assert poses[-1].pose == poses[-2].pose
+    assert poses[-1].pose.x < poses[0].pose.x + 3
+
+
+def scans_of(listener: "subprocess.Popen[bytes]") -> list[dict[str, Any]]:
+    """Return what a listener has heard once it has ended."""
+    assert listener.stdout is not None
+    found: list[dict[str, Any]] = json.loads(listener.stdout.read())
+    return found
+
+
+def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
+    """Return poses of 1.5 s of simulated time or more, of which the last two agree."""
+    poses: list[GroundTruth] = []
+    while (
+        not poses
+        or poses[-1].time < poses[0].time + 1.5
+        or poses[-1].pose != poses[-2].pose
+    ):
+        poses += [
+            each.report
+            for each in watcher.read(TIMEOUT)
+            if isinstance(each, WatchedLine) and isinstance(each.report, GroundTruth)
+        ]
+    return poses
 
 
 def test_unknown_interface_is_refused() -> None:

@@ -1,12 +1,13 @@
 """Program: drive a robot over DDS, and print what it heard as JSON.
 
-Arguments: the domain. Its types are written by hand, from the definitions of ROS.
+Arguments: the domain, and how many scans to hear. It ends before if its standard input
+does. Its types are written by hand, from the definitions of ROS.
 """
 
 import json
 import math
+import select
 import sys
-import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
+POLL = 0.05  # s between looks for scans
 LOCAL = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/>
 </Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery>
 <ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers>
@@ -64,7 +66,7 @@ class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
 
 
 def main() -> None:
-    domain, seconds = int(sys.argv[1]), float(sys.argv[2])
+    domain, count = int(sys.argv[1]), int(sys.argv[2])
     kept = Domain(domain, LOCAL)
     participant = DomainParticipant(domain)
     quality = Qos(Policy.Reliability.Reliable(0), Policy.History.KeepLast(10))
@@ -73,9 +75,8 @@ def main() -> None:
     wheels = Topic(participant, "rt/R1/cmd_vel", Twist)
     writer = DataWriter(participant, wheels, quality)
     heard: list[dict[str, Any]] = []
-    until = time.monotonic() + seconds
-    while time.monotonic() < until and len(heard) < 40:
-        if len(heard) < 20:
+    while len(heard) < count and not select.select([sys.stdin], [], [], POLL)[0]:
+        if len(heard) < count / 2:
             writer.write(Twist(Vector3(0.3, 0.0, 0.0), Vector3(0.0, 0.0, 0.0)))
         for scan in reader.take(10):
             stamp = scan.header.stamp
@@ -87,7 +88,6 @@ def main() -> None:
                     "ranges": [r if math.isfinite(r) else None for r in ranges],
                 }
             )
-        time.sleep(0.05)
     sys.stdout.write(json.dumps(heard))
     del kept
 

@@ -13,12 +13,17 @@ In deep woods the loss grows more slowly with depth, because scattered waves arr
 They arrive late and from other directions, so a radar counts them as clutter: the
 engine keeps the slope of the first metres.
 
-Sources: M. Weissberger, an initial critical summary of models for predicting the
-attenuation of radio waves by trees, 1982; T. Rappaport and S. Deng, 73 GHz wideband
-millimeter-wave foliage and ground reflection measurements, ICC 2015, and the
-measurements that they quote; J. Zavorka and others, IEEE Access 2024, at 80 GHz.
+ITU-R P.833 has a law for one terminal in a wood, between 0.1 and 2.1 GHz: the loss
+grows by so many dB a metre at first, and ends at a maximum that grows with frequency.
+
+Sources: ITU-R P.833-9, equations 1 and 2 and table 1; M. Weissberger, an initial
+critical summary of models for predicting the attenuation of radio waves by trees, 1982;
+T. Rappaport and S. Deng, 73 GHz wideband millimeter-wave foliage and ground reflection
+measurements, ICC 2015, and the measurements that they quote; J. Zavorka and others,
+IEEE Access 2024, at 80 GHz.
 """
 
+import math
 from typing import Final
 
 EXPONENT: Final = 0.284  # of frequency
@@ -47,3 +52,19 @@ def convert_band(db_per_m: float, measured_at_ghz: float, f_ghz: float) -> float
     3.31
     """
     return float(db_per_m * (f_ghz / measured_at_ghz) ** EXPONENT)
+
+
+def p833(db_per_m: float, most: float, depth: float) -> float:
+    """Return the one-way loss of a wood of some depth by ITU-R P.833, equation 1, dB.
+
+    Args:
+        db_per_m: Loss in the first metres.
+        most: Loss of deep woods, dB.
+        depth: m.
+    """
+    return most * -math.expm1(-depth * db_per_m / most)
+
+
+def p833_most(f_ghz: float) -> float:
+    """Return the loss of deep woods, dB: equation 2 for a forest near St Petersburg."""
+    return float(1.37 * (1000 * f_ghz) ** 0.42)

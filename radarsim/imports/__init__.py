@@ -1,0 +1,1 @@
+"""Maps and robot classes from files of other programs."""

@@ -1,0 +1,119 @@
+"""What the servers beside the USARSim server share: a port with a few connections."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import Any, Final
+
+from radarsim.server.lifecycle import configure_socket, listen, peer_name
+from radarsim.server.refusal_log import RefusalLog
+
+log = logging.getLogger("radarsim.server")
+
+READ_BYTES: Final = 4096  # read from one peer at a time
+
+
+class PeerServer:
+    """Listens on a port, and holds the connections of its peers.
+
+    Attributes:
+        address: Host and port that it listens on, once started.
+    """
+
+    def __init__(self, port: int) -> None:
+        """Create a server that does not listen yet; port 0 is a free one."""
+        self.address = ("", 0)
+        self._port = port
+        self._listener: asyncio.Server | None = None
+
+    async def start(self, address: str = "127.0.0.1") -> None:
+        """Listen for peers.
+
+        Args:
+            address: Address to listen on.
+
+        Raises:
+            ServerError: If the port is taken, or the address is not one of this
+                machine.
+        """
+        self._listener, self.address = await listen(self._accept, address, self._port)
+
+    def _accept(self) -> PeerConnection:
+        """Return the protocol of a new connection."""
+        raise NotImplementedError
+
+    def _close(self, peers: set[Any]) -> None:
+        """Close the port and all connections at once; never raises.
+
+        Sockets are closed in the next round of the event loop.
+        """
+        if self._listener is not None:
+            self._listener.close()
+        for peer in list(peers):
+            peer.close()
+
+
+class PeerConnection(asyncio.BufferedProtocol):
+    """One connection of a peer.
+
+    Attributes:
+        peer: Address and port of the peer, for the log.
+        KIND: What the peer is, for the log.
+        MOST: How many such peers may be connected at a time.
+    """
+
+    KIND = "peer"
+    MOST = 1
+
+    def __init__(self, peers: set[Any], refusals: RefusalLog) -> None:
+        """Create the protocol of a connection.
+
+        Args:
+            peers: All connections of this kind, to which this one adds itself.
+            refusals: The log of peers that are refused.
+        """
+        self.peer = "?"
+        self._peers, self._refusals = peers, refusals
+        self._buffer = bytearray(READ_BYTES)
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin, or refuse the peer if there are too many."""
+        assert isinstance(transport, asyncio.Transport)
+        self.peer = peer_name(transport)
+        if len(self._peers) >= self.MOST:
+            self._refusals.add(self.peer, self.MOST)
+            transport.abort()
+            return
+        configure_socket(transport)
+        self._transport = transport
+        self._peers.add(self)
+        log.info("%s: %s connected", self.peer, self.KIND)
+        self._begin(transport)
+
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's name
+        """Return the buffer that received bytes are written to."""
+        return self._buffer
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Forget the peer."""
+        if self._transport is not None:
+            self._forget()
+            log.info("%s: %s disconnected: %s", self.peer, self.KIND, error or "closed")
+
+    def close(self) -> None:
+        """Close the connection at once."""
+        transport = self._transport
+        if transport is not None:
+            self._forget()
+            transport.abort()
+
+    def _begin(self, transport: asyncio.Transport) -> None:
+        """Do what a new connection needs."""
+        raise NotImplementedError
+
+    def _forget(self) -> None:
+        """Forget the peer; afterwards there is no transport."""
+        self._transport = None
+        self._peers.discard(self)

@@ -1,0 +1,1 @@
+"""Sweeps: the same task for all combinations of parameters, as one table."""

@@ -1,0 +1,159 @@
+"""The study of radar and lasers: its maps, its estimates, its files."""
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import Run, run_in_process
+from scipy import stats
+
+from radarsim import __version__
+from radarsim.evaluation.shortest_path import shortest_path
+from radarsim.navigation.options import Algorithm
+from radarsim.study.files import LOG, PAGE, TABLE, write_study
+from radarsim.study.findings import find_losses, summary_sentences
+from radarsim.study.maps import make_study_map
+from radarsim.study.results import summarise
+from radarsim.study.statistics import mean, share
+from radarsim.study.tasks import (
+    ROBOT_RADIUS,
+    StudyTask,
+    run_study_task,
+    study_tasks,
+)
+
+Row = dict[str, Any]
+
+
+@pytest.mark.parametrize("successes", [0, 3, 10])
+def test_shares_have_the_intervals_of_scipy(successes: int) -> None:
+    interval = stats.binomtest(successes, 10).proportion_ci(method="wilson")
+    estimate = share(successes, 10)
+    assert (estimate.low, estimate.high) == pytest.approx(interval, abs=1e-12)
+
+
+def test_means_have_the_intervals_of_scipy() -> None:
+    values = [1.0, 1.5, 1.2, 4.0]
+    estimate = mean(values)
+    interval = stats.t.interval(0.95, 3, loc=estimate.value, scale=stats.sem(values))
+    assert (estimate.low, estimate.high) == pytest.approx(interval)
+    assert mean([2.0]).low == 2.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_passable"),
+    [("smoke_corridor", True), ("hidden_room", False), ("dead_end", True)],
+)
+def test_maps_let_a_robot_through_or_not(kind: str, is_passable: bool) -> None:
+    texts = set()
+    for seed in range(3):
+        map_ = make_study_map(kind, seed)
+        path = shortest_path(map_.load(), map_.start, map_.goal, ROBOT_RADIUS)
+        assert (path is not None) is is_passable
+        texts.add(map_.text)
+    assert len(texts) == 3
+    assert make_study_map(kind, 1) == make_study_map(kind, 1)
+
+
+def made_up_rows(change: Callable[[StudyTask, Row], None]) -> list[Row]:
+    """Return rows of drives that all arrive and of maps that are whole, but changed."""
+    rows = []
+    for task in study_tasks(4, Algorithm.PLANNED):
+        row: Row = {
+            "seed": task.seed,
+            "map": task.map,
+            "sensor": task.sensor,
+            "method": task.method,
+            "outcome": "reached",
+            "expected": "reached",
+            "collisions": 0,
+            "path_length": 12.0,
+            "shortest_path": 10.0,
+            "reachable_coverage": 1.0,
+            "hidden_coverage": 0.0,
+            "within_two_cells": 1.0,
+            "time": 40.0,
+            "note": "",
+        }
+        change(task, row)
+        rows.append(row)
+    return rows
+
+
+def lose_in_the_office(task: StudyTask, row: Row) -> None:
+    if (task.map, task.sensor) == ("office", "radar"):
+        row["outcome"] = "no_path"
+    if task.sensor == "radar":
+        row["hidden_coverage"] = 0.9
+
+
+def test_findings_tell_where_the_radar_wins_and_loses() -> None:
+    summaries = summarise(made_up_rows(lose_in_the_office))
+    assert summaries["office", "radar"].false_no_path == 4
+    assert summaries["office", "sick"].success.value == 1.0
+    ((is_clear, text),) = find_losses(summaries)
+    assert is_clear
+    assert "office" in text
+    hidden = next(s for s in summary_sentences(summaries) if "bushes" in s)
+    assert "`radar` 90 %" in hidden
+    assert "`sick` 0 %" in hidden
+
+
+def test_same_runs_give_the_same_files(tmp_path: Path) -> None:
+    rows = made_up_rows(lose_in_the_office)
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        write_study(tmp_path / name, rows, algorithm=Algorithm.PLANNED, seeds=4)
+    one, two = (
+        {file.name: file.read_bytes() for file in (tmp_path / name).iterdir()}
+        for name in ("one", "two")
+    )
+    assert one == two
+    table = one[TABLE].decode().splitlines()
+    assert len(table) == len(rows) + 1
+    assert "radar_vs_laser.png" in one[PAGE].decode()
+
+
+def test_laser_takes_smoke_for_a_wall() -> None:
+    row = run_study_task(StudyTask(0, "smoke_corridor", "physical", "planned"))
+    assert (row["expected"], row["outcome"]) == ("reached", "no_path")
+    assert math.isclose(row["shortest_path"], 12.0, abs_tol=0.1)
+
+
+def test_runs_of_another_version_are_refused(tmp_path: Path) -> None:
+    row = {
+        "seed": 0,
+        "map": "office",
+        "sensor": "radar",
+        "method": "map",
+        "outcome": "",
+    }
+    for version, told in (("0.0.1", __version__), (None, "a run of a study")):
+        line = row if version is None else {"version": version, **row}
+        (tmp_path / LOG).write_text(json.dumps(line) + "\n")
+        run = run_study("-o", str(tmp_path))
+        assert run.code == 2
+        assert f"{LOG}:1" in run.err
+        assert told in run.err
+
+
+@pytest.mark.slow
+def test_quick_study_is_the_same_after_a_kill(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    assert run_study("-o", str(folder), "--quick", "--workers", "1").code == 0
+    before = {f.name: f.read_bytes() for f in folder.iterdir() if f.name != LOG}
+    log = folder / LOG
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(itertools.chain(lines[:-2], [lines[-1][:20]])))
+    (folder / PAGE).unlink()
+    assert run_study("-o", str(folder), "--quick").code == 0
+    after = {f.name: f.read_bytes() for f in folder.iterdir() if f.name != LOG}
+    assert after == before
+
+
+def run_study(*options: str) -> Run:
+    return run_in_process("study", "radar-vs-laser", *options)
