@@ -41,6 +41,7 @@ from radarsim.protocol.reports import (
     decode_report,
     to_bytes,
 )
+from radarsim.protocol.targets import target_lines
 
 
 def test_lines_end_with_crlf_and_are_ascii() -> None:
@@ -584,3 +585,23 @@ def test_echoes_with_blanks_in_names_are_decoded() -> None:
     assert read.echoes.beams.tolist() == [3]
     assert read.echoes.beams.dtype == np.int64
     assert read.echoes.ranges.tolist() == [2.5]
+
+
+@pytest.mark.parametrize(
+    ("targets", "sizes"), [(0, [0]), (1, [1]), (130, [130]), (131, [130, 1])]
+)
+def test_targets_of_a_turn_fill_lines(targets: int, sizes: list[int]) -> None:
+    ranges = np.linspace(0.5, 40.0, targets)
+    lines = target_lines(4.0, "N", np.arange(targets), ranges, -60.0 - ranges)
+    count = len(sizes) if targets else 0
+    numbers = range(1, count + 1) if targets else [0]
+    assert [(line.line, line.lines) for line in lines] == [(n, count) for n in numbers]
+    assert [len(line.beams) for line in lines] == sizes
+    for line in lines:
+        text = line.encode(COMPAT)
+        assert len(text) < 4096
+        read = decode_report(text)
+        assert isinstance(read, RadarTargets)
+        assert read.beams.tolist() == line.beams.tolist()
+        assert read.ranges == pytest.approx(line.ranges, abs=1e-3)
+        assert read.dbm == pytest.approx(line.dbm, abs=1e-3)
