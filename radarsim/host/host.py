@@ -383,10 +383,10 @@ class Host:
         )
         from radarsim.simulation.simulation import ScanEchoes  # noqa: PLC0415
 
-        time = self.simulation.time
         if isinstance(scan, ScanEchoes):
+            time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
-        reports = target_lines(time, scan.scanner, *scan.targets)
+        reports = target_lines(scan.time, scan.scanner, *scan.targets)
         return encode_blocks([ReportBlock(reports, dialect)])[0]
 
 

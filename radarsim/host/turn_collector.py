@@ -65,6 +65,7 @@ class TurnCollector:
         sector, settings = seen.sector, seen.sector.spectrum.settings
         if sector.first == 0:
             self._began = seen.time
+            self._rows.clear()  # of one that the antenna did not end
         elif not self._rows:  # the turn began before anybody listened
             return
         rows = np.arange(len(sector.spectrum.counts))

@@ -1,35 +1,53 @@
 """The turning antennas of FMCW radars on robots.
 
+Theory of operation
+===================
 In each tick an antenna turns by the directions that it passes in that time, seen from
-where the robot is by then. When a turn is complete, what its detector found becomes a
-scan. The first turn after a spawn is not read.
+where the robot is by then. A thread computes what it receives, while time goes on: that
+is there ``LATENCY`` ticks later, always, so that nothing depends on how fast the
+machine is. When a turn is complete, what its detector found becomes a scan. The first
+turn after a spawn is not read.
+
+Where the thread is not done by then, the tick waits for it, before anything else is
+computed, and so simulated time waits. What takes longer in one tick than in others is
+made up for meanwhile, and delays nothing.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from radarsim.background import BackgroundThread
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sensors.targets import Targets, find_targets
-from radarsim.simulation.clock import TICK, Clock
+from radarsim.sensors.targets import Targets
+from radarsim.simulation.clock import TICK, Clock, seconds
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
-    from radarsim.fmcw.rotation import Rotation, Sector
+    from radarsim.fmcw.rotation import Sector
+    from radarsim.simulation.turn_receiver import (
+        FoundTurn,
+        Look,
+        Received,
+        TurnReceiver,
+    )
 
 STANDING: Final = (0.0, 0.0, 0.0)  # m/s
-# In a tick no more antennas turn: each takes most of the time of a tick.
+# In a tick no more antennas turn: each takes a good part of a processor.
 MOST_TURNING: Final = 1
+LATENCY: Final = 5  # ticks until what an antenna sees is received
 ROUNDING: Final = 1e-9  # of directions
 
 
@@ -45,6 +63,39 @@ class SeenSector(NamedTuple):
     time: float
 
 
+class SeenTurn(NamedTuple):
+    """What the detector of a scanner found in a turn.
+
+    Attributes:
+        mounted: The scanner.
+        vehicle: Its robot.
+        targets: The targets.
+        settings: Settings of the scanner when the turn began.
+        time: When the antenna looked into its last direction, s.
+    """
+
+    mounted: MountedScanner
+    vehicle: Vehicle
+    targets: Targets
+    settings: SensorSettings
+    time: float
+
+    @property
+    def is_listed(self) -> bool:
+        """Whether the robot's client, or watchers, get the targets."""
+        return self._is_requested or self.vehicle.shows_echoes
+
+    @property
+    def listed(self) -> TurnTargets:
+        """The targets as they are reported."""
+        name = self.mounted.item.name
+        return TurnTargets(name, self.targets, self._is_requested, self.time)
+
+    @property
+    def _is_requested(self) -> bool:
+        return self.vehicle.has_targets_enabled(self.mounted.item)
+
+
 class TurnTargets(NamedTuple):
     """The targets of one turn of a radar.
 
@@ -52,14 +103,38 @@ class TurnTargets(NamedTuple):
         scanner: Name of the scanner item.
         targets: The targets.
         is_requested: Whether the robot's client asked for them, and not only watchers.
+        time: As in ``SeenTurn``.
     """
 
     scanner: str
     targets: Targets
     is_requested: bool
+    time: float
 
 
 Listener = Callable[[SeenSector], None]
+
+
+class Result(Protocol):
+    """What a worker computes."""
+
+    def result(self) -> Received:
+        """Wait for it, and return it."""
+
+
+class Worker(Protocol):
+    """Computes what antennas receive, in the order in which it is asked for."""
+
+    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
+        """Return what the function will return."""
+
+
+class _Computed(NamedTuple):
+    """What is computed of a tick, and since when the antenna has turned by then."""
+
+    tick: int
+    since: int
+    result: Result
 
 
 @dataclass(slots=True, eq=False)
@@ -69,22 +144,24 @@ class Antenna:
     Attributes:
         vehicle: The robot.
         mounted: The scanner.
-        rotation: How far it has turned, and what it has received; None before.
+        receiver: Computes what it receives; None before it turns.
         listeners: Called with all that is received; it turns for them.
         observers: Called likewise, but it does not turn for them.
         since: Tick in which it began to turn.
-        place: (3,) m, where it was in the tick before; None at first.
-        targets: Of the turn that is received.
+        turned: Tick in which it last turned.
+        place: (3,) m, where it was then; None at first.
+        computed: What is computed, or waits until its tick has come.
     """
 
     vehicle: Vehicle
     mounted: MountedScanner
-    rotation: Rotation | None = None
+    receiver: TurnReceiver | None = None
     listeners: list[Listener] = field(default_factory=list)
     observers: list[Listener] = field(default_factory=list)
     since: int = 0
+    turned: int = 0
     place: Floats | None = None
-    targets: list[Targets] = field(default_factory=list)
+    computed: deque[_Computed] = field(default_factory=deque)
 
     @property
     def turns(self) -> bool:
@@ -92,48 +169,52 @@ class Antenna:
         needed = self.mounted.scanner.settings.has_detector or bool(self.listeners)
         return needed and self.vehicle.alive
 
-    @property
-    def lists_targets(self) -> bool:
-        """Whether the robot's client, or watchers, get the targets."""
-        asked = self.vehicle.has_targets_enabled(self.mounted.item)
-        return asked or self.vehicle.shows_echoes
-
-    def list_targets(self, targets: Targets) -> TurnTargets:
-        """Return targets as they are reported."""
-        item = self.mounted.item
-        is_requested = self.vehicle.has_targets_enabled(item)
-        return TurnTargets(item.name, targets, is_requested)
-
-    def advance(self, scene: Scene, ticks: int, boxes: Boxes) -> Targets | None:
-        """Turn for a tick.
+    def advance(self, scene: Scene, ticks: int, boxes: Boxes, worker: Worker) -> None:
+        """Turn for a tick; begin anew if it did not turn in the tick before.
 
         Args:
             scene: The map.
             ticks: The tick.
             boxes: The robots.
-
-        Returns:
-            The targets of a turn that is complete, if its scanner has a detector.
+            worker: Computes what it receives.
         """
-        from radarsim.fmcw.rotation import Rotation  # noqa: PLC0415 - scipy is slow
+        from radarsim.simulation import (  # noqa: PLC0415 - scipy is slow
+            turn_receiver,
+        )
 
-        if self.rotation is None:
-            radar = self.mounted.scanner.fmcw
-            self.rotation = Rotation(radar, scene, self.mounted.rng)
+        if self.receiver is None or self.turned != ticks - 1:
+            radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
+            self.receiver = turn_receiver.TurnReceiver(radar, scene, rng)
             self.since, self.place = ticks, None
         pose = self.vehicle.sensor_pose(self.mounted.item)
-        complete = None
-        for sector in self.rotation.advance(
-            pose,
-            self._directions(self.rotation.radar.settings, ticks),
-            boxes=boxes,
-            carrier_id=self.vehicle.number,
-            velocity=self._move(pose),
-        ):
-            for listener in (*self.listeners, *self.observers):
-                listener(SeenSector(sector, self._time_of(sector)))
-            complete = self._detect(sector) or complete
-        return complete
+        look = turn_receiver.Look(
+            self._directions(self.receiver.radar.settings, ticks),
+            *(pose, self._move(pose)),
+            *(boxes, self.vehicle.number),
+            self.mounted.scanner.settings,
+            is_recorded=bool(self.listeners or self.observers),
+        )
+        result = worker.submit(self.receiver.advance, look)
+        self.computed.append(_Computed(ticks, self.since, result))
+        self.turned = ticks
+
+    def receive(self, ticks: int) -> list[SeenTurn]:
+        """Tell listeners what is received in a tick, and return whole turns."""
+        turns = []
+        while self.computed and self.computed[0].tick + LATENCY <= ticks:
+            tick, since, result = self.computed.popleft()
+            received = result.result()
+            if not self.vehicle.alive:
+                continue
+            for sector in received.sectors:
+                for listener in (*self.listeners, *self.observers):
+                    listener(SeenSector(sector, _time_of(sector, since)))
+            if received.turn and self.mounted.scanner.settings.has_detector:
+                turns.append(self._seen(received.turn, tick))
+        return turns
+
+    def _seen(self, turn: FoundTurn, tick: int) -> SeenTurn:
+        return SeenTurn(self.mounted, self.vehicle, *turn, seconds(tick))
 
     def _directions(self, settings: FmcwSettings, ticks: int) -> int:
         """Return how many directions are passed in a tick."""
@@ -149,27 +230,26 @@ class Antenna:
         x, y, z = ((place - before) / TICK).tolist()
         return x, y, z
 
-    def _time_of(self, sector: Sector) -> float:
-        """Return when the antenna began to look into the first direction, s."""
-        settings = sector.spectrum.settings
-        # The turn that is counted first is the second one.
-        turns = sector.turn + 1 + sector.first / settings.azimuths
-        return (self.since - 1) * TICK + turns / settings.rotation_hz
 
-    def _detect(self, sector: Sector) -> Targets | None:
-        settings = self.mounted.scanner.settings
-        if not settings.has_detector:
-            self.targets.clear()
-            return None
-        self.targets.append(find_targets(sector.spectrum, settings))
-        if not sector.ends_turn:
-            return None
-        found, self.targets = Targets.join(self.targets), []
-        return found
+def _time_of(sector: Sector, since: int) -> float:
+    """Return when an antenna began to look into the first direction, s.
+
+    Args:
+        sector: What it received.
+        since: Tick in which it began to turn.
+    """
+    settings = sector.spectrum.settings
+    # The turn that is counted first is the second one.
+    turns = sector.turn + 1 + sector.first / settings.azimuths
+    return (since - 1) * TICK + turns / settings.rotation_hz
 
 
 class Antennas:
-    """All antennas of a simulation."""
+    """All antennas of a simulation.
+
+    Attributes:
+        worker: Computes what they receive.
+    """
 
     def __init__(self, scene: Scene, clock: Clock) -> None:
         """Start without any.
@@ -178,6 +258,7 @@ class Antennas:
             scene: The map.
             clock: Simulated time.
         """
+        self.worker: Worker = BackgroundThread()
         self._scene, self._clock = scene, clock
         self._antennas: dict[int, list[Antenna]] = {}
 
@@ -194,8 +275,7 @@ class Antennas:
     @property
     def turning(self) -> Sequence[Antenna]:
         """Those that turn, of the robots that have been there for longest."""
-        every = (each for carried in self._antennas.values() for each in carried)
-        return [each for each in every if each.turns][:MOST_TURNING]
+        return [each for each in self._every() if each.turns][:MOST_TURNING]
 
     def of(self, vehicle: Vehicle) -> Sequence[Antenna]:
         """Return the antennas of a robot."""
@@ -205,14 +285,21 @@ class Antennas:
         """Return the robots that have antennas, in the order of spawning."""
         return [carried[0].vehicle for carried in self._antennas.values()]
 
-    def turn(self, boxes: Boxes) -> list[tuple[Antenna, Targets]]:
-        """Turn all that turn for a tick; return those whose turn is complete."""
-        complete = []
-        for antenna in self.turning:
-            targets = antenna.advance(self._scene, self._clock.ticks, boxes)
-            if targets is not None:
-                complete.append((antenna, targets))
-        return complete
+    def turn(self, find_boxes: Callable[[], Boxes]) -> list[SeenTurn]:
+        """Turn all that turn for a tick; return the turns that are received in it.
+
+        Args:
+            find_boxes: Returns the robots.
+        """
+        ticks, turning = self._clock.ticks, self.turning
+        if turning:
+            boxes = find_boxes()
+            for antenna in turning:
+                antenna.advance(self._scene, ticks, boxes, self.worker)
+        return [turn for each in self._every() for turn in each.receive(ticks)]
+
+    def _every(self) -> list[Antenna]:
+        return [each for carried in self._antennas.values() for each in carried]
 
 
 @cache

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.periodic_reports import ReportGroup
 from radarsim.protocol.reports import RangeScan, Report, Status
 from radarsim.raycast.attenuation import EventKind
@@ -34,8 +35,8 @@ from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
-from radarsim.sensors.targets import Targets, read_ranges
-from radarsim.simulation.antennas import Antenna, Antennas, TurnTargets
+from radarsim.sensors.targets import read_ranges
+from radarsim.simulation.antennas import Antennas, SeenTurn, TurnTargets
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.ray_items import RayItem, read_together
@@ -239,7 +240,9 @@ class Simulation:
         listing = self._select_listing(scanners)
         taken = self._scan(scanners, listing, boxes)
         for (vehicle, mounted), ranges in zip(scanners, taken.ranges, strict=True):
-            scans[vehicle.number].append(self._scan_report(mounted, ranges))
+            name, settings = mounted.item.name, mounted.scanner.settings
+            report = _scan_report(self.time, name, settings, ranges)
+            scans[vehicle.number].append(report)
         for k, (vehicle, mounted) in enumerate(scanners):
             if not listing[k]:
                 continue
@@ -261,31 +264,28 @@ class Simulation:
             for vehicle, items in due
         }
 
-    def _turn_antennas(self) -> list[tuple[Antenna, Targets]]:
-        """Turn the antennas of radars for a tick; return those with a whole turn."""
-        if not self.antennas.turning:
-            return []
-        turned = self.antennas.turn(self.boxes())
-        for antenna, _ in turned:
-            self._reporting.request(antenna.vehicle)
+    def _turn_antennas(self) -> list[SeenTurn]:
+        """Turn the antennas of radars for a tick; return the turns that are there."""
+        turned = self.antennas.turn(self.boxes)
+        for turn in turned:
+            self._reporting.request(turn.vehicle)
         return turned
 
     def _add_turns(
         self,
-        turned: Sequence[tuple[Antenna, Targets]],
+        turned: Sequence[SeenTurn],
         scans: dict[int, list[RangeScan]],
         echoes: dict[int, list[ScanEchoes | TurnTargets]],
     ) -> None:
         """Add turns to the scans of robots, and to their echoes if they are listed."""
-        for antenna, targets in turned:
-            number, mounted = antenna.vehicle.number, antenna.mounted
-            settings = mounted.scanner.settings
-            ranges = read_ranges(targets, settings)
+        for turn in turned:
+            number, settings = turn.vehicle.number, turn.settings
+            ranges = read_ranges(turn.targets, settings)
             ranges[np.isinf(ranges)] = settings.max_range
-            scans[number].append(self._scan_report(mounted, ranges))
-            if antenna.lists_targets:
-                listed = antenna.list_targets(targets)
-                echoes.setdefault(number, []).append(listed)
+            name = turn.mounted.item.name
+            scans[number].append(_scan_report(turn.time, name, settings, ranges))
+            if turn.is_listed:
+                echoes.setdefault(number, []).append(turn.listed)
 
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
         """Return what programs write for robots, one after the other."""
@@ -364,16 +364,6 @@ class Simulation:
         self._fleet.touched([])
         self._readings.run([], 0)
 
-    def _scan_report(self, mounted: MountedScanner, ranges: Floats) -> RangeScan:
-        settings = mounted.scanner.settings
-        return RangeScan(
-            self.time,
-            mounted.item.name,
-            math.radians(settings.resolution_deg),
-            math.radians(settings.fov_deg),
-            ranges,
-        )
-
     def _obstacles(self, floor: float) -> Obstacles:
         if floor not in self._obstacles_by_floor:
             obstacles = Obstacles.from_scene(self.scene, floor=floor)
@@ -402,3 +392,10 @@ class Simulation:
             number += 1
             unique = f"{name} ({number})"
         return unique
+
+
+def _scan_report(
+    time: float, name: str, settings: SensorSettings, ranges: Floats
+) -> RangeScan:
+    resolution, fov = math.radians(settings.resolution_deg), settings.fov_deg
+    return RangeScan(time, name, resolution, math.radians(fov), ranges)

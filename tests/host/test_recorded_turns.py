@@ -19,12 +19,12 @@ from radarsim.recording.recording_info import RecordingInfo
 from radarsim.recording.repetition import repeat_run
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
-from radarsim.simulation.antennas import SeenSector
+from radarsim.simulation.antennas import LATENCY, SeenSector
 from radarsim.simulation.config import SimulationConfig
 
 INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name R1} {Start RobotStart1}\r\n"
 TURN = 25  # ticks
-TICKS = 2 * TURN + 3  # the first turn is not received
+TICKS = 2 * TURN + 3 + LATENCY  # the first turn is not received
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,10 @@
 """Radars whose antenna turns while robots drive, and what clients are sent of them."""
 
 import re
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,21 +14,65 @@ import radarsim
 from radarsim.geometry import Pose3
 from radarsim.host import Host
 from radarsim.presets.robots import load_robot
-from radarsim.protocol.reports import RadarTargets, RangeScan, decode_report
+from radarsim.protocol.reports import (
+    RadarTargets,
+    RangeScan,
+    decode_report,
+)
 from radarsim.scene.scene import Scene
 from radarsim.sensors.targets import Targets, beams_of, read_ranges
+from radarsim.simulation.antennas import LATENCY, Result, SeenSector, Worker
 from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.turn_receiver import Look, Received, TurnReceiver
 
 INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name R1} {Start RobotStart1}\r\n"
 TARGETS_ON = (
     b"SET {Type RangeScanner} {Name Navtech} {Opcode TARGETS} {Params true}\r\n"
 )
 TURN = 25  # ticks
+WITHOUT_DETECTOR = SimulationConfig(
+    item_settings={"Navtech": {"detector": "penetration"}}
+)
 
 
-def play(scene: Scene, ticks: int, *commands: bytes, watch: bytes = b"") -> list[bytes]:
+class AtOnce:
+    """Computes when it is asked to."""
+
+    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
+        result: Future[Received] = Future()
+        result.set_result(function(look))
+        return result
+
+
+@dataclass
+class AtLast:
+    """Computes when the result is needed, and all that was asked for before."""
+
+    waiting: list[Callable[[], None]] = field(default_factory=list)
+
+    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
+        computed: list[Received] = []
+        self.waiting.append(lambda: computed.append(function(look)))
+
+        def result() -> Received:
+            while not computed:
+                self.waiting.pop(0)()
+            return computed[0]
+
+        return SimpleNamespace(result=result)
+
+
+def play(
+    scene: Scene,
+    ticks: int,
+    *commands: bytes,
+    watch: bytes = b"",
+    worker: Worker | None = None,
+) -> list[bytes]:
     """Return what the client of a robot, or else a watcher of it, is sent."""
     host = Host(scene)
+    if worker is not None:
+        host.simulation.antennas.worker = worker
     client = host.connect()
     watcher = host.connect()
     for command in (INIT, *commands):
@@ -58,6 +106,78 @@ def test_turns_are_scans_four_times_a_second(lines: list[bytes]) -> None:
     scans = scans_of(lines)
     assert np.diff([scan.time for scan in scans]) == pytest.approx([0.25])
     assert [len(scan.ranges) for scan in scans] == [401] * 2
+
+
+def test_turn_has_the_time_at_which_it_ended_and_comes_later(
+    foliage_room: Scene,
+) -> None:
+    # The second turn since the spawn ends after half a second, and three sweeps.
+    ended = 2 * TURN + 1
+    early = play(foliage_room, ended + LATENCY - 1)
+    (scan,) = scans_of(play(foliage_room, ended + LATENCY))
+    assert scans_of(early) == []
+    assert scan.time == pytest.approx(0.01 * ended)
+
+
+@pytest.mark.parametrize("worker", [AtOnce(), AtLast()])
+def test_how_fast_turns_are_computed_changes_nothing(
+    foliage_room: Scene, worker: Worker
+) -> None:
+    drive = b"DRIVE {Left 3} {Right 2}\r\n"
+    expected = play(foliage_room, 3 * TURN, TARGETS_ON, drive)
+    assert play(foliage_room, 3 * TURN, TARGETS_ON, drive, worker=worker) == expected
+    assert len(scans_of(expected)) == 1
+
+
+def test_failure_of_a_turn_is_raised_in_a_tick(
+    foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> Received:
+        raise ArithmeticError("no turn")
+
+    monkeypatch.setattr(TurnReceiver, "advance", fail)
+    with pytest.raises(ArithmeticError, match="no turn"):
+        play(foliage_room, LATENCY + 2)
+
+
+def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
+    """While nobody listens, its antenna stands; the robot drives on."""
+    host = Host(foliage_room, config=WITHOUT_DETECTOR)
+    host.receive(host.connect(), INIT + b"DRIVE {Left 3} {Right 3}\r\n")
+    (carrier,) = host.simulation.antennas.carriers()
+    (antenna,) = host.simulation.antennas.of(carrier)
+    heard: list[SeenSector] = []
+    antenna.listeners.append(heard.append)
+    for _ in range(TURN + 12):
+        host.step()
+    antenna.listeners.clear()
+    before = len(heard)
+    for _ in range(40):
+        host.step()
+    assert len(heard) == before > 0
+    antenna.listeners.append(heard.append)
+    began = host.simulation.time
+    for _ in range(TURN + 12):
+        host.step()
+    assert len(heard) == 2 * before
+    assert (heard[before].sector.turn, heard[before].sector.first) == (0, 0)
+    assert heard[before].time == pytest.approx(began + 0.25)
+
+
+def test_turn_keeps_the_settings_with_which_it_began(foliage_room: Scene) -> None:
+    """Its beams would not fit those that the scanner has by now."""
+    host = Host(foliage_room)
+    client = host.connect()
+    host.receive(client, INIT)
+    scans = []
+    for tick in range(4 * TURN):
+        if tick == 2 * TURN - 9:
+            command = b"SET {Type RangeScanner} {Name Navtech} {Opcode SETTING}"
+            command += b" {Params resolution_deg=1.8}\r\n"
+            assert host.receive(client, command) == []
+        host.step()
+        scans += scans_of(host.take(client).splitlines())
+    assert [len(scan.ranges) for scan in scans] == [401, 201]
 
 
 def test_other_scanner_of_the_robot_is_as_without_the_radar(
@@ -123,7 +243,7 @@ def test_watchers_with_echoes_see_targets_and_others_do_not(
 ) -> None:
     for echoes, count in ((b"true", 1), (b"false", 0)):
         watch = b"WATCH {Robots All} {Echoes %s}\r\n" % echoes
-        seen = play(foliage_room, 2 * TURN + 2, watch=watch)
+        seen = play(foliage_room, 2 * TURN + 2 + LATENCY, watch=watch)
         heads = [line for line in seen if b"{Type RadarTargets}" in line]
         assert bool(heads) == bool(count)
 
