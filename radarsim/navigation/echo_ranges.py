@@ -56,18 +56,18 @@ def _is_same_time(one: float, other: float) -> bool:
     return one == other or (math.isnan(one) and math.isnan(other))
 
 
-def blocked_ranges(ranges: Floats, echoes: Sequence[TargetEchoes]) -> Floats:
+def blocked_ranges(ranges: Floats, beams: NDArray[np.int64], lengths: Floats) -> Floats:
     """Return how far a robot could go along each beam, as far as is known.
 
     Args:
         ranges: (N,) m; ranges of the scan.
-        echoes: Echoes of the same scan; those of no beam are left out.
+        beams: (M,) beams of the blocking echoes of the same scan.
+        lengths: (M,) m; their ranges.
 
     Returns:
         (N,) m; the nearest echo of what robots cannot pass, at most the range.
     """
     nearest = np.array(ranges, np.float64)
-    beams, lengths = blocking_echoes(len(nearest), echoes)
     np.minimum.at(nearest, beams, lengths)
     return nearest
 
@@ -88,9 +88,10 @@ def blocking_echoes(
     for target in echoes:
         if target.robot_passes:
             continue
-        counts = np.array([kind != _AIR for kind in target.kinds], np.bool_)
-        counts &= (target.beams >= 0) & (target.beams < beam_count)
+        counts = (target.beams >= 0) & (target.beams < beam_count)
         counts &= target.ranges >= 0  # nan compares false
+        if _AIR in target.kinds:
+            counts &= np.array([kind != _AIR for kind in target.kinds], np.bool_)
         beams.append(target.beams[counts])
         lengths.append(target.ranges[counts])
     return np.concatenate(beams), np.concatenate(lengths)

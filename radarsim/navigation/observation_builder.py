@@ -119,8 +119,8 @@ class ObservationBuilder:
         angles, farther = beam_angles(report), np.zeros((0, 2))
         known = report.ranges
         if echoes is not None:
-            known = blocked_ranges(known, echoes)
             beams, lengths = blocking_echoes(len(known), echoes)
+            known = blocked_ranges(known, beams, lengths)
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]
             farther = np.column_stack(

@@ -116,12 +116,13 @@ class PathPlanning:
         """Return the farthest point of the path to which the straight line is open."""
         distances = np.hypot(*(self._path - (pose.x, pose.y)).T)
         nearest = int(distances.argmin())
-        chosen = self._path[min(nearest + 2, len(self._path) - 1)]
-        for point, away in zip(self._path[nearest:], distances[nearest:], strict=True):
-            if away > LOOKAHEAD:
-                break
+        ahead, away = self._path[nearest:], distances[nearest:]
+        within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
+        chosen = ahead[min(2, len(ahead) - 1)]
+        for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):
                 chosen = point
+                break
         return float(chosen[0]), float(chosen[1])
 
     def _is_cheap(self, pose: Pose2, point: Floats) -> bool:

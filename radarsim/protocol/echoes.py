@@ -31,8 +31,8 @@ from radarsim.protocol.line_template import (
 from radarsim.protocol.message import Message
 from radarsim.protocol.numbers import (
     parse_flag,
-    parse_list,
     parse_number,
+    parse_words,
 )
 from radarsim.protocol.periodic_reports import SensorReport, Split, build_template
 
@@ -234,15 +234,13 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
         Kinds, and (E, 4) beams, ranges, powers and strengths.
     """
     words = text.split()
-    parts = ",".join(words).split(",")
     for word in words:
         if word.count(",") != 4:
             raise MalformedMessage(f"echo {word[:80]!r}, expected five parts")
-    kinds = tuple(kind.lower() for kind in parts[2::5])
+    parts = ",".join(words).split(",")
+    kinds = tuple([kind.lower() for kind in parts[2::5]])
     del parts[2::5]
-    numbers = parse_list(",".join(parts))
-    if len(numbers) != 4 * len(kinds):
-        raise MalformedMessage(f"echoes {text[:80]!r}, expected four numbers in each")
+    numbers = parse_words(parts, ",".join(parts))
     return kinds, np.array(numbers).reshape(-1, 4)
 
 

@@ -14,7 +14,7 @@ import functools
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
 
 from radarsim.errors import MalformedMessage
@@ -42,6 +42,11 @@ class Message:
 
     verb: str
     segments: tuple[tuple[str, str], ...] = ()
+    _values: dict[str, str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        values = {key.lower(): value for key, value in reversed(self.segments)}
+        object.__setattr__(self, "_values", values)
 
     def encode(self) -> str:
         """Write the line without a line end."""
@@ -50,11 +55,7 @@ class Message:
 
     def get(self, key: str) -> str | None:
         """Return the first value of a key in any case, or None."""
-        wanted = key.lower()
-        for name, value in self.segments:
-            if name.lower() == wanted:
-                return value
-        return None
+        return self._values.get(key.lower())
 
     @property
     def name(self) -> str:

@@ -6,7 +6,7 @@ so that no such number reaches the simulation.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -76,7 +76,19 @@ def parse_list(text: str) -> list[float]:
         MalformedMessage: If the list is empty, or a number in it is not readable or
             above ``LARGEST``.
     """
-    words = text.replace(",", " ").split()
+    return parse_words(text.replace(",", " ").split(), text)
+
+
+def parse_words(words: Sequence[str], text: str) -> list[float]:
+    """Parse the words of a list of numbers; see ``parse_list``.
+
+    Args:
+        words: The words, without commas.
+        text: The words with blanks or commas between them.
+
+    Raises:
+        MalformedMessage: As ``parse_list`` does.
+    """
     if not words or not _LIST.fullmatch(text):
         raise MalformedMessage(f"{text[:80]!r}, expected numbers")
     try:

@@ -12,7 +12,11 @@ from radarsim.evaluation.random_maps import Disc, RandomMap
 from radarsim.evaluation.random_trials import load_random_map
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
-from radarsim.navigation.echo_ranges import EchoCollector, blocked_ranges
+from radarsim.navigation.echo_ranges import (
+    EchoCollector,
+    blocked_ranges,
+    blocking_echoes,
+)
 from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.options import Algorithm
 from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
@@ -57,7 +61,8 @@ RANGES = np.array([5.0, 5.0, 80.0])
 def test_beam_is_blocked_by_the_first_thing_that_robots_cannot_pass(
     echoes: list[TargetEchoes], expected: list[float]
 ) -> None:
-    assert blocked_ranges(RANGES, echoes).tolist() == expected
+    beams, lengths = blocking_echoes(len(RANGES), echoes)
+    assert blocked_ranges(RANGES, beams, lengths).tolist() == expected
     assert RANGES.tolist() == [5.0, 5.0, 80.0]
 
 

@@ -557,7 +557,7 @@ ECHOES += " {Transparency 1} {LaserPasses False} {RobotPasses False}"
         ),
         pytest.param(
             f"{ECHOES} {{Echoes 1,,Hit,1,1}}",
-            "expected four numbers in each",
+            "'1,,1,1', expected numbers",
             id="echo of no range",
         ),
         pytest.param(
