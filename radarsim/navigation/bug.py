@@ -211,7 +211,8 @@ class Bug:
         assert self._obstacle is not None
         obstacle = self._obstacle.part_of(observation, self._mode)
         if boundary := self._follower.boundary(obstacle, self._mode):
-            self._circled.add(boundary.point_from(observation.pose))
+            point = boundary.point_from(observation.pose)
+            self._circled.add(point, observation.pose.yaw)
         direction = self._follower.tangent(obstacle, self._mode)
         circuits_before = policy.circuits
         free = not self._is_hidden(observation, obstacle)

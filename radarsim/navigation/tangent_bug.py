@@ -272,7 +272,7 @@ class _Boundary:
         """
         self._travelled += step
         if nearest := self._follower.boundary(part, self.mode):
-            self.circled.add(nearest.point_from(part.pose))
+            self.circled.add(nearest.point_from(part.pose), part.pose.yaw)
         pose, direction = part.pose, self._follower.tangent(part, self.mode)
         if self._trail is None:
             offset = self._follower.target_distance

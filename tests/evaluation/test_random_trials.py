@@ -81,3 +81,13 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
     algorithm = ("bug1", "tangentbug", "bug2", "planned")[number % 4]
     result = run_random_trial(RandomTrialSpec(number, algorithm))
     assert result.is_correct, json.dumps(result.to_dict())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "algorithm"),
+    [pytest.param(21, "bug2", id="long circuit, during which the yaw drifts")],
+)
+def test_map_that_was_told_wrongly_once(number: int, algorithm: str) -> None:
+    result = run_random_trial(RandomTrialSpec(number, algorithm))
+    assert result.is_correct, json.dumps(result.to_dict())

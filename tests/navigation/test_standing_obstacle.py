@@ -1,5 +1,7 @@
 """Whether what was circled still stands."""
 
+import math
+from dataclasses import replace
 from typing import Any, Protocol
 
 import pytest
@@ -35,6 +37,24 @@ def test_obstacle_has_gone_if_beams_go_through_where_it_was(
     ring = BOX.exterior
     for along in range(int(ring.length * 10)):
         point = ring.interpolate(along / 10)
-        obstacle.add((point.x, point.y))
+        obstacle.add((point.x, point.y), yaw)
     world = flatland(*shapes, at=Pose2(0.0, 0.2, yaw))
     assert obstacle.has_gone(world.scan()) is has_gone
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(
+    flatland: World, stands: bool
+) -> None:
+    """After a circuit of many turns the INS is some degrees off."""
+    obstacle, poles = StandingObstacle(), []
+    for k in range(20):
+        angle = k * math.tau / 20
+        pole = 2 * math.cos(angle), 2 * math.sin(angle)
+        poles.append(shapely.Point(pole).buffer(0.1))
+        for yaw in (0.0, 1.0):
+            obstacle.add(pole, yaw)
+    world = flatland(*poles[: 20 * stands], at=Pose2(0.0, 0.0, 0.0))
+    scan = world.scan()
+    drifted = replace(scan, pose=Pose2(0.0, 0.0, math.radians(9)))
+    assert obstacle.has_gone(drifted) is not stands
