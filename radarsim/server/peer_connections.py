@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from radarsim.server.lifecycle import configure_socket, listen, peer_name
@@ -14,7 +15,7 @@ log = logging.getLogger("radarsim.server")
 READ_BYTES: Final = 4096  # read from one peer at a time
 
 
-class PeerServer:
+class PeerServer(ABC):
     """Listens on a port, and holds the connections of its peers.
 
     Attributes:
@@ -39,9 +40,9 @@ class PeerServer:
         """
         self._listener, self.address = await listen(self._accept, address, self._port)
 
+    @abstractmethod
     def _accept(self) -> PeerConnection:
         """Return the protocol of a new connection."""
-        raise NotImplementedError
 
     def _close(self, peers: set[Any]) -> None:
         """Close the port and all connections at once; never raises.
@@ -54,7 +55,7 @@ class PeerServer:
             peer.close()
 
 
-class PeerConnection(asyncio.BufferedProtocol):
+class PeerConnection(asyncio.BufferedProtocol, ABC):
     """One connection of a peer.
 
     Attributes:
@@ -109,9 +110,9 @@ class PeerConnection(asyncio.BufferedProtocol):
             self._forget()
             transport.abort()
 
+    @abstractmethod
     def _begin(self, transport: asyncio.Transport) -> None:
         """Do what a new connection needs."""
-        raise NotImplementedError
 
     def _forget(self) -> None:
         """Forget the peer; afterwards there is no transport."""
