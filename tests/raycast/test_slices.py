@@ -34,6 +34,7 @@ MATERIALS = (
     Material("metal", radar_mirror=True),
 )
 REFLECTED = (RayClass(RADAR, max_reflections=2),)
+RAYS_AT_ONCE = RAYS_PER_SLICE // 2  # for which the whole scene gets no slice
 COLUMNS = ("ranges", "outcomes", "parts", "power", "incidence", "events")
 
 
@@ -77,21 +78,40 @@ def results(traces: Traces) -> dict[str, bytes]:
     return {name: getattr(traces, name).tobytes() for name in COLUMNS}
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_traces_are_the_same_bytes_with_and_without_a_slice(seed: int) -> None:
-    rng = np.random.Generator(np.random.PCG64(seed))
-    parts = forest(rng)
+def check_slices(
+    rng: np.random.Generator, parts: list[Part], rays_a_height: int
+) -> int:
+    """Trace level rays with and without a slice; return how many met something."""
     corners = np.vstack([part.vertices for part in parts])
-    sliced = Tracer(parts)
+    sliced, hits = Tracer(parts), 0
     # Between vertices; at the vertices of one part; at level faces; above everything.
     for z in (0.3, float(rng.choice(corners[:, 2])), 0.0, 1.5, 50.0):
         for _ in range(2):
             sliced.trace(level_rays(rng, parts, z, 2 * RAYS_PER_SLICE))
-        rays = level_rays(rng, parts, z, RAYS_PER_SLICE // 2)
-        whole = Tracer(parts).trace(rays, events=True, incidence=True)
-        assert np.isfinite(whole.ranges).any() == (z < 50.0)
-        found = sliced.trace(rays, events=True, incidence=True)
-        assert results(found) == results(whole)
+        whole_scene = Tracer(parts)
+        for _ in range(rays_a_height // RAYS_AT_ONCE):
+            rays = level_rays(rng, parts, z, RAYS_AT_ONCE)
+            whole = whole_scene.trace(rays, events=True, incidence=True)
+            found = sliced.trace(rays, events=True, incidence=True)
+            assert results(found) == results(whole)
+            met = np.count_nonzero(np.isfinite(whole.ranges))
+            assert not (met and z == 50.0)
+            hits += met
+            whole_scene = Tracer(parts)  # before it gets a slice of its own
+    return hits
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_traces_are_the_same_bytes_with_and_without_a_slice(seed: int) -> None:
+    rng = np.random.Generator(np.random.PCG64(seed))
+    assert check_slices(rng, forest(rng), RAYS_AT_ONCE) > RAYS_AT_ONCE
+
+
+@pytest.mark.slow("alone")
+def test_a_million_rays_give_the_same_bytes_with_and_without_a_slice() -> None:
+    rng = np.random.Generator(np.random.PCG64(99))
+    for _ in range(8):  # of five heights each
+        assert check_slices(rng, forest(rng), 25_000) > 12_500
 
 
 def test_tilted_rays_search_the_whole_scene() -> None:
