@@ -94,7 +94,7 @@ def check_slices(
             whole = whole_scene.trace(rays, events=True, incidence=True)
             found = sliced.trace(rays, events=True, incidence=True)
             assert results(found) == results(whole)
-            met = np.count_nonzero(np.isfinite(whole.ranges))
+            met = int(np.count_nonzero(np.isfinite(whole.ranges)))
             assert not (met and z == 50.0)
             hits += met
             whole_scene = Tracer(parts)  # before it gets a slice of its own
