@@ -66,6 +66,15 @@ ServedItemSettingsOption = Annotated[
         help="Setting with which the server was started, so that the page shows it.",
     ),
 ]
+ServedRobotsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--robots",
+        metavar="FILE",
+        help="File of a robot class with which the server was started, so that the page"
+        " offers it; repeat it.",
+    ),
+]
 RecordToOption = Annotated[
     Path,
     typer.Option(
@@ -94,6 +103,7 @@ def commander(
     dialect: ServedDialectOption = DialectName.COMPAT,
     drive_unit: ServedUnitOption = None,
     settings: ServedItemSettingsOption = None,
+    robots: ServedRobotsOption = None,
     record_to: RecordToOption = Path(),
     child: ChildOption = False,
 ) -> None:
@@ -107,7 +117,7 @@ def commander(
 
     # The parent says what is wrong with the options that it passes on, and ends.
     server = _read_address() if child else (host, port)
-    config = ServerOptions(dialect, drive_unit, settings).config()
+    config = ServerOptions(dialect, drive_unit, settings, robots or ()).config()
     if not child:
         check_item_settings(config)
     token = make_token() if web_token_file is None else read_token(web_token_file)

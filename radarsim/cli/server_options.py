@@ -131,7 +131,8 @@ class ServerOptions:
         """Return them as words of a command line."""
         unit = [] if self.drive_unit is None else ["--drive-unit", self.drive_unit]
         settings = [word for text in self.settings or [] for word in ("--set", text)]
-        return ["--dialect", self.dialect, *unit, *settings]
+        robots = [word for path in self.robots for word in ("--robots", str(path))]
+        return ["--dialect", self.dialect, *unit, *settings, *robots]
 
 
 def _read_robot(path: Path) -> RobotModel:

@@ -42,5 +42,5 @@ def make_greeting(
         "map": scene is not None,
         "starts": starts,
         "materials": [] if scene is None else scene.materials,
-        **make_offers(),
+        **make_offers(config),
     }

@@ -14,9 +14,8 @@ from pydantic.fields import FieldInfo
 
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import Algorithm
-from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import load_settings
+from radarsim.simulation.config import SimulationConfig
 
 # What slides, the most useful first: smallest and greatest value, and step. Others take
 # any number within the limits of the settings.
@@ -47,26 +46,30 @@ _METRES: Final = (
 _TYPES: Final = {float: "number", int: "integer", bool: "boolean"}
 
 
-def make_offers() -> dict[str, Any]:
-    """Return the lists of classes, algorithms, strategies and settings."""
+def make_offers(config: SimulationConfig) -> dict[str, Any]:
+    """Return the lists of classes, algorithms, strategies and settings.
+
+    Args:
+        config: The classes of the server, and how their items differ from their
+            presets.
+    """
     return {
-        "classes": list(_classes()),
+        "classes": list(_classes(config)),
         "algorithms": _named(Algorithm),
         "strategies": _named(StrategyName),
         "settings": list(_settings()),
     }
 
 
-def _classes() -> Iterable[dict[str, str]]:
+def _classes(config: SimulationConfig) -> Iterable[dict[str, str]]:
     """Yield the robot classes, with what their scanners see."""
-    for name in sorted(robot_names(), key=lambda name: name != FIRST_CLASS):
-        scanners = load_robot(name).items_of("RangeScanner")
-        words = " + ".join([_scanner_words(item) for item in scanners])
-        yield {"name": name, "label": f"{name}: {words}"}
+    for name in sorted(config.robot_names(), key=lambda name: name != FIRST_CLASS):
+        scanners = config.robot(name).items_of("RangeScanner")
+        words = [_scanner_words(config.scanner_settings(item)) for item in scanners]
+        yield {"name": name, "label": f"{name}: {' + '.join(words) or 'no scanner'}"}
 
 
-def _scanner_words(item: Item) -> str:
-    settings = load_settings(item.sensor or "", **item.settings)
+def _scanner_words(settings: SensorSettings) -> str:
     covered = settings.fov_deg + settings.resolution_deg  # with the gap behind
     angle = 360 if covered >= 360 else round(settings.fov_deg)
     return f"{settings.medium} {angle}\N{DEGREE SIGN}"

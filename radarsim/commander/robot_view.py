@@ -13,7 +13,7 @@ from radarsim.client import RobotInfo
 from radarsim.client.robot_info import DEFAULT_MOUNT
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3, wrap_angle
-from radarsim.presets.robots import RobotModel, load_robot
+from radarsim.presets.robots import RobotModel
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -135,7 +135,7 @@ class RobotView:
         """
         if not any(scanner.settings for scanner in self.scanners.values()):
             with suppress(PresetError):
-                self._describe_by_class(load_robot(self.class_name), config)
+                self._describe_by_class(config.robot(self.class_name), config)
 
     def scanner(self, name: str) -> Scanner:
         """Return the scanner of a name, in any case; a new one if it is unknown."""

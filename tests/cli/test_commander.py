@@ -10,10 +10,11 @@ from urllib.parse import parse_qs, urlsplit
 import httpx
 import pytest
 import typer
-from commands import Run
+from commands import Run, run_in_process
 from processes import start_radarsim
 
 from radarsim.cli.commander import announce_commander, read_token
+from radarsim.cli.server_options import DialectName, ServerOptions
 
 RunCommand = Callable[..., Run]
 
@@ -177,3 +178,16 @@ def test_page_reads_any_token_from_the_address(
     announce_commander(("127.0.0.1", 8000), token)
     fragment = urlsplit(capsys.readouterr().out.split()[-1]).fragment
     assert parse_qs(fragment) == {"token": [token]}
+
+
+def test_page_gets_the_classes_that_the_server_gets(tmp_path: Path) -> None:
+    file = tmp_path / "tall.yaml"
+    file.write_text("based_on: P3AT\nname: Tall\n")
+    options = ServerOptions(DialectName.UDK, None, None, [file])
+    words = options.words()
+    assert words == ["--dialect", "udk", "--robots", str(file)]
+    assert [each.name for each in options.config().robots] == ["Tall"]
+    file.write_text("based_on: P3AT\nname: 7\n")
+    run = run_in_process("commander", *words, "--web", "0")
+    assert run.code == 1
+    assert f"{file}:2" in run.err

@@ -2,9 +2,13 @@
 
 import json
 import math
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +31,16 @@ map: [foliage_room, mine@bare]
 sensor: {name: radar, side_offset_uu: [0, 25.5], fov_deg: 40}
 pose: {x: -7.8, y: {from: -1, to: 1, steps: 2}}
 count: 3
+"""
+MANY_SCANS = SMALL.replace("steps: 2", "steps: 20")
+TRIALS = """\
+version: 1
+kind: trial
+map: [foliage_room, hedge_garden]
+sensor: {name: radar, side_offset_uu: [0, 25]}
+algorithm: [bug1, bug2]
+seed: [0, 1, 2, 3, 4]
+time_limit: 2
 """
 MINE = """\
 version: 1
@@ -223,23 +237,50 @@ def dask_cluster() -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_workers_and_a_cluster_give_the_same_files(
-    small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("text", [MANY_SCANS, TRIALS], ids=["scans", "trials"])
+def test_workers_a_cluster_and_a_kill_give_the_same_files(
+    text: str, small: Path, cluster: str
 ) -> None:
-    small.write_text(SMALL.replace("steps: 2", "steps: 20"))
+    small.write_text(text)
     folder = small.parent
     options = {
         "one": ("--workers", "1"),
         "two": ("--workers", "2"),
         "cluster": ("--scheduler", cluster),
+        "killed": ("--workers", "2", "--resume"),
     }
+    kill_sweep(small, folder / "killed")
     for name, given in options.items():
         run = sweep(small, "-o", folder / name, *given)
         assert (run.code, run.err) == (0, "")
-    one, two, on_cluster = (files_of(folder / name) for name in options)
-    assert one == two
-    assert one == on_cluster
+    one, *others = (files_of(folder / name) for name in options)
+    assert len(one[LOG].splitlines()) == 40 * (1 + (text == MANY_SCANS))
+    assert others == [one] * 3
+
+
+def kill_sweep(file: Path, out: Path) -> None:
+    """Start a sweep with two workers, and kill them all after its first results."""
+    command = [sys.executable, "-m", "radarsim", "sweep", str(file), "-o", str(out)]
+    with subprocess.Popen(
+        [*command, "--workers", "2"], start_new_session=True, stderr=subprocess.PIPE
+    ) as process:
+        while process.poll() is None and not logged(out):
+            time.sleep(0.01)
+        with suppress(ProcessLookupError):  # it has ended by itself meanwhile
+            os.killpg(process.pid, signal.SIGKILL)
+    assert logged(out)
+
+
+def logged(out: Path) -> bytes:
+    """Return what a sweep has logged."""
+    return (out / LOG).read_bytes() if (out / LOG).is_file() else b""
+
+
+@pytest.mark.slow
+def test_cluster_of_another_version_is_refused(
+    small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("radarsim.sweep.cluster.__version__", "9.9")
-    run = sweep(small, "-o", folder / "refused", "--scheduler", cluster)
+    run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
     assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err
