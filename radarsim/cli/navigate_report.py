@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from radarsim.cli.progress import live_status
 from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
-from radarsim.navigation.bug import Activity, Point
+from radarsim.navigation.controller import Activity, Point
 from radarsim.navigation.run_log import AT_BOUNDARY, Row, RunLog
 
 ENDINGS = {"reached": "goal reached", "no_path": "no path"}

@@ -9,7 +9,7 @@ from radarsim.errors import PresetError
 from radarsim.evaluation.free_space import plan_height
 from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.geometry import Floats
-from radarsim.navigation.bug import Activity
+from radarsim.navigation.controller import Activity
 from radarsim.navigation.options import Algorithm
 from radarsim.plotting.film_encoders import Pixels
 from radarsim.plotting.outlines import Outline, outlines_of

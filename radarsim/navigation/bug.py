@@ -7,8 +7,6 @@ its boundary policy says. What is beyond the goal is no obstacle.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from enum import StrEnum
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.boundary_policy import (
@@ -19,90 +17,42 @@ from radarsim.navigation.boundary_policy import (
     Landmark,
     Step,
 )
-from radarsim.navigation.bumper_steering import BumperSteering
-from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.bumper_wall_following import BumperWallFollower
 from radarsim.navigation.control import (
     STOP,
-    SpeedLimits,
     Twist,
     bearing_of,
     distance,
-    moved,
+)
+from radarsim.navigation.controller import (
+    Activity,
+    Controller,
+    ControllerSettings,
+    Point,
 )
 from radarsim.navigation.followed_obstacle import FollowedObstacle
 from radarsim.navigation.observation import Observation
-from radarsim.navigation.options import Algorithm, GiveUp, Rule
+from radarsim.navigation.options import Algorithm, Rule
 from radarsim.navigation.standing_obstacle import StandingObstacle
 from radarsim.navigation.wall_following import FollowMode, WallFollower
 
-TOLERANCE = 0.1  # m from the goal at which it is reached
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 _MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
 
-Point = tuple[float, float]
 
+class Bug(Controller):
+    """Bug1 or Bug2; attributes are those of ``Controller``."""
 
-class Activity(StrEnum):
-    """What a bug is doing."""
-
-    GOING = "going"
-    ALIGNING = "aligning"
-    FOLLOWING = "following"
-    RETURNING = "returning"
-    REACHED = "reached"
-    NO_PATH = "no_path"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BugSettings:
-    """Settings of a bug.
-
-    Attributes:
-        algorithm: Bug1 or Bug2.
-        bumpers: The bumpers that it steers by.
-        speed_limits: Greatest speeds.
-        wall_on_left: Whether it keeps boundaries on its left.
-        give_up: When Bug2 concludes that there is no path.
-        tolerance: Distance from the goal at which it is reached, m.
-    """
-
-    algorithm: Algorithm
-    bumpers: Bumpers
-    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    wall_on_left: bool = True
-    give_up: GiveUp = GiveUp.HIT_POINT
-    tolerance: float = TOLERANCE
-
-
-class Bug:
-    """Drives to one goal after the other.
-
-    Attributes:
-        activity: What the bug is doing; in ``REACHED`` and ``NO_PATH`` it stands still.
-        goals: The goals that are left, the next one first, m, map frame.
-        hit_points: Where it hit boundaries, m, map frame.
-        leave_points: Where it left boundaries, m, map frame.
-        circuits: Number of complete circuits around obstacles.
-    """
-
-    def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
-        if not goals:
-            raise ValueError("no goals, expected at least one")
-        self.activity = Activity.GOING
-        self.goals = list(goals)
-        self.hit_points: list[Point] = []
-        self.leave_points: list[Point] = []
-        self.circuits = 0
-        self._settings = settings
+    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
+        super().__init__(goals, settings)
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
         self._steering = _steering(settings.bumpers.rule, self._follower)
         self._first_mode = FollowMode(wall_on_left=settings.wall_on_left)
         self._mode = self._first_mode
         self._policy: BoundaryPolicy | None = None  # None away from boundaries
         self._start: Pose2 | None = None
-        self._previous: Pose2 | None = None
         self._lost = 0.0  # m driven without a boundary
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
@@ -111,38 +61,20 @@ class Bug:
         self._circled = StandingObstacle()  # points of the boundary that is followed
         self._gone = 0  # number of obstacles that had gone when they were looked at
 
-    @property
-    def is_done(self) -> bool:
-        """Whether it has reached its last goal, or given up."""
-        return self.activity in (Activity.REACHED, Activity.NO_PATH)
+    def _begin_goal(self, pose: Pose2) -> None:
+        self._start, self._policy = pose, None
+        self._best_leave = self._seen_from = math.inf
 
-    def step(self, observation: Observation) -> Twist:
-        """Decide by a scan how to move until the next one."""
-        pose = observation.pose
-        step = 0.0 if self._previous is None else moved(self._previous, pose)
-        self._previous = pose
+    def _decide(self, observation: Observation, driven: float) -> Twist:
         if self._start is None:
-            self._start = pose
-        while not self.is_done and self._is_at_goal(pose):
-            self._reach(pose)
-        if self.is_done:
-            return STOP
+            self._start = observation.pose
         if self._policy is None:
             if self._is_free(observation) and not self._is_grazed(observation):
                 return self._go(observation)
             self._hit(observation)
         if self.activity is Activity.ALIGNING:
             return self._align(observation)
-        return self._follow(observation, step)
-
-    def _is_at_goal(self, pose: Pose2) -> bool:
-        return distance(pose, *self.goals[0]) <= self._settings.tolerance
-
-    def _reach(self, pose: Pose2) -> None:
-        self.goals.pop(0)
-        self._start, self._policy = pose, None
-        self._best_leave = self._seen_from = math.inf
-        self.activity = Activity.GOING if self.goals else Activity.REACHED
+        return self._follow(observation, driven)
 
     def _is_free(self, observation: Observation) -> bool:
         """Return whether no obstacle is between the robot and the goal."""
@@ -275,5 +207,5 @@ class Bug:
         return self._go(observation)
 
 
-def _steering(rule: Rule, follower: WallFollower) -> WallFollower | BumperSteering:
-    return BumperSteering(follower) if rule is Rule.THESIS else follower
+def _steering(rule: Rule, follower: WallFollower) -> WallFollower | BumperWallFollower:
+    return BumperWallFollower(follower) if rule is Rule.THESIS else follower

@@ -7,13 +7,18 @@ from dataclasses import dataclass, field
 from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import TOLERANCE, Bug, BugSettings, Point
+from radarsim.navigation.bug import Bug
 from radarsim.navigation.bumpers import LEAST_SHARE, Bumpers
 from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.controller import (
+    TOLERANCE,
+    Controller,
+    ControllerSettings,
+    Point,
+)
 from radarsim.navigation.options import ROBOT, Algorithm, GiveUp, PoseSource, Rule
 from radarsim.navigation.path_planning import PathPlanning
 from radarsim.navigation.runner import (
-    Controller,
     NavigationStep,
     Navigator,
     Result,
@@ -105,7 +110,7 @@ def run_mission(
     )
     check_field_of_view(bumpers, scanner)
     limits = mission.speed_limits
-    settings = BugSettings(
+    settings = ControllerSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
         speed_limits=SpeedLimits(min(limits.speed, robot_info.top_speed), limits.turn),
@@ -129,7 +134,9 @@ def run_mission(
     )
 
 
-def create_controller(goals: Sequence[Point], settings: BugSettings) -> Controller:
+def create_controller(
+    goals: Sequence[Point], settings: ControllerSettings
+) -> Controller:
     """Create what decides how to move, by the algorithm of the settings."""
     match settings.algorithm:
         case Algorithm.PLANNED:

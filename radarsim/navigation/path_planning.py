@@ -12,8 +12,13 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.navigation.bug import Activity, BugSettings, Point
 from radarsim.navigation.control import STOP, Twist, bearing_of, distance, moved
+from radarsim.navigation.controller import (
+    Activity,
+    Controller,
+    ControllerSettings,
+    Point,
+)
 from radarsim.navigation.grid_path import shortest_path
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.obstacle_grid import CELL, ObstacleGrid
@@ -27,46 +32,21 @@ ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
 
 
-class PathPlanning:
-    """Drives to one goal after the other along planned paths; has what a ``Bug`` has.
+class PathPlanning(Controller):
+    """Planned paths; has no hit points, leave points and circuits."""
 
-    Attributes:
-        activity: What it is doing.
-        goals: The goals that are left, the next one first, m, map frame.
-        hit_points: Always empty.
-        leave_points: Always empty.
-        circuits: Always 0.
-    """
-
-    def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
-        if not goals:
-            raise ValueError("no goals, expected at least one")
-        self.activity = Activity.GOING
-        self.goals = list(goals)
-        self.hit_points: list[Point] = []
-        self.leave_points: list[Point] = []
-        self.circuits = 0
-        self._settings = settings
+    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
+        super().__init__(goals, settings)
         self._grid: ObstacleGrid | None = None
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s
         self._hopeless_since: float | None = None  # s
 
-    @property
-    def is_done(self) -> bool:
-        """Whether it has reached its last goal, or given up."""
-        return self.activity in (Activity.REACHED, Activity.NO_PATH)
+    def _begin_goal(self, _: Pose2) -> None:
+        self._planned = -math.inf
 
-    def step(self, observation: Observation) -> Twist:
-        """Decide by a scan how to move until the next one."""
-        pose = observation.pose
-        while self.goals and distance(pose, *self.goals[0]) <= self._settings.tolerance:
-            self.goals.pop(0)
-            self._planned = -math.inf
-        if not self.goals:
-            self.activity = Activity.REACHED
-            return STOP
+    def _decide(self, observation: Observation, _: float) -> Twist:
         if observation.time >= self._planned + INTERVAL:
             self._plan(observation)
         if len(self._path):

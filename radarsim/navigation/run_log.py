@@ -9,7 +9,7 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from radarsim.geometry import Floats, wrap_angle
-from radarsim.navigation.bug import Activity, Point
+from radarsim.navigation.controller import Activity, Point
 from radarsim.navigation.runner import NavigationStep
 
 CELL = 0.05  # m; end points of beams are counted in square cells of this size

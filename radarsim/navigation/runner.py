@@ -7,11 +7,9 @@ motion that it decides on is sent as a DRIVE command.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.clearance_check import ClearanceCheck
 from radarsim.navigation.control import (
@@ -21,30 +19,12 @@ from radarsim.navigation.control import (
     Twist,
     moved,
 )
+from radarsim.navigation.controller import Activity, Controller, Point
 from radarsim.navigation.echo_ranges import ECHO_WAIT
 from radarsim.navigation.moving_things import Waiting
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.observation_builder import ObservationBuilder
 from radarsim.navigation.options import PoseSource
-
-
-class Controller(Protocol):
-    """Decides at every scan how to move to its goals; see ``Bug``."""
-
-    activity: Activity
-    goals: list[Point]
-    hit_points: list[Point]
-    leave_points: list[Point]
-    circuits: int
-
-    @property
-    def is_done(self) -> bool:
-        """Whether it has reached its last goal, or given up."""
-        ...
-
-    def step(self, observation: Observation) -> Twist:
-        """Decide by a scan how to move until the next one."""
-        ...
 
 
 class TripMeter:

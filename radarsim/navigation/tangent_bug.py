@@ -25,8 +25,14 @@ import numpy as np
 
 from radarsim.geometry import Pose2
 from radarsim.navigation.boundary_policy import Landmark, Step, Trail
-from radarsim.navigation.bug import GRAZE, NOISE, Activity, BugSettings, Point
-from radarsim.navigation.control import STOP, Twist, bearing_of, distance, moved
+from radarsim.navigation.bug import GRAZE, NOISE
+from radarsim.navigation.control import STOP, Twist, bearing_of, distance
+from radarsim.navigation.controller import (
+    Activity,
+    Controller,
+    ControllerSettings,
+    Point,
+)
 from radarsim.navigation.followed_obstacle import FollowedObstacle
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.open_directions import (
@@ -46,26 +52,11 @@ _SAME: Final = 0.7  # m within which an edge is the last one
 _MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 
 
-class TangentBug:
-    """Drives to one goal after the other; has what a ``Bug`` has.
+class TangentBug(Controller):
+    """TangentBug; attributes are those of ``Controller``."""
 
-    Attributes:
-        activity: What it is doing.
-        goals: The goals that are left, the next one first, m, map frame.
-        hit_points: Where it turned to boundaries, m, map frame.
-        leave_points: Where it left boundaries, m, map frame.
-        circuits: Number of complete circuits around obstacles.
-    """
-
-    def __init__(self, goals: Sequence[Point], settings: BugSettings) -> None:
-        if not goals:
-            raise ValueError("no goals, expected at least one")
-        self.activity = Activity.GOING
-        self.goals = list(goals)
-        self.hit_points: list[Point] = []
-        self.leave_points: list[Point] = []
-        self.circuits = 0
-        self._settings = settings
+    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
+        super().__init__(goals, settings)
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # that it heads for
@@ -73,30 +64,16 @@ class TangentBug:
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
         self._boundary: _Boundary | None = None
-        self._previous: Pose2 | None = None
         self._gone = 0
 
-    @property
-    def is_done(self) -> bool:
-        """Whether it has reached its last goal, or given up."""
-        return self.activity in (Activity.REACHED, Activity.NO_PATH)
+    def _begin_goal(self, _: Pose2) -> None:
+        self._start_anew()
+        self._left_at = math.inf
 
-    def step(self, observation: Observation) -> Twist:
-        """Decide by a scan how to move until the next one."""
-        pose = observation.pose
-        step = 0.0 if self._previous is None else moved(self._previous, pose)
-        self._previous = pose
-        while self.goals and distance(pose, *self.goals[0]) <= self._settings.tolerance:
-            self.goals.pop(0)
-            self._start_anew()
-            self._left_at = math.inf
-        if not self.goals:
-            self.activity = Activity.REACHED
-        if self.is_done:
-            return STOP
+    def _decide(self, observation: Observation, driven: float) -> Twist:
         if self._boundary is None:
             return self._go(observation)
-        return self._follow(observation, self._boundary, step)
+        return self._follow(observation, self._boundary, driven)
 
     def _start_anew(self) -> None:
         self.activity, self._boundary = Activity.GOING, None

@@ -6,7 +6,7 @@ from typing import Final
 from matplotlib.path import Path
 
 from radarsim.geometry import Floats
-from radarsim.navigation.bug import Point
+from radarsim.navigation.controller import Point
 from radarsim.navigation.run_log import RunLog
 from radarsim.plotting.film import FrameCanvas
 from radarsim.plotting.film_encoders import Pixels

@@ -13,7 +13,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from radarsim.navigation.bug import Activity, Point
+from radarsim.navigation.controller import Activity, Point
 from radarsim.navigation.run_log import RunLog
 from radarsim.plotting.annotations import HALO
 from radarsim.plotting.palette import FOLLOWING, GOING, MARKER, PAPER, TARGET

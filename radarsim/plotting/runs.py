@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.navigation.bug import Activity
+from radarsim.navigation.controller import Activity
 from radarsim.navigation.run_log import RunLog
 from radarsim.plotting import palette
 from radarsim.plotting.outlines import (

@@ -10,8 +10,8 @@ import shapely
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.control import Twist
+from radarsim.navigation.controller import Controller
 from radarsim.navigation.observation import Observation
-from radarsim.navigation.runner import Controller
 
 BEARINGS: Floats = np.radians(np.arange(360.0) - 180.0)
 STEP = 0.1  # s between two scans

@@ -8,9 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, Bug, BugSettings
+from radarsim.navigation.bug import Bug
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.controller import Activity, ControllerSettings
 from radarsim.navigation.options import Algorithm, GiveUp, Rule
 
 
@@ -28,7 +29,7 @@ HANDS = pytest.mark.parametrize("wall_on_left", [True, False], ids=["left", "rig
 
 def bug(algorithm: Algorithm, *goals: tuple[float, float], **changed: object) -> Bug:
     values = {"bumpers": Bumpers(safety_distance=S), "speed_limits": FAST, **changed}
-    return Bug(goals, BugSettings(algorithm=algorithm, **values))  # type: ignore[arg-type]
+    return Bug(goals, ControllerSettings(algorithm=algorithm, **values))  # type: ignore[arg-type]
 
 
 BOX = shapely.box(-1.5, -2, 1.5, 2.5)

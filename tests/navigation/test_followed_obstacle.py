@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.navigation.bug import Bug, BugSettings
+from radarsim.navigation.bug import Bug
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.controller import ControllerSettings
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm
 
@@ -47,7 +48,7 @@ def turn_about(pole: Point, before: Pose2, after: Pose2) -> float:
 def test_first_of_two_poles_is_circled(seed: int, direction: float) -> None:
     poles = [(0.0, 0.0), (1.75 * math.cos(direction), 1.75 * math.sin(direction))]
     rng, pose = np.random.default_rng(seed), Pose2(-4.0, 0.01 * seed)
-    settings = BugSettings(
+    settings = ControllerSettings(
         algorithm=Algorithm.BUG1,
         bumpers=Bumpers(safety_distance=0.5),
         speed_limits=SpeedLimits(0.6, 1.5),

@@ -9,9 +9,10 @@ import pytest
 import shapely
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Bug, BugSettings
+from radarsim.navigation.bug import Bug
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import STOP, Twist
+from radarsim.navigation.controller import ControllerSettings
 from radarsim.navigation.moving_things import PATIENCE, MotionDetector, Waiting
 from radarsim.navigation.options import Algorithm
 
@@ -29,7 +30,9 @@ def test_robot_lets_something_pass_and_reaches_its_goal(
     flatland: World, begin: float, speed: float
 ) -> None:
     world = flatland(at=Pose2(-3.0, 0.0))
-    bug = Bug([(3.0, 0.0)], BugSettings(algorithm=Algorithm.BUG1, bumpers=BUMPERS))
+    bug = Bug(
+        [(3.0, 0.0)], ControllerSettings(algorithm=Algorithm.BUG1, bumpers=BUMPERS)
+    )
     waiting, twist, nearest = Waiting(BUMPERS, 0.37), STOP, math.inf
     for k in range(600):
         other = crossing(begin + speed * 0.1 * k)

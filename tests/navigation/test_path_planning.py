@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, BugSettings
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.controller import Activity, ControllerSettings
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.obstacle_grid import ObstacleGrid
 from radarsim.navigation.options import Algorithm
@@ -25,7 +25,7 @@ CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
 
 
 def planning(*goals: tuple[float, float]) -> PathPlanning:
-    settings = BugSettings(
+    settings = ControllerSettings(
         algorithm=Algorithm.PLANNED,
         bumpers=Bumpers(safety_distance=S),
         speed_limits=SpeedLimits(0.6, 1.5),

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, Bug, BugSettings
+from radarsim.navigation.bug import Bug
 from radarsim.navigation.bumpers import Bumpers, pressed_names
 from radarsim.navigation.control import STOP, SpeedLimits, Twist
+from radarsim.navigation.controller import Activity, ControllerSettings
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.options import Algorithm
 from radarsim.navigation.run_log import CELL, GoalLine, RunLog
@@ -37,7 +38,7 @@ def moment(
 
 def driven(world: Any, algorithm: Algorithm) -> tuple[Bug, RunLog]:
     """Run a bug in a flat world and log it."""
-    settings = BugSettings(
+    settings = ControllerSettings(
         algorithm=algorithm, bumpers=BUMPERS, speed_limits=SpeedLimits(0.6, 1.5)
     )
     bug, run_log = Bug(GOALS, settings), RunLog()

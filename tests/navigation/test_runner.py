@@ -12,7 +12,7 @@ from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
 from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
-from radarsim.navigation.bug import Activity
+from radarsim.navigation.controller import Activity
 from radarsim.navigation.mission import Mission, run_mission
 from radarsim.navigation.options import Algorithm, PoseSource
 from radarsim.navigation.runner import NavigationStep, Result

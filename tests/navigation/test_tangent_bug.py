@@ -5,9 +5,9 @@ import pytest
 import shapely
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, BugSettings
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
+from radarsim.navigation.controller import Activity, ControllerSettings
 from radarsim.navigation.options import Algorithm
 from radarsim.navigation.tangent_bug import TangentBug
 
@@ -24,7 +24,7 @@ class World(Protocol):
 
 
 def tangent_bug(*goals: tuple[float, float]) -> TangentBug:
-    settings = BugSettings(
+    settings = ControllerSettings(
         algorithm=Algorithm.TANGENT_BUG,
         bumpers=Bumpers(safety_distance=S),
         speed_limits=SpeedLimits(0.6, 1.5),

@@ -12,8 +12,8 @@ from matplotlib.image import AxesImage
 from PIL import Image
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.navigation.bug import Activity, Point
 from radarsim.navigation.control import STOP
+from radarsim.navigation.controller import Activity, Point
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.run_log import CELL, RunLog
 from radarsim.navigation.runner import NavigationStep

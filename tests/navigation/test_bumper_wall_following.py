@@ -8,10 +8,11 @@ import shapely
 import shapely.affinity
 
 from radarsim.geometry import Pose2
-from radarsim.navigation.bug import Activity, Bug, BugSettings
-from radarsim.navigation.bumper_steering import BumperSteering
+from radarsim.navigation.bug import Bug
+from radarsim.navigation.bumper_wall_following import BumperWallFollower
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits, Twist
+from radarsim.navigation.controller import Activity, ControllerSettings
 from radarsim.navigation.options import Algorithm, Rule
 from radarsim.navigation.wall_following import FollowMode, WallFollower
 
@@ -27,9 +28,9 @@ class World(Protocol):
     def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
 
 
-def steering() -> BumperSteering:
+def steering() -> BumperWallFollower:
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
-    return BumperSteering(WallFollower(bumpers, LIMITS))
+    return BumperWallFollower(WallFollower(bumpers, LIMITS))
 
 
 @pytest.mark.parametrize(
@@ -85,7 +86,7 @@ def test_bug_gets_around_a_box_by_bumpers_alone(
 ) -> None:
     world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-6.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
-    bug = Bug([(6.0, 0.2)], BugSettings(algorithm=algorithm, bumpers=bumpers))
+    bug = Bug([(6.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))
     world.run(bug)
     assert bug.activity is Activity.REACHED
     assert world.nearest > 0.4

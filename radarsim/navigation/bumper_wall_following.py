@@ -26,7 +26,7 @@ _AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; where nothing may be to
 _AWAY: Final = 0.5  # of the greatest turn rate, with which it leaves a side too near
 
 
-class BumperSteering:
+class BumperWallFollower:
     """Follows a boundary as a ``WallFollower`` does, by the states of bumpers alone."""
 
     def __init__(self, follower: WallFollower) -> None:
