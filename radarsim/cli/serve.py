@@ -36,6 +36,8 @@ from radarsim.cli.server_options import (
     ListenPortOption,
     LogFormat,
     LogFormatOption,
+    LogLevel,
+    LogLevelOption,
     MaxClientsOption,
     RobotsOption,
     ServerOptions,
@@ -76,6 +78,7 @@ def serve(
     record_spectra: RecordSpectraOption = False,
     max_clients: MaxClientsOption = DEFAULT_MAX_CLIENTS,
     verbose: VerboseOption = False,
+    log_level: LogLevelOption = None,
     log_format: LogFormatOption = LogFormat.TEXT,
     config_file: ConfigOption = None,  # noqa: ARG001 - its callback reads it
 ) -> None:
@@ -86,30 +89,25 @@ def serve(
     _check_ports(host, ports, web)
     options = ServerOptions(dialect, drive_unit, settings, robots or ())
     with ExitStack() as until_end:
-        words = None if web is None else ["--web", str(web), "--map", map_]
         page = until_end.enter_context(
-            commander_process(None if words is None else [*words, *options.words()])
+            commander_process(_page_options(web, map_, options))
         )
-        level = logging.INFO if verbose else logging.WARNING
-        as_json = log_format is LogFormat.JSON
-        start_log(level, "%(asctime)s %(levelname)s %(message)s", as_json=as_json)
+        _start_server_log(log_level, log_format, verbose=verbose)
         config = options.config()
         with compile_progress():  # which maps with meshes do, while they are read
-            recorded = open_host(
-                *(map_, config, record),
-                seed=seed,
-                begins=False,
-                spectra=record_spectra,
+            simulated = until_end.enter_context(
+                open_host(
+                    *(map_, config, record),
+                    seed=seed,
+                    begins=False,
+                    spectra=record_spectra,
+                )
             )
-            simulated = until_end.enter_context(recorded)
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
-        images = None
-        if image_port is not None:
-            images = make_image_server(simulated, image_port)
-        most = _permitted_clients(max_clients)
-        radar = radar_port.server()
+        images = make_image_server(simulated, image_port)
+        radar, most = radar_port.server(), _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most, radar=radar)
         tell = _announcer(images, radar, page)
         serving = serve_until_signal(server, host, port, tell, images, radar)
@@ -118,6 +116,27 @@ def serve(
     if server.is_loading:
         exit_immediately(code)
     raise typer.Exit(code)
+
+
+def _page_options(
+    web: int | None, map_: str, options: ServerOptions
+) -> list[str] | None:
+    """Return the options of the commander beside the server; None for no page."""
+    if web is None:
+        return None
+    return ["--web", str(web), "--map", map_, *options.words()]
+
+
+def _start_server_log(
+    level: LogLevel | None, log_format: LogFormat, *, verbose: bool
+) -> None:
+    """Write the log to stderr; ``--log-level`` counts before ``--verbose``."""
+    level = level or (LogLevel.INFO if verbose else LogLevel.WARNING)
+    start_log(
+        logging.getLevelNamesMapping()[level.name],
+        "%(asctime)s %(levelname)s %(message)s",
+        as_json=log_format is LogFormat.JSON,
+    )
 
 
 def _announcer(
@@ -242,13 +261,15 @@ def check_item_settings(config: SimulationConfig) -> None:
         raise typer.BadParameter(str(error), param_hint="--set") from None
 
 
-def make_image_server(host: Host, port: int) -> ImageServer:
+def make_image_server(host: Host, port: int | None) -> ImageServer | None:
     """Create the server of pictures.
 
     Args:
         host: The host whose simulation is seen.
-        port: Port to listen on; 0 for a free one.
+        port: Port to listen on; 0 for a free one, None for no pictures.
     """
+    if port is None:
+        return None
     from radarsim.server.image_server import ImageServer
     from radarsim.server.picture_process import PictureProcess
 

@@ -24,6 +24,14 @@ class DialectName(StrEnum):
     UDK = "udk"
 
 
+class LogLevel(StrEnum):
+    """Lowest levels of the log that are written."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
 class LogFormat(StrEnum):
     """Forms of the log."""
 
@@ -89,8 +97,15 @@ MaxClientsOption = Annotated[
     int, typer.Option(min=1, help="Refuse clients when this many are connected.")
 ]
 LogFormatOption = Annotated[LogFormat, typer.Option(help="Form of the log on stderr.")]
+LogLevelOption = Annotated[
+    LogLevel | None,
+    typer.Option(
+        help="What is logged: connections as well, or errors alone.",
+        show_default="warning",
+    ),
+]
 VerboseOption = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Log connections as well.")
+    bool, typer.Option("--verbose", "-v", help="As --log-level info.")
 ]
 
 

@@ -34,6 +34,21 @@ def test_server_takes_its_options_from_a_file(tmp_path: Path) -> None:
     assert any("connected" in record["message"] for record in records)
 
 
+def test_level_of_the_log_counts_before_verbose() -> None:
+    options = ("--verbose", "--log-level", "error", "--port", "0")
+    with start_radarsim("serve", "empty_room", *options) as server:
+        assert server.stdout is not None
+        port = int(server.stdout.readline().strip().rpartition(b":")[2])
+        with Client.connect("127.0.0.1", port) as client:
+            client.greeting()
+            client.send(b"NONSENSE\r\n")
+            assert client.start_poses()
+        server.send_signal(signal.SIGINT)
+        _, errors = server.communicate(timeout=TIMEOUT)
+    assert b"INFO" not in errors
+    assert b"WARNING" not in errors
+
+
 @pytest.mark.parametrize(
     "text", ["mapp: empty_room", "port: 99999", "- 1", "a: [", "speed: fast"]
 )

@@ -49,7 +49,7 @@ def test_classes_of_the_server_are_offered_and_known() -> None:
     labels = {each["name"]: each["label"] for each in make_offers(config)["classes"]}
     assert labels.keys() == {*robot_names(), "Tall", "Blind"}
     degree = "\N{DEGREE SIGN}"
-    assert labels["Tall"] == f"Tall: radar 180{degree} + laser 240{degree}"
+    assert labels["Tall"] == f"Tall: radar 180{degree} + laser 239{degree}"
     assert labels["Blind"] == "Blind: no scanner"
     scanner = RobotView("R1", "Tall", config).scanner("mast")
     assert (scanner.medium, scanner.mount.z) == ("laser", 1)
