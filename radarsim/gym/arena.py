@@ -6,6 +6,7 @@ reported between two decisions, so that a period takes a few compiled calls.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,27 @@ from radarsim.robots.robot import Robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan_batch import scan_ranges
+from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import scan_batch, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
+
+
+class BeamReadings(NamedTuple):
+    """What the beams of N robots read; (N, beams) each.
+
+    Attributes:
+        ranges: m; the maximum range where nothing is detected.
+        power: Penetration power that was left where a beam reads, as a share of that
+            sent; 0 where nothing is detected, 1 where it is unlimited.
+        rays: Which ray of its beam gave each range: -1 right, 0 centre, 1 left; 0 for a
+            sensor without side rays.
+    """
+
+    ranges: Floats
+    power: Floats
+    rays: Floats
 
 
 class Arena:
@@ -145,15 +163,38 @@ class Arena:
             (N, beams) ranges, m; the maximum range where nothing is detected, and for
             robots that were taken out.
         """
-        ranges = np.full(
-            (len(self._robots), len(self.scanner.angles)),
-            self.scanner.settings.max_range,
-        )
-        rows = np.flatnonzero(self._present).tolist()
-        requests = [self._request(self._robots[row], rngs[row]) for row in rows]
-        boxes = Boxes(self._boxes()) if self._meets else None
-        ranges[rows] = scan_ranges(self._tracer, requests, boxes).ranges
+        ranges = self._blank(self.scanner.settings.max_range)
+        requests = self._requests(rngs)
+        ranges[self._present] = scan_ranges(self._tracer, requests, self._seen()).ranges
         return ranges
+
+    def read_beams(self, rngs: Sequence[np.random.Generator]) -> BeamReadings:
+        """Take the same scans as ``scan``, and return more of them, which takes longer.
+
+        Args:
+            rngs: Source of randomness of each robot.
+        """
+        most = self.scanner.settings.max_range
+        found = BeamReadings(self._blank(most), self._blank(0.0), self._blank(0.0))
+        scans = scan_batch(self._tracer, self._requests(rngs), self._seen())
+        for row, scan in zip(np.flatnonzero(self._present), scans, strict=True):
+            found.ranges[row] = np.minimum(scan.ranges, most)
+            found.power[row] = _power_left(scan)
+            if scan.rays is not None:
+                found.rays[row] = scan.rays
+        return found
+
+    def _blank(self, value: float) -> Floats:
+        return np.full((len(self._robots), len(self.scanner.angles)), value)
+
+    def _requests(self, rngs: Sequence[np.random.Generator]) -> list[ScanRequest]:
+        """Return the scans of the robots that were not taken out."""
+        rows = np.flatnonzero(self._present).tolist()
+        return [self._request(self._robots[row], rngs[row]) for row in rows]
+
+    def _seen(self) -> Boxes | None:
+        """Return the boxes of the robots, if they see each other."""
+        return Boxes(self._boxes()) if self._meets else None
 
     def _request(self, robot: Robot, rng: np.random.Generator) -> ScanRequest:
         pose: Pose3 = robot.body.compose(self._mount)
@@ -167,6 +208,20 @@ class Arena:
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]
+
+
+def _power_left(scan: Scan) -> Floats:
+    """Return the power that was left where each beam reads, as a share of that sent."""
+    echoes = scan.echoes
+    sent = echoes.settings.penetration_power
+    is_read = echoes.ranges == scan.ranges[echoes.beams]
+    power = np.zeros(len(scan.ranges))
+    left = echoes.power[is_read]
+    shares = np.ones(len(left))
+    limited = np.isfinite(left)
+    shares[limited] = left[limited] / sent if sent else 0.0
+    power[echoes.beams[is_read]] = np.clip(shares, 0.0, 1.0)
+    return power
 
 
 def _ticks(period: float) -> int:

@@ -2,13 +2,19 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.scene.scene import Scene
+
+# What can be observed of each beam besides its range: smallest and largest value.
+BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
+    "power": (0.0, 1.0),
+    "rays": (-1.0, 1.0),
+}
 
 
 class Transition(NamedTuple):
@@ -53,6 +59,8 @@ class GoToSettings:
         goal: ``random``, a place that the robot can get to; ``map`` for that of the
             map's trial; or x and y, m.
         decision_period: Simulated time between two decisions, s.
+        beam_values: What is observed of each beam besides its range: ``power``, the
+            penetration power left where it reads, and ``rays``, which ray of it reads.
         max_steps: Decisions after which an episode is truncated.
         ends_at_collision: Whether an episode terminates when the robot touches
             something.
@@ -66,6 +74,7 @@ class GoToSettings:
     start: str | Sequence[float] = "random"
     goal: str | Sequence[float] = "random"
     decision_period: float = 0.1
+    beam_values: Sequence[str] = ()
     max_steps: int = 500
     ends_at_collision: bool = False
     reward: Callable[[Transition], Floats] = progress_reward
@@ -73,3 +82,6 @@ class GoToSettings:
     def __post_init__(self) -> None:
         if self.max_steps < 1:
             raise ValueError(f"max_steps {self.max_steps!r}, expected at least 1")
+        if not {*self.beam_values} <= {*BEAM_VALUES}:
+            text = f"beam_values {self.beam_values!r}, expected some of"
+            raise ValueError(f"{text} {list(BEAM_VALUES)}")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats, Pose2
 from radarsim.gym.arena import Arena
 from radarsim.gym.places import FreePlaces
-from radarsim.gym.settings import GoToSettings, Transition
+from radarsim.gym.settings import BEAM_VALUES, GoToSettings, Transition
 from radarsim.scene.scene import Scene, Trial
 
 GOAL_RADIUS: Final = 0.5  # m around the goal
@@ -66,11 +66,16 @@ class GoToTask:
         """The space of one robot's observation."""
         beams = len(self.arena.scanner.angles)
         low, high = np.array([0, -1, -1], np.float32), np.ones(3, np.float32)
+        values = {name: BEAM_VALUES[name] for name in self.settings.beam_values}
         return spaces.Dict(
             {
                 "ranges": spaces.Box(0.0, 1.0, (beams,), np.float32),
                 "goal": spaces.Box(low, high, dtype=np.float32),
                 "speeds": spaces.Box(-1.0, 1.0, (2,), np.float32),
+                **{
+                    name: spaces.Box(least, most, (beams,), np.float32)
+                    for name, (least, most) in values.items()
+                },
             }
         )
 
@@ -139,16 +144,30 @@ class GoToTask:
         Args:
             rngs: Source of randomness of each robot.
         """
-        ranges = self.arena.scan(rngs) / self.arena.scanner.settings.max_range
+        ranges, values = self._read_beams(rngs)
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
         goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
         return {
-            "ranges": np.clip(ranges, 0.0, 1.0).astype(np.float32),
+            "ranges": np.clip(
+                ranges / self.arena.scanner.settings.max_range, 0.0, 1.0
+            ).astype(np.float32),
             "goal": goal.astype(np.float32),
             "speeds": self._speeds.astype(np.float32),
+            **values,
         }
+
+    def _read_beams(
+        self, rngs: Sequence[np.random.Generator]
+    ) -> tuple[Floats, Observations]:
+        """Return the ranges, m, and the other values of beams that are observed."""
+        wanted = self.settings.beam_values
+        if not wanted:
+            return self.arena.scan(rngs), {}
+        read = self.arena.read_beams(rngs)
+        values = {name: getattr(read, name).astype(np.float32) for name in wanted}
+        return read.ranges, values
 
     def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
         """Return which episodes are terminated, and which are truncated, (N,) each."""

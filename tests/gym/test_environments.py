@@ -8,11 +8,12 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from radarsim.errors import RadarsimError
-from radarsim.geometry import Pose2
+from radarsim.geometry import Pose2, Pose3
 from radarsim.gym import GoToEnv, ParallelEnv, Transition, VectorEnv
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene
@@ -53,6 +54,46 @@ def actions_of(count: int, robots: int = 1, seed: int = 5) -> Any:
 def test_registered_environments_keep_the_rules_of_gymnasium(name: str) -> None:
     env = gymnasium.make(f"radarsim.gym:radarsim/{name}", **FAST)
     check_env(env.unwrapped)
+
+
+def test_power_and_rays_are_observed_where_wanted(foliage_room: Scene) -> None:
+    settings: dict[str, Any] = {
+        "map": foliage_room,
+        "start": (-1.5, 1.0, 0.0),
+        "goal": (3.0, 0.0),
+        "sensor_settings": {"fov_deg": 90, "penetration_power": 2.0},
+    }
+    made = gymnasium.make(
+        "radarsim.gym:radarsim/GoTo-v0", beam_values=("power", "rays"), **settings
+    )
+    env: Any = made.unwrapped
+    check_env(env)
+    seen, _ = env.reset(seed=4)
+    plain, _ = GoToEnv(**settings).reset(seed=4)
+    assert seen.keys() - plain.keys() == {"power", "rays"}
+    for name, values in plain.items():
+        np.testing.assert_array_equal(values, seen[name])
+    pose = load_robot("P3AT").scanner_pose(Pose3(-1.5, 1.0, 0.0))
+    scan = env.task.arena.scanner.scan(foliage_room, pose, np_random(4)[0])
+    np.testing.assert_array_equal(seen["rays"], scan.rays)
+    echoes = scan.echoes  # the last of each beam
+    left = np.zeros(91)
+    left[echoes.beams] = echoes.power / 2
+    np.testing.assert_allclose(seen["power"], left, rtol=1e-6)
+    assert {-1.0, 0.0, 1.0} == {*seen["rays"].tolist()}
+    assert (left == 0).any()
+    assert ((left > 0) & (left < 1)).any()
+
+
+def test_beams_of_two_robots_are_read_as_those_of_one() -> None:
+    settings: dict[str, Any] = {"beam_values": ["rays", "power"], **FAST}
+    parallel = ParallelEnv(2, map="foliage_room", **settings)
+    seen, _ = parallel.reset(seed=2)
+    assert parallel.observation_space("robot_0").contains(seen["robot_0"])
+    laser = GoToEnv(robot="P3AT_SICK", **settings)
+    read, _ = laser.reset(seed=2)
+    assert not read["rays"].any()
+    assert {*read["power"].tolist()} <= {0.0, 1.0}
 
 
 def test_robot_moves_as_in_the_simulation(foliage_room: Scene) -> None:
@@ -183,6 +224,7 @@ def test_random_places_are_free_and_can_be_reached(two_rooms: str) -> None:
         ({"goal": "map", "map": "empty_room"}, "no trial"),
         ({"decision_period": 0.0}, "period"),
         ({"max_steps": 0}, "max_steps"),
+        ({"beam_values": ["colour"]}, "beam_values"),
         ({"render_mode": "human"}, "human"),
     ],
 )
