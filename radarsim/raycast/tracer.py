@@ -296,9 +296,10 @@ class Tracer:
             if needed == 0 and count <= room:
                 if unsliced:
                     self._scene.count_unsliced(height, int(unsliced))
-                if room:
-                    most = count // max(size, 1) + 1
-                    self._events_per_ray = max(self._events_per_ray, most)
+                if not room:
+                    return Traces(*columns, rows), 0, crowded
+                most = count // max(size, 1) + 1
+                self._events_per_ray = max(self._events_per_ray, most)
                 return Traces(*columns, rows[:count]), 0, crowded
             self._max_crossings = max(self._max_crossings, 2 * needed)
             room = max(room, count)

@@ -166,13 +166,15 @@ class ScanBuilder:
         self, plan: PlannedScan, traces: Traces, first: int, scene: Scene | None
     ) -> Scan:
         """Build a scan from where its rays ended, for which no events are needed."""
-        end = first + len(plan.sides)
-        outcomes, rows = traces.outcomes[first:end], None
+        outcomes, ranges, rows = traces.outcomes, traces.ranges, None
+        if len(outcomes) > len(plan.sides):
+            own = slice(first, first + len(plan.sides))
+            outcomes, ranges = outcomes[own], ranges[own]
         if self.selects_ray:
-            rows = self._select_rays(plan, traces.rows(first, end))
-            outcomes, ranges = outcomes[rows], traces.ranges[first:end][rows]
+            rows = self._select_rays(plan, traces.rows(first, first + len(plan.sides)))
+            outcomes, ranges = outcomes[rows], ranges[rows]
         else:
-            ranges = traces.ranges[first:end].copy()
+            ranges = ranges.copy()
         self.read_ends(ranges, outcomes, plan.draws.range_error)
         find_echoes = partial(self._end_echoes, plan, traces, first, rows)
         return self._scan(plan, ranges, rows, find_echoes, scene)

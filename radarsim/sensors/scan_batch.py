@@ -16,7 +16,7 @@ import numpy as np
 
 from radarsim.cpu_count import process_cpu_count
 from radarsim.geometry import Floats, Pose3
-from radarsim.raycast.aimed_rays import Sides
+from radarsim.raycast.aimed_rays import Nodes, Sides
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import TracedScans, Tracer
@@ -198,20 +198,32 @@ def _build_traced(
     Those that are not clear have to be replaced.
     """
     pattern, incidence = group.scanner.pattern, group.scanner.needs_incidence
-    size, start, scans = pattern.rays_per_scan, 0, []
-    pieces = _split(traced.traces, len(group.draws), events=group.draws[0].events)
-    for request, draws, (traces, first) in zip(
+    pieces = _split_scans(traced, len(group.draws), events=group.draws[0].events)
+    scans = []
+    for request, draws, (traces, first, nodes, drawn) in zip(
         group.requests, group.draws, pieces, strict=True
     ):
-        scanner, end = request.scanner, start + size
-        sides, nodes = traced.sides[start:end], traced.nodes[start:end]
-        if pattern.has_random_rays:
-            sides = pattern.sides_of(draws.beams)
+        scanner = request.scanner
+        sides = pattern.sides_of(draws.beams) if pattern.has_random_rays else drawn
         aim = partial(scanner.aim_again, request, draws, nodes)
         plan = PlannedScan(tracer, request.pose, sides, aim, draws, incidence)
         scans.append(scanner.builder.build(plan, traces, first, scene))
-        start = end
     return scans
+
+
+def _split_scans(
+    traced: TracedScans, count: int, *, events: bool
+) -> list[tuple[Traces, int, Nodes, Sides]]:
+    """Return the traces of each scan, which of them is its first, nodes and sides."""
+    nodes, sides = traced.nodes, traced.sides
+    if count == 1:
+        return [(traced.traces, 0, nodes, sides)]
+    size = len(nodes) // count
+    pieces = _split(traced.traces, count, events=events)
+    return [
+        (*piece, nodes[start : start + size], sides[start : start + size])
+        for piece, start in zip(pieces, range(0, len(nodes), size), strict=True)
+    ]
 
 
 def _split(traces: Traces, count: int, *, events: bool) -> list[tuple[Traces, int]]:

@@ -87,10 +87,15 @@ def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGrou
     Raises:
         ValueError: If an rng is needed and missing.
     """
+    is_raining = tracer.has_rain
+    if len(requests) == 1:  # the common case, without looking for equal sensors
+        (request,) = requests
+        draws = request.scanner.draw(request.rng, is_raining=is_raining)
+        return [ScanGroup(request.scanner, [0], [request], [draws])]
     groups: dict[object, ScanGroup] = {}
     for i, request in enumerate(requests):
         scanner = request.scanner
-        draws = scanner.draw(request.rng, is_raining=tracer.has_rain)
+        draws = scanner.draw(request.rng, is_raining=is_raining)
         pattern = scanner.pattern
         # Rays that are random are no nodes, which scans could share.
         key = i if pattern.has_random_rays else pattern
