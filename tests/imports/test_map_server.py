@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import Run
+import yaml
+from commands import Run, run_in_process
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
+from scipy.spatial import cKDTree
 
 import radarsim
 from radarsim.imports.plan_picture import rectangles, roomiest
@@ -26,6 +28,19 @@ PLAN = """
 ##########
 """
 SHADES = {"#": 0, ".": 254, "?": 205}
+ROOM = """\
+version: 1
+objects:
+  - {name: floor, box: [7, 6, 0.2], position: [0, 0, -0.1], material: concrete}
+  - {name: north, box: [6.2, 0.2, 2], position: [0, 2.6, 1], material: concrete}
+  - {name: south, box: [6.2, 0.2, 2], position: [0, -2.6, 1], material: concrete}
+  - {name: east, box: [0.2, 5, 2], position: [3, 0, 1], material: concrete}
+  - {name: west, box: [0.2, 5, 2], position: [-3, 0, 1], material: concrete}
+  - {name: pillar, box: [0.6, 0.8, 2], position: [0.5, 0.3, 1], material: concrete,
+     rotation_deg: [0, 0, 30]}
+starts:
+  - {name: RobotStart1, position: [-2, 0, 0]}
+"""
 WRONG = {
     "no number": KEYS.replace("0.5", "wide"),
     "no size": KEYS.replace("0.5", "0"),
@@ -77,6 +92,33 @@ def test_walls_are_where_the_picture_has_them(
     scan = laser.scan(scene, (-1.25, 0.25, 0.2), radarsim.generator_for(0, "test"))
     # Behind, right, ahead (the block in the middle of the room), left.
     assert scan.ranges[:4] == pytest.approx([0.25, 0.75, 0.75, 0.75], abs=0.05)
+
+
+@pytest.mark.slow
+def test_map_that_is_imported_and_mapped_again_agrees(
+    import_file: Import, tmp_path: Path
+) -> None:
+    (tmp_path / "room.yaml").write_text(ROOM)
+    maps = [tmp_path / "first", tmp_path / "second"]
+    for served, out in zip(("room.yaml", "map.yaml"), maps, strict=True):
+        done = run_in_process("map", str(out), "--serve", str(tmp_path / served))
+        assert done.code == 0
+        if served == "room.yaml":
+            path = out.with_suffix(".yaml")
+            assert import_file(path, "--start=-2,0,0").code == 0
+    first, second = map(occupied_of, maps)
+    for cells, others in ((first, second), (second, first)):
+        apart = cKDTree(others).query(cells)[0] / 0.05  # cells
+        assert (apart < 2.6).mean() > 0.98  # a cell more aside, at corners
+        assert apart.max() < 4
+
+
+def occupied_of(name: Path) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
+    """Return the centres of the occupied cells of a map, m, (N, 2)."""
+    x, y, _ = yaml.safe_load(name.with_suffix(".yaml").read_text())["origin"]
+    with Image.open(name.with_suffix(".pgm")) as picture:
+        rows, columns = np.nonzero(np.asarray(picture)[::-1] == 0)
+    return np.column_stack([x + 0.05 * columns, y + 0.05 * rows])
 
 
 def test_turned_plan_is_turned(import_file: Import, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from processes import start_radarsim
 
@@ -27,7 +28,7 @@ foliage_server = pytest.mark.usarsim(map="foliage_room")
 def bridge(server: UsarsimServer, domain: int) -> Iterator[int]:
     """Run a bridge with a robot of its own; yield its process number."""
     words = ("ros", "--bridge", "dds", "--port", str(server.port))
-    robot = ("--robot", "P3AT_Compare", "--start", "RobotStart1")
+    robot = ("--robot", "P3AT_Compare", "--start", "RobotStart1", "--map", "R1")
     with start_radarsim(*words, *robot, "--domain", str(domain)) as process:
         assert process.stdout is not None
         try:
@@ -39,14 +40,16 @@ def bridge(server: UsarsimServer, domain: int) -> Iterator[int]:
 
 
 def start_listener(domain: int, count: int) -> "subprocess.Popen[bytes]":
-    """Start a participant that drives, until it has heard so many scans."""
+    """Start a participant that drives, until it has heard so many scans and a map."""
     command = [sys.executable, str(LISTENER), str(domain), str(count)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdin=pipe, stdout=pipe)
 
 
 @foliage_server
-def test_participant_hears_scans_and_drives(usarsim_server: UsarsimServer) -> None:
+def test_participant_hears_scans_and_a_map_and_drives(
+    usarsim_server: UsarsimServer,
+) -> None:
     pytest.importorskip("cyclonedds")
     with (
         Client.connect("127.0.0.1", usarsim_server.port) as watcher,
@@ -54,10 +57,13 @@ def test_participant_hears_scans_and_drives(usarsim_server: UsarsimServer) -> No
         start_listener(DOMAIN + 101, 1) as other,
         start_listener(DOMAIN, 30) as listener,
     ):
-        heard = scans_of(listener)
+        told = heard_by(listener)
+        heard = told["scans"]
         watcher.watch(["R1"])
         poses = watch_until_it_stands(watcher)
-        assert json.loads(other.communicate(b"\n", timeout=TIMEOUT)[0]) == []
+        silence = json.loads(other.communicate(b"\n", timeout=TIMEOUT)[0])
+    assert silence == {"scans": [], "map": None}
+    check_map(told["map"])
     times = [scan["time"] for scan in heard]
     assert times == sorted(times)
     assert {scan["frame"] for scan in heard} == {"R1/lms200"}
@@ -68,11 +74,22 @@ def test_participant_hears_scans_and_drives(usarsim_server: UsarsimServer) -> No
     assert poses[-1].pose.x < poses[0].pose.x + 3
 
 
-def scans_of(listener: "subprocess.Popen[bytes]") -> list[dict[str, Any]]:
+def heard_by(listener: "subprocess.Popen[bytes]") -> dict[str, Any]:
     """Return what a listener has heard once it has ended."""
     assert listener.stdout is not None
-    found: list[dict[str, Any]] = json.loads(listener.stdout.read())
+    found: dict[str, Any] = json.loads(listener.stdout.read())
     return found
+
+
+def check_map(grid: dict[str, Any]) -> None:
+    """Check a map of the foliage room: floor ahead of the start is free."""
+    assert grid["frame"] == "map"
+    assert grid["resolution"] == pytest.approx(0.05)
+    cells = np.array(grid["data"]).reshape(grid["shape"])
+    assert {*np.unique(cells)} == {-1, 0, 100}
+    ahead = np.array([-8.0 + 1.0, 0.0]) - grid["origin"]  # of RobotStart1
+    column, row = (ahead / grid["resolution"]).astype(int)
+    assert cells[row, column] == 0
 
 
 def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:

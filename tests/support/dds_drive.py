@@ -1,7 +1,8 @@
 """Program: drive a robot over DDS, and print what it heard as JSON.
 
-Arguments: the domain, and how many scans to hear. It ends before if its standard input
-does. Its types are written by hand, from the definitions of ROS.
+Arguments: the domain, and how many scans to hear; it waits for a map as well. It ends
+before if its standard input does. Its types are written by hand, from the definitions
+of ROS.
 """
 
 import json
@@ -14,7 +15,7 @@ from typing import Any
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float32, float64, int32, sequence, uint32
+from cyclonedds.idl.types import float32, float64, int8, int32, sequence, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -65,6 +66,56 @@ class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
     angular: Vector3
 
 
+@dataclass
+class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+    position: Point
+    orientation: Quaternion
+
+
+@dataclass
+class MapMetaData(IdlStruct, typename="nav_msgs::msg::dds_::MapMetaData_"):
+    map_load_time: Time
+    resolution: float32
+    width: uint32
+    height: uint32
+    origin: Pose
+
+
+@dataclass
+class OccupancyGrid(IdlStruct, typename="nav_msgs::msg::dds_::OccupancyGrid_"):
+    header: Header
+    info: MapMetaData
+    data: sequence[int8]  # type: ignore[type-arg]
+
+
+def as_json(grid: OccupancyGrid) -> dict[str, Any]:
+    """Return a map as plain data."""
+    info, corner = grid.info, grid.info.origin.position
+    data: Any = grid.data
+    return {
+        "frame": grid.header.frame_id,
+        "resolution": info.resolution,
+        "shape": [info.height, info.width],
+        "origin": [corner.x, corner.y],
+        "data": list(data),
+    }
+
+
 def main() -> None:
     domain, count = int(sys.argv[1]), int(sys.argv[2])
     kept = Domain(domain, LOCAL)
@@ -74,8 +125,17 @@ def main() -> None:
     reader = DataReader(participant, scans, quality)
     wheels = Topic(participant, "rt/R1/cmd_vel", Twist)
     writer = DataWriter(participant, wheels, quality)
+    latched = Qos(
+        Policy.Durability.TransientLocal, Policy.History.KeepLast(1), base=quality
+    )
+    grids = DataReader(
+        participant, Topic(participant, "rt/map", OccupancyGrid), latched
+    )
     heard: list[dict[str, Any]] = []
-    while len(heard) < count and not select.select([sys.stdin], [], [], POLL)[0]:
+    found: dict[str, Any] | None = None
+    while (len(heard) < count or found is None) and not has_input_ended():
+        for grid in grids.take(1):
+            found = as_json(grid)
         if len(heard) < count / 2:
             writer.write(Twist(Vector3(0.3, 0.0, 0.0), Vector3(0.0, 0.0, 0.0)))
         for scan in reader.take(10):
@@ -88,8 +148,13 @@ def main() -> None:
                     "ranges": [r if math.isfinite(r) else None for r in ranges],
                 }
             )
-    sys.stdout.write(json.dumps(heard))
+    sys.stdout.write(json.dumps({"scans": heard, "map": found}))
     del kept
+
+
+def has_input_ended() -> bool:
+    """Wait a little, and return whether there is something on standard input."""
+    return bool(select.select([sys.stdin], [], [], POLL)[0])
 
 
 if __name__ == "__main__":
