@@ -21,6 +21,7 @@ from radarsim.cli.map_options import (
     RadiusOption,
     ResolutionOption,
     RobotOption,
+    RobotsOption,
     ScannerOption,
     SeedOption,
     ServeOption,
@@ -62,10 +63,12 @@ from radarsim.navigation.options import ROBOT
 
 # Options that only apply to a robot that is driven, and to one that is followed.
 DRIVING: Final = (
-    *("serve", "strategy", "way", "start", "pose", "robot"),
+    *("serve", "strategy", "way", "start", "pose", "robot", "robots"),
     *("safety_distance", "foliage_density"),
 )
 FOLLOWING: Final = ("mount", "max_range")
+# Options that only apply to one robot.
+SINGLE: Final = ("way", "pose", "film", "record")
 
 
 def map_(
@@ -81,6 +84,7 @@ def map_(
     start: StartOption = None,
     pose: PoseOption = None,
     robot: RobotOption = None,
+    robots: RobotsOption = 1,
     scanner: ScannerOption = None,
     seed_from: MotionOption = MotionSourceName.INS,
     echoes: EchoesOption = True,
@@ -116,13 +120,17 @@ def map_(
 
     from radarsim.cli.map_files import MapFiles, MapOutput
     from radarsim.cli.map_proxy import FollowedMapping
-    from radarsim.cli.map_run import explore
+    from radarsim.cli.map_run import explore, explore_together
     from radarsim.evaluation.mapping_run import MappingRun
+    from radarsim.evaluation.multi_robot_run import MultiRobotRun
     from radarsim.exploration.compilation import warm_up
     from radarsim.exploration.exploration import ExplorationPlan
     from radarsim.navigation.control import SpeedLimits
 
-    files, recording = MapFiles(out, mode.value), RunRecording(record, drive_unit)
+    files, recording = (
+        MapFiles(out, mode.value, robots),
+        RunRecording(record, drive_unit),
+    )
     output = MapOutput(files, recording, film, film_speed, as_json)
     address = server_address(host, port)
     if through is not None or watch is not None:
@@ -163,6 +171,10 @@ def map_(
     check_robot(plan.robot_class, served)
     check_start(start, pose, None if served is None else served.simulation.scene)
     warm_up()
+    if robots > 1:
+        together = MultiRobotRun(plan, robots, served)
+        explore_together(together, output, address)
+        raise typer.Exit(int(bool(together.result.error)))
     run = MappingRun(plan, served, seed=seed or 0)
     run.connect = recording.connect
     explore(run, output, address)
@@ -179,6 +191,12 @@ def _check_combination(
     if "serve" not in given and strategy is not StrategyName.TURN_AWAY:
         text = "expected --serve or --strategy turn_away with it"
         refuse_options({"--seed": seed}, text)
+    if context.params["robots"] > 1:
+        text = "expected one robot with it"
+        refuse_options({given[k]: k for k in SINGLE if k in given}, text)
+        if strategy not in (None, StrategyName.AUTO, StrategyName.FRONTIERS):
+            text = f"{strategy.value!r} with several robots, expected auto or frontiers"
+            raise typer.BadParameter(text, param_hint="--strategy")
     follows = given.keys() & {"through", "watch"}
     if len(follows) > 1:
         raise typer.BadParameter("expected only one of --through and --watch")

@@ -40,10 +40,12 @@ class MapFiles:
         out: A folder, or what the names of the files begin with; the suffix of one of
             the files may follow.
         mode: Contents of the map for nav2.
+        robots: Number of robots; each has a trajectory.
     """
 
     out: str
     mode: NavMode
+    robots: int = 1
 
     @property
     def stem(self) -> Path:
@@ -55,7 +57,7 @@ class MapFiles:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """All files: the cells, nav2's image and YAML, the trajectory, the picture."""
+        """All files: cells, nav2's image and YAML, trajectory, picture, others."""
         stem = self.stem
         name, image = stem.name, ".pgm"
         if self.mode == "scale":
@@ -66,6 +68,7 @@ class MapFiles:
             f"{name}.yaml",
             f"{stem.name}.tum",
             f"{stem.name}_view.png",
+            *(f"{stem.name}_robot{k}.tum" for k in range(2, self.robots + 1)),
         )
         return tuple(stem.with_name(each) for each in names)
 
@@ -109,11 +112,12 @@ class MapFiles:
             return ()
         paths, grid = self.paths, mapper.grid
         image, yaml = nav_map(grid, paths[2].stem, mode=self.mode).values()
-        trajectory = tum_text(mapper.trajectory).encode()
+        first, *others = [tum_text(each).encode() for each in result.trajectories]
         view = draw_map_view(view_of(result, mapper))
-        contents = (commander_png(grid), image, yaml, trajectory, view)
-        write_atomically(dict(zip(paths, contents, strict=True)))
-        return paths
+        contents = (commander_png(grid), image, yaml, first, view, *others)
+        files = dict(zip(paths, contents, strict=False))  # some may not be on the map
+        write_atomically(files)
+        return tuple(files)
 
 
 def _is_folder(path: Path) -> bool:

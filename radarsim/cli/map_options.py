@@ -58,6 +58,17 @@ WayOption = Annotated[
         " for waypoints to reach in turn.",
     ),
 ]
+RobotsOption = Annotated[
+    int,
+    typer.Option(
+        "--robots",
+        min=1,
+        max=16,
+        metavar="K",
+        help="Explore with this many robots at once, each by a connection of its own,"
+        " which begin at start poses of the map that follow each other; one map.",
+    ),
+]
 RobotOption = Annotated[
     str | None,
     typer.Option(

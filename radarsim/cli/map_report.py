@@ -1,8 +1,8 @@
 """What ``radarsim map`` prints."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from radarsim.cli.output import print_lines
 from radarsim.cli.progress import live_status
 from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.exploration.exploration import Exploration
+from radarsim.exploration.multi_robot import MultiRobotExploration
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
 CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
@@ -20,33 +21,43 @@ ENDINGS: Final = {
     "overheard": "mapped what passed",
     "watched": "mapped what was watched",
 }
+Source: TypeAlias = Exploration | MultiRobotExploration | TrafficMapper
+
+
+class ProgressUpdate(Protocol):
+    """Shows what a robot is doing."""
+
+    def __call__(self, latest: str, number: int = 0) -> None:
+        """Show what the robot of a number is doing now."""
 
 
 @contextmanager
 def map_progress(
-    source: Exploration | TrafficMapper,
-) -> Iterator[Callable[[str], None]]:
+    source: Source,
+) -> Iterator[ProgressUpdate]:
     """Show the progress of a map on stderr.
 
     Args:
         source: Holds the map and the distance so far.
 
     Yields:
-        A function to be called after each scan with what the robot is doing.
+        A function to be called after each scan with what the robot is doing, and the
+        number of the robot.
     """
     activity = "waiting for a scan"
+    latest_of: dict[int, str] = {}
     with live_status(lambda: _describe_status(source, activity)) as log:
 
-        def update(latest: str) -> None:
+        def update(latest: str, number: int = 0) -> None:
             nonlocal activity
-            if latest != activity:
-                activity = latest
+            if latest != latest_of.get(number):
+                latest_of[number] = activity = latest
                 log(_describe_status(source, activity))
 
         yield update
 
 
-def _describe_status(source: Exploration | TrafficMapper, activity: str) -> str:
+def _describe_status(source: Source, activity: str) -> str:
     mapper, trip = source.mapper, source.trip
     if mapper is None or not mapper.scans:
         return activity
@@ -74,6 +85,8 @@ def as_text(result: MappingResult) -> list[str]:
         area = cells["resolution"] ** 2
         areas = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
         lines.append(f"map      {', '.join(areas)}")
+    for number, robot in enumerate(plain.get("robots", ()), 1):
+        lines.append(f"robot {number}  {_robot_text(robot)}")
     if errors := plain["pose_errors"]:
         lines.append(
             f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
@@ -89,6 +102,13 @@ def as_text(result: MappingResult) -> list[str]:
         names = ", ".join(file.name for file in result.files)
         lines.append(f"files    {names} in {result.files[0].parent}")
     return lines
+
+
+def _robot_text(robot: dict[str, Any]) -> str:
+    text = f"{robot['path_length']:.2f} m from {robot['start']}"
+    if robot["aligned"] is None:
+        text += "; not on the map, as it never overlapped with what others saw"
+    return text if robot["error"] is None else f"{text}; {robot['error']}"
 
 
 def _judge_text(judge: dict[str, Any]) -> str:

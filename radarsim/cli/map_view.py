@@ -15,7 +15,7 @@ from radarsim.exploration.exploration import Exploration
 from radarsim.mapping.mapper import Mapper
 from radarsim.plotting.film_encoders import Pixels
 from radarsim.plotting.map_film import MapFrames, first_extent
-from radarsim.plotting.maps import MapView
+from radarsim.plotting.maps import MapView, joined
 from radarsim.plotting.outlines import Outline, outlines_of
 from radarsim.proxy.traffic_mapper import TrafficMapper
 
@@ -36,9 +36,10 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         mapper: Holds the map; at least one scan.
     """
     scene = result.scene
+    paths = [each.rows() for each in result.trajectories or (mapper.trajectory,)]
     return MapView(
         mapper.grid,
-        mapper.trajectory.rows(),
+        joined(paths),
         drawn_robot(result.robot_class).name,
         headline(result, mapper),
         true_outlines(result, mapper),

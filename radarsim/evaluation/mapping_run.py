@@ -27,7 +27,11 @@ from radarsim.host import Host
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.occupancy_grid import CellClass
-from radarsim.mapping.trajectory import trajectory_errors
+from radarsim.mapping.trajectory import (
+    Trajectory,
+    TrajectoryErrors,
+    trajectory_errors,
+)
 from radarsim.navigation.runner import TripMeter
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
@@ -89,7 +93,7 @@ class MappingResult:
             "scans_left_out": self._scans_left_out(),
             "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
             "cells": _cell_counts(self.mapper),
-            "pose_errors": _pose_errors(self.mapper),
+            "pose_errors": self._pose_errors(),
             "files": [str(file) for file in self.files],
             "error": self.error or None,
         }
@@ -101,6 +105,23 @@ class MappingResult:
             if self.score is not None:
                 result["judge"] |= self.score.to_dict()
         return result
+
+    @property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """The estimated trajectory of each robot, map frame."""
+        return () if self.mapper is None else (self.mapper.trajectory,)
+
+    def _pose_errors(self) -> dict[str, float | None] | None:
+        """Compare the estimated poses with the true ones that the server sends."""
+        if self.mapper is None:
+            return None
+        truth, alone = self.mapper.truth, self.mapper.slam.dead_reckoning
+        try:
+            errors = trajectory_errors(self.mapper.trajectory, truth)
+        except ValueError:
+            return None
+        motion = trajectory_errors(alone, truth).ate if len(alone) else None
+        return describe_errors(errors, motion)
 
     def _scans_left_out(self) -> dict[str, int]:
         known = {} if self.mapper is None else self.mapper.left_out
@@ -204,21 +225,20 @@ def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
     return {"resolution": mapper.grid.frame.resolution, **named}
 
 
-def _pose_errors(mapper: Mapper | None) -> dict[str, float | None] | None:
-    """Compare the estimated poses with the true ones that the server sends."""
-    if mapper is None:
-        return None
-    try:
-        errors = asdict(trajectory_errors(mapper.trajectory, mapper.truth))
-    except ValueError:
-        return None
-    alone = mapper.slam.dead_reckoning
-    errors["motion_ate"] = (
-        trajectory_errors(alone, mapper.truth).ate if len(alone) else None
-    )
+def describe_errors(
+    errors: TrajectoryErrors, motion_ate: float | None
+) -> dict[str, float | None]:
+    """Return errors of poses for JSON.
+
+    Args:
+        errors: The errors.
+        motion_ate: Absolute error by the motion source alone, m; None without one.
+    """
+    plain: dict[str, float] = asdict(errors)
+    plain["motion_ate"] = math.nan if motion_ate is None else motion_ate
     for name in ("yaw", "yaw_max", "rpe_yaw"):
-        errors[f"{name}_deg"] = math.degrees(errors.pop(name))
-    return {name: _rounded(value, 5) for name, value in errors.items()}
+        plain[f"{name}_deg"] = math.degrees(plain.pop(name))
+    return {name: _rounded(value, 5) for name, value in plain.items()}
 
 
 def _rounded(value: float | None, digits: int) -> float | None:

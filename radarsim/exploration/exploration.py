@@ -1,7 +1,8 @@
 """Exploration: spawn a robot, request its sensors, and let it map its surroundings."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -12,6 +13,7 @@ from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.exploration.compilation import warm_up
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import (
+    WAITING,
     ExplorationSettings,
     Strategy,
     WaypointFollower,
@@ -22,6 +24,7 @@ from radarsim.exploration.unexplored import find_unexplored
 from radarsim.geometry import Pose2
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import RESOLUTION
+from radarsim.mapping.rebuildable_grid import ScanGrid
 from radarsim.mapping.slam import MotionSource, SlamSettings
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import (
@@ -130,14 +133,25 @@ class Exploration:
         trip: Time and path length so far.
         unreached: Waypoints that the robot could not reach, m; after exploring, a place
             in each piece of floor that is left, where it would fit.
+        settings: How the robot drives; None before it is known.
     """
 
-    def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        plan: ExplorationPlan,
+        rng: np.random.Generator,
+        *,
+        join: Callable[[float], ScanGrid] | None = None,
+        strategy: Callable[[ExplorationSettings], Strategy] | None = None,
+    ) -> None:
         """Create a run that has not begun.
 
         Args:
             plan: The plan of the exploration.
             rng: Generator for strategies that use chance.
+            join: Returns what scans are added to, by the radius of the disc that the
+                robot covers, m; None for a new map.
+            strategy: Creates the strategy; None for that of the plan.
         """
         self.plan = plan
         self.mapper: Mapper | None = None
@@ -145,8 +159,10 @@ class Exploration:
         self.safety_distance = math.nan
         self.trip = TripMeter(noise=NOISE)
         self._rng = rng
+        self._join = join
+        self._new_strategy = strategy
         self.unreached: tuple[Point, ...] = ()
-        self._settings: ExplorationSettings | None = None
+        self.settings: ExplorationSettings | None = None
 
     def run(
         self,
@@ -164,10 +180,21 @@ class Exploration:
             MappingError: If no map can be made of what it sends.
             NavigationError: If the robot cannot do what is asked of it.
         """
+        with closing(self.steps(client)) as steps:
+            for step in steps:
+                observe(step)
+
+    def steps(self, client: Client) -> Generator[ExplorationStep]:
+        """Explore as ``run`` does, scan by scan.
+
+        Yields:
+            Each scan, after the robot was commanded. Where the caller closes the
+            generator before its end, the robot stands and the map is whole, too.
+        """
         warm_up()
         try:
             loop, strategy = self._prepare(client)
-            self._explore(loop, strategy, observe)
+            yield from self._explore(loop, strategy)
         except (ClientError, MappingError):
             self.outcome = Outcome.FAILED
             raise
@@ -200,12 +227,20 @@ class Exploration:
             echo_wait=1.0 if plan.echoes else 0.0,
             robot_radius=min(robot.length, robot.width) / 2,
         )
-        self.mapper = Mapper(scanner, mapper_settings, clock=client.transport.time)
+        radius = mapper_settings.robot_radius
+        self.mapper = Mapper(
+            scanner,
+            mapper_settings,
+            clock=client.transport.time,
+            grid=None if self._join is None else self._join(radius),
+        )
         strategy = self._create_strategy(settings)
         return ControlLoop(client, robot, self.mapper, timeout=plan.timeout), strategy
 
     def _create_strategy(self, settings: ExplorationSettings) -> Strategy:
         plan = self.plan
+        if self._new_strategy is not None:
+            return self._new_strategy(settings)
         if plan.waypoints:
             return WaypointFollower(settings, plan.waypoints)
         return create_strategy(plan.strategy, settings, self._rng)
@@ -216,7 +251,7 @@ class Exploration:
             robot, plan.safety_distance, plan.penetration_depth
         )
         self.safety_distance = safety
-        self._settings = ExplorationSettings(
+        self.settings = ExplorationSettings(
             bumpers=Bumpers(safety_distance=safety),
             speed_limits=SpeedLimits(
                 min(plan.speed_limits.speed, robot.top_speed), plan.speed_limits.turn
@@ -224,14 +259,11 @@ class Exploration:
             wall_on_left=plan.wall_on_left,
             radius=plan.radius,
         )
-        return self._settings
+        return self.settings
 
     def _explore(
-        self,
-        loop: ControlLoop,
-        strategy: Strategy,
-        observe: Callable[[ExplorationStep], None],
-    ) -> None:
+        self, loop: ControlLoop, strategy: Strategy
+    ) -> Iterator[ExplorationStep]:
         assert self.mapper is not None
         stuck, standstill = StuckDetector(), StandstillDetector()
         for observation in loop.scans():
@@ -243,22 +275,24 @@ class Exploration:
             is_over = strategy.is_done or self.trip.time > self.plan.time_limit
             if not is_over:
                 loop.drive(twist)  # at once: who observes may take long
-            observe(ExplorationStep(observation, strategy.activity, twist))
+            yield ExplorationStep(observation, strategy.activity, twist)
             if is_over:
                 self._conclude(observation, strategy)
                 return
             stuck.check(observation, twist)
+            if strategy.activity == WAITING:
+                standstill = StandstillDetector()
             standstill.check(observation)
 
     def _conclude(self, observation: Observation, strategy: Strategy) -> None:
         """Tell how the run ended, and what is left."""
         assert self.mapper is not None
-        assert self._settings is not None
+        assert self.settings is not None
         self.outcome = Outcome.EXPLORED if strategy.is_done else Outcome.TIME_LIMIT
         if isinstance(strategy, WaypointFollower) or not strategy.is_done:
             return
         start = self.trip.start or observation.pose
-        left = find_unexplored(observation, self.mapper.grid, self._settings, start)
+        left = find_unexplored([observation], self.mapper.grid, self.settings, start)
         self.unreached = tuple(left.frontiers + left.cut_off)
         if left.frontiers:
             self.outcome = Outcome.INCOMPLETE

@@ -32,6 +32,7 @@ LOOKAHEAD: Final = 1.2  # m of a path that is cut short where the straight line 
 PATIENCE: Final = 10.0  # s without progress after which a target is given up
 GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
 WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint at which it is reached
+WAITING: Final = "waiting"  # activity of a robot that stands until others are done
 _PROGRESS: Final = 0.2  # m
 _BEARING_STEP: Final = math.radians(10.0)
 
@@ -67,9 +68,11 @@ class ExplorationSettings:
     wall_on_left: bool = True
     radius: float = 12.0
 
-    def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
-        """Evaluate a map."""
-        return TraversabilityMap(grid, self.bumpers.safety_distance)
+    def traversability(
+        self, grid: OccupancyGrid, robots: Sequence[Point] = ()
+    ) -> TraversabilityMap:
+        """Evaluate a map, on which other robots are not; their centers are in m."""
+        return TraversabilityMap(grid, self.bumpers.safety_distance, robots)
 
     def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
         """Return a twist, or a turn instead if something ahead is too near."""
@@ -107,24 +110,41 @@ class PathFollower:
         """End of the path, m."""
         return self._path[-1] if self._path else None
 
-    def update_map(self, observation: Observation, grid: OccupancyGrid) -> bool:
-        """Evaluate the map if it is time to; return whether it was."""
+    def update_map(
+        self,
+        observation: Observation,
+        grid: OccupancyGrid,
+        robots: Sequence[Point] = (),
+    ) -> bool:
+        """Evaluate the map if it is time to; return whether it was.
+
+        Args:
+            observation: The latest one.
+            grid: The map.
+            robots: Centers of other robots, m.
+        """
         if self.floor is not None and observation.time < self._updated + MAP_INTERVAL:
             return False
-        self.floor = self._settings.traversability(grid)
+        self.floor = self._settings.traversability(grid, robots)
         self._updated = observation.time
         return True
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
         """Plan the path to the nearest of some tiles; return whether there is one."""
         assert self.floor is not None
-        for point in self._given_up:
-            targets = targets & ~self.floor.disc(*point, GIVEN_UP_RADIUS)
         had_path = bool(self._path)
-        self._path = self.floor.find_path(observation.pose, targets)
+        self._path = self.find_path(self.floor, observation.pose, targets)
         if self._last_progress is None or not had_path:
             self._last_progress = observation.time, observation.pose
         return bool(self._path)
+
+    def find_path(
+        self, floor: TraversabilityMap, pose: Pose2, targets: Mask
+    ) -> Sequence[Point]:
+        """Return the path to the nearest of some tiles that are not given up."""
+        for point in self._given_up:
+            targets = targets & ~floor.disc(*point, GIVEN_UP_RADIUS)
+        return floor.find_path(pose, targets)
 
     def step(self, observation: Observation) -> Twist:
         """Return the twist along the path."""

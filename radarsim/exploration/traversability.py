@@ -28,6 +28,7 @@ TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
+ROBOT_RADIUS: Final = 0.4  # m; half the diagonal of a P3AT
 _PADDING: Final = 4  # unknown tiles around the map
 
 Point = tuple[float, float]
@@ -41,12 +42,15 @@ class TraversabilityMap:
         size: Side of a tile, m.
     """
 
-    def __init__(self, grid: OccupancyGrid, safety: float) -> None:
+    def __init__(
+        self, grid: OccupancyGrid, safety: float, robots: Sequence[Point] = ()
+    ) -> None:
         """Evaluate a map.
 
         Args:
             grid: The map.
             safety: Distance from the robot's center to what it cannot enter, m.
+            robots: Centers of other robots, which are not on the map, m.
         """
         self.safety = safety
         frame = grid.frame
@@ -57,6 +61,10 @@ class TraversabilityMap:
         self._sensed = self._tiles(grid.sensed_cells())
         self._near = self._tiles(grid.short_range_cells())
         self._clearance = self._tile_clearance(grid.blocked_cells(), frame.resolution)
+        x_centers, y_centers = self.tile_centers()
+        for robot_x, robot_y in robots:
+            away = np.hypot(x_centers - robot_x, y_centers[:, None] - robot_y)
+            self._clearance = np.minimum(self._clearance, away - ROBOT_RADIUS)
         self._step_cost = step_cost(self._clearance, safety)
 
     @cached_property

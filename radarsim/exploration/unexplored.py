@@ -1,5 +1,6 @@
 """What is left of an area when a strategy has nothing more to do."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ class Unexplored(NamedTuple):
 
 
 def find_unexplored(
-    observation: Observation,
+    observations: Sequence[Observation],
     grid: OccupancyGrid,
     settings: ExplorationSettings,
     start: Pose2,
@@ -35,15 +36,15 @@ def find_unexplored(
     """Find what is left; where no walls enclose the area, within its radius.
 
     Args:
-        observation: The latest one.
+        observations: The latest one of each robot.
         grid: The map.
         settings: How the robot explores.
         start: Where it began.
     """
     floor = settings.traversability(grid)
-    reachable = floor.reachable(observation.pose)
+    reachable = np.any([floor.reachable(each.pose) for each in observations], axis=0)
     within = np.ones_like(reachable)
-    if not is_enclosed(observation):
+    if not is_enclosed(observations[0]):
         within = floor.disc(start.x, start.y, settings.radius)
     return Unexplored(
         floor.places_of(floor.frontiers & reachable & within, 0.0),

@@ -16,6 +16,7 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.keyframes import Keyframe, KeyframeMap, map_of, moved, turned
+from radarsim.mapping.point_map import Table
 from radarsim.mapping.scan_matching import Fit, best_start, fit
 
 MAX_DISTANCE: Final = 4.0  # m from the old keyframe
@@ -74,23 +75,39 @@ class LoopCloser:
         nearest = near[
             int(np.argmin([(pose.x - x) ** 2 + (pose.y - y) ** 2 for pose in poses]))
         ]
-        return _match(known, nearest, _latest(known))
+        return _match(known, nearest, latest_keyframe(known))
 
 
 def _match(known: KeyframeMap, number: int, latest: Keyframe) -> Closure | None:
     """Match the latest keyframe with those around an old one."""
-    old = known.keyframes[number]
-    gap = latest.station - old.station
+    gap = latest.station - known.keyframes[number].station
     distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
     turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
     table = map_of(_around(known, number)).table
-    starts = _starts(latest.pose, distance, turn)
-    start = Pose2(*starts[best_start(table, latest.points, starts)].tolist())
-    sigma = np.array([distance, distance, turn])
-    found = fit(table, latest.points, start, latest.pose, sigma)
-    if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
-        return None
-    return Closure(number, found.pose, found.information)
+    found = find_pose(table, latest, distance, turn)
+    return None if found is None else Closure(number, found.pose, found.information)
+
+
+def find_pose(
+    table: Table, keyframe: Keyframe, distance: float, turn: float
+) -> Fit | None:
+    """Find where a keyframe is on a map, near its pose.
+
+    Args:
+        table: The map.
+        keyframe: The keyframe, with points of those around it.
+        distance: How far its pose may be off, m.
+        turn: And its heading, rad.
+
+    Returns:
+        The fit; None if too few points fit, or the place is a corridor.
+    """
+    points, pose = keyframe.points, keyframe.pose
+    starts = _starts(pose, distance, turn)
+    start = Pose2(*starts[best_start(table, points, starts)].tolist())
+    found = fit(table, points, start, pose, np.array([distance, distance, turn]))
+    is_sure = found.inliers >= MIN_INLIERS and found.evenness >= MIN_EVENNESS
+    return found if is_sure else None
 
 
 def _starts(pose: Pose2, distance: float, turn: float) -> Floats:
@@ -118,7 +135,7 @@ def _around(known: KeyframeMap, number: int) -> list[Keyframe]:
     ]
 
 
-def _latest(known: KeyframeMap) -> Keyframe:
+def latest_keyframe(known: KeyframeMap) -> Keyframe:
     """Return the last keyframe with points of those shortly before, too."""
     last = known.keyframes[-1]
     places, along = [], []

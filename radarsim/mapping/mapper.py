@@ -17,7 +17,7 @@ from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.geometry import Pose2
 from radarsim.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
-from radarsim.mapping.rebuildable_grid import RebuildableGrid
+from radarsim.mapping.rebuildable_grid import RebuildableGrid, ScanGrid
 from radarsim.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
@@ -81,6 +81,7 @@ class Mapper:
         settings: MapperSettings | None = None,
         *,
         clock: Callable[[], float] = lambda: 0.0,
+        grid: ScanGrid | None = None,
     ) -> None:
         """Create an empty map.
 
@@ -88,9 +89,10 @@ class Mapper:
             scanner: Scanner to map with.
             settings: How the map is made.
             clock: Returns the time in s, for servers without advancing time stamps.
+            grid: What scans are added to; None for a new map.
         """
         self.settings = settings or MapperSettings()
-        self._grid = RebuildableGrid(
+        self._grid: ScanGrid = grid or RebuildableGrid(
             self.settings.resolution, self.settings.robot_radius
         )
         self.slam = Slam(self.settings.slam)
@@ -155,7 +157,7 @@ class Mapper:
 
     def finish(self) -> None:
         """Complete the map, if it is being built anew after a loop was closed."""
-        self._grid.finish(self.trajectory)
+        self._grid.finish()
 
     def _take_pose(self, report: Ins | GroundTruth | Odometry) -> None:
         pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
@@ -195,7 +197,8 @@ class Mapper:
             mount=self._mount,
         )
         closures = self.slam.closures
-        pose = self.slam.step(scan, self._prior)
+        known = self._grid.without_robots(self.slam.pose, scan)
+        pose = self.slam.step(known, self._prior)
         if self.slam.closures > closures:
             self._grid.rebuild()
         if echoes is None and time < self._echoes_due:
@@ -221,4 +224,4 @@ class Mapper:
         bearings, ranges = from_centre(
             nearest, scan.angles, self.scanner.mount, math.inf
         )
-        return Observation(scan.time, pose, bearings, ranges)
+        return Observation(scan.time, self._grid.on_map(pose), bearings, ranges)

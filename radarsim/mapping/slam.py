@@ -98,6 +98,11 @@ class Slam:
         self._fit: Fit | None = None
         self._length = 0.0
 
+    @property
+    def keyframes(self) -> KeyframeMap:
+        """The keyframes, from which the local map is made."""
+        return self._map
+
     def step(self, scan: PlanarScan, prior: Pose2 | None = None) -> Pose2:
         """Estimate where the robot was when it took a scan.
 

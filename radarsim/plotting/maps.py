@@ -78,6 +78,7 @@ class MapView:
     Attributes:
         grid: The map.
         path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad; N >= 1.
+            Between the paths of several robots there is a row of nan, see ``joined``.
         robot_class: Class of the robot.
         title: Title, in words.
         outlines: What is truly there.
@@ -156,12 +157,17 @@ class MapPanel:
         window = sensed_window(grid)
         self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
-        self._start.set_data(path[:1, 0], path[:1, 1])
+        paths = _parted(path)
+        self._start.set_data(*np.array([each[0, :2] for each in paths]).T)
         self._place_label(path[:, :2])
         for artist in self._robot:
             artist.remove()
-        pose = Pose2(*path[-1].tolist())
-        self._robot = [*draw_robot(self._axes, self._robot_class, pose, zorder=4)]
+        ends = [Pose2(*each[-1].tolist()) for each in paths]
+        self._robot = [
+            artist
+            for pose in ends
+            for artist in draw_robot(self._axes, self._robot_class, pose, zorder=4)
+        ]
 
     def _place_label(self, path: Floats) -> None:
         """Place the label of the start on a side where it covers little of the path."""
@@ -185,6 +191,19 @@ class MapPanel:
         """Everything in the panel, by which a film draws a frame."""
         marks = (self._path, self._start, self._label)
         return [self._image, *self._outlines, *marks, *self._robot]
+
+
+def joined(paths: Sequence[Floats]) -> Floats:
+    """Return the paths of several robots as one, with a row of nan between each two."""
+    gap = np.full((1, 3), np.nan)
+    rows = [part for path in paths for part in (path, gap)]
+    return np.concatenate(rows[:-1])
+
+
+def _parted(path: Floats) -> list[Floats]:
+    """Return the paths that ``joined`` has put together."""
+    gaps = np.flatnonzero(np.isnan(path[:, 0]))
+    return [part[~np.isnan(part[:, 0])] for part in np.split(path, gaps)]
 
 
 def draw_map_view(view: MapView) -> bytes:

@@ -1,0 +1,140 @@
+"""Several robots that make one map, in lockstep with a simulated server."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flat_world import Look
+from office_map import office_map
+
+from radarsim.errors import NavigationError
+from radarsim.evaluation.multi_robot_run import MultiRobotRun
+from radarsim.exploration.exploration import ExplorationPlan, Outcome
+from radarsim.exploration.options import StrategyName
+from radarsim.exploration.path_follower import WAITING, ExplorationSettings
+from radarsim.exploration.target_sharing import (
+    DEADLOCK,
+    SharedTargetStrategy,
+    TargetBoard,
+)
+from radarsim.geometry import Floats, Pose2
+from radarsim.host import Host
+from radarsim.mapping.occupancy_grid import OccupancyGrid
+from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.observation import Observation
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+
+
+def run(scene: Scene, robots: int = 2, seed: int = 0, **plan: Any) -> MultiRobotRun:
+    values = {"strategy": StrategyName.FRONTIERS, **plan}
+    made = MultiRobotRun(ExplorationPlan(**values), robots, Host(scene, seed=seed))
+    made.run(("", 0))
+    made.judge()
+    return made
+
+
+def test_two_robots_make_one_map(empty_room: Scene) -> None:
+    made = run(empty_room, time_limit=1.2)
+    told = json.loads(made.result.to_json())
+    assert told["outcome"] == "time_limit"
+    assert [robot["start"] for robot in told["robots"]] == [
+        "RobotStart1",
+        "RobotStart2",
+    ]
+    assert told["robots"][0]["aligned"] == [0, 0, 0]
+    assert told["robots"][1]["aligned"] == pytest.approx([0, 0, 0], abs=0.1)
+    assert told["scans"] == sum(robot["scans"] for robot in told["robots"])
+    assert told["pose_errors"]["poses"] == told["scans"]
+    assert told["pose_errors"]["ate"] < 0.03
+    assert told["judge"]["collisions"] == 0
+    first, second = made.exploration.maps
+    assert first.grid is second.grid is made.exploration.shared.grid
+    ends = [trajectory.poses[-1].y for trajectory in made.result.trajectories]
+    assert ends == pytest.approx([0.0, 3.5], abs=0.05)
+
+
+def test_each_robot_needs_a_start(empty_room: Scene) -> None:
+    with pytest.raises(NavigationError, match="3 start poses, expected 4"):
+        run(empty_room, robots=4)
+    with pytest.raises(NavigationError, match="expected one of"):
+        run(empty_room, start="RobotStart7")
+    with pytest.raises(ValueError, match="expected auto or frontiers"):
+        run(empty_room, strategy=StrategyName.CONTOUR)
+
+
+def strategies(fills: bool = False) -> tuple[TargetBoard, list[SharedTargetStrategy]]:
+    settings = ExplorationSettings(bumpers=Bumpers(safety_distance=0.4))
+    board = TargetBoard(2)
+    return board, [
+        SharedTargetStrategy(settings, board, k, fills=fills) for k in range(2)
+    ]
+
+
+def turn_round(strategy: SharedTargetStrategy, seen: Observation, grid: Any) -> None:
+    """Let a robot look, and turn once, so that it drives from its next scan on."""
+    for k in range(30):
+        pose = Pose2(seen.pose.x, seen.pose.y, 0.5 * k)
+        strategy.step(Observation(0.1 * k, pose, seen.bearings, seen.ranges), grid)
+
+
+def test_robots_drive_to_different_frontiers(look: Look, room: Floats) -> None:
+    grid, poses = OccupancyGrid(), (Pose2(-4.5, 2.5), Pose2(-4.5, 3.0))
+    for pose in poses:
+        grid.add(pose, look(room, pose).within(4.0))
+    board, robots = strategies()
+    for number, (robot, pose) in enumerate(zip(robots, poses, strict=True)):
+        scan = look(room, pose)
+        seen = Observation(9.0, pose, scan.angles, scan.known_range)
+        turn_round(robot, seen, grid)
+        robot.step(seen, grid)
+        assert robot.activity == "frontier"
+        assert number in board.targets
+    (x, y), (other_x, other_y) = board.targets.values()
+    assert (x - other_x) ** 2 + (y - other_y) ** 2 > 2.0**2
+    assert board.other_targets(0) == [(other_x, other_y)]
+
+
+def test_robots_wait_for_each_other_and_are_done_together(
+    look: Look, room: Floats
+) -> None:
+    grid, pose = OccupancyGrid(), Pose2(-4.5, 2.5)
+    for x, y in ((-4.5, 2.5), (4.5, 2.5), (4.5, -2.5), (-4.5, -3.5), (0.0, 0.0)):
+        grid.add(Pose2(x, y), look(room, Pose2(x, y)))
+    board, (robot, other) = strategies()
+    scan = look(room, pose)
+    seen = Observation(9.0, pose, scan.angles, scan.known_range)
+    turn_round(robot, seen, grid)
+    robot.step(seen, grid)
+    assert robot.activity == WAITING  # all is sensed
+    assert not robot.is_done
+    board.leave(1)
+    robot.step(Observation(9.1, pose, seen.bearings, seen.ranges), grid)
+    assert robot.is_done
+    assert not other.is_done
+
+
+def test_robots_that_only_wait_for_each_other_give_up() -> None:
+    board = TargetBoard(2)
+    board.targets[0] = (1.0, 2.0)
+    assert not board.is_over(5.0)
+    del board.targets[0]
+    assert not board.is_over(5.0 + DEADLOCK)
+    assert board.is_over(5.1 + DEADLOCK)
+
+
+@pytest.mark.slow
+def test_two_robots_explore_an_office_sooner_than_one(tmp_path: Path) -> None:
+    path = tmp_path / "office.yaml"
+    path.write_text(office_map(1.2))
+    scene, times = load_map(path), []
+    for robots in (1, 2):
+        made = run(scene, robots, safety_distance=0.38)
+        told = json.loads(made.result.to_json())
+        assert made.exploration.outcome is Outcome.EXPLORED
+        assert told["judge"]["collisions"] == 0
+        assert told["judge"]["reachable_coverage"] > 0.95
+        assert told["judge"]["misplaced"] < 0.005
+        times.append(told["time"])
+    assert times[1] < 0.8 * times[0]
