@@ -57,21 +57,20 @@ def _find_ca(
     sums = np.zeros(count + nearest)
     for row in range(len(power)):
         line = power[row]
-        for i in range(farthest, len(sums)):
-            if i < farthest + step:
-                sums[i] = 0.0
-                for q in range(half):
-                    sums[i] += line[i - nearest - q * step]
-            else:
-                sums[i] = sums[i - step] + line[i - nearest] - line[i - step - farthest]
-        for i in range(count):
-            sides, total = 0, 0.0
-            if i >= farthest:
-                sides, total = 1, sums[i]
-            if i < count - farthest:
-                sides, total = sides + 1, total + sums[i + ahead]
-            mean = total / max(sides * half, 1)
-            found[row, i] = sides > 0 and line[i] > factors[sides] * mean
+        for i in range(farthest, min(farthest + step, len(sums))):
+            sums[i] = 0.0
+            for q in range(half):
+                sums[i] += line[i - nearest - q * step]
+        for i in range(farthest + step, len(sums)):
+            sums[i] = sums[i - step] + line[i - nearest] - line[i - step - farthest]
+        middle = min(farthest, count), max(count - farthest, 0)
+        for i in range(min(middle)):
+            found[row, i] = line[i] > factors[1] * (sums[i + ahead] / half)
+        for i in range(middle[0], middle[1]):
+            total = sums[i] + sums[i + ahead]
+            found[row, i] = line[i] > factors[2] * (total / (2 * half))
+        for i in range(max(middle), count):
+            found[row, i] = line[i] > factors[1] * (sums[i] / half)
 
 
 def os_mask(

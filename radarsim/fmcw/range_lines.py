@@ -148,15 +148,39 @@ def add_ground(
     if high < low or angle <= 0.0:
         return
     scale = place.weight * gamma * depth * size / angle
-    for b in range(low, high + 1):
-        inverse = bins.per_square[b]
-        steep = min(depth * depth * inverse, _STEEPEST)
-        power = scale * inverse * inverse / np.sqrt(1.0 - steep)
-        if exponent != 0.0:
-            power *= (grazing.t * np.sqrt(inverse)) ** exponent
-        share = min(last, b + 1.0) - max(first, float(b))
-        add_to_bin(lines, place, b, power * share)
     widen(lines, low, high)
+    # The first and the last bin are passed in part. What is between them is most of
+    # it; without any choice in the loop its bins are computed several at once.
+    for b in (low, high):
+        share = min(last, b + 1.0) - max(first, float(b))
+        power = _ground_at(bins.per_square[b], depth, scale * share)
+        if exponent != 0.0:
+            power *= (grazing.t * np.sqrt(bins.per_square[b])) ** exponent
+        if b == low or high > low:
+            add_to_bin(lines, place, b, power)
+    inside = bins.per_square[low + 1 : high]
+    own = lines.power[place.here, low + 1 : high]
+    beside = lines.power[1 - place.here, low + 1 : high]
+    if exponent == 1.0:
+        for b in range(len(inside)):
+            power = _ground_at(inside[b], depth, scale)
+            power *= grazing.t * np.sqrt(inside[b])
+            own[b] += power * (1.0 - place.across)
+            beside[b] += power * place.across
+        return
+    for b in range(len(inside)):
+        power = _ground_at(inside[b], depth, scale)
+        if exponent != 0.0:
+            power *= (grazing.t * np.sqrt(inside[b])) ** exponent
+        own[b] += power * (1.0 - place.across)
+        beside[b] += power * place.across
+
+
+@njit_inline
+def _ground_at(inverse: Any, depth: Any, scale: Any) -> Any:
+    """Return what level ground returns into a bin of 1 / R^2."""
+    steep = min(depth * depth * inverse, _STEEPEST)
+    return scale * inverse * inverse / np.sqrt(1.0 - steep)
 
 
 @njit_inline
