@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -60,23 +61,40 @@ def explain_beam(
     settings, tracer = scanner.settings, tracer_of(scene)
     cast = scan.cast.take(np.array([beam]))
     events = tracer.explain(cast)[0]
+    one, power = 1.0, settings.penetration_power
+    if scan.targets is not None:  # its power is in decibels
+        one = cast.ray_classes[0].power_per_db
+        power = float(cast.power[0]) / one
+        events = [_in_units(event, one) for event in events]
     return {
         "sensor": scanner.name,
         "beam": beam,
         "angle": float(scanner.angles[beam]),
         "ray": None if scan.rays is None else int(scan.rays[beam]),
-        "one_of": settings.rays_per_beam if settings.combines_rays else 1,
+        "one_of": _rays_together(scan),
         "origin": cast.origins[0].tolist(),
         "direction": cast.directions[0].tolist(),
-        **_explain_events(events, tracer.parts, settings.penetration_power),
+        **_explain_events(events, tracer.parts, power),
         # The reading need not be the distance at which this ray ends.
         "range": _finite(float(scan.ranges[beam])),
         "rain": _rain_range(scan, beam),
         "return_mode": settings.return_mode,
         "detector": settings.detector,
         "targets": _targets(scan, beam),
-        "air": tracer.densities(scan.cast.ray_classes[0])[1],
+        "air": tracer.densities(scan.cast.ray_classes[0])[1] / one,
     }
+
+
+def _in_units(event: Event, unit: float) -> Event:
+    """Return an event with its powers in other units."""
+    return replace(event, power=event.power / unit, absorbed=event.absorbed / unit)
+
+
+def _rays_together(scan: Scan) -> int:
+    """Return how many rays of a beam answer together."""
+    settings = scan.echoes.settings
+    together = settings.combines_rays and scan.targets is None
+    return settings.rays_per_beam if together else 1
 
 
 def _targets(scan: Scan, beam: int) -> list[dict[str, float]] | None:
@@ -184,14 +202,18 @@ def as_text(report: dict[str, Any]) -> list[str]:
     degrees = math.degrees(report["angle"])
     if report["one_of"] > 1:
         ray += f", one of {report['one_of']} that answer together"
-    lines = [
-        f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}",
-        f"sent with power {_power_text(report['power'])}",
-    ]
+    # What a detector reads from a spectrum has lost decibels; None for other scans.
+    full = report["power"] if report["targets"] is not None else None
+    lines = [f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}"]
+    if full is None:
+        lines.append(f"sent with power {_power_text(report['power'])}")
+    else:
+        lines.append(f"followed to a loss of {full:.1f} dB one way")
     if report["air"]:
-        lines.append(f"everywhere: the air takes {report['air']:.6f} of it per metre")
-    met = [(row["entry"], _crossing_text(row)) for row in report["crossings"]]
-    met += [(row["at"], _mirror_text(row)) for row in report["mirrors"]]
+        taken = f"{report['air']:.6f} {'of it' if full is None else 'dB'} per metre"
+        lines.append(f"everywhere: the air takes {taken}")
+    met = [(row["entry"], _crossing_text(row, full)) for row in report["crossings"]]
+    met += [(row["at"], _mirror_text(row, full)) for row in report["mirrors"]]
     if report["rain"] is not None:
         met.append((report["rain"], f"{report['rain']:.4f} m: rain shows"))
     lines += [text for _, text in sorted(met, key=lambda event: event[0])]
@@ -203,8 +225,12 @@ def as_text(report: dict[str, Any]) -> list[str]:
         "out_of_range": f"{end}: out of range",
         "absorbed": f"{end}: absorbed by {part}",
     }
-    power = _power_text(report["power_left"])
-    lines.append(f"{endings[report['outcome']]}, power left {power}")
+    left = report["power_left"]
+    if full is None:
+        rest = f"power left {_power_text(left)}"
+    else:
+        rest = f"loss {full - left:.1f} dB"
+    lines.append(f"{endings[report['outcome']]}, {rest}")
     if report["targets"] is not None:
         lines += [
             f"{target['range']:.4f} m: a target of {target['dbm']:.1f} dBm"
@@ -228,20 +254,26 @@ def _reading_text(report: dict[str, Any]) -> str:
     return f"reads {report['range']:.4f} m{which}{ghost}"
 
 
-def _crossing_text(row: dict[str, Any]) -> str:
+def _crossing_text(row: dict[str, Any], full: float | None) -> str:
     entry = f"{row['entry']:.4f} m: enters"
     enters = "starts inside" if row["starts_inside"] else entry
     leaves = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
-    before, after = _power_text(row["power_before"]), _power_text(row["power_after"])
     volume = f"{row['object']} ({row['material']})"
-    return f"{enters} {volume}, {leaves}, power {before} to {after}"
+    return f"{enters} {volume}, {leaves}, {_change_text(row, full)}"
 
 
-def _mirror_text(row: dict[str, Any]) -> str:
+def _mirror_text(row: dict[str, Any], full: float | None) -> str:
     x, y, z = row["position"]
-    before, after = _power_text(row["power_before"]), _power_text(row["power_after"])
     mirror = f"{row['object']} ({row['material']}) at ({x:.2f}, {y:.2f}, {z:.2f})"
-    return f"{row['at']:.4f} m: mirrored by {mirror}, power {before} to {after}"
+    return f"{row['at']:.4f} m: mirrored by {mirror}, {_change_text(row, full)}"
+
+
+def _change_text(row: dict[str, Any], full: float | None) -> str:
+    """Return how power falls; or, with a number of decibels, how the loss grows."""
+    before, after = row["power_before"], row["power_after"]
+    if full is None:
+        return f"power {_power_text(before)} to {_power_text(after)}"
+    return f"loss {full - before:.1f} to {full - after:.1f} dB"
 
 
 def _power_text(power: float | None) -> str:

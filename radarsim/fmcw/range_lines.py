@@ -131,7 +131,7 @@ def add_ground(
         bins: The ``Bins``.
         grazing: The ``Grazing``.
         gamma: Its gamma where the ray meets it, less the losses on the way.
-        exponent: Of the cosine by which gamma falls off.
+        exponent: Of the cosine by which gamma falls off: 0 or 1.
     """
     depth, size, count = grazing.depth, bins.size, len(bins.per_square)
     here = np.arcsin(min(depth / grazing.t, 1.0))
@@ -149,31 +149,46 @@ def add_ground(
         return
     scale = place.weight * gamma * depth * size / angle
     widen(lines, low, high)
-    # The first and the last bin are passed in part. What is between them is most of
-    # it; without any choice in the loop its bins are computed several at once.
+    # The first and the last bin are passed in part.
     for b in (low, high):
         share = min(last, b + 1.0) - max(first, float(b))
         power = _ground_at(bins.per_square[b], depth, scale * share)
         if exponent != 0.0:
-            power *= (grazing.t * np.sqrt(bins.per_square[b])) ** exponent
+            power *= grazing.t * np.sqrt(bins.per_square[b])
         if b == low or high > low:
             add_to_bin(lines, place, b, power)
     inside = bins.per_square[low + 1 : high]
     own = lines.power[place.here, low + 1 : high]
     beside = lines.power[1 - place.here, low + 1 : high]
-    if exponent == 1.0:
-        for b in range(len(inside)):
-            power = _ground_at(inside[b], depth, scale)
-            power *= grazing.t * np.sqrt(inside[b])
-            own[b] += power * (1.0 - place.across)
-            beside[b] += power * place.across
-        return
+    if exponent == 0.0:
+        _fill_even(own, beside, inside, place, grazing, scale)
+    else:
+        _fill_lambert(own, beside, inside, place, grazing, scale)
+
+
+@njit_inline
+def _fill_even(
+    own: Any, beside: Any, inside: Any, place: Any, grazing: Any, scale: Any
+) -> None:
+    """Add ground of one gamma to whole bins; without choices, several at once."""
+    across, depth = place.across, grazing.depth
     for b in range(len(inside)):
         power = _ground_at(inside[b], depth, scale)
-        if exponent != 0.0:
-            power *= (grazing.t * np.sqrt(inside[b])) ** exponent
-        own[b] += power * (1.0 - place.across)
-        beside[b] += power * place.across
+        own[b] += power * (1.0 - across)
+        beside[b] += power * across
+
+
+@njit_inline
+def _fill_lambert(
+    own: Any, beside: Any, inside: Any, place: Any, grazing: Any, scale: Any
+) -> None:
+    """Add ground whose gamma falls with the cosine, likewise."""
+    across, depth, t = place.across, grazing.depth, grazing.t
+    for b in range(len(inside)):
+        power = _ground_at(inside[b], depth, scale)
+        power *= t * np.sqrt(inside[b])
+        own[b] += power * (1.0 - across)
+        beside[b] += power * across
 
 
 @njit_inline

@@ -89,7 +89,7 @@ def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
         scan: A scan.
         sight: How its beams see.
     """
-    echoing = scan.echoes.settings.return_mode == "all"
+    echoing = lists_echoes(scan)
     groups = _group(scan, sight)
     circle = {
         "marker": "o",
@@ -128,7 +128,7 @@ def _rows_of_others(
     """Return the rows of rays that come back and do not see through anything."""
     if echoing:  # echoes are marked instead, and all these rays look the same
         return [(_read(scan) & ~sight.through, "other ray", line)]
-    spent, stopping = _spent_in(scan), _stopping(scan, groups[STOPPED])
+    spent, stopping = _spent_in(scan), _stopping(scan, sight, groups[STOPPED])
     texts = {
         SPENT: f"is spent in {name_materials(spent)}",
         STOPPED: f"is stopped by {name_materials(stopping)}",
@@ -160,7 +160,7 @@ def draw_many(
         legend: Gets rows for the marks.
     """
     colour = scan_colour(scans[0])
-    if scans[0].echoes.settings.return_mode == "all":
+    if lists_echoes(scans[0]):
         _draw_echo_dots(axes, scans, legend)
     else:
         pairs = zip(scans, sights, strict=True)
@@ -214,6 +214,11 @@ def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
     )
 
 
+def lists_echoes(scan: Scan) -> bool:
+    """Return whether a scan has all echoes of its beams, which are drawn instead."""
+    return scan.echoes.settings.return_mode == "all" and scan.targets is None
+
+
 def _read(scan: Scan) -> Mask:
     return np.isfinite(scan.ranges) & (scan.ranges > 0)
 
@@ -241,8 +246,11 @@ def _spent_in(scan: Scan) -> list[Material]:
     return [material_of(echoes, part) for part in parts]
 
 
-def _stopping(scan: Scan, stopped: Mask) -> list[Material]:
+def _stopping(scan: Scan, sight: Sight, stopped: Mask) -> list[Material]:
     """Return what stops beams, (N,)."""
+    if scan.targets is not None:  # it has no echoes
+        found = (sight.read[beam] for beam in np.flatnonzero(stopped).tolist())
+        return list({each.name: each for each in found if each is not None}.values())
     echoes = scan.echoes
     at_end = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
     parts = np.unique(echoes.parts[at_end & stopped[echoes.beams]]).tolist()

@@ -9,7 +9,6 @@ import numpy as np
 
 from radarsim.plotting.annotations import as_words
 from radarsim.plotting.sight import Sight, lets_beams_in, name_materials
-from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.sensors.scan import Scan
 
 
@@ -36,7 +35,8 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
             seeing = f"{_span(through)} of the {met} see through it"
         held = any((sight.stopped & sight.meeting).any() for sight in sights)
         return f"{seeing}{many}" if held else f"{seeing}, none is stopped{many}"
-    stopped = [Counter(_penetrable_readings(scan)) for scan in scans]
+    pairs = zip(scans, sights, strict=True)
+    stopped = [Counter(_penetrable_readings(*pair)) for pair in pairs]
     if total := sum(stopped, Counter()):
         ((material, _),) = total.most_common(1)
         count = _span([each[material] for each in stopped])
@@ -56,8 +56,10 @@ def _span(counts: Sequence[int]) -> str:
     return f"{least}" if least == most else f"{least} to {most}"
 
 
-def _penetrable_readings(scan: Scan) -> list[str]:
+def _penetrable_readings(scan: Scan, sight: Sight) -> list[str]:
     """Return the material of each reading of something that some beams can enter."""
+    if scan.targets is not None:
+        return [each.name for each in sight.read if each is not None]
     echoes, parts = scan.echoes, scan.echoes.scene_parts
     names = []
     read = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
@@ -98,13 +100,17 @@ def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
     return (
         f"{scan.sensor} in {scene}, at x {scan.pose.x:.2f} m, y {scan.pose.y:.2f} m,"
         f" yaw {math.degrees(scan.pose.yaw):.0f}°; section at z {scan.pose.z:.2f} m;"
-        f" {counted}; {_beams(scan.echoes.settings)}"
+        f" {counted}; {_beams(scan)}"
     )
 
 
-def _beams(settings: SensorSettings) -> str:
+def _beams(scan: Scan) -> str:
     """Describe the rays of a beam and the echoes that it keeps."""
+    settings = scan.echoes.settings
     mode = settings.return_mode
+    if scan.targets is not None:
+        target = "farthest" if mode in ("all", "last") else mode
+        return f"{target} target of the detector {settings.detector!r}"
     echoes = "all echoes" if mode == "all" else f"{mode} echo"
     if not settings.has_side_rays:
         return echoes

@@ -30,6 +30,7 @@ from radarsim.plotting.reading_marks import (
     draw_hits,
     draw_many,
     draw_ray_ends,
+    lists_echoes,
 )
 from radarsim.plotting.rendering import render
 from radarsim.plotting.robots import draw_robot
@@ -128,7 +129,7 @@ def draw_scan(
         (scan,), (sight,) = scans, sights
         draw_rays(axes, scene, scan, sight)
         add_ray_rows(legend, scan, sight)
-        if scan.echoes.settings.return_mode == "all":
+        if lists_echoes(scan):
             draw_echoes(axes, scan)
             add_echo_rows(legend, scans)
             draw_hits(axes, scan, sight)

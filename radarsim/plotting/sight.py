@@ -43,6 +43,8 @@ class Sight:
         touching: (N,) whether it enters something, and reads what stands in or at it.
         materials: The materials that beams see through.
         entered: The materials that beams enter and read something in or at.
+        read: (N,) the material that stops a beam of ``stopped`` which reads something;
+            None for others.
     """
 
     through: NDArray[np.bool_]
@@ -51,6 +53,7 @@ class Sight:
     touching: NDArray[np.bool_]
     materials: tuple[Material, ...]
     entered: tuple[Material, ...]
+    read: tuple[Material | None, ...]
 
     @property
     def words(self) -> str:
@@ -87,6 +90,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     seen_through: dict[str, Material] = {}
     entered: dict[str, Material] = {}
     shadows: dict[int, Geometry] = {}
+    read: list[Material | None] = [None] * len(scan.ranges)
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
         mine = events[edges[beam] : edges[beam + 1]]
@@ -102,8 +106,9 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
             through[beam] = True
             materials = (tracer.parts[part].material for part in passed)
             seen_through.update({material.name: material for material in materials})
-        elif _ends_inside(mine, reading, tracer.parts):
+        elif (inside := _read_inside(mine, reading, tracer.parts)) is not None:
             stopped[beam] = True
+            read[beam] = inside
         elif met := _materials_met(mine, reading, tracer.parts):
             touching[beam] = True
             entered.update(met)
@@ -111,7 +116,8 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     meeting = _meet(events, scan.ranges, tracer.parts, families)
     meeting &= stopped | (np.isfinite(scan.ranges) & (scan.ranges > 0))
     ways = (through, stopped, meeting, touching)
-    return Sight(*ways, tuple(seen_through.values()), tuple(entered.values()))
+    found = tuple(seen_through.values()), tuple(entered.values())
+    return Sight(*ways, *found, tuple(read))
 
 
 def _parts_passed(
@@ -149,15 +155,16 @@ def _meet(
     return meeting
 
 
-def _ends_inside(
+def _read_inside(
     events: NDArray[np.void], reading: float, parts: Sequence[Part]
-) -> bool:
-    """Return whether a ray reads a material that some beams can enter."""
+) -> Material | None:
+    """Return the material that a ray reads, if some beams can enter it."""
     known = _of_parts(events, parts)
     if not len(known):
-        return False
+        return None
     last = known[np.argmin(np.abs(known["t"] - reading))]
-    return lets_beams_in(parts[int(last["part"])].material)
+    material = parts[int(last["part"])].material
+    return material if lets_beams_in(material) else None
 
 
 def _materials_met(

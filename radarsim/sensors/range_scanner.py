@@ -197,7 +197,7 @@ class RangeScanner:
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
         targets = find_targets(self.fmcw.spectrum(scene, pose, rng), self.settings)
-        return scan_of(self.name, self.settings, pose, targets, scene)
+        return scan_of(self.name, self.settings, pose, targets, scene, self.fmcw)
 
     def plan(
         self,

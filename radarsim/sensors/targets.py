@@ -11,6 +11,7 @@ field of view, are left out.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.scan import Scan
 
 if TYPE_CHECKING:
+    from radarsim.fmcw.radar import FmcwRadar
     from radarsim.fmcw.spectrum import Spectrum
 
 
@@ -97,9 +99,11 @@ def scan_of(
     pose: Pose3,
     targets: Targets,
     scene: Scene,
+    radar: "FmcwRadar",
 ) -> Scan:
-    """Return the scan that reads targets; its rays are the middles of its beams.
+    """Return the scan that reads targets.
 
+    Its rays are the middles of its beams, and lose power as those of the spectrum do.
     It lists no echoes: a spectrum does not tell the objects that targets are.
 
     Args:
@@ -108,16 +112,21 @@ def scan_of(
         pose: Its pose, map frame.
         targets: What its detector found.
         scene: The map.
+        radar: Its FMCW radar.
     """
     steps = np.arange(settings.beams) * settings.resolution_deg
     angles: Floats = np.radians(steps - settings.fov_deg / 2)
     ahead = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     directions = ahead @ pose.rotation().T
-    rays = Rays.uniform(
-        np.broadcast_to(pose.position(), directions.shape),
-        directions / np.linalg.norm(directions, axis=1)[:, None],
-        max_range=settings.max_range,
-        power=settings.penetration_power,
+    rays = replace(
+        Rays.uniform(
+            np.broadcast_to(pose.position(), directions.shape),
+            directions / np.linalg.norm(directions, axis=1)[:, None],
+            max_range=settings.max_range,
+            power=radar.full_power,
+            medium=0,
+        ),
+        ray_classes=(radar.ray_class,),
     )
     none, nowhere = np.zeros(0), np.zeros(0, np.int64)
     echoes = Echoes(

@@ -257,3 +257,25 @@ def test_targets_of_a_detector_are_told(radarsim: Command) -> None:
     text = radarsim("explain", *words).text
     assert f"a target of {strongest['dbm']:.1f} dBm" in text
     assert "its strongest target by its detector 'ca'" in text
+
+
+def test_ray_of_a_detectors_beam_loses_decibels_as_its_spectrum_does(
+    radarsim: Command,
+) -> None:
+    words = (
+        *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
+        *("--set", "detector=ca", "--beam", "200"),
+    )
+    told = json.loads(radarsim("explain", *words, "--format", "json").text)
+    (bush,) = told["crossings"]
+    # 3.31 dB/m of leaves at 77 GHz, over the way through the bush.
+    loss = bush["power_before"] - bush["power_after"]
+    assert loss == pytest.approx(3.31 * (bush["exit"] - bush["entry"]), rel=0.01)
+    assert told["object"] == "cabinet"
+    last = told["targets"][-1]
+    assert last["range"] == pytest.approx(told["distance"], abs=0.2)
+    lines = radarsim("explain", *words).text.splitlines()
+    assert lines[0].endswith("centre ray")  # and not one of 201
+    assert lines[1] == "followed to a loss of 75.0 dB one way"
+    assert lines[2].endswith(f"loss 0.0 to {loss:.1f} dB")
+    assert lines[3].endswith(f"hits cabinet (wood), loss {loss:.1f} dB")

@@ -512,3 +512,20 @@ def test_the_same_scan_gives_the_same_bytes(foliage_room: Scene) -> None:
     )
     assert first == second
     assert first.startswith(b"\x89PNG\r\n\x1a\n")
+
+
+@pytest.mark.parametrize("mode", ["last", "all"])
+def test_beams_of_a_detector_see_through_what_their_spectrum_does(
+    foliage_room: Scene, mode: str
+) -> None:
+    settings = {"detector": "ca", "max_range": 30, "return_mode": mode}
+    scan = scan_of(foliage_room, "navtech_cts350x", **settings)
+    figure = plot_scans(foliage_room, [scan])
+    ahead = (scan.ranges > 0) & (np.cos(scan.angles) > 0.9)
+    behind = scan.ranges[ahead] * np.cos(scan.angles[ahead]) + START[0] > 2.0
+    assert behind.sum() > 10
+    hits = markers(figure)["seen through"]
+    assert len(np.asarray(hits.get_offsets())) >= behind.sum()
+    assert "is stopped by foliage" in labels(figure)
+    words = small_print(figure).replace("\n", " ")
+    assert "farthest target of the detector 'ca'" in words
