@@ -8,8 +8,10 @@ may as well have stood there, and does not count. Beams of the earlier scan coun
 those beside them: a pole may have been between two of them, and a radar with side beams
 sees it up to 0.2 m beside its place.
 
-From where it was then and is now follows its velocity. The robot stands if the two
-would come too near to each other within the next seconds, and less so if it stands.
+From where it is seen at first and now follows its velocity, which is known after half a
+second: so things are looked at some metres away, before they are near. The robot stands
+if the two would come too near to each other within the next seconds, and less so if it
+stands.
 
 A robot that waits for something follows nothing, so what passes becomes no obstacle.
 What has come to a stand is an obstacle like others.
@@ -34,12 +36,13 @@ MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
 LEAST_BEAMS: Final = 3  # that end on something that moves
 SPEED: Final = 0.3  # m/s at which the robot would go on
 HORIZON: Final = 4.0  # s ahead that are looked at
-MORE: Final = 1.0  # m beyond the reach of the bumpers within which it waits
+MORE: Final = 2.5  # m beyond the reach of the bumpers within which motion is seen
+LEAST_TRACK: Final = 0.5  # s for which it is seen before its velocity is known
 PAUSE: Final = 1.0  # s without motion after which it goes on
 CONFIRMED_WITHIN: Final = 1.0  # s in which a second scan has to show the same
 PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
 IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
-BACK_SPEED: Final = 0.15  # m/s away from what has driven into the robot
+BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
 RECENT: Final = 30.0  # s after motion was seen, in which it backs off
 _BESIDE: Final = 0.3  # m beside a place where earlier beams count
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
@@ -148,7 +151,8 @@ class Waiting:
         while now - self._seen[0][0] > INTERVAL:
             self._seen.popleft()
         begin, first = self._seen[0]
-        velocity = (place - first) / (now - begin) if now > begin else 0j
+        is_known = now - begin >= LEAST_TRACK
+        velocity = (place - first) / (now - begin) if is_known else 0j
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
