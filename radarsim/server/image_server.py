@@ -161,6 +161,7 @@ class Viewer(PeerConnection):
         self._requests = RequestBuffer()
         self._can_write = True
         self._silence: asyncio.TimerHandle | None = None
+        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
 
     @property
     def waits(self) -> bool:
@@ -198,7 +199,14 @@ class Viewer(PeerConnection):
         Reading is paused while a request waits, so there is none.
         """
         if self._transport is not None:
-            asyncio.get_running_loop().call_later(CLOSE_GRACE, self._transport.abort)
+            loop = asyncio.get_running_loop()
+            self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Forget the viewer."""
+        if self._grace is not None:
+            self._grace.cancel()  # a transport that is lost fails to abort
+        super().connection_lost(error)
 
     def send(self, picture: bytes) -> None:
         """Answer the request that waits, and read the next one."""

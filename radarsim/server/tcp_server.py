@@ -207,6 +207,7 @@ class Connection(asyncio.BufferedProtocol):
         self._transport: asyncio.Transport | None = None
         self._number = 0
         self._sends_no_more = False
+        self._grace: asyncio.TimerHandle | None = None  # aborts after eof
         self._logged_kinds: set[str] = set()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -243,12 +244,15 @@ class Connection(asyncio.BufferedProtocol):
             return False
         self._sends_no_more = True
         self._connections.held.add(self)
-        asyncio.get_running_loop().call_later(CLOSE_GRACE, self._transport.abort)
+        loop = asyncio.get_running_loop()
+        self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
         self.flush(only_replies=True)
         return True  # the transport stays open for the replies
 
     def connection_lost(self, error: Exception | None) -> None:
         """Despawn the client's robot."""
+        if self._grace is not None:
+            self._grace.cancel()  # a transport that is lost fails to abort
         if self._transport is not None:
             self._disconnect(str(error or "closed"))
 

@@ -220,6 +220,31 @@ async def test_client_that_closes_its_side_is_removed_when_it_does_not_read(
     await running_server.wait_until(lambda: running_server.robots == 0)
 
 
+@pytest.mark.slow
+async def test_client_that_reads_the_rest_late_is_not_closed_twice(
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What waits when it closes its side is still sent; then the connection is lost."""
+    monkeypatch.setattr("radarsim.server.tcp_server.CLOSE_GRACE", 1.0)
+    errors: list[dict[str, object]] = []
+    loop = asyncio.get_running_loop()
+    loop.set_exception_handler(lambda _, context: errors.append(context))
+    host = Host(empty_room, config=LONG_LINES)
+    async with serving(host) as running_server:
+        peer = await running_server.peer(small=True)
+        await peer.send(INIT)
+        await running_server.wait_until(lambda: running_server.robots == 1)
+        peer.transport.pause_reading()
+        await running_server.wait_until(lambda: host.unsent_bytes(1) > 0)
+        peer.writer.write_eof()
+        await running_server.wait_until(lambda: running_server.robots == 0)
+        peer.transport.resume_reading()
+        with suppress(ConnectionError):  # on a machine that is slower than the grace
+            await peer.rest()
+        await asyncio.sleep(1.2)
+    assert errors == []
+
+
 async def test_client_that_does_not_read_does_not_delay_others(
     empty_room: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
