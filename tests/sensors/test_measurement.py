@@ -15,7 +15,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.beams import even_nodes
-from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.range_scanner import SENSOR_HEIGHT, RangeScanner
 from radarsim.sensors.scan_batch import scan_batch
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.simulation.simulation import Simulation
@@ -211,6 +211,34 @@ def test_pole_of_10_cm_is_seen_at_every_offset_from_the_beams(distance: float) -
     assert np.isfinite(ranges).any(axis=1).all()
     nearest = np.where(np.isfinite(ranges), ranges, np.inf).min(axis=1)
     assert np.abs(nearest - (distance - 0.05)).max() < 0.6  # noise of 0.1 m
+
+
+@pytest.mark.parametrize("share", [0.06, 0.5, 0.97])
+@pytest.mark.parametrize(
+    "preset",
+    [
+        "navtech_cts350x",
+        "navtech_cts350x_radiate",
+        "navtech_cir204h",
+        "navtech_cir304h",
+    ],
+)
+def test_pole_on_the_ground_is_seen_by_real_radars_at_every_offset(
+    preset: str, share: float
+) -> None:
+    scanner = radarsim.load_sensor(preset, fov_deg=5.4)
+    settings = scanner.settings
+    distance = share * settings.max_range
+    vertices, faces = cylinder(0.05, 2.0)
+    upright = np.array([distance, 0, 1.0 - SENSOR_HEIGHT])
+    pole = Part("pole", WALL, vertices + upright, faces)
+    poses = [
+        Pose3(0, 0, 0, yaw=float(yaw))
+        for yaw in np.radians(np.linspace(0, settings.resolution_deg, 41))
+    ]
+    ranges = scanner.scan_many(scene(pole), poses, generator_for(3)).ranges
+    nearest = np.where(np.isfinite(ranges), ranges, np.inf).min(axis=1)
+    assert nearest == pytest.approx(distance - 0.05, abs=settings.range_resolution)
 
 
 @pytest.mark.parametrize("count", [1, 2, 19])
