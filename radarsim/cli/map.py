@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import typer
 
@@ -60,6 +60,11 @@ from radarsim.cli.recorded_host import RecordOption
 from radarsim.cli.run_recording import RunRecording
 from radarsim.exploration.options import StrategyName
 from radarsim.navigation.options import ROBOT
+
+if TYPE_CHECKING:
+    from radarsim.cli.map_files import MapOutput
+    from radarsim.exploration.exploration import ExplorationPlan
+    from radarsim.host import Host
 
 # Options that only apply to a robot that is driven, and to one that is followed.
 DRIVING: Final = (
@@ -120,10 +125,6 @@ def map_(
 
     from radarsim.cli.map_files import MapFiles, MapOutput
     from radarsim.cli.map_proxy import FollowedMapping
-    from radarsim.cli.map_run import explore, explore_together
-    from radarsim.evaluation.mapping_run import MappingRun
-    from radarsim.evaluation.multi_robot_run import MultiRobotRun
-    from radarsim.exploration.compilation import warm_up
     from radarsim.exploration.exploration import ExplorationPlan
     from radarsim.navigation.control import SpeedLimits
 
@@ -144,9 +145,7 @@ def map_(
             mount=mount,
             max_range=max_range,
         )
-        if watch is not None:
-            raise typer.Exit(followed.watch(watch, echoes=echoes))
-        raise typer.Exit(followed.run_proxy(through or 0))
+        raise typer.Exit(followed.run(through, watch, echoes=echoes))
     plan = ExplorationPlan(
         strategy=strategy or StrategyName.AUTO,
         waypoints=tuple(read_point(text, "--way") for text in way or ()),
@@ -168,17 +167,38 @@ def map_(
     )
     output.check(served=serve)
     served = recording.load_host(serve, seed=seed, settings=settings)
-    check_robot(plan.robot_class, served)
     check_start(start, pose, None if served is None else served.simulation.scene)
+    raise typer.Exit(_explore(plan, output, address, served, seed or 0, robots))
+
+
+def _explore(
+    plan: ExplorationPlan,
+    output: MapOutput,
+    address: tuple[str, int],
+    served: Host | None,
+    seed: int,
+    robots: int,
+) -> int:
+    """Explore by a plan with some robots, on a server or on a host in this process.
+
+    Returns:
+        The exit code.
+    """
+    from radarsim.cli.map_run import explore, explore_together
+    from radarsim.evaluation.mapping_run import MappingRun
+    from radarsim.evaluation.multi_robot_run import MultiRobotRun
+    from radarsim.exploration.compilation import warm_up
+
+    check_robot(plan.robot_class, served)
     warm_up()
     if robots > 1:
         together = MultiRobotRun(plan, robots, served)
         explore_together(together, output, address)
-        raise typer.Exit(int(bool(together.result.error)))
-    run = MappingRun(plan, served, seed=seed or 0)
-    run.connect = recording.connect
+        return int(bool(together.result.error))
+    run = MappingRun(plan, served, seed=seed)
+    run.connect = output.recording.connect
     explore(run, output, address)
-    raise typer.Exit(int(bool(run.result.error)))
+    return int(bool(run.result.error))
 
 
 def _check_combination(

@@ -54,6 +54,18 @@ class FollowedMapping:
     mount: str | None
     max_range: float | None
 
+    def run(self, port: int | None, robot: str | None, *, echoes: bool) -> int:
+        """Map what passes a port, or else what a robot's client is sent; see below.
+
+        Args:
+            port: Port to listen on; 0 for a free one, None to watch a robot.
+            robot: Name of that robot.
+            echoes: Whether its scanners shall list their echoes.
+        """
+        if robot is not None:
+            return self.watch(robot, echoes=echoes)
+        return self.run_proxy(port or 0)
+
     def run_proxy(self, port: int) -> int:
         """Forward a port to the server until a signal comes, and map what passes.
 

@@ -13,6 +13,7 @@ from radarsim import __version__
 from radarsim.cli.options import DEFAULT_PORT, check_positive
 from radarsim.cli.output import print_message, start_log
 from radarsim.cli.serve import announce
+from radarsim.cli.server_options import ListenHostOption, ListenPortOption
 from radarsim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -22,40 +23,41 @@ if TYPE_CHECKING:
 FolderArgument = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder of the recording.")
 ]
+VerifyOption = Annotated[
+    bool,
+    typer.Option(
+        "--verify",
+        help="Instead, simulate the run again from the recorded commands, and"
+        " compare all that clients were sent; exit with 1 if a byte differs.",
+    ),
+]
+VerifiedMapOption = Annotated[
+    str | None,
+    typer.Option("--map", help="The map to verify with; the recorded one if none."),
+]
+ClientOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1, help="Number of the recorded client to play; the busiest if none."
+    ),
+]
+PlayingSpeedOption = Annotated[
+    float,
+    typer.Option(
+        callback=check_positive, help="Recorded seconds per second of real time."
+    ),
+]
 
 
 def replay(
     folder: FolderArgument,
     *,
-    verify: Annotated[
-        bool,
-        typer.Option(
-            "--verify",
-            help="Instead, simulate the run again from the recorded commands, and"
-            " compare all that clients were sent; exit with 1 if a byte differs.",
-        ),
-    ] = False,
-    map_: Annotated[
-        str | None,
-        typer.Option("--map", help="The map to verify with; the recorded one if none."),
-    ] = None,
-    client: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Number of the recorded client to play; the busiest if none."
-        ),
-    ] = None,
-    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[
-        int,
-        typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one."),
-    ] = DEFAULT_PORT,
-    speed: Annotated[
-        float,
-        typer.Option(
-            callback=check_positive, help="Recorded seconds per second of real time."
-        ),
-    ] = 1.0,
+    verify: VerifyOption = False,
+    map_: VerifiedMapOption = None,
+    client: ClientOption = None,
+    host: ListenHostOption = "127.0.0.1",
+    port: ListenPortOption = DEFAULT_PORT,
+    speed: PlayingSpeedOption = 1.0,
 ) -> None:
     """Play a recording to clients of the protocol, as they were sent it."""
     from radarsim.recording.bag_folder import check_installed

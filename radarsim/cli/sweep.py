@@ -29,32 +29,39 @@ _BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that a worker gets
 # Of a cluster's worker: each message takes its scheduler some 10 ms.
 _MESSAGES: Final = 4
 
+FileArgument = Annotated[
+    str, typer.Argument(metavar="FILE", help="A sweep file, or a shipped sweep.")
+]
+OutOption = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="OUT", help="A folder for the results."),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Number of processes; one for each core by default."),
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Scheduler of a dask cluster that runs already."
+    ),
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")
+]
+DryRunOption = Annotated[
+    bool, typer.Option("--dry-run", help="Check the file, and count its tasks.")
+]
+
 
 def sweep(
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help="A sweep file, or a shipped sweep.")
-    ],
+    file: FileArgument,
     *,
-    out: Annotated[
-        Path,
-        typer.Option("-o", "--output", metavar="OUT", help="A folder for the results."),
-    ],
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of processes; one for each core by default."),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Scheduler of a dask cluster that runs already."
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the file, and count its tasks.")
-    ] = False,
+    out: OutOption,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    resume: ResumeOption = False,
+    dry_run: DryRunOption = False,
 ) -> None:
     """Scan, drive or map for all combinations of parameters, and write one table."""
     from radarsim.optional_packages import import_optional
@@ -85,13 +92,8 @@ def sweep(
     folder.write(path, wanted, tasks)
     _draw(folder, wanted)
     failed = _print_failures(folder, tasks)
-    seconds = time.perf_counter() - began
-    print_lines(
-        [
-            f"{_count(wanted, len(left))} in {seconds:.1f} s",
-            *(out / name for name in (TABLE, ABOUT)),
-        ]
-    )
+    spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
+    print_lines([spent, out / TABLE, out / ABOUT])
     raise typer.Exit(int(failed))
 
 
