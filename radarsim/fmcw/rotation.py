@@ -96,6 +96,7 @@ class Rotation:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
         velocity: tuple[float, float, float] = STANDING,
+        receives: bool = True,
     ) -> list[Sector]:
         """Turn the antenna, and return what has been received meanwhile.
 
@@ -105,6 +106,8 @@ class Rotation:
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
             velocity: Of the antenna, m/s, map frame.
+            receives: Whether to return that now; else the next call does. It takes less
+                time to receive more directions at once.
         """
         azimuths = self.radar.settings.azimuths
         end = self._traced + count
@@ -121,6 +124,8 @@ class Rotation:
             looked = range(self._traced, self._traced + len(rows))
             self._looks.append(_Look(looked, pose, tones.of_rows(rows)))
             self._traced = looked.stop
+        if not receives:
+            return []
         return self._receive(self._traced - rows_in_beam(self.radar.settings))
 
     def _receive(self, end: int) -> list[Sector]:

@@ -3,10 +3,10 @@
 Theory of operation
 ===================
 In each tick an antenna turns by the directions that it passes in that time, seen from
-where the robot is by then. A thread computes what it receives, while time goes on: that
-is there ``LATENCY`` ticks later, always, so that nothing depends on how fast the
-machine is. When a turn is complete, what its detector found becomes a scan. The first
-turn after a spawn is not read.
+where the robot is by then. A thread computes what it receives in every
+``RECEPTION_TICKS`` together, while time goes on: that is there ``LATENCY`` ticks later,
+always, so that nothing depends on how fast the machine is. When a turn is complete,
+what its detector found becomes a scan. The first turn after a spawn is not read.
 
 Where the thread is not done by then, the tick waits for it, before anything else is
 computed, and so simulated time waits. What takes longer in one tick than in others is
@@ -32,7 +32,7 @@ from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.targets import Targets
-from radarsim.simulation.clock import TICK, Clock, seconds
+from radarsim.simulation.clock import TICK, Clock
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ if TYPE_CHECKING:
 STANDING: Final = (0.0, 0.0, 0.0)  # m/s
 # In a tick no more antennas turn: each takes a good part of a processor.
 MOST_TURNING: Final = 1
-LATENCY: Final = 5  # ticks until what an antenna sees is received
+LATENCY: Final = 5  # ticks until what is received is there
+RECEPTION_TICKS: Final = 2  # of which all is received at once, which takes less time
 ROUNDING: Final = 1e-9  # of directions
 
 
@@ -71,7 +72,7 @@ class SeenTurn(NamedTuple):
         vehicle: Its robot.
         targets: The targets.
         settings: Settings of the scanner when the turn began.
-        time: When the antenna looked into its last direction, s.
+        time: When the antenna had looked into its last direction, s.
     """
 
     mounted: MountedScanner
@@ -192,6 +193,7 @@ class Antenna:
             *(pose, self._move(pose)),
             *(boxes, self.vehicle.number),
             self.mounted.scanner.settings,
+            receives=(ticks + 1 - self.since) % RECEPTION_TICKS == 0,
             is_recorded=bool(self.listeners or self.observers),
         )
         result = worker.submit(self.receiver.advance, look)
@@ -202,7 +204,7 @@ class Antenna:
         """Tell listeners what is received in a tick, and return whole turns."""
         turns = []
         while self.computed and self.computed[0].tick + LATENCY <= ticks:
-            tick, since, result = self.computed.popleft()
+            _, since, result = self.computed.popleft()
             received = result.result()
             if not self.vehicle.alive:
                 continue
@@ -210,11 +212,14 @@ class Antenna:
                 for listener in (*self.listeners, *self.observers):
                     listener(SeenSector(sector, _time_of(sector, since)))
             if received.turn and self.mounted.scanner.settings.has_detector:
-                turns.append(self._seen(received.turn, tick))
+                turns.append(self._seen(received.turn, since))
         return turns
 
-    def _seen(self, turn: FoundTurn, tick: int) -> SeenTurn:
-        return SeenTurn(self.mounted, self.vehicle, *turn, seconds(tick))
+    def _seen(self, turn: FoundTurn, since: int) -> SeenTurn:
+        assert self.receiver is not None
+        settings = self.receiver.radar.settings
+        time = _time_after(turn.number + 1, settings, since)
+        return SeenTurn(self.mounted, self.vehicle, turn.targets, turn.settings, time)
 
     def _directions(self, settings: FmcwSettings, ticks: int) -> int:
         """Return how many directions are passed in a tick."""
@@ -239,9 +244,13 @@ def _time_of(sector: Sector, since: int) -> float:
         since: Tick in which it began to turn.
     """
     settings = sector.spectrum.settings
-    # The turn that is counted first is the second one.
-    turns = sector.turn + 1 + sector.first / settings.azimuths
-    return (since - 1) * TICK + turns / settings.rotation_hz
+    turns = sector.turn + sector.first / settings.azimuths
+    return _time_after(turns, settings, since)
+
+
+def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
+    """Return when an antenna has made so many turns after the first one, s."""
+    return (since - 1) * TICK + (turns + 1) / settings.rotation_hz
 
 
 class Antennas:

@@ -31,6 +31,7 @@ class Look(NamedTuple):
         boxes: The robots.
         carrier_id: The robot that carries it.
         settings: Settings of its scanner.
+        receives: Whether to receive what was looked into; else a later look does.
         is_recorded: Whether the counts of the directions are needed.
     """
 
@@ -40,6 +41,7 @@ class Look(NamedTuple):
     boxes: Boxes
     carrier_id: int
     settings: SensorSettings
+    receives: bool
     is_recorded: bool
 
 
@@ -47,10 +49,12 @@ class FoundTurn(NamedTuple):
     """What the detector of a scanner found in a turn.
 
     Attributes:
+        number: Number of the turn, as of its sectors.
         targets: The targets.
         settings: Settings of the scanner when the turn began.
     """
 
+    number: int
     targets: Targets
     settings: SensorSettings
 
@@ -94,6 +98,7 @@ class TurnReceiver:
             boxes=look.boxes,
             carrier_id=look.carrier_id,
             velocity=look.velocity,
+            receives=look.receives,
         )
         for sector in sectors:
             if look.is_recorded:
@@ -110,4 +115,4 @@ class TurnReceiver:
         self._targets.append(find_targets(sector.spectrum, self._settings))
         if not sector.ends_turn:
             return None
-        return FoundTurn(Targets.join(self._targets), self._settings)
+        return FoundTurn(sector.turn, Targets.join(self._targets), self._settings)

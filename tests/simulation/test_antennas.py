@@ -21,7 +21,13 @@ from radarsim.protocol.reports import (
 )
 from radarsim.scene.scene import Scene
 from radarsim.sensors.targets import Targets, beams_of, read_ranges
-from radarsim.simulation.antennas import LATENCY, Result, SeenSector, Worker
+from radarsim.simulation.antennas import (
+    LATENCY,
+    RECEPTION_TICKS,
+    Result,
+    SeenSector,
+    Worker,
+)
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.turn_receiver import Look, Received, TurnReceiver
 
@@ -111,12 +117,12 @@ def test_turns_are_scans_four_times_a_second(lines: list[bytes]) -> None:
 def test_turn_has_the_time_at_which_it_ended_and_comes_later(
     foliage_room: Scene,
 ) -> None:
-    # The second turn since the spawn ends after half a second, and three sweeps.
-    ended = 2 * TURN + 1
-    early = play(foliage_room, ended + LATENCY - 1)
-    (scan,) = scans_of(play(foliage_room, ended + LATENCY))
+    # Of the second turn since the spawn: half a second, and three sweeps.
+    last = 2 * TURN + RECEPTION_TICKS
+    early = play(foliage_room, last + LATENCY - 1)
+    (scan,) = scans_of(play(foliage_room, last + LATENCY))
     assert scans_of(early) == []
-    assert scan.time == pytest.approx(0.01 * ended)
+    assert scan.time == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("worker", [AtOnce(), AtLast()])
