@@ -1,13 +1,21 @@
 """Corridors that are longer than the scanner sees: a straight one, and a ring."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from radarsim.client import Client
+from radarsim.evaluation.map_score import score_mapper
 from radarsim.evaluation.mapping_run import MappingRun
-from radarsim.exploration.exploration import ExplorationPlan
+from radarsim.exploration.exploration import Exploration, ExplorationPlan
+from radarsim.geometry import Pose2
 from radarsim.host import Host
+from radarsim.host.lockstep import InProcessTransport
+from radarsim.mapping.trajectory import trajectory_errors
 from radarsim.navigation.control import SpeedLimits
+from radarsim.protocol.reports import Odometry, Report
+from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.simulation.config import SimulationConfig
 
@@ -80,3 +88,52 @@ def test_a_ring_closes_and_has_each_wall_once(tmp_path: Path) -> None:
     assert 60 < told["pose_errors"]["length"] < 75
     assert told["pose_errors"]["ate"] < 0.05 < told["pose_errors"]["motion_ate"]
     assert told["judge"]["misplaced"] < 0.005
+
+
+class UnevenWheels(Client):
+    """A client whose robot has a right wheel that is larger than its odometry knows."""
+
+    turn_per_metre = 0.003  # rad
+    last: Pose2 | None = None
+    drifted = Pose2(0.0, 0.0)
+
+    def read(self, timeout: float | None = None) -> list[Report]:
+        """Return the next reports; the odometry drifts."""
+        return [
+            self._drift(report) if isinstance(report, Odometry) else report
+            for report in super().read(timeout)
+        ]
+
+    def _drift(self, report: Odometry) -> Odometry:
+        step = report.pose.relative_to(self.last or report.pose)
+        self.last = report.pose
+        turn = step.yaw + self.turn_per_metre * step.x
+        self.drifted = self.drifted.compose(Pose2(step.x, step.y, turn))
+        return replace(report, pose=self.drifted)
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_ring_closes_with_odometry_that_drifts(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "ring.yaml"
+    path.write_text(RING)
+    config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
+    host = Host(load_map(path), config=config, seed=seed)
+    plan = ExplorationPlan(
+        waypoints=AROUND,
+        speed_limits=SpeedLimits(speed=0.6),
+        motion_source="odometry",
+    )
+    exploration = Exploration(plan, generator_for(seed, "exploring"))
+    with UnevenWheels(InProcessTransport(host)) as client:
+        exploration.run(client)
+    mapper, start = exploration.mapper, exploration.trip.start
+    assert mapper is not None
+    assert start is not None
+    found = trajectory_errors(mapper.trajectory, mapper.truth)
+    motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
+    score = score_mapper(mapper, host.scene, robot_class=plan.robot_class, start=start)
+    assert motion.ate > 0.3
+    assert found.ate < 0.1
+    assert mapper.slam.closures >= 1
+    assert score.misplaced is not None
+    assert score.misplaced < 0.005
