@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from radarsim.fmcw.beat_signal import NO_TONES, Power, Tones, beat_rows
+from radarsim.fmcw.directions import extents_from, turned_directions
 from radarsim.fmcw.mean_power import PowerScale, TurnPower
 from radarsim.fmcw.points import Points, Sight, losses_to, point_tones
 from radarsim.fmcw.radar_equation import (
@@ -16,7 +17,7 @@ from radarsim.fmcw.radar_equation import (
     noise_shape,
     radar_constant,
 )
-from radarsim.fmcw.ray_fan import RayFan, extents_from, refined_fan
+from radarsim.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.fmcw.scattering import scene_scattering
 from radarsim.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats, Pose3
@@ -193,12 +194,7 @@ class FmcwRadar:
         """Return the rays of directions, as a fan and in the map; see ``trace``."""
         extents = extents_from(pose, _bounds_of(scene))
         fan = refined_fan(self.settings, extents, rows)
-        # Not a product of matrices, which rounds by how many rows there are.
-        x, y, z = np.hsplit(fan.directions, 3)
-        ahead, left, up = pose.rotation().T
-        directions = x * ahead + y * left + z * up
-        # Rounding of the product must not make the vectors longer.
-        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        directions = turned_directions(fan.directions, pose.rotation())
         count = len(directions)
         rays = Rays(
             np.broadcast_to(pose.position(), directions.shape).copy(),

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.fmcw.antenna import elevation_limits, elevation_pattern
-from radarsim.geometry import Floats, Pose3
+from radarsim.fmcw.directions import Extents
+from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 
 # Multiples of these, without their integers, fill a square evenly: powers of the
@@ -86,24 +87,6 @@ class Cells(NamedTuple):
         return len(self.edges) - 1
 
 
-class Extents(NamedTuple):
-    """What directions things take up, seen from a sensor; N things.
-
-    Attributes:
-        azimuth: (N,) rad, of the right edge, clockwise from straight ahead.
-        width: (N,) rad.
-        low: (N,) rad, elevation of the lower edge.
-        high: (N,) rad, of the upper edge.
-        distance: (N,) m, to the middle.
-    """
-
-    azimuth: Floats
-    width: Floats
-    low: Floats
-    high: Floats
-    distance: Floats
-
-
 @lru_cache(maxsize=16)
 def cells_of(settings: FmcwSettings) -> Cells:
     """Return the cells of a radar: of even steps in azimuth, and by pattern upwards."""
@@ -153,31 +136,6 @@ def refined_fan(
     ]
     order = np.argsort(filled[1], kind="stable")
     return RayFan(*(column[order] for column in filled))
-
-
-def extents_from(pose: Pose3, bounds: Floats) -> Extents:
-    """Return what directions bounding boxes take up.
-
-    Args:
-        pose: Pose of the sensor, map frame.
-        bounds: (N, 2, 3) m, lower and upper corners, map frame.
-    """
-    picks = np.array([[i >> axis & 1 for axis in range(3)] for i in range(8)])
-    corners = bounds[:, picks, np.arange(3)]  # (N, 8, 3)
-    seen = (corners - pose.position()) @ pose.rotation()
-    azimuth = -np.arctan2(seen[..., 1], seen[..., 0])
-    middle = seen.mean(axis=1)
-    centre = -np.arctan2(middle[:, 1], middle[:, 0])
-    turned = np.remainder(azimuth - centre[:, None] + math.pi, 2 * math.pi) - math.pi
-    first, last = turned.min(axis=1), turned.max(axis=1)
-    elevation = np.arctan2(seen[..., 2], np.hypot(seen[..., 0], seen[..., 1]))
-    return Extents(
-        centre + first,
-        last - first,
-        elevation.min(axis=1),
-        elevation.max(axis=1),
-        np.linalg.norm(middle, axis=1),
-    )
 
 
 def _fill_cells(
