@@ -111,3 +111,16 @@ def test_the_rest_of_a_turn_that_had_begun_before_is_no_turn(
     assert not turns
     collector.take(SeenSector(Sector(1, 0, spectrum), 1.25))
     assert [(turn.time, len(turn.rows)) for turn in turns] == [(1.25, 400)]
+
+
+def test_turn_that_the_antenna_did_not_end_is_no_part_of_the_next(
+    foliage_room: Scene,
+) -> None:
+    radar = radarsim.load_sensor("navtech_cts350x")
+    spectrum = radar.spectrum(foliage_room, (-7.8, 0, 0), generator_for(1, "turn"))
+    begun = replace(spectrum, angles=spectrum.angles[:9], power=spectrum.power[:9])
+    turns: list[RecordedTurn] = []
+    collector = TurnCollector("Navtech", turns.append)
+    collector.take(SeenSector(Sector(4, 0, begun), 1.0))
+    collector.take(SeenSector(Sector(0, 0, spectrum), 7.0))
+    assert [(turn.time, len(turn.rows)) for turn in turns] == [(7.0, 400)]
