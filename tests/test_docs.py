@@ -17,6 +17,10 @@ from radarsim.cli.app import app
 from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
 from radarsim.scene.map_file import load_variants
 
+# Imported before suites run, which forget the modules that they have imported: what is
+# replaced below would be that of another copy.
+from radarsim.server import tcp_server
+
 pytest_plugins = ["pytester"]
 
 SNIPPETS = [snippet for page in PAGES for snippet in snippets_of(page)]
@@ -92,7 +96,7 @@ def test_commands_run(
     async def do_not_serve(*_: object) -> int:
         return 0
 
-    monkeypatch.setattr("radarsim.server.tcp_server.serve", do_not_serve)
+    monkeypatch.setattr(tcp_server, "serve", do_not_serve)
     port = prepare(snippet, request)
     for command, output in commands_of(snippet):
         words = shlex.split(command)
