@@ -39,6 +39,7 @@ from radarsim.navigation.wall_following import FollowMode, WallFollower
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 _MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
+_MOST_OTHERS = 3  # circuits around another obstacle, likewise
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
 
 
@@ -60,6 +61,8 @@ class Bug(Controller):
         self._obstacle: FollowedObstacle | None = None
         self._circled = StandingObstacle()  # points of the boundary that is followed
         self._gone = 0  # number of obstacles that had gone when they were looked at
+        self._hit_place: Point = (math.nan, math.nan)  # on the obstacle, m
+        self._others = 0  # number of times that another obstacle was circled
 
     def _begin_goal(self, pose: Pose2) -> None:
         self._start, self._policy = pose, None
@@ -118,7 +121,8 @@ class Bug(Controller):
         max_offset = self._follower.target_distance
         obstacle = bearing_of(pose, *self.goals[0])
         point = self._follower.hit_point(observation, self._mode, obstacle)
-        self._obstacle = FollowedObstacle(point.point_from(pose), self._follower)
+        self._hit_place = point.point_from(pose)
+        self._obstacle = FollowedObstacle(self._hit_place, self._follower)
         direction = self._follower.direction(observation, self._mode, obstacle)
         hit = Landmark(pose, direction, max_offset=max_offset)
         if self._settings.algorithm == Algorithm.BUG1:
@@ -165,9 +169,18 @@ class Bug(Controller):
         return self._follow_boundary(observation, obstacle, step)
 
     def _conclude(self, observation: Observation) -> Twist:
-        """Conclude that there is no path, unless what was circled has gone."""
-        if self._gone < _MOST_GONE and self._circled.has_gone(observation):
-            self._gone += 1
+        """Conclude that there is no path, unless what was circled has gone.
+
+        Or unless it is not what was hit: where the robot hits something in a gap, what
+        it follows may be the other side of the gap.
+        """
+        has_gone = self._gone < _MOST_GONE and self._circled.has_gone(observation)
+        is_other = self._others < _MOST_OTHERS and not self._circled.begins_at(
+            self._hit_place
+        )
+        if has_gone or is_other:
+            self._gone += has_gone
+            self._others += is_other
             self._best_leave = math.inf
             return self._leave(observation)
         self.activity = Activity.NO_PATH

@@ -16,6 +16,8 @@ import numpy as np
 from radarsim.geometry import wrap_angle
 from radarsim.navigation.observation import Observation, wrap_angles
 
+NEAR = 0.6  # m from what was hit to the first points of its boundary
+FIRST = 4  # such points
 SPACING = 0.25  # m between the points that are kept
 MAX_DISTANCE = 10.0  # m; points farther away are not looked at
 MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
@@ -49,6 +51,11 @@ class StandingObstacle:
     def _turn_to(self, yaw: float) -> None:
         self._turned += 0.0 if self._yaw is None else abs(wrap_angle(yaw - self._yaw))
         self._yaw = yaw
+
+    def begins_at(self, point: Point) -> bool:
+        """Return whether most of its first points are near a point, m, map frame."""
+        first = [math.dist(each, point) <= NEAR for each in self._points[:FIRST]]
+        return 2 * sum(first) >= len(first)
 
     def has_gone(self, observation: Observation) -> bool:
         """Return whether more points have gone than stand, of those in sight.

@@ -86,7 +86,10 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "algorithm"),
-    [pytest.param(21, "bug2", id="long circuit, during which the yaw drifts")],
+    [
+        pytest.param(21, "bug2", id="long circuit, during which the yaw drifts"),
+        pytest.param(188, "bug2", id="hit in a gap, whose other side it circled"),
+    ],
 )
 def test_map_that_was_told_wrongly_once(number: int, algorithm: str) -> None:
     result = run_random_trial(RandomTrialSpec(number, algorithm))

@@ -58,3 +58,20 @@ def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(
     scan = world.scan()
     drifted = replace(scan, pose=Pose2(0.0, 0.0, math.radians(9)))
     assert obstacle.has_gone(drifted) is not stands
+
+
+@pytest.mark.parametrize(
+    ("points", "begins"),
+    [
+        pytest.param([(0.1, 0), (0.4, 0), (0.7, 0), (1.0, 0), (3, 0)], True, id="hit"),
+        pytest.param([(0.3, 0)], True, id="a pole"),
+        pytest.param([(2, 0), (0.3, 0), (2, 1), (1, 1)], False, id="the other side"),
+    ],
+)
+def test_boundary_begins_where_it_was_hit(
+    points: list[tuple[float, float]], begins: bool
+) -> None:
+    obstacle = StandingObstacle()
+    for point in points:
+        obstacle.add(point, 0.0)
+    assert obstacle.begins_at((0.0, 0.0)) is begins
