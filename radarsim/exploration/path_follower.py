@@ -162,8 +162,10 @@ class PathFollower:
         assert self.floor is not None
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
-        chosen = path[min(nearest + 2, len(path) - 1)]
-        for point in path[nearest:]:
+        # Never nearer, as a robot that heads for where it is turns on the spot forever.
+        ahead = min(nearest + 2, len(path) - 1)
+        chosen = path[ahead]
+        for point in path[ahead:]:
             if distance(pose, *point) > LOOKAHEAD:
                 break
             if self.floor.is_line_cheap(pose, *point):

@@ -156,6 +156,20 @@ def test_every_strategy_ends_and_keeps_the_safety_distance(
     assert strategy.step(here.scan(), here.grid) == Twist(0.0, 0.0)
 
 
+@pytest.mark.parametrize("x", [-0.4, -0.25, -0.1, 0.0, 0.12, 0.3])
+def test_robot_in_a_narrow_door_drives_on(world: Make, x: float) -> None:
+    """Not to where it is: the way out of a door is costlier than its own place."""
+    jambs = [[[0.0, -2.5], [0.0, -0.6]], [[0.0, 0.6], [0.0, 2.5]]]
+    here = world(np.concatenate([rectangle(-5.0, -2.5, 5.0, 2.5), jambs]), x, 0.03, 0.0)
+    observation = here.scan()
+    follower = PathFollower(SETTINGS)
+    follower.update_map(observation, here.grid)
+    assert follower.floor is not None
+    assert follower.plan(observation, follower.floor.disc(3.0, 0.0, 0.2))
+    twist = follower.step(observation)
+    assert twist.speed > 0.5 * SETTINGS.speed_limits.speed
+
+
 @pytest.mark.parametrize("name", ["contour", "turn_away", "auto"])
 def test_whole_room_is_seen_at_short_range(world: Make, name: str) -> None:
     here = world(HALL, -3.0, 0.4)
