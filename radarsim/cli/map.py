@@ -128,10 +128,8 @@ def map_(
     from radarsim.exploration.exploration import ExplorationPlan
     from radarsim.navigation.control import SpeedLimits
 
-    files, recording = (
-        MapFiles(out, mode.value, robots),
-        RunRecording(record, drive_unit),
-    )
+    recording = RunRecording(record, drive_unit)
+    files = MapFiles(out, mode.value, robots)
     output = MapOutput(files, recording, film, film_speed, as_json)
     address = server_address(host, port)
     if through is not None or watch is not None:
