@@ -112,8 +112,8 @@ def import_(
     """Make a map, or a robot class, of a file of another program."""
     check_ending(output, ["yaml", "yml"], "-o")
     check_writable(output, "-o")
-    if output.exists() and output.samefile(file):
-        text = "the file to import, expected another one to write"
+    if output.exists():
+        text = f"{str(output)!r} exists, expected the name of a new file"
         raise typer.BadParameter(text, param_hint="-o")
     from radarsim.imports.imported_map import ImportOptions
 

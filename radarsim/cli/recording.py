@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Column, Table
 
-from radarsim.cli.replay import FolderArgument
+from radarsim.cli.replay import FolderArgument, end_text
 
 recording = typer.Typer(no_args_is_help=True, help="Look into recordings.")
 
@@ -38,9 +38,7 @@ def info(folder: FolderArgument) -> None:
         table.add_row(topic, type_, str(count))
     Console().print(table)
     if not bag.is_complete:
-        typer.echo(
-            f"it breaks off; 'radarsim recording repair {folder}' makes it whole"
-        )
+        typer.echo(end_text(bag))
 
 
 @recording.command()

@@ -93,10 +93,10 @@ def _verify(bag: BagReader, map_: str | None) -> None:
     if bag.info.version != __version__:
         print_message(f"recorded by version {bag.info.version}, this is {__version__}")
     result = repeat_run(_host(bag, map_), bag.calls())
-    _warn_of_end(bag)
     if result.difference is not None:
         print_message(f"{bag.folder}: differs at {result.difference}")
         raise typer.Exit(1)
+    _warn_of_end(bag)
     typer.echo(
         f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
         f" {result.bytes} bytes: all the same"
@@ -132,7 +132,11 @@ def _host(bag: BagReader, map_: str | None) -> Host:
 
 def _warn_of_end(bag: BagReader) -> None:
     if not bag.is_complete:
-        print_message(
-            f"{bag.folder}: the recording breaks off;"
-            f" 'radarsim recording repair {bag.folder}' makes it whole"
-        )
+        print_message(f"{bag.folder}: {end_text(bag)}")
+
+
+def end_text(bag: BagReader) -> str:
+    """Return why a recording has no end, and what to do."""
+    if bag.is_being_written:
+        return "it is still being recorded, and read up to here"
+    return f"it breaks off; 'radarsim recording repair {bag.folder}' makes it whole"

@@ -1,5 +1,6 @@
 """The folder of a recording, and whether recordings can be written and read."""
 
+import io
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
@@ -39,3 +40,37 @@ def create_folder(folder: Path) -> None:
 def file_name(folder: Path) -> str:
     """Return the name of the file in the folder of a bag."""
     return f"{folder.resolve().name}_0.mcap"
+
+
+def find_file(folder: Path) -> Path:
+    """Return the file of a bag, also of one whose folder has been renamed."""
+    expected = folder / file_name(folder)
+    files = list(folder.glob("*.mcap"))
+    return expected if len(files) != 1 else files[0]
+
+
+def lock(file: io.FileIO) -> None:
+    """Mark a file as being written, until it is closed or its process ends.
+
+    Systems that lock no files, as Windows and some network drives, mark nothing.
+    """
+    try:
+        import fcntl  # noqa: PLC0415 - Windows has none
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (ImportError, OSError):
+        return
+
+
+def is_being_written(path: Path) -> bool:
+    """Return whether a process writes to a file that it has locked."""
+    try:
+        import fcntl  # noqa: PLC0415 - Windows has none
+
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except (ImportError, OSError):
+        return False
+    return False

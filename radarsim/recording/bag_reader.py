@@ -13,7 +13,7 @@ from zstandard import ZstdError
 
 from radarsim.errors import RecordingError
 from radarsim.host.recorded_host import CallKind, HostCall
-from radarsim.recording.bag_folder import file_name
+from radarsim.recording.bag_folder import file_name, find_file, is_being_written
 from radarsim.recording.bag_writer import INFORMATION, BagWriter
 from radarsim.recording.call_converter import TO_CLIENT, TO_SERVER
 from radarsim.recording.messages import RosMessage, read_octets
@@ -66,7 +66,7 @@ class BagReader:
         """
         self.folder = folder
         self.is_complete = False
-        self._path = folder / file_name(folder)
+        self._path = find_file(folder)
         for record in self._records():
             if isinstance(record, Metadata) and record.name == INFORMATION:
                 self.info = RecordingInfo.from_text(record.metadata)
@@ -74,6 +74,16 @@ class BagReader:
             if isinstance(record, Message):
                 break
         raise RecordingError(f"{self._path}: expected a recording of radarsim")
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
+    def is_being_written(self) -> bool:
+        """Whether a process still records to the file."""
+        return is_being_written(self._path)
 
     def messages(self) -> Iterator[BagMessage]:
         """Yield all messages, as far as the file can be read.
@@ -137,10 +147,14 @@ def repair(folder: Path) -> int:
         The number of messages.
 
     Raises:
-        RecordingError: If it is no recording of radarsim, or cannot be read.
+        RecordingError: If it is no recording of radarsim, cannot be read, or is still
+            being recorded.
         OSError: If it cannot be written; the bag is as it was then.
     """
     reader = BagReader(folder)
+    if reader.is_being_written:
+        text = f"{folder} is still being recorded, expected a run that has ended"
+        raise RecordingError(text)
     part = folder / f".{file_name(folder)}.part"
     count = 0
     try:
@@ -151,6 +165,8 @@ def repair(folder: Path) -> int:
         writer.close()
     finally:
         part.unlink(missing_ok=True)
+    if reader.path != folder / file_name(folder):  # of a folder that was renamed
+        reader.path.unlink()
     return count
 
 

@@ -19,7 +19,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from radarsim.atomic_write import write_atomically
-from radarsim.recording.bag_folder import file_name
+from radarsim.recording.bag_folder import file_name, lock
 from radarsim.recording.messages import RosMessage
 
 CHUNK_BYTES: Final = 64 * 1024
@@ -214,6 +214,7 @@ class _UnbufferedFile:
 
     def __init__(self, path: Path) -> None:
         self._file = io.FileIO(path, "w")
+        lock(self._file)
 
     def write(self, data: bytes) -> int:
         """Write bytes, in as many steps as the system takes."""

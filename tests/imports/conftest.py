@@ -15,6 +15,7 @@ def import_file(tmp_path: Path) -> Import:
 
     def run(path: Path, *options: str) -> Run:
         out = tmp_path / "map.yaml"
+        out.unlink(missing_ok=True)
         done = run_in_process("import", str(path), "-o", str(out), *options)
         assert out.exists() == (done.code == 0)
         if done.code == 0:

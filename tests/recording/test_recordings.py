@@ -20,6 +20,7 @@ from radarsim.protocol.dialect import UDK
 from radarsim.protocol.reports import GroundTruth, RangeScan, Report
 from radarsim.recording.bag_folder import create_folder, file_name
 from radarsim.recording.bag_reader import BagReader, repair
+from radarsim.recording.bag_writer import BagWriter
 from radarsim.recording.repetition import repeat_run
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -246,6 +247,36 @@ def test_torn_recording_is_repaired(
     assert sorted(path.name for path in torn.iterdir()) == [
         "metadata.yaml",
         file_name(torn),
+    ]
+
+
+def test_recording_that_goes_on_is_not_repaired(
+    run: RecordedRun, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    create_folder(folder)
+    writer = BagWriter(folder, run.info.to_text())
+    before = (folder / file_name(folder)).read_bytes()
+    assert BagReader(folder).is_being_written
+    with pytest.raises(RecordingError, match="still being recorded"):
+        repair(folder)
+    assert (folder / file_name(folder)).read_bytes() == before
+    writer.close()
+    assert not BagReader(folder).is_being_written
+    repair(folder)
+
+
+def test_recording_in_a_renamed_folder_is_read(bag: Path, tmp_path: Path) -> None:
+    renamed = tmp_path / "renamed"
+    create_folder(renamed)
+    content = (bag / file_name(bag)).read_bytes()
+    (renamed / file_name(bag)).write_bytes(content)
+    messages = list(BagReader(renamed).messages())
+    assert messages == list(BagReader(bag).messages())
+    assert repair(renamed) == len(messages)
+    assert sorted(path.name for path in renamed.iterdir()) == [
+        "metadata.yaml",
+        file_name(renamed),
     ]
 
 
