@@ -12,6 +12,7 @@ import typer
 
 from radarsim.atomic_write import write_atomically
 from radarsim.cli.film import check_film
+from radarsim.cli.map_options import MOST_ROBOTS
 from radarsim.cli.map_view import view_of
 from radarsim.cli.options import check_writable
 from radarsim.cli.output import print_message
@@ -62,15 +63,19 @@ class MapFiles:
         name, image = stem.name, ".pgm"
         if self.mode == "scale":
             name, image = f"{name}_scale", ".png"
-        names = (
-            f"{stem.name}.png",
-            name + image,
-            f"{name}.yaml",
-            f"{stem.name}.tum",
-            f"{stem.name}_view.png",
-            *(f"{stem.name}_robot{k}.tum" for k in range(2, self.robots + 1)),
+        return (
+            stem.with_name(f"{stem.name}.png"),
+            stem.with_name(name + image),
+            stem.with_name(f"{name}.yaml"),
+            self._trajectory_path(1),
+            stem.with_name(f"{stem.name}_view.png"),
+            *(self._trajectory_path(robot) for robot in range(2, self.robots + 1)),
         )
-        return tuple(stem.with_name(each) for each in names)
+
+    def _trajectory_path(self, robot: int) -> Path:
+        stem = self.stem
+        number = "" if robot == 1 else f"_robot{robot}"
+        return stem.with_name(f"{stem.name}{number}.tum")
 
     @property
     def _names_folder(self) -> bool:
@@ -112,11 +117,20 @@ class MapFiles:
             return ()
         paths, grid = self.paths, mapper.grid
         image, yaml = nav_map(grid, paths[2].stem, mode=self.mode).values()
-        first, *others = [tum_text(each).encode() for each in result.trajectories]
-        view = draw_map_view(view_of(result, mapper))
-        contents = (commander_png(grid), image, yaml, first, view, *others)
-        files = dict(zip(paths, contents, strict=False))  # some may not be on the map
+        contents = {
+            paths[0]: commander_png(grid),
+            paths[1]: image,
+            paths[2]: yaml,
+            paths[4]: draw_map_view(view_of(result, mapper)),
+        }
+        for robot, trajectory in result.trajectories.items():
+            contents[self._trajectory_path(robot)] = tum_text(trajectory).encode()
+        files = {path: contents[path] for path in paths if path in contents}
         write_atomically(files)
+        for robot in range(2, MOST_ROBOTS + 1):
+            path = self._trajectory_path(robot)
+            if path not in files:  # of an earlier run
+                path.unlink(missing_ok=True)
         return tuple(files)
 
 

@@ -50,6 +50,7 @@ StrategyOption = Annotated[
     StrategyName | None,
     typer.Option(help="Strategy of exploring.", show_default="auto"),
 ]
+MOST_ROBOTS: Final = 16  # that explore at once
 WayOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -63,7 +64,7 @@ RobotsOption = Annotated[
     typer.Option(
         "--robots",
         min=1,
-        max=16,
+        max=MOST_ROBOTS,
         metavar="K",
         help="Explore with this many robots at once, each by a connection of its own,"
         " which begin at start poses of the map that follow each other; one map.",

@@ -107,7 +107,7 @@ def as_text(result: MappingResult) -> list[str]:
 def _robot_text(robot: dict[str, Any]) -> str:
     text = f"{robot['path_length']:.2f} m from {robot['start']}"
     if robot["aligned"] is None:
-        text += "; not on the map, as it never overlapped with what others saw"
+        text += "; not on the map, as no place on it fits what the robot saw"
     return text if robot["error"] is None else f"{text}; {robot['error']}"
 
 

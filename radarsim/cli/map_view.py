@@ -36,7 +36,8 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         mapper: Holds the map; at least one scan.
     """
     scene = result.scene
-    paths = [each.rows() for each in result.trajectories or (mapper.trajectory,)]
+    trajectories = result.trajectories or {1: mapper.trajectory}
+    paths = [each.rows() for each in trajectories.values()]
     return MapView(
         mapper.grid,
         joined(paths),

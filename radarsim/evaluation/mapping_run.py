@@ -107,9 +107,9 @@ class MappingResult:
         return result
 
     @property
-    def trajectories(self) -> tuple[Trajectory, ...]:
-        """The estimated trajectory of each robot, map frame."""
-        return () if self.mapper is None else (self.mapper.trajectory,)
+    def trajectories(self) -> dict[int, Trajectory]:
+        """The estimated trajectory of each robot on the map, map frame, from 1."""
+        return {} if self.mapper is None else {1: self.mapper.trajectory}
 
     def _pose_errors(self) -> dict[str, float | None] | None:
         """Compare the estimated poses with the true ones that the server sends."""

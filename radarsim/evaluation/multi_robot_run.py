@@ -64,13 +64,13 @@ class MultiRobotResult(MappingResult):
     exploration: MultiRobotExploration | None = None
 
     @property
-    def trajectories(self) -> tuple[Trajectory, ...]:
-        """The trajectory of each robot that is on the map, map frame."""
-        return tuple(
-            robot.mapper.trajectory.moved_by(frame)
-            for robot, frame in self._placed()
+    def trajectories(self) -> dict[int, Trajectory]:
+        """The trajectory of each robot that is on the map, map frame, from 1."""
+        return {
+            number: robot.mapper.trajectory.moved_by(frame)
+            for number, (robot, frame) in enumerate(self._placed(), 1)
             if robot.mapper is not None and frame is not None
-        )
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON; counts and paths are those of all robots."""

@@ -263,7 +263,8 @@ class MultiRobotExploration:
         ]
         left = find_unexplored(latest, self.shared.grid, settings, start)
         self.unreached = tuple(left.frontiers + left.cut_off)
-        if left.frontiers:
+        is_whole = all(each.frame is not None for each in self.maps)
+        if left.frontiers or not is_whole:
             self.outcome = Outcome.INCOMPLETE
 
 

@@ -340,6 +340,17 @@ def test_two_robots_map_over_tcp(
     assert told["pose_errors"]["ate"] < 0.1
 
 
+def test_trajectories_of_an_earlier_run_are_removed(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    earlier = tmp_path / "map_robot2.tum"
+    earlier.write_text("0 0 0 0 0 0 0 1\n")
+    run = radarsim("map", str(tmp_path), "--serve", "empty_room", "--time-limit", "1")
+    assert run.code == 0
+    assert (tmp_path / "map.tum").exists()
+    assert not earlier.exists()
+
+
 def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]

@@ -51,7 +51,7 @@ def test_two_robots_make_one_map(empty_room: Scene) -> None:
     assert told["judge"]["collisions"] == 0
     first, second = made.exploration.maps
     assert first.grid is second.grid is made.exploration.shared.grid
-    ends = [trajectory.poses[-1].y for trajectory in made.result.trajectories]
+    ends = [trajectory.poses[-1].y for trajectory in made.result.trajectories.values()]
     assert ends == pytest.approx([0.0, 3.5], abs=0.05)
 
 

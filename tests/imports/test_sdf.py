@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import Run
+from commands import Run, run_in_process
 
 import radarsim
 
@@ -138,3 +138,13 @@ def test_wrong_file_is_told_with_its_line(
     assert done.code == 1
     assert done.err.count("\n") == 1
     assert done.err.startswith(f"radarsim: {path}:")
+
+
+def test_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+    world, mine = tmp_path / "world.sdf", tmp_path / "mine.yaml"
+    world.write_text("<sdf version='1.9'><world name='w'/></sdf>")
+    mine.write_text("mine")
+    done = run_in_process("import", str(world), "-o", str(mine))
+    assert done.code == 2
+    assert "expected the name of a new file" in done.err
+    assert mine.read_text() == "mine"
