@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,11 +128,15 @@ class MapFiles:
             contents[self._trajectory_path(robot)] = tum_text(trajectory).encode()
         files = {path: contents[path] for path in paths if path in contents}
         write_atomically(files)
+        self._remove_others(files)
+        return tuple(files)
+
+    def _remove_others(self, files: Collection[Path]) -> None:
+        """Remove what an earlier run of more robots wrote, and nobody else."""
         for robot in range(2, MOST_ROBOTS + 1):
             path = self._trajectory_path(robot)
-            if path not in files:  # of an earlier run
-                path.unlink(missing_ok=True)
-        return tuple(files)
+            if path not in files and path.is_file() and _may_be_replaced(path, None):
+                path.unlink()
 
 
 def _is_folder(path: Path) -> bool:

@@ -20,7 +20,7 @@ from radarsim.exploration.path_follower import (
 )
 from radarsim.exploration.strategies import create_strategy
 from radarsim.exploration.traversability import Point
-from radarsim.exploration.unexplored import find_unexplored
+from radarsim.exploration.unexplored_area import find_unexplored
 from radarsim.geometry import Pose2
 from radarsim.mapping.mapper import Mapper, MapperSettings
 from radarsim.mapping.occupancy_grid import RESOLUTION

@@ -22,9 +22,9 @@ from radarsim.exploration.exploration import (
 )
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import ExplorationSettings
-from radarsim.exploration.target_sharing import SharedTargetStrategy, TargetBoard
+from radarsim.exploration.target_allocation import SharedTargetStrategy, TargetBoard
 from radarsim.exploration.traversability import Point
-from radarsim.exploration.unexplored import find_unexplored
+from radarsim.exploration.unexplored_area import find_unexplored
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.mapping.keyframes import Keyframe, KeyframeMap
 from radarsim.mapping.map_alignment import align, refine

@@ -15,6 +15,7 @@ from processes import start_radarsim
 
 from radarsim.client import Client
 from radarsim.exploration.compilation import warm_up
+from radarsim.mapping.trajectory import Trajectory, tum_text
 from radarsim.protocol.reports import Ins, RangeScan
 from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.map_file import shipped_maps
@@ -343,12 +344,14 @@ def test_two_robots_map_over_tcp(
 def test_trajectories_of_an_earlier_run_are_removed(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    earlier = tmp_path / "map_robot2.tum"
-    earlier.write_text("0 0 0 0 0 0 0 1\n")
+    earlier, other = tmp_path / "map_robot2.tum", tmp_path / "map_robot3.tum"
+    earlier.write_text(tum_text(Trajectory()))
+    other.write_text("0 0 0 0 0 0 0 1\n")  # of another program
     run = radarsim("map", str(tmp_path), "--serve", "empty_room", "--time-limit", "1")
     assert run.code == 0
     assert (tmp_path / "map.tum").exists()
     assert not earlier.exists()
+    assert other.exists()
 
 
 def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from radarsim.evaluation.multi_robot_run import MultiRobotRun
 from radarsim.exploration.exploration import ExplorationPlan, Outcome
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import WAITING, ExplorationSettings
-from radarsim.exploration.target_sharing import (
+from radarsim.exploration.target_allocation import (
     DEADLOCK,
     SharedTargetStrategy,
     TargetBoard,

@@ -12,7 +12,7 @@ from radarsim.evaluation.mapping_run import MappingRun
 from radarsim.exploration.exploration import ExplorationPlan
 from radarsim.exploration.path_follower import ExplorationSettings
 from radarsim.exploration.traversability import TraversabilityMap
-from radarsim.exploration.unexplored import find_unexplored
+from radarsim.exploration.unexplored_area import find_unexplored
 from radarsim.geometry import Floats, Pose2
 from radarsim.host import Host
 from radarsim.mapping.occupancy_grid import OccupancyGrid
