@@ -1,6 +1,7 @@
 """``radarsim drive``: drive a robot from the keyboard."""
 
 import asyncio
+import logging
 import os
 import sys
 from functools import partial
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 
 from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive, check_robot
-from radarsim.cli.output import print_message
+from radarsim.cli.output import MESSAGE_FORM, print_message, start_log
 from radarsim.signal_handlers import set_exit_code_of_sigterm
 
 
@@ -47,6 +48,7 @@ def drive(
     check_robot(robot, served=None)
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit.value)
     # Driving has no end of its own: whoever stops it ends it as it should end.
+    start_log(logging.WARNING, MESSAGE_FORM)
     driving = drive_robot(host, port, settings, partial(set_exit_code_of_sigterm, 0))
     raise typer.Exit(asyncio.run(driving))
 

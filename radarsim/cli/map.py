@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from typing import TYPE_CHECKING, Final
 
@@ -56,6 +57,7 @@ from radarsim.cli.options import (
     refuse_options,
     server_address,
 )
+from radarsim.cli.output import MESSAGE_FORM, start_log
 from radarsim.cli.recorded_host import RecordOption
 from radarsim.cli.run_recording import RunRecording
 from radarsim.exploration.options import StrategyName
@@ -188,6 +190,7 @@ def _explore(
     from radarsim.exploration.compilation import warm_up
 
     check_robot(plan.robot_class, served)
+    start_log(logging.WARNING, MESSAGE_FORM)
     warm_up()
     if robots > 1:
         together = MultiRobotRun(plan, robots, served)

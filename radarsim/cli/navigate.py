@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +20,8 @@ from radarsim.cli.options import (
     server_address,
     write_file,
 )
-from radarsim.cli.output import print_lines, print_message
+from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
+from radarsim.cli.own_files import is_trace
 from radarsim.cli.run_recording import RunRecording
 from radarsim.signal_handlers import raise_on_signals
 
@@ -51,6 +53,7 @@ def navigate(options: NavigateOptions) -> None:
     )
     run = NavigationRun(options.mission(served), served)
     run.connect = recording.connect
+    start_log(logging.WARNING, MESSAGE_FORM)
     with (
         raise_on_signals(),
         recording,
@@ -89,6 +92,9 @@ def _check_files(trace: Path | None, plot: Path | None) -> None:
     for hint, path in (("--trace", trace), ("--plot", plot)):
         if path is not None:
             check_writable(path, hint)
+    if trace is not None and trace.exists() and not is_trace(trace):
+        text = f"{trace} is not a trace by radarsim, expected another file"
+        raise typer.BadParameter(text, param_hint="--trace")
     if plot is not None:
         check_ending(plot, PICTURE_FORMS, "--plot")
 

@@ -21,6 +21,8 @@ from radarsim.printable_text import escape_lines, escape_unprintable
 # Within these a line of the log is written: they hide what is shown in its place.
 log_line_contexts: Final[list[Callable[[], AbstractContextManager[None]]]] = []
 
+MESSAGE_FORM: Final = "radarsim: %(message)s"  # of logs that look like messages
+
 
 def print_lines(lines: Iterable[object]) -> None:
     """Print lines on stdout."""

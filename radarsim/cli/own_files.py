@@ -17,3 +17,15 @@ def is_by_radarsim(path: Path) -> bool:
     except OSError:
         return False
     return is_radarsim_figure(head) or GENERATOR.encode() in head
+
+
+def is_trace(path: Path) -> bool:
+    """Return whether a file is empty or a trace of a run, by its first line."""
+    from radarsim.navigation.run_log import trace_header
+
+    try:
+        with path.open("rb") as file:
+            head = file.readline(_HEAD_SIZE)
+    except OSError:
+        return False
+    return not head or head == trace_header().encode()

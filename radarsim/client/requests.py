@@ -10,6 +10,7 @@ expected. So the blocking and the asynchronous client are a few lines each and b
 alike.
 """
 
+import logging
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -41,6 +42,19 @@ from radarsim.protocol.reports import (
 )
 
 SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
+SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
+COMPILING_LIMIT: Final = 300.0  # s for which a server may compile
+COMPILING: Final = (
+    "waiting up to %g s for a %s: the server does not execute INIT yet; at its first"
+    " start on a machine it compiles first, which its log tells"
+)
+REFUSED: Final = (
+    "the server has no such class, or no free place for it at that start or pose; its"
+    " log says which"
+)
+LATE: Final = "a server that still compiles spawns no robots yet; its log tells"
+
+logger: Final = logging.getLogger(__name__)
 
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
@@ -72,12 +86,20 @@ class Requests:
         has_robot: Whether a robot was requested.
     """
 
-    def __init__(self, clock: Callable[[], float], *, timeout: float) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], float],
+        *,
+        timeout: float,
+        diagnostics: Sequence[str] = (),
+    ) -> None:
         """Start a session.
 
         Args:
             clock: Returns the time of the transport's clock, s.
             timeout: Default timeout, s.
+            diagnostics: Grows by a text for each command without effect, where the
+                transport knows of it.
 
         Raises:
             ValueError: If the timeout is not above 0.
@@ -87,6 +109,8 @@ class Requests:
         self.timeout = timeout
         self.has_robot = False
         self._clock = clock
+        self._diagnostics = diagnostics
+        self._leaves_unanswered = False  # a question about start poses
         self._pending: list[Report] = []
 
     def greeting(self) -> Exchange[Greeting]:
@@ -98,7 +122,9 @@ class Requests:
 
     def start_poses(self) -> Exchange[dict[str, Pose3]]:
         """Request the start poses of the map."""
+        self._leaves_unanswered = True
         answer = yield from self._ask(questions.start_poses(), StartPoses)
+        self._leaves_unanswered = False
         return dict(answer.poses)
 
     def spawn(
@@ -114,12 +140,57 @@ class Requests:
         self.has_robot = True
         self._pending.clear()
         self.session.scans.clear()  # another robot's
-        try:
-            first = yield from self.ask(question, timeout)
-        except ClientTimeout as error:
-            hint = "a server that still compiles spawns no robots yet"
-            raise ClientTimeout(f"{error}; {hint}") from None
+        diagnostics = len(self._diagnostics)
+        yield from self.send(question.data)
+        first = yield from self._wait_for_robot(question, timeout, diagnostics)
         self._pending.insert(0, first)
+
+    def _wait_for_robot(
+        self, question: Question, timeout: float | None, diagnostics: int
+    ) -> Exchange[Report]:
+        """Return the first report of a robot, for which INIT has been sent.
+
+        A server does not tell that it has no place for a robot, nor that it compiles
+        first. But it executes commands in their order: a question after INIT is
+        answered as soon as INIT is done.
+        """
+        wait = self._wait(question.what, timeout)
+        executed = False
+
+        def is_news(report: Report) -> bool:
+            return question.accepts(report) or isinstance(report, StartPoses)
+
+        patience = min(SPAWN_PATIENCE, wait.timeout / 2)
+        with suppress(ClientTimeout):
+            early = Wait(question.what, patience, self._clock() + patience)
+            return (yield from self._skip(question.accepts, early))
+        if len(self._diagnostics) > diagnostics:
+            reason = "; ".join(self._diagnostics[diagnostics:])
+            raise ClientTimeout(f"no {question.what}: {reason}")
+        yield from self.send(questions.start_poses().data)
+        while True:
+            try:
+                report = yield from self._skip(is_news, wait)
+            except ClientTimeout as error:
+                may_compile = not executed and self._answers
+                if timeout is None and may_compile and wait.timeout < COMPILING_LIMIT:
+                    left = COMPILING_LIMIT - wait.timeout
+                    wait = Wait(question.what, COMPILING_LIMIT, wait.until + left)
+                    logger.warning(COMPILING, COMPILING_LIMIT, question.what)
+                    continue
+                raise ClientTimeout(
+                    f"{error}; {REFUSED if executed else LATE}"
+                ) from None
+            if question.accepts(report):
+                return report
+            if not executed and wait.timeout == COMPILING_LIMIT:
+                wait = self._wait(question.what, None)  # it has just begun
+            executed = True
+
+    @property
+    def _answers(self) -> bool:
+        """Whether the server greets, and has answered what it was asked."""
+        return self.session.greeting is not None and not self._leaves_unanswered
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
         """Send a question and return its answer; earlier reports are skipped."""

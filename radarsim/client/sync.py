@@ -1,6 +1,6 @@
 """A client that blocks the calling thread."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -8,7 +8,11 @@ from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests, Step
 from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session
-from radarsim.client.transport import SocketTransport, Transport
+from radarsim.client.transport import (
+    DiagnosingTransport,
+    SocketTransport,
+    Transport,
+)
 from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
@@ -54,7 +58,12 @@ class Client:
         if transport is None:
             raise TypeError("Client without a transport, expected one")
         self.transport = transport
-        self._requests = Requests(transport.time, timeout=timeout)
+        diagnostics: Sequence[str] = ()
+        if isinstance(transport, DiagnosingTransport):
+            diagnostics = transport.diagnostics
+        self._requests = Requests(
+            transport.time, timeout=timeout, diagnostics=diagnostics
+        )
 
     @classmethod
     def connect(
@@ -116,14 +125,16 @@ class Client:
 
         A server does not report a failure: without such a class, or without a free
         place, no report comes. The first server on a machine spawns robots when it has
-        compiled, after up to a minute.
+        compiled: as long as it answers nothing that is sent after the request, the
+        client waits up to 300 s, and logs that it does.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
             name: Name of the robot; None lets the server choose.
             start: Name of a start pose.
             pose: Pose of the robot if ``start`` is None; without both, the server's.
-            timeout: Longest time to wait, s; None for the default.
+            timeout: Longest time to wait, s, also for a server that compiles; None for
+                the default.
 
         Raises:
             ClientError: If no report comes.

@@ -8,7 +8,7 @@ import errno
 import socket
 import time
 from contextlib import suppress
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from radarsim.client.session import check_timeout
 from radarsim.errors import ClientError
@@ -72,6 +72,17 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Close the connection; further calls have no effect."""
+
+
+@runtime_checkable
+class DiagnosingTransport(Protocol):
+    """A transport that knows why commands had no effect, which servers do not tell.
+
+    Attributes:
+        diagnostics: Grows by a text for each command without effect.
+    """
+
+    diagnostics: list[str]
 
 
 class SocketTransport:

@@ -15,15 +15,20 @@ def occupied_starts(scene: Scene) -> list[str]:
     simulation = Simulation(scene)
     for start in scene.starts:
         wanted = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
-        vehicle = simulation.spawn("check", load_robot("P3AT"), wanted)
+        model = load_robot("P3AT")
+        vehicle = simulation.spawn("check", model, wanted)
+        if vehicle is not None:
+            simulation.remove(vehicle)  # robots must not occupy each other's starts
+            if vehicle.robot.pose == wanted:
+                continue
+        in_way = simulation.hindrances(model, wanted)
+        taken = f"{start.name}: taken by {', '.join(in_way) or 'what is above it'}"
         if vehicle is None:
-            lines.append(f"{start.name}: no place for a P3AT within 1 m")
-            continue
-        simulation.remove(vehicle)  # robots must not occupy each other's starts
-        pose = vehicle.robot.pose
-        if pose != wanted:
+            lines.append(f"{taken}; no place for a P3AT within 1 m")
+        else:
+            pose = vehicle.robot.pose
             position = f"x {pose.x:.2f} m, y {pose.y:.2f} m"
-            lines.append(f"{start.name}: taken; a P3AT would stand at {position}")
+            lines.append(f"{taken}; a P3AT would stand at {position}")
     return lines
 
 

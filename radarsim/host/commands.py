@@ -27,7 +27,7 @@ from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
 from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.suggestions import expected_one_of
+from radarsim.suggestions import expected_one_of, list_names
 
 if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
@@ -276,7 +276,10 @@ class CommandHandler:
             now = self.simulation.ticks
             client.next_spawn = now + FAILED_SPAWN_COOLDOWN
             self._next_spawn = now + FAILED_SEARCH_COOLDOWN
-            text = f"INIT at {place}, expected a free place within 1 m"
+            in_way = self.simulation.hindrances(model, requested)
+            where = f"{place} in {list_names(in_way)}" if in_way else place
+            text = f"INIT at {where}, expected a free place within 1 m"
+            text += ", or another start"
             failure = Diagnostic("no place", text)
         else:
             self.clients_by_robot[client.vehicle.number] = client

@@ -5,9 +5,9 @@ waits for data, and its own computations take none. The same seed, map and clien
 the same run.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from radarsim.host import Host
+from radarsim.host import Diagnostic, Host
 from radarsim.simulation.clock import TICK
 
 
@@ -17,6 +17,7 @@ class InProcessTransport:
     Attributes:
         host: The server.
         number: The client's number at the host.
+        diagnostics: Texts on commands of the client that had no effect.
     """
 
     def __init__(
@@ -30,6 +31,7 @@ class InProcessTransport:
         """
         self.host = host
         self.number = host.connect()
+        self.diagnostics: list[str] = []
         self._after_tick = after_tick
         self._open = True
 
@@ -44,7 +46,7 @@ class InProcessTransport:
             ConnectionError: If the connection is closed.
         """
         self._require_open()
-        self.host.receive(self.number, data)
+        self._note(self.host.receive(self.number, data))
 
     def receive(self, timeout: float) -> bytes:
         """Advance simulated time until there is data, and return the data.
@@ -61,7 +63,8 @@ class InProcessTransport:
         for _ in range(max(1, round(timeout / TICK))):
             if data:
                 return data
-            self.host.step()
+            waited = self.host.step()
+            self._note([found for number, found in waited if number == self.number])
             self._after_tick()
             data = self.host.take(self.number)
         if data:
@@ -73,6 +76,9 @@ class InProcessTransport:
         if self._open:
             self._open = False
             self.host.disconnect(self.number)
+
+    def _note(self, found: Iterable[Diagnostic]) -> None:
+        self.diagnostics += [each.text for each in found]
 
     def _require_open(self) -> None:
         if not self._open:

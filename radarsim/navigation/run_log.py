@@ -133,10 +133,9 @@ class RunLog:
 
     def as_csv(self) -> str:
         """Return a row for each scan; fields without a value are empty."""
-        text = io.StringIO()
+        text = io.StringIO(trace_header())
+        text.seek(0, io.SEEK_END)
         writer = csv.writer(text, lineterminator="\n")
-        names = (field.name for field in fields(Row))
-        writer.writerow(COLUMN_NAMES.get(name, name) for name in names)
         writer.writerows(map(_csv_value, astuple(row)) for row in self.rows)
         return text.getvalue()
 
@@ -154,6 +153,12 @@ class RunLog:
         if previous is not None:
             self.path_length += math.hypot(row.x - previous.x, row.y - previous.y)
             self.circuits += previous.activity != row.activity == Activity.RETURNING
+
+
+def trace_header() -> str:
+    """Return the first line of a trace, with its end."""
+    names = (field.name for field in fields(Row))
+    return ",".join(COLUMN_NAMES.get(name, name) for name in names) + "\n"
 
 
 def _row(step: NavigationStep) -> Row:

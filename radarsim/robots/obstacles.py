@@ -90,12 +90,22 @@ class Obstacles:
 
     Attributes:
         segments: (S, 2, 2) m, x and y of both ends, map frame; none of length 0.
+        owners: (S,) number of the part that each is a slice of; 0 if unknown.
         floor: Height of the floor, m.
     """
 
-    def __init__(self, segments: Floats = NO_SEGMENTS, *, floor: float = 0.0) -> None:
+    def __init__(
+        self,
+        segments: Floats = NO_SEGMENTS,
+        *,
+        owners: NDArray[np.intp] | None = None,
+        floor: float = 0.0,
+    ) -> None:
         lengths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
-        self.segments = segments[lengths > _MIN_LENGTH]
+        kept = lengths > _MIN_LENGTH
+        self.segments = segments[kept]
+        known = np.zeros(len(segments), np.intp) if owners is None else owners
+        self.owners = known[kept]
         self.floor = floor
         self._tree = shapely.STRtree(shapely.linestrings(self.segments))
 
@@ -107,20 +117,38 @@ class Obstacles:
     @classmethod
     def from_parts(cls, parts: Iterable[Part], *, floor: float = 0.0) -> "Obstacles":
         """Slice the solid ones among some parts at the bumper heights above a floor."""
-        cuts = [
-            slice_mesh(part.vertices, part.faces, floor + height)
-            for part in parts
-            if part.material.solid
-            for height in BUMPER_HEIGHTS
-        ]
-        return cls(np.concatenate([NO_SEGMENTS, *cuts]), floor=floor)
+        cuts, owners = [], []
+        for number, part in enumerate(parts):
+            if not part.material.solid:
+                continue
+            for height in BUMPER_HEIGHTS:
+                cut = slice_mesh(part.vertices, part.faces, floor + height)
+                cuts.append(cut)
+                owners.append(np.full(len(cut), number))
+        segments = np.concatenate([NO_SEGMENTS, *cuts])
+        none = np.zeros(0, np.intp)
+        return cls(segments, owners=np.concatenate([none, *owners]), floor=floor)
 
     def near(self, x: float, y: float, distance: float) -> Floats:
         """Return the segments within a distance of a point, in their stored order."""
+        near: Floats = self.segments[self._rows_near(x, y, distance)]
+        return near
+
+    def parts_at(self, footprint: Footprint, pose: Pose2) -> list[int]:
+        """Return the numbers of the parts whose slices a footprint overlaps, sorted."""
+        rows = self._rows_near(pose.x, pose.y, footprint.radius)
+        return [
+            number
+            for number in np.unique(self.owners[rows]).tolist()
+            if not _fits(
+                footprint, pose, self.segments[rows[self.owners[rows] == number]], ()
+            )
+        ]
+
+    def _rows_near(self, x: float, y: float, distance: float) -> NDArray[np.intp]:
         point = shapely.Point(x, y)
         rows = self._tree.query(point, predicate="dwithin", distance=distance)
-        near: Floats = self.segments[np.sort(rows)]
-        return near
+        return np.sort(rows)
 
     def clear(
         self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
@@ -178,10 +206,11 @@ def _fits(
 ) -> bool:
     if footprint.contact(pose, walls).gap <= MARGIN:
         return False
-    return not any(_overlap(footprint, pose, other) for other in others)
+    return not any(overlaps(footprint, pose, other) for other in others)
 
 
-def _overlap(footprint: Footprint, pose: Pose2, other: Body) -> bool:
+def overlaps(footprint: Footprint, pose: Pose2, other: Body) -> bool:
+    """Return whether a footprint at a pose overlaps another body."""
     distance = math.hypot(other.pose.x - pose.x, other.pose.y - pose.y)
     if distance > footprint.radius + other.footprint.radius:
         return False

@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.items import sonar_settings
@@ -27,7 +27,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.proprioceptive import INS_DRIFT_INTERVAL
@@ -198,6 +198,23 @@ class Simulation:
         if vehicle.drift.end > vehicle.drift.first:
             self._drifting.add(vehicle, DRIFT_TICKS)
         return vehicle
+
+    def hindrances(self, model: RobotModel, pose: Pose2) -> list[str]:
+        """Return the names of the objects and robots in which a robot would stand.
+
+        Args:
+            model: Robot class.
+            pose: Pose of the robot, map frame.
+        """
+        obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
+        footprint = Footprint(model.length, model.width)
+        height = obstacles.floor + model.origin_height
+        parts = set(obstacles.parts_at(footprint, pose))
+        parts |= set(self._solids_around([(pose.x, pose.y)], height)["part"].tolist())
+        objects = [self.scene.parts[number].object_name for number in sorted(parts)]
+        near = self._fleet.near(pose.x, pose.y, footprint.radius)
+        robots = [each.name for each in near if overlaps(footprint, pose, each)]
+        return list(dict.fromkeys(objects + robots))
 
     def remove(self, vehicle: Vehicle) -> None:
         """Remove a robot from the simulation."""
@@ -375,14 +392,22 @@ class Simulation:
 
         Inside a large bush no surface is near, so that obstacles alone would not tell.
         """
-        points = np.column_stack([places, np.full(len(places), height)])
-        directions = np.tile([1.0, 0.0, 0.0], (len(places), 1))
+        inside = np.zeros(len(places), np.bool_)
+        inside[self._solids_around(places, height)["ray"]] = True
+        return inside
+
+    def _solids_around(self, places: ArrayLike, height: float) -> NDArray[np.void]:
+        """Return an event for each solid volume around each of (N, 2) places.
+
+        Its ``ray`` is the number of the place, its ``part`` that of the volume.
+        """
+        points = np.column_stack([places, np.full(len(np.asarray(places)), height)])
+        directions = np.tile([1.0, 0.0, 0.0], (len(points), 1))
         rays = Rays.uniform(points, directions, max_range=0.0)
         events = self._tracer.trace(rays, events=True).events
         starts = events[events["kind"] == EventKind.START_INSIDE]
         solid = np.array([part.material.solid for part in self.scene.parts], np.bool_)
-        inside = np.zeros(len(places), np.bool_)
-        inside[starts["ray"][solid[starts["part"]]]] = True
+        inside: NDArray[np.void] = starts[solid[starts["part"]]]
         return inside
 
     def _unique_name(self, name: str) -> str:

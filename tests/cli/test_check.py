@@ -68,7 +68,8 @@ def test_occupied_starts_are_listed(radarsim: Command, tmp_path: Path) -> None:
     lines = radarsim("check", str(path)).text.splitlines()
     at = lines.index("starts that are not free")
     assert len(lines) == at + 2
-    assert lines[at + 1].startswith("  RobotStart2: taken; a P3AT would stand at x ")
+    expected = "  RobotStart2: taken by wall; a P3AT would stand at x "
+    assert lines[at + 1].startswith(expected)
 
 
 VARIED = """\

@@ -302,6 +302,37 @@ def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
     assert {*trace.parent.iterdir()} == {trace, plot}
 
 
+def test_start_in_a_bush_is_an_error_that_names_it(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "bush.yaml"
+    path.write_text(
+        "version: 1\nmaterials: {leaves: {density: 0.7}}\nobjects:\n"
+        "  - {name: juniper, sphere: 2.0, position: [-5, 0, 0.6], material: leaves}\n"
+        "starts: [{name: RobotStart1, position: [-5, 0, 0]}]\n"
+    )
+    for command in ([*BUG2, "--goal", "6,0"], ["map", str(tmp_path / "out/")]):
+        run = radarsim(*command, "--serve", str(path))
+        assert run.code == 1
+        assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err
+        assert "compile" not in run.err
+
+
+def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None:
+    trace = tmp_path / "run.csv"
+    trace.write_text("my,own,table\n1,2,3\n")
+    command = [*NEAR, "--serve", "empty_room", "--trace", str(trace)]
+    run = radarsim(*command)
+    assert run.code == 2
+    assert "run.csv is not a trace by radarsim, expected another file" in run.err
+    assert trace.read_text() == "my,own,table\n1,2,3\n"
+    trace.unlink()
+    assert radarsim(*command).code == 0
+    first = trace.read_bytes()
+    assert radarsim(*command).code == 0
+    assert trace.read_bytes() == first
+
+
 @pytest.mark.slow
 def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) -> None:
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"

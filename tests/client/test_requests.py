@@ -1,5 +1,6 @@
 """Requests to scripted servers that reply little, in simulated time."""
 
+import logging
 from collections.abc import Callable
 from math import inf
 
@@ -199,3 +200,78 @@ def test_close_without_a_robot_sends_nothing() -> None:
     Client(server).close()
     assert server.closed
     assert not server.heard
+
+
+class CompilingServer(ScriptedServer):
+    """A server that executes INIT, and what comes after it, only at a certain time."""
+
+    def __init__(self, begins: float, *, has_place: bool = True) -> None:
+        super().__init__({}, [])
+        self._begins = begins
+        self._has_place = has_place
+        self._waiting = "NFO {Gametype BotDeathMatch} {Level a} {TimeLimit 0}\r\n"
+
+    def receive(self, timeout: float) -> bytes:
+        until = self.time() + timeout
+        while not self._waiting and self.time() < until:
+            self._ticks += 1
+            self._execute()
+        return super().receive(0.0)
+
+    def _execute(self) -> None:
+        commands, self.heard = self.heard, []
+        for line in commands:
+            if self.time() < self._begins and (self.heard or line.startswith("INIT")):
+                self.heard.append(line)
+            elif line == "GETSTARTPOSES":
+                self._waiting += "NFO {StartPoses 1} {S 0,0,0 0,0,0}\r\n"
+            elif self._has_place:
+                self._waiting += f"{STATUS}\r\n"
+
+
+def test_robot_is_waited_for_while_the_server_compiles(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    server = CompilingServer(begins=100.0)
+    client = Client(server)
+    assert [*client.start_poses()] == ["S"]
+    with caplog.at_level(logging.WARNING):
+        client.spawn("P3AT")
+    assert server.time() == pytest.approx(100, abs=0.5)
+    (told,) = caplog.messages
+    assert "waiting up to 300 s for a reading of the robot 'P3AT'" in told
+    assert "compiles first" in told
+    assert isinstance(client.read()[0], Status)
+
+
+def test_compiling_server_is_given_up_after_300_s() -> None:
+    server = CompilingServer(begins=inf)
+    with pytest.raises(ClientTimeout, match=r"within 300 s.* still compiles"):
+        Client(server).spawn("P3AT")
+    assert server.time() == pytest.approx(300, abs=0.5)
+
+
+def test_wait_for_a_compiling_server_ends_when_the_caller_says() -> None:
+    server = CompilingServer(begins=inf)
+    with pytest.raises(ClientTimeout, match=r"within 7 s.* still compiles"):
+        Client(server).spawn("P3AT", timeout=7)
+    assert server.time() == pytest.approx(7, abs=0.5)
+
+
+@pytest.mark.parametrize(("begins", "ends"), [(0.0, 5.0), (60.0, 65.0)])
+def test_robot_without_a_place_is_not_waited_for(begins: float, ends: float) -> None:
+    server = CompilingServer(begins=begins, has_place=False)
+    with pytest.raises(ClientTimeout, match=r"within 5 s.* no free place"):
+        Client(server).spawn("P3AT")
+    assert server.time() == pytest.approx(ends, abs=0.5)
+
+
+def test_server_that_answers_no_question_is_not_waited_for() -> None:
+    server = CompilingServer(begins=inf)
+    client = Client(server)
+    client.greeting()
+    server.send(b"INIT {ClassName P3AT}\r\n")  # which keeps it from answering
+    with pytest.raises(ClientTimeout, match="no start poses within 5 s"):
+        client.start_poses()
+    with pytest.raises(ClientTimeout, match="no reading of the robot 'P3AT' within 5"):
+        client.spawn("P3AT")

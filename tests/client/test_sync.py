@@ -100,7 +100,7 @@ def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
         with pytest.raises(ClientTimeout, match=expected):
             client.spawn("Tank")
         assert host.simulation.time == pytest.approx(2)
-        with pytest.raises(ClientTimeout, match=r"within 0\.5 s.* still compiles"):
+        with pytest.raises(ClientTimeout, match=r"within 0\.5 s.* no such class"):
             client.spawn("Tank", timeout=0.5)
         client.spawn("P3AT")
         assert isinstance(client.read()[0], Status)

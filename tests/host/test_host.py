@@ -631,7 +631,8 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     assert kinds[-2:] == ["no place", "GETGEO without robot"]
     assert not host.has_robot(clients[-1])
     assert diagnostics[-2].text == (
-        "INIT at (-8.00, 0.00), expected a free place within 1 m"
+        "INIT at (-8.00, 0.00) in ['R1'], expected a free place within 1 m,"
+        " or another start"
     )
     host.disconnect(first)
     run_ticks(host, FAILED_SPAWN_COOLDOWN)

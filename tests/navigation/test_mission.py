@@ -84,7 +84,8 @@ def test_start_is_not_checked_if_the_server_announces_none(
 
 
 def test_robot_that_does_not_spawn_is_an_error(empty_room: Scene) -> None:
-    with pytest.raises(ClientError, match="no reading of the robot 'Submarine'"):
+    expected = "no reading of the robot 'Submarine': robot class 'Submarine', expected"
+    with pytest.raises(ClientError, match=expected):
         run(empty_room, robot_class="Submarine")
 
 
