@@ -9,7 +9,14 @@ from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests, Step
 from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session, check_timeout
-from radarsim.client.transport import CHUNK, SHORTEST_WAIT, STUCK, lost, no_server
+from radarsim.client.transport import (
+    CHUNK,
+    SHORTEST_WAIT,
+    STUCK,
+    log_wait,
+    lost,
+    no_server,
+)
 from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
@@ -47,7 +54,7 @@ class AsyncClient:
         self._reader = reader
         self._writer = writer
         loop = asyncio.get_running_loop()
-        self._requests = Requests(loop.time, timeout=timeout)
+        self._requests = Requests(loop.time, timeout=timeout, notify=log_wait)
 
     @classmethod
     async def connect(

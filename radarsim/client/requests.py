@@ -10,7 +10,6 @@ expected. So the blocking and the asynchronous client are a few lines each and b
 alike.
 """
 
-import logging
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -45,7 +44,7 @@ SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
 SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
 COMPILING_LIMIT: Final = 300.0  # s for which a server may compile
 COMPILING: Final = (
-    "waiting up to %g s for a %s: the server does not execute INIT yet; at its first"
+    "waiting up to {:g} s for a {}: the server does not execute INIT yet; at its first"
     " start on a machine it compiles first, which its log tells"
 )
 REFUSED: Final = (
@@ -53,8 +52,6 @@ REFUSED: Final = (
     " log says which"
 )
 LATE: Final = "a server that still compiles spawns no robots yet; its log tells"
-
-logger: Final = logging.getLogger(__name__)
 
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
@@ -91,6 +88,7 @@ class Requests:
         clock: Callable[[], float],
         *,
         timeout: float,
+        notify: Callable[[str], object] = lambda _: None,
         diagnostics: Sequence[str] = (),
     ) -> None:
         """Start a session.
@@ -98,6 +96,7 @@ class Requests:
         Args:
             clock: Returns the time of the transport's clock, s.
             timeout: Default timeout, s.
+            notify: Called with what is waited for, when that takes long.
             diagnostics: Grows by a text for each command without effect, where the
                 transport knows of it.
 
@@ -109,6 +108,7 @@ class Requests:
         self.timeout = timeout
         self.has_robot = False
         self._clock = clock
+        self._notify = notify
         self._diagnostics = diagnostics
         self._leaves_unanswered = False  # a question about start poses
         self._pending: list[Report] = []
@@ -176,7 +176,7 @@ class Requests:
                 if timeout is None and may_compile and wait.timeout < COMPILING_LIMIT:
                     left = COMPILING_LIMIT - wait.timeout
                     wait = Wait(question.what, COMPILING_LIMIT, wait.until + left)
-                    logger.warning(COMPILING, COMPILING_LIMIT, question.what)
+                    self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
                     continue
                 raise ClientTimeout(
                     f"{error}; {REFUSED if executed else LATE}"

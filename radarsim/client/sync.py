@@ -12,6 +12,7 @@ from radarsim.client.transport import (
     DiagnosingTransport,
     SocketTransport,
     Transport,
+    log_wait,
 )
 from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
@@ -62,7 +63,10 @@ class Client:
         if isinstance(transport, DiagnosingTransport):
             diagnostics = transport.diagnostics
         self._requests = Requests(
-            transport.time, timeout=timeout, diagnostics=diagnostics
+            transport.time,
+            timeout=timeout,
+            notify=log_wait,
+            diagnostics=diagnostics,
         )
 
     @classmethod

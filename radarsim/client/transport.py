@@ -5,14 +5,17 @@ client and server take turns in one process. Timeouts of clients use only this c
 """
 
 import errno
+import logging
 import socket
 import time
 from contextlib import suppress
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from radarsim.client.session import check_timeout
 from radarsim.errors import ClientError
 from radarsim.os_errors import describe_os_error, error_number
+
+logger: Final = logging.getLogger(__name__)
 
 SHORTEST_WAIT = 0.001  # s; with 0 even data that has arrived would not be read
 CHUNK = 65536  # bytes
@@ -20,6 +23,11 @@ CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
 LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
 DEFAULT_PORT = 3000  # of USARSim
 STUCK = "the server takes nothing any more"
+
+
+def log_wait(text: str) -> None:
+    """Log that something is waited for, and how long."""
+    logger.warning("%s", text)
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
