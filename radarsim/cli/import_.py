@@ -16,6 +16,7 @@ from radarsim.cli.options import (
     write_file,
 )
 from radarsim.cli.output import print_lines, print_message
+from radarsim.suggestions import expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.imports.imported_map import ImportedMap, ImportOptions
@@ -125,15 +126,20 @@ def import_(
         start=None if start is None else _read_start(start),
     )
     kind = kind or _kind_of(file)
+    warnings: list[str] = []
     if kind is Kind.INI:
         text, notes = _import_robot(file, robot)
     else:
         imported = _import(kind, file, options, output.parent)
+        _check_materials(options, imported)
         text, notes = imported.to_text(output), imported.notes
+        warnings = imported.warnings()
     if notes:
         print_lines(notes)
         if strict:
             raise typer.Exit(1)
+    for warning in warnings:
+        print_message(warning)
     write_file(output, text.encode(), "-o")
     print_message(f"wrote {output}")
 
@@ -160,6 +166,20 @@ def _import(
             return import_gltf(file, options, folder)
         case Kind.INI:
             raise AssertionError("it has no map")
+
+
+def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
+    """Refuse materials of options that neither the library nor the file has."""
+    from radarsim.presets.materials import library_names
+
+    known = [*library_names(), *imported.materials]
+    named = {"--default-material": [options.default_material]}
+    named["--material"] = list(options.materials.values())
+    for hint, names in named.items():
+        for name in names:
+            if name not in known:
+                text = f"material {expected_one_of(name, known)}"
+                raise typer.BadParameter(text, param_hint=hint)
 
 
 def _import_robot(file: Path, name: str | None) -> tuple[str, list[str]]:

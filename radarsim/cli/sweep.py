@@ -81,7 +81,7 @@ def sweep(
         print_lines([_count(wanted, len(tasks))])
         return
     import_optional("pyarrow", EXTRA)
-    folder.open(resume=resume)
+    folder.open(path, wanted, tasks, resume=resume)
     left = [task for task in tasks if not folder.has(task)]
     began = time.perf_counter()
     if left:

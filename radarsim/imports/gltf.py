@@ -60,7 +60,7 @@ def import_gltf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap
     imported = ImportedMap(path, options)
     own = _own_materials(path, imported, described, names)
     imported.materials.update(own)
-    materials = {name: _choose(name or path.stem, own, options) for name in names}
+    materials = {name: _choose(name or path.stem, own, imported) for name in names}
     mesh = file.relative_to(inside).as_posix()
     shape = {"mesh": mesh, "up_axis": "y", "materials": materials}
     imported.add(path.stem, shape, Pose3(0.0, 0.0, 0.0))
@@ -126,7 +126,7 @@ def _known_keys(
     return keys
 
 
-def _choose(name: str, own: Mapping[str, object], options: ImportOptions) -> str:
+def _choose(name: str, own: Mapping[str, object], imported: ImportedMap) -> str:
     """Return the map's material for one of the file: a pattern's counts first."""
     by_name = name if name in own or name in library_names() else None
-    return options.pattern_material(name) or by_name or options.default_material
+    return imported.material_of(name, by_name)

@@ -16,6 +16,7 @@ from radarsim.scene.map_loader import MapLoader
 from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS
 from radarsim.yaml_reader import parse_yaml
 
+MAX_SHOWN: Final = 8  # names in a warning
 LEVEL: Final = 1e-7  # rad; less is taken for upright
 LONGEST_LINE: Final = 2**30  # characters: an object is on one line
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -42,14 +43,15 @@ class ImportOptions:
 
     def pattern_material(self, name: str) -> str | None:
         """Return the material of the first pattern that fits a name; None if none."""
-        for pattern, material in self.materials.items():
-            if fnmatchcase(name.casefold(), pattern.casefold()):
-                return material
-        return None
+        fitting = (
+            m for pattern, m in self.materials.items() if self.fits(name, pattern)
+        )
+        return next(fitting, None)
 
-    def material_of(self, name: str) -> str:
-        """Return the material of what has a name."""
-        return self.pattern_material(name) or self.default_material
+    @staticmethod
+    def fits(name: str, pattern: str) -> bool:
+        """Return whether a pattern fits a name, in any case."""
+        return fnmatchcase(name.casefold(), pattern.casefold())
 
 
 class ImportedMap:
@@ -59,6 +61,7 @@ class ImportedMap:
         options: What the file does not tell.
         notes: What is left out or changed, each with its place.
         materials: Materials of its own, by name.
+        defaulted: Names of what got the default material, in their order.
         start: x, y, z, m, and yaw, degrees, of the start.
     """
 
@@ -72,16 +75,44 @@ class ImportedMap:
         self.options = options
         self.notes: list[str] = []
         self.materials: dict[str, dict[str, Any]] = {}
+        self.defaulted: list[str] = []
         self.start = (0.0, 0.0, 0.0, 0.0)
         if options.start is not None:
             self.start = (*options.start[:2], 0.0, options.start[2])
         self._source = source
         self._objects: list[dict[str, Any]] = []
         self._names: dict[str, int] = {}
+        self._unused = dict.fromkeys(options.materials)  # patterns
 
     def note(self, path: Path, line: int, text: str) -> None:
         """Note what is left out, or changed."""
         self.notes.append(place(path, line, text))
+
+    def material_of(self, name: str, known: str | None = None) -> str:
+        """Choose the material of what has a name: a pattern's counts first.
+
+        Args:
+            name: The name.
+            known: The material that it has without a pattern; None for the default.
+        """
+        for pattern in self.options.materials:
+            if self.options.fits(name, pattern):
+                self._unused.pop(pattern, None)
+        chosen = self.options.pattern_material(name) or known
+        if chosen is None:
+            self.defaulted.append(name)
+        return chosen or self.options.default_material
+
+    def warnings(self) -> list[str]:
+        """Return which patterns fit nothing, and what got the default material."""
+        lines = [f"--material {each!r} fits nothing" for each in self._unused]
+        names = list(dict.fromkeys(self.defaulted))
+        if names:
+            shown = ", ".join(map(repr, names[:MAX_SHOWN]))
+            more = len(names) - MAX_SHOWN
+            shown += f" and {more} more" * (more > 0)
+            lines.append(f"{self.options.default_material} by default: {shown}")
+        return lines
 
     def add(
         self, name: str, shape: Mapping[str, Any], pose: Pose3, material: str = ""
@@ -111,7 +142,7 @@ class ImportedMap:
         elif abs(pose.yaw) > LEVEL:
             keys["yaw_deg"] = rounded(map_degrees(angles))[2]
         if "materials" not in shape:
-            keys["material"] = material or self.options.material_of(name)
+            keys["material"] = material or self.material_of(name)
         self._objects.append(keys)
 
     def to_text(self, file: Path) -> str:

@@ -100,9 +100,7 @@ def add_walls(
         middle = (each.top + each.bottom) / 2, (each.left + each.right) / 2
         pose = plan.pose(*middle, height / 2)
         shape = {"box": [round(side, 5) for side in size]}
-        imported.add(
-            f"{name}_{number}", shape, pose, imported.options.material_of(name)
-        )
+        imported.add(f"{name}_{number}", shape, pose, imported.material_of(name))
 
 
 def add_floor(imported: ImportedMap, shape: tuple[int, int], plan: Plan) -> None:

@@ -1,7 +1,8 @@
 """The folder of a sweep: a log of its tasks while it runs, and in the end its table.
 
 The log has a line for each task that has run, in any order, and in the end in that of
-the sweep file. Everything else is written whole, once all tasks have run.
+the sweep file. What the sweep is about is written before the first task; the number of
+failed tasks in it, and everything else, once all tasks have run.
 """
 
 import hashlib
@@ -68,12 +69,21 @@ class SweepFolder:
     path: Path
     lines: dict[str, str] = field(default_factory=dict)
 
-    def open(self, *, resume: bool) -> None:
+    def open(
+        self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask], *, resume: bool
+    ) -> None:
         """Create the folder, or read what an earlier run has left in it.
+
+        Args:
+            file: The sweep file.
+            sweep: Its contents.
+            tasks: All its tasks.
+            resume: Whether to go on with what an earlier run has left.
 
         Raises:
             SweepError: If there is something in it and it is not to be resumed, or is
-                by another version of radarsim, or it cannot be used.
+                by another version of radarsim, or of another sweep, or it cannot be
+                used.
         """
         log = self.path / LOG
         try:
@@ -94,6 +104,28 @@ class SweepFolder:
                     f" expected {__version__}; choose another folder"
                 )
             self.lines[result["task"]] = as_line(result)
+        self._refuse_others(file, tasks)
+        if not (self.path / ABOUT).exists():
+            self._write_about(self._describe(file, sweep, tasks))
+
+    def _refuse_others(self, file: Path, tasks: Sequence[SweepTask]) -> None:
+        """Refuse tasks that have run and that a sweep has not; it may have more.
+
+        Raises:
+            SweepError: If there are some, whose rows a new table would lack.
+        """
+        others = len(self.lines.keys() - {task.key for task in tasks})
+        if not others:
+            return
+        try:
+            before = json.loads((self.path / ABOUT).read_bytes())["file"]
+        except (OSError, ValueError, KeyError, TypeError):
+            before = "another file"
+        raise SweepError(
+            f"{self.path}: has {others} tasks of {before!r} that {file.name!r} with its"
+            " maps does not have; expected another folder, or a file that only adds"
+            " values"
+        )
 
     def has(self, task: SweepTask) -> bool:
         """Return whether a task has run and did not fail."""
@@ -113,7 +145,19 @@ class SweepFolder:
         """
         with written_atomically(self.path / TABLE) as table:
             write_table(table, sweep, self._results(tasks))
-        about = {
+        about = self._describe(file, sweep, tasks)
+        about["failed"] = sum("error" in result for _, result in self._results(tasks))
+        self._write_about(about)
+        with (
+            written_atomically(self.path / LOG) as whole,
+            whole.open("w", encoding="utf-8") as log,
+        ):
+            log.writelines(self.lines[task.key] for task in tasks)
+
+    def _describe(
+        self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask]
+    ) -> dict[str, Any]:
+        return {
             "version": __version__,
             "file": file.name,
             "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
@@ -121,16 +165,12 @@ class SweepFolder:
                 task.parameters["map"]: task.parameters["scene"] for task in tasks
             },
             "tasks": len(tasks),
-            "failed": sum("error" in result for _, result in self._results(tasks)),
             "sweep": sweep.model_dump(mode="json", exclude_none=True),
         }
+
+    def _write_about(self, about: Mapping[str, Any]) -> None:
         with written_atomically(self.path / ABOUT) as whole:
             whole.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-        with (
-            written_atomically(self.path / LOG) as whole,
-            whole.open("w", encoding="utf-8") as log,
-        ):
-            log.writelines(self.lines[task.key] for task in tasks)
 
     def _results(
         self, tasks: Sequence[SweepTask]

@@ -151,3 +151,29 @@ def test_wrong_file_is_told(name: str, import_file: Import, tmp_path: Path) -> N
     assert done.code == 1
     assert done.err.count("\n") == 1
     assert done.err.startswith(f"radarsim: {path}:")
+
+
+def test_default_material_and_unused_patterns_are_told(
+    import_file: Import, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(tree({"name": "shrub"}, {"name": "brick"})))
+    run = import_file(path, "--material", "*leaf*=hedge")
+    assert "--material '*leaf*' fits nothing\n" in run.err
+    assert "concrete by default: 'shrub'\n" in run.err
+    run = import_file(path, "--material", "SHR*=hedge")
+    assert "fits nothing" not in run.err
+    assert "by default" not in run.err
+
+
+@pytest.mark.parametrize("option", ["--default-material", "--material"])
+def test_unknown_material_is_a_usage_error(
+    import_file: Import, tmp_path: Path, option: str
+) -> None:
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(tree({"name": "shrub"})))
+    name = "hegde" if option == "--default-material" else "*=hegde"
+    run = import_file(path, option, name)
+    assert run.code == 2
+    assert f"radarsim: {option}: material 'hegde', expected one of" in run.err
+    assert "did you mean 'hedge'?" in run.err

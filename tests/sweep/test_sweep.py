@@ -121,6 +121,36 @@ def test_killed_sweep_is_resumed_to_the_same_files(small: Path) -> None:
     assert files_of(out) == before
 
 
+def test_another_sweep_does_not_replace_a_table(small: Path) -> None:
+    out, other = small.parent / "out", small.parent / "other.yaml"
+    other.write_text(SMALL.replace("[0, 25.5]", "[0, 10]"))
+    sweep(small, "-o", out, "--workers", 1)
+    before = files_of(out)
+    refused = sweep(other, "-o", out, "--resume", "--workers", 1)
+    assert refused.code == 1
+    assert "has 4 tasks of 'small.yaml' that 'other.yaml' with its maps" in refused.err
+    assert files_of(out) == before
+    (out / TABLE).unlink()
+    (out / ABOUT).unlink()  # as an old version leaves a sweep that was stopped
+    refused = sweep(other, "-o", out, "--resume", "--workers", 1)
+    assert "has 4 tasks of 'another file' that 'other.yaml'" in refused.err
+    other.write_text(SMALL.replace("[0, 25.5]", "[0, 10, 25.5]"))
+    assert sweep(other, "-o", out, "--resume", "--workers", 1).code == 0
+    assert len(rows_of(out)) == 2 * 3 * 2 * 3
+
+
+def test_stopped_sweep_says_what_it_was(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise SweepError("no table today")
+
+    monkeypatch.setattr("radarsim.sweep.folder.write_table", fail)
+    out = small.parent / "out"
+    assert sweep(small, "-o", out, "--workers", 1).code == 1
+    assert json.loads((out / ABOUT).read_text())["file"] == "small.yaml"
+
+
 def test_failed_task_is_a_row_with_its_error(
     small: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
