@@ -1,6 +1,6 @@
 """Which kernels are being compiled right now, for those who wait for it.
 
-The first scan on a machine compiles the ray engine for up to half a minute; the first
+The first scan on a machine compiles the ray engine for a minute or so; the first
 server, the first map and the first camera compile what they need besides. The log tells
 of it; a program can add an observer as well, before numba is imported.
 """
@@ -59,8 +59,8 @@ class Compilation:
         if self._depth > 1:
             return
         if subject not in self.subjects:
+            logger.info("%s", describe(subject, again=bool(self.subjects)))
             self.subjects.add(subject)
-            logger.info("%s", describe(subject))
         self._tell(subject)
 
     def end(self) -> None:
@@ -95,8 +95,15 @@ def subject_of(module: str) -> str:
     return next(found, ENGINE)
 
 
-def describe(subject: str) -> str:
-    """Return what happens, and how often."""
+def describe(subject: str, *, again: bool = False) -> str:
+    """Return what happens, and how often.
+
+    Args:
+        subject: What is compiled.
+        again: Whether something else was told before, and how often that happens.
+    """
+    if again:
+        return f"compiling {subject} as well"
     if cache_folder() is None:
         return (
             f"compiling {subject}, at each start, since no cache folder can be"

@@ -177,6 +177,8 @@ def test_server_that_cannot_start_fails_the_setup_with_one_line(
             pytest.param(0, marks=pytest.mark.usarsim(**options)) for options in (
                 {"map": "forest"}, {"seed": -1}, {"speed": 0}, {"dialect": "ude"},
                 {"settings": {"lms201": {"max_range": 5}}}, {"sed": 1},
+                {"speed": "fast"}, {"seed": 1.5}, {"map": 3}, {"dialect": None},
+                {"settings": {"lms200": 5}}, {"settings": "max_range=5"},
             )
         ])
         def test(usarsim_server, nothing):
@@ -188,7 +190,7 @@ def test_server_that_cannot_start_fails_the_setup_with_one_line(
         """
     )
     result = pytester.runpytest_subprocess()
-    result.assert_outcomes(errors=7)
+    result.assert_outcomes(errors=13)
     start = "usarsim_server cannot start: "
     result.stdout.fnmatch_lines(
         [
@@ -198,6 +200,12 @@ def test_server_that_cannot_start_fails_the_setup_with_one_line(
             f"{start}dialect 'ude', expected 'compat' or 'udk'",
             f"{start}item 'lms201', expected one of *",
             "mark usarsim(sed), expected some of * by name",
+            f"{start}speed 'fast', expected a number above 0",
+            f"{start}seed 1.5, expected an integer",
+            f"{start}map 3, expected a name or a path",
+            f"{start}dialect None, expected 'compat' or 'udk'",
+            f"{start}settings {{'lms200': 5}}, expected settings by item, as *",
+            f"{start}settings 'max_range=5', expected settings by item, as *",
             "mark usarsim('forest'), expected some of * by name",
         ]
     )

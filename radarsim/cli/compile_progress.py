@@ -108,8 +108,8 @@ class _PlainLine:
     def update(self, subject: str | None) -> None:
         """Print the line when something begins to be compiled for the first time."""
         if subject is not None and subject not in self._printed:
+            print_message(describe(subject, again=bool(self._printed)))
             self._printed.add(subject)
-            print_message(describe(subject))
 
     def hidden(self) -> AbstractContextManager[None]:
         """Hide nothing: a printed line stays."""

@@ -1,11 +1,13 @@
 """The folder of a recording, and whether recordings can be written and read."""
 
 import io
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
 from radarsim.errors import RecordingError
+from radarsim.suggestions import did_you_mean, list_names
 
 EXTRA: Final = ("mcap", "rosbags")  # packages of the extra ``record``
 
@@ -43,10 +45,39 @@ def file_name(folder: Path) -> str:
 
 
 def find_file(folder: Path) -> Path:
-    """Return the file of a bag, also of one whose folder has been renamed."""
+    """Return the file of a bag, also of one whose folder has been renamed.
+
+    Raises:
+        RecordingError: If there is none, or there are several; names recordings that
+            may be meant.
+    """
     expected = folder / file_name(folder)
     files = list(folder.glob("*.mcap"))
-    return expected if len(files) != 1 else files[0]
+    if len(files) == 1:
+        return files[0]
+    if expected.exists():
+        return expected
+    reason = "no recording in it" if folder.is_dir() else "no such recording"
+    raise RecordingError(f"{folder}: {reason}, expected {_expected_instead(folder)}")
+
+
+def _expected_instead(folder: Path) -> str:
+    """Return which folder may be meant instead of one that is no recording."""
+    expected = "the folder of a recording, with one file *.mcap"
+    if folder.suffix == ".mcap" and folder.is_file():
+        return f"{expected}; did you mean {str(folder.parent)!r}?"
+    inside = _recordings_in(folder)
+    if inside:
+        return f"one of {list_names(inside)}"
+    names = [Path(each).name for each in _recordings_in(folder.parent)]
+    return expected + did_you_mean(folder.name, names)
+
+
+def _recordings_in(folder: Path) -> list[str]:
+    """Return the recordings in a folder, sorted."""
+    with suppress(OSError):
+        return sorted({str(file.parent) for file in folder.glob("*/*.mcap")})
+    return []
 
 
 def lock(file: io.FileIO) -> None:

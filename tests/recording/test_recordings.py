@@ -1,6 +1,7 @@
 """Recordings: what a run was, readable by others, and repeated to the byte."""
 
 import random
+import shutil
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -291,6 +292,21 @@ def test_changed_byte_in_a_chunk_is_noticed(bag: Path, tmp_path: Path) -> None:
     assert not reader.is_complete
 
 
+def test_wrong_folder_suggests_its_neighbours(bag: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    right = shutil.copytree(bag, runs / "monday")
+    other = shutil.copytree(bag, runs / "tuesday")
+    for wrong, expected in {
+        runs / "munday": "no such recording, .*; did you mean 'monday'",
+        runs / "friday_noon": r"no such recording, .* \*\.mcap$",
+        runs: f"no recording in it, expected one of .*'{right}', '{other}'",
+        next(right.glob("*.mcap")): f"no such recording, .*; did you mean '{right}'",
+        tmp_path / "nowhere" / "run": r"no such recording, .* \*\.mcap$",
+    }.items():
+        with pytest.raises(RecordingError, match=expected):
+            BagReader(wrong)
+
+
 def test_existing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="expected a new folder"):
         create_folder(tmp_path)
@@ -303,7 +319,7 @@ def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_other_files_are_no_recordings(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="No such file"):
+    with pytest.raises(RecordingError, match="no recording in it, expected the folder"):
         BagReader(tmp_path)
     (tmp_path / file_name(tmp_path)).write_bytes(b"not MCAP")
     with pytest.raises(RecordingError, match="expected a recording of radarsim"):
