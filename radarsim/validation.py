@@ -8,6 +8,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from radarsim.suggestions import did_you_mean
 
+_DECIMAL_COMMA: Final = re.compile(r"[+-]?[0-9]{1,20},[0-9]{1,20}", re.ASCII)
 _EXPECTED: Final = {
     "bool_parsing": "true or false",
     "bool_type": "true or false",
@@ -67,6 +68,17 @@ def short_repr(value: object) -> str:
     return repr(value)[:80]
 
 
+def point_hint(value: object) -> str:
+    """Return the end of a message for a number with a decimal comma; else nothing.
+
+    >>> point_hint("-1,5")
+    ' with a decimal point, -1.5'
+    """
+    if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value.strip()):
+        return f" with a decimal point, {value.strip().replace(',', '.')}"
+    return ""
+
+
 def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
     template = _EXPECTED.get(details["type"])
     if template is None:
@@ -74,6 +86,8 @@ def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
         text = re.sub("^input should (be|have|match) ", "", message, flags=re.I)
         return f"expected {text[:1].lower()}{text[1:]}"
     text = f"expected {template.format(**context)}"
+    if details["type"] in {"float_parsing", "float_type"}:
+        text += point_hint(details["input"])
     if details["type"] == "literal_error" and isinstance(details["input"], str):
         text += did_you_mean(details["input"], re.findall("'(.*?)'", text))
     return text

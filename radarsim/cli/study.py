@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -41,11 +42,14 @@ def study(
         ),
     ],
     seeds: Annotated[
-        int,
+        int | None,
         typer.Option(
-            min=1, metavar="K", help="Maps of each kind, from seeds 0 to K - 1."
+            min=1,
+            metavar="K",
+            help="Maps of each kind, from seeds 0 to K - 1.",
+            show_default="10, or 1 with --quick",
         ),
-    ] = 10,
+    ] = None,
     algorithm: Annotated[
         Algorithm, typer.Option(help="Algorithm that drives to the goals.")
     ] = Algorithm.PLANNED,
@@ -54,7 +58,7 @@ def study(
         typer.Option(min=1, help="Number of processes; one for each core by default."),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Only smoke, from one seed, as a test.")
+        bool, typer.Option("--quick", help="Only smoke, as a test.")
     ] = False,
 ) -> None:
     """Let radar and lasers drive and map on the same maps, and write a page of it.
@@ -66,8 +70,7 @@ def study(
     from radarsim.study.tasks import QUICK, study_tasks
 
     assert name is StudyName.RADAR_VS_LASER
-    if quick:
-        seeds = 1
+    seeds = seeds or (1 if quick else 10)
     tasks = study_tasks(seeds, algorithm, QUICK if quick else KINDS)
     runs = _read_runs(out)
     left = [task for task in tasks if task not in runs]
@@ -96,6 +99,16 @@ def _read_runs(out: Path) -> dict[StudyTask, dict[str, Any]]:
         raise typer.BadParameter(str(error), param_hint="--output") from None
 
 
+@contextmanager
+def _tell_interrupt(rows: Mapping[StudyTask, object], count: int) -> Iterator[None]:
+    """Say what is kept when a signal ends the runs."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        print_message(f"{len(rows)} of {count} runs done; go on with the same command")
+        raise
+
+
 def _run(
     out: Path, tasks: list[StudyTask], workers: int
 ) -> dict[StudyTask, dict[str, Any]]:
@@ -106,9 +119,10 @@ def _run(
     from radarsim.study.tasks import run_study_task
 
     compile_now(maps=True)
-    rows = {}
+    rows: dict[StudyTask, dict[str, Any]] = {}
     with (
         raise_on_signals(),
+        _tell_interrupt(rows, len(tasks)),
         opened_log(out / LOG) as add,
         closing(
             run_tasks(run_study_task, tasks, workers=min(workers, len(tasks)))

@@ -286,12 +286,22 @@ class CommandHandler:
             self._watchers.add_robot(client.vehicle)
             pose = client.vehicle.robot.pose
             if (pose.x, pose.y) == (requested.x, requested.y):
-                return diagnostic
+                return _joined(diagnostic, self._outside(requested))
             moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
             text = f"INIT moved {moved}, the nearest free place"
             failure = Diagnostic("moved", text)
             self._next_spawn = self.simulation.ticks + SEARCH_COOLDOWN
         return failure if diagnostic is None else diagnostic.then(failure)
+
+    def _outside(self, pose: Pose2) -> Diagnostic | None:
+        """Return a diagnostic for a place beside everything in the map."""
+        (x_min, y_min), (x_max, y_max) = self._scene.bounds[:, :2].tolist()
+        is_inside = x_min <= pose.x <= x_max and y_min <= pose.y <= y_max
+        if is_inside or not self._scene.triangles:
+            return None
+        text = f"INIT at ({pose.x:.2f}, {pose.y:.2f}), which is outside the map:"
+        text += f" x from {x_min:.2f} to {x_max:.2f} m, y from {y_min:.2f} to"
+        return Diagnostic("outside", f"{text} {y_max:.2f} m")
 
     def _count_spawn(self, client: Client) -> None:
         now = self.simulation.ticks
@@ -317,6 +327,12 @@ class CommandHandler:
         x, y, _ = command.position or (0.0, 0.0, 0.0)
         _, _, yaw = command.rotation or (0.0, 0.0, 0.0)
         return Pose2(x, y, yaw), None
+
+
+def _joined(first: Diagnostic | None, second: Diagnostic | None) -> Diagnostic | None:
+    if first is None or second is None:
+        return first or second
+    return first.then(second)
 
 
 def _reply_key(vehicle: Vehicle | None, question: Question) -> tuple[str | None, ...]:

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from radarsim.geometry import Floats
 from radarsim.presets.materials import AMOUNTS, library, library_entry, library_names
-from radarsim.scene.map_schema import MAX_EXTENT, MaterialEntry
+from radarsim.scene.map_schema import MAX_EXTENT, START_NAME, MaterialEntry
 from radarsim.scene.material import Material
 from radarsim.suggestions import did_you_mean
 from radarsim.validation import short_repr
@@ -150,14 +150,20 @@ def _shape_problems(given: set[str]) -> Iterator[Problem]:
 
 
 def trial_problems(item: Any, starts: Iterable[Any]) -> Iterator[Problem]:
-    """Check a raw trial: its start is one of the map's, valid or not."""
+    """Check a raw trial: its start is one of the map's, valid or not.
+
+    Names that no start may have are not proposed.
+    """
     name = item.get("start") if isinstance(item, dict) else None
     if not isinstance(name, str):
         return
     entries = (start for start in starts if isinstance(start, dict))
     names = [n for start in entries if isinstance(n := start.get("name"), str)]
     if name.casefold() not in (n.casefold() for n in names):
-        expected = f"expected one of {short_repr(names)}{did_you_mean(name, names)}"
+        valid = [each for each in names if START_NAME.fullmatch(each)]
+        expected = "expected the name of a start"
+        if valid or not names:
+            expected = f"expected one of {short_repr(valid)}{did_you_mean(name, valid)}"
         yield ("start",), f"{short_repr(name)}, {expected}"
 
 

@@ -105,7 +105,8 @@ class MapLoader:
         if isinstance(data, dict):
             return self._scene(data, variant)
         if not self._file.problems:
-            message = f"{short_repr(data)}, expected keys like 'version' and 'objects'"
+            found = "nothing in the file" if data is None else short_repr(data)
+            message = f"{found}, expected keys like 'version' and 'objects'"
             self._report((), [((), message)])
         return Scene(self._file.path.stem, "")
 

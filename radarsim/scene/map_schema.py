@@ -28,7 +28,7 @@ from radarsim.scene.material import OPAQUE
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.scene import GPS_ORIGIN
 from radarsim.suggestions import did_you_mean, expected_one_of, list_names
-from radarsim.validation import rejection, short_repr
+from radarsim.validation import point_hint, rejection, short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
 MAX_COPIES = 10_000  # of one object
@@ -121,6 +121,7 @@ def _density(value: object) -> float:
     if number is None:
         raise ValueError(
             f"{short_repr(value)}, expected 'opaque' or a number, at least 0"
+            f"{point_hint(value)}"
         )
     return number
 

@@ -53,7 +53,7 @@ def _listed(summaries: Summaries, map_: str, tell: Callable[[Summary], str]) -> 
 
 
 def _arrivals(summary: Summary) -> str:
-    text = f"{successes(summary.success)} ({_percents(summary.success)})"
+    text = f"{successes(summary.success)}{_in_brackets(summary.success)}"
     if summary.false_no_path:
         text += f' with a false "no path" in {summary.false_no_path}'
     return text
@@ -62,6 +62,11 @@ def _arrivals(summary: Summary) -> str:
 def _loss_sentences(summaries: Summaries) -> Iterator[str]:
     """Yield where a laser does better, clearly or perhaps."""
     losses = list(find_losses(summaries))
+    if not any(summary.success.has_interval for summary in summaries.values()):
+        told = [loss for _, loss in losses]
+        behind = "; ".join(told) if told else "nowhere"
+        yield f"In this one run of each, the radar is behind the best laser: {behind}."
+        return
     for clearly, text in (
         (True, "The radar loses where the intervals do not overlap"),
         (False, "It is behind the best laser, within the intervals"),
@@ -112,6 +117,8 @@ def _is_better(measure: Measure, one: Estimate, other: Estimate) -> bool:
 
 
 def _apart(one: Estimate, other: Estimate) -> bool:
+    if not (one.has_interval and other.has_interval):
+        return False
     return one.low > other.high or one.high < other.low
 
 
@@ -141,12 +148,23 @@ def ratio(estimate: Estimate | None) -> str:
     """Return a ratio with its interval; empty if there is none."""
     if estimate is None:
         return ""
+    if not estimate.has_interval:
+        return ratio_value(estimate)
     return f"{estimate.value:.2f} ({estimate.low:.2f} to {estimate.high:.2f})"
 
 
 def _told(estimate: Estimate | None) -> str:
-    return "" if estimate is None else f"{percent(estimate)} ({_percents(estimate)})"
+    return "" if estimate is None else f"{percent(estimate)}{_in_brackets(estimate)}"
 
 
-def _percents(estimate: Estimate) -> str:
+def _in_brackets(estimate: Estimate) -> str:
+    """Return the interval of a share after a blank; empty if there is none."""
+    text = percent_interval(estimate)
+    return f" ({text})" if text else ""
+
+
+def percent_interval(estimate: Estimate) -> str:
+    """Return the interval of a share as ``72 to 100 %``; empty if there is none."""
+    if not estimate.has_interval:
+        return ""
     return f"{100 * estimate.low:.0f} to {100 * estimate.high:.0f} %"

@@ -7,7 +7,7 @@ from typing import Final
 from radarsim import __version__
 from radarsim.figures.page import GENERATOR
 from radarsim.figures.page_style import STYLE
-from radarsim.study.findings import percent, ratio, successes
+from radarsim.study.findings import percent, percent_interval, ratio, successes
 from radarsim.study.results import TITLES, Summaries, Summary, kinds_of
 from radarsim.study.statistics import Estimate
 from radarsim.study.tasks import BEAMS, DRIVING_TIME, MAPPED, MAPPING_TIME, SENSORS
@@ -22,6 +22,10 @@ _TABLE_STYLE: Final = """
   td small { color: var(--quiet); }
   div.wide { overflow-x: auto; }
 """
+_INTERVALS: Final = (
+    "Intervals are of 95 %: Wilson's for shares of runs, Student's t for means."
+)
+_NO_INTERVALS: Final = "There are no intervals: each sensor ran once on each map."
 _ABOUT: Final = {
     "smoke_corridor": "Smoke fills a corridor from wall to wall for 3 to 5 m. The robot"
     " can drive through it.",
@@ -75,22 +79,35 @@ def render_study(
 {items}</ul>
 <p class="picture"><img src="{figure}" alt="{said}"></p>
 <h2>How</h2>
-<p>Maps of {len(kinds)} kinds, each drawn anew for {seeds} seeds; every sensor runs on
-the same maps. All sensors look all the way round, with a beam every
-{BEAMS["resolution_deg"]}°.
+<p>Maps of {_counted(len(kinds), "kind")}, each drawn anew for
+{_counted(seeds, "seed")}; every sensor runs on the same maps.
+All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}°.
 The robot, a P3AT, drives to a goal with <code>{escape(algorithm)}</code> for at most
-{DRIVING_TIME:g} s, and explores for {MAPPING_TIME:g} s in the {len(MAPPED)} kinds of
-maps with walls around. It keeps the safety distance that <code>radarsim navigate</code>
-chooses for the sensor when it asks for echoes: 0.5 m with each of the four.</p>
+{DRIVING_TIME:g} s{_exploring(kinds)}. It keeps the safety distance that
+<code>radarsim navigate</code> chooses for the sensor when it asks
+for echoes: 0.5 m with each of the four.</p>
 <p>A verdict is right if the robot reaches the goal, or tells that there is no path
 where a disc as wide as its diagonal finds none. A passage that is wide enough for the
-robot, but not for its safety distance, therefore gives a false "no path". Intervals are
-of 95 %: Wilson's for shares of runs, Student's t for means.</p>
+robot, but not for its safety distance, therefore gives a false "no path".
+{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
 {tables}<p>Made by radarsim {__version__}. Runs are rows of <code>runs.csv</code>.</p>
 </main>
 </body>
 </html>
 """
+
+
+def _counted(count: int, name: str) -> str:
+    return f"{count} {name}" + "s" * (count != 1)
+
+
+def _exploring(kinds: Sequence[str]) -> str:
+    """Return where robots explore; empty if nowhere."""
+    mapped = [kind for kind in kinds if kind in MAPPED]
+    if not mapped:
+        return ""
+    where = f"{_counted(len(mapped), 'kind')} of maps with walls around"
+    return f", and explores for {MAPPING_TIME:g} s in the {where}"
 
 
 def _section(summaries: Summaries, map_: str) -> str:
@@ -134,8 +151,8 @@ def _row(summary: Summary, map_: str) -> str:
 
 
 def _interval(estimate: Estimate) -> str:
-    low, high = (100 * end for end in (estimate.low, estimate.high))
-    return f" <small>{low:.0f} to {high:.0f} %</small>"
+    text = percent_interval(estimate)
+    return f" <small>{text}</small>" if text else ""
 
 
 def _marked(text: str) -> str:

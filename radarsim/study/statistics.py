@@ -31,20 +31,27 @@ class Estimate:
     high: float
     count: int
 
+    @property
+    def has_interval(self) -> bool:
+        """Whether there is an interval: there is none of a single run."""
+        return self.count > 1
+
 
 def share(successes: int, count: int) -> Estimate:
     """Estimate a share, with Wilson's score interval.
 
     Args:
         successes: Number of runs that have a property.
-        count: Number of all runs, at least 1.
+        count: Number of all runs, at least 1; of a single one there is no interval.
 
     >>> estimate = share(10, 10)
     >>> round(estimate.low, 4), round(estimate.high, 4)
     (0.7225, 1.0)
     """
-    z = float(special.ndtri((1 + CONFIDENCE) / 2))
     p = successes / count
+    if count < 2:
+        return Estimate(p, p, p, count)
+    z = float(special.ndtri((1 + CONFIDENCE) / 2))
     scale = 1 + z**2 / count
     centre = (p + z**2 / (2 * count)) / scale
     half = z / scale * math.sqrt(p * (1 - p) / count + z**2 / (4 * count**2))

@@ -34,7 +34,7 @@ class RobotClient:
         self.host = host
         self.number = host.connect()
         host.take(self.number)
-        assert self.send(init) == []
+        assert [kind for kind, _ in self.send(init) if kind != "outside"] == []
 
     def send(self, data: bytes) -> list[tuple[str, str]]:
         diagnostics = self.host.receive(self.number, data)

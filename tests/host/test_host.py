@@ -55,7 +55,8 @@ def connected(host: Host) -> int:
 
 def spawned(host: Host, init: bytes = INIT) -> int:
     number = connected(host)
-    assert host.receive(number, init) == []
+    told = host.receive(number, init)
+    assert [each for each in told if each.kind != "outside"] == []
     assert host.has_robot(number)
     return number
 
@@ -638,6 +639,20 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     run_ticks(host, FAILED_SPAWN_COOLDOWN)
     assert host.receive(clients[-1], INIT) == []
     assert host.has_robot(clients[-1])
+
+
+def test_place_outside_the_map_is_taken_and_told(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    number = connected(host)
+    (told,) = host.receive(number, b"INIT {ClassName P3AT} {Location 300,-2,0}\r\n")
+    assert host.has_robot(number)
+    assert told.kind == "outside"
+    assert told.text.startswith(
+        "INIT at (300.00, 2.00), which is outside the map: x from -10"
+    )
+    nothing = Host(Scene("nothing", "DM-Nothing"))
+    number = connected(nothing)
+    assert nothing.receive(number, b"INIT {ClassName P3AT}\r\n") == []
 
 
 def test_robots_without_a_client_drive_unheard(host: Host) -> None:

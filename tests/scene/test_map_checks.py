@@ -17,8 +17,21 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
     [
         pytest.param(
             "",
-            "m.yaml:1:1: None, expected keys like 'version' and 'objects'",
+            "m.yaml:1:1: nothing in the file, expected keys like 'version' and"
+            " 'objects'",
             id="empty",
+        ),
+        pytest.param(
+            "version: 1\nobjects: [{name: a, sphere: '1,5', material: concrete}]",
+            "m.yaml:2:29: objects.0.sphere: '1,5', expected a number"
+            " with a decimal point, 1.5",
+            id="decimal comma",
+        ),
+        pytest.param(
+            "version: 1\nmaterials: {m: {density: '0,7'}}",
+            "m.yaml:2:26: materials.m.density: '0,7', expected 'opaque' or a number,"
+            " at least 0 with a decimal point, 0.7",
+            id="decimal comma in a density",
         ),
         pytest.param(
             "[1]",

@@ -116,3 +116,17 @@ def test_all_problems_of_a_trial_are_found_in_one_run() -> None:
     text = "trial: {start: Robot, goal: [1], safety_distance: 0}\n"
     places = [problem.split(": ")[1] for problem in problems(HEAD + text)]
     assert places == ["trial.goal", "trial.safety_distance", "trial.start"]
+
+
+def test_invalid_names_of_starts_are_not_proposed() -> None:
+    text = HEAD.replace("RobotStart1", "Gate") + f"trial: {{{WHOLE}}}\n"
+    first, second = problems(text)
+    assert "starts.0.name: 'Gate', expected Robot, Player or ComSt" in first
+    assert second.endswith(".start: 'RobotStart1', expected one of ['PlayerStart']")
+    text = text.replace("PlayerStart", "Door")
+    *_, last = problems(text)
+    assert last.endswith("trial.start: 'RobotStart1', expected the name of a start")
+    *_, last = problems(
+        text.replace("trial: {start: RobotStart1", "trial: {start: Gate")
+    )
+    assert "trial" not in last

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from radarsim.study.maps import make_study_map
 from radarsim.study.results import summarise
 from radarsim.study.statistics import mean, share
 from radarsim.study.tasks import (
+    QUICK,
     ROBOT_RADIUS,
     StudyTask,
     run_study_task,
@@ -157,3 +159,38 @@ def test_quick_study_is_the_same_after_a_kill(tmp_path: Path) -> None:
 
 def run_study(*options: str) -> Run:
     return run_in_process("study", "radar-vs-laser", *options)
+
+
+def test_quick_study_takes_seeds_and_tells_only_what_ran(tmp_path: Path) -> None:
+    page = quick_page(tmp_path, seeds=1)
+    assert "Maps of 1 kind, each drawn anew for\n1 seed;" in page
+    assert "explores" not in page
+    assert "each sensor ran once on each map" in page
+    assert "In this one run of each, the radar is behind the best laser" in page
+    assert " to 100 %" not in page
+    more = quick_page(tmp_path, seeds=3)
+    assert "3 seeds;" in more
+    assert "Intervals are of 95 %" in more
+    assert " to 100 %" in more
+
+
+def quick_page(folder: Path, seeds: int) -> str:
+    """Return the page of a quick study whose runs are there already."""
+    out = folder / f"{seeds}"
+    out.mkdir()
+    drive = {
+        "expected": "reached",
+        "outcome": "reached",
+        "collisions": 0,
+        "path_length": 12.6,
+        "shortest_path": 12.0,
+        "time": 40.0,
+        "note": "",
+    }
+    with (out / LOG).open("w") as log:
+        for task in study_tasks(seeds, Algorithm.PLANNED, QUICK):
+            row = {**asdict(task), **drive, "version": __version__}
+            log.write(json.dumps(row) + "\n")
+    options = [] if seeds == 1 else ["--seeds", str(seeds)]
+    assert run_study("-o", str(out), "--quick", *options).code == 0
+    return (out / PAGE).read_text()
