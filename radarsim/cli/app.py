@@ -5,7 +5,9 @@ Modules of commands import what is heavy inside their functions, so that
 """
 
 import os
+import platform
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated
 
@@ -111,6 +113,16 @@ def _replace_closed_streams() -> None:
             setattr(sys, name, stream)
 
 
+def _report_text() -> str:
+    """Return what is to be reported of a bug."""
+    return (
+        "this is an error in radarsim itself; please report the lines above, the"
+        " command with its files, and these versions:"
+        f" radarsim {__version__}, Python {platform.python_version()},"
+        f" {platform.platform()}"
+    )
+
+
 def main() -> None:
     """Run a command and exit with its code."""
     _replace_closed_streams()
@@ -127,6 +139,10 @@ def main() -> None:
         print_message(f"cannot write{name}: {reason}")
         # Python flushes stdout once more at exit, and would report the error again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except Exception as error:  # noqa: BLE001 - a bug: all of it is told
+        traceback.print_exception(error)
+        print_message(_report_text())
         sys.exit(1)
     finally:
         ignore_signals()

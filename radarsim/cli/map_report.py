@@ -78,7 +78,8 @@ def as_text(result: MappingResult) -> list[str]:
     """Return a result as lines of text."""
     plain = result.to_dict()
     ending = ENDINGS.get(result.outcome, result.outcome)
-    by = "" if result.strategy is None else f" by {result.strategy}"
+    how = " by" if result.outcome == "explored" else ", exploring by"
+    by = "" if result.strategy is None else f"{how} {result.strategy}"
     path = f"{plain['path_length']:.2f} m in {plain['time']:.1f} s"
     lines = [f"{ending}{by}: {path}, {plain['scans']} scans"]
     if cells := plain["cells"]:

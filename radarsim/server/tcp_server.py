@@ -146,7 +146,12 @@ class Server:
                 log.warning("too slow: simulated time waited for %.1f s", lost)
                 next_log, lost = due + LAG_LOG_INTERVAL, 0.0
             await asyncio.sleep(max(0.0, -lag))
-            self.tick()
+            try:
+                self.tick()
+            except Exception as error:
+                time = self._host.simulation.time
+                error.add_note(f"at {time:.2f} s of simulated time")
+                raise
 
     def tick(self) -> None:
         """Advance simulated time by 10 ms, if it has begun, and send what is due."""

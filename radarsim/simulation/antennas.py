@@ -205,7 +205,14 @@ class Antenna:
         turns = []
         while self.computed and self.computed[0].tick + LATENCY <= ticks:
             _, since, result = self.computed.popleft()
-            received = result.result()
+            try:
+                received = result.result()
+            except Exception as error:
+                name, robot = self.mounted.item.name, self.vehicle.robot.name
+                error.add_note(
+                    f"in the thread of antennas: {name!r} of robot {robot!r}"
+                )
+                raise
             if not self.vehicle.alive:
                 continue
             for sector in received.sectors:

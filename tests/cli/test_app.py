@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from radarsim import __version__
 from radarsim.cli import app
 from radarsim.errors import ServerError
 
@@ -32,6 +33,22 @@ def test_closed_stdout_ends_the_program_without_an_error() -> None:
         process.stdout.read(10)
         process.stdout.close()
         assert process.stderr.read() == b""
+
+
+def test_bug_is_shown_whole_with_what_to_report(
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ArithmeticError("no such number")
+
+    monkeypatch.setattr("radarsim.scene.map_file.load_variants", fail)
+    run = radarsim("check", "empty_room")
+    assert run.code == 1
+    assert run.err.startswith("Traceback (most recent call last):")
+    *_, error, message = run.err.splitlines()
+    assert error == "ArithmeticError: no such number"
+    assert message.startswith("radarsim: this is an error in radarsim itself; please")
+    assert f"radarsim {__version__}, Python 3." in message
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -44,7 +44,7 @@ def test_map_is_written_and_summarised_in_lines(
     where = re.escape(str(folder))
     assert run.code == 0
     assert re.fullmatch(
-        r"time is up by auto: 0\.\d\d m in 3\.1 s, 32 scans\n"
+        r"time is up, exploring by auto: 0\.\d\d m in 3\.1 s, 32 scans\n"
         r"map      \d+\.\d\d m² free, \d\.\d\d m² obstacle, \d+\.\d\d m² foliage,"
         r" 0\.00 m² smoke\n"
         r"pose     0\.0\d\d m and 0\.\d\d degrees off, at most 0\.0\d\d m and"
@@ -405,7 +405,7 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
         process.send_signal(number)
         out, errors = process.communicate(timeout=240)
     assert process.returncode == code
-    assert out.startswith(b"interrupted by auto: ")
+    assert out.startswith(b"interrupted, exploring by auto: ")
     assert b"Traceback" not in errors
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 

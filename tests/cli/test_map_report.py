@@ -46,7 +46,7 @@ def test_unknown_values_are_left_out(mapper: Mapper) -> None:
 
 def test_map_without_scans_has_no_cells() -> None:
     assert as_text(MappingResult("auto", "ins")) == [
-        "interrupted by auto: 0.00 m in 0.0 s, 0 scans"
+        "interrupted, exploring by auto: 0.00 m in 0.0 s, 0 scans"
     ]
 
 

@@ -77,7 +77,9 @@ def test_full_disk_leaves_the_old_map_complete(
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (room, room))
         out, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
-    assert out.startswith(b"time is up by way: ")  # what is known is told all the same
+    assert out.startswith(
+        b"time is up, exploring by way: "
+    )  # what is known is told all the same
     assert b"files " not in out
     assert re.search(rb"radarsim: cannot write \S+: the file would be", errors)
     assert b"Traceback" not in errors

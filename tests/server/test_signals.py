@@ -61,8 +61,9 @@ class Broken(Host):
 
 
 async def test_exception_in_a_tick_stops_the_server(empty_room: Scene) -> None:
-    with pytest.raises(RuntimeError, match="broken"):
+    with pytest.raises(RuntimeError, match="broken") as caught:
         await serve(Server(Broken(empty_room)), "127.0.0.1", 0, lambda _: None)
+    assert caught.value.__notes__ == ["at 0.00 s of simulated time"]
 
 
 async def test_taken_port_is_an_error_before_the_address_is_announced(

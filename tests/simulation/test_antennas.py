@@ -142,8 +142,10 @@ def test_failure_of_a_turn_is_raised_in_a_tick(
         raise ArithmeticError("no turn")
 
     monkeypatch.setattr(TurnReceiver, "advance", fail)
-    with pytest.raises(ArithmeticError, match="no turn"):
+    with pytest.raises(ArithmeticError, match="no turn") as caught:
         play(foliage_room, LATENCY + 2)
+    (note,) = caught.value.__notes__
+    assert note.startswith("in the thread of antennas: ")
 
 
 def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
