@@ -30,6 +30,9 @@ _LINE: Final = 1.4  # likewise, for a subtitle
 _TITLE: Final = 1.2  # size of a title, in sizes of the text
 _PAD: Final = 6.0  # points between a title and its panel
 _BAR_SHARE: Final = 0.15  # of the width of a panel that a scale bar takes at most
+_SCALE_TEXT: Final = 4.5  # heights of the text that the length of the scale bar takes
+_STATUS: Final = 20.0  # likewise, of the second line of a film
+_LEGEND_MARGIN: Final = 0.6  # likewise, at each side of the legend
 _ZOOM: Final = 1.15  # so that a film does not zoom at every scan
 _NARROWEST: Final = 640  # pixels of the figure
 
@@ -127,15 +130,8 @@ class Panels:
                 axes.set(xticks=[], yticks=[])
             axes.set_xlim(extent.west, extent.east)
             axes.set_ylim(extent.south, extent.north)
-            written = axes.set_title(
-                title,
-                loc="left",
-                fontsize=text * _TITLE,
-                fontweight="bold",
-                pad=_PAD + _LINE * text * bool(subtitles),
-                parse_math=False,
-            )
-            self.titles.append(written)
+            pad = _PAD + _LINE * text * bool(subtitles)
+            self.titles.append(self._write_title(axes, title, pad))
             self.axes.append(axes)
         if numbers:
             self.axes[0].set_ylabel("y, m", fontsize=text)
@@ -145,18 +141,45 @@ class Panels:
             self._write_subtitle(*each)
             for each in zip(self.axes, subtitles, strict=bool(subtitles))
         ]
-        self._top = self._pixels(_TOP + _LINE * bool(subtitles))
+        heads = [*self.titles, *self.subtitles]
+        self._widest = float(max(_size_of(each, self.figure).width for each in heads))
+        lines = bool(subtitles) + self._is_crowded
+        if self._is_crowded:
+            self._raise_titles()
+        self._top = self._pixels(_TOP + _LINE * lines)
         self._place(0)
+
+    @property
+    def _is_crowded(self) -> bool:
+        """Whether a line above a panel has no room beside the scale bar.
+
+        What films will write is not known yet: it is as long as usual.
+        """
+        across = self._size[0]
+        scale = _BAR_SHARE * across + self._pixels(_SCALE_TEXT)
+        is_known = all(each.get_text() for each in self.subtitles)
+        widest = self._widest if is_known else max(self._widest, self._pixels(_STATUS))
+        return widest + scale > across
+
+    def _raise_titles(self) -> None:
+        """Write titles and subtitles one line higher, above the scale bar."""
+        for axes, title in zip(self.axes, self.titles, strict=True):
+            pad = _PAD + _LINE * self._text * (1 + bool(self.subtitles))
+            self._write_title(axes, title.get_text(), pad)
+        for subtitle in self.subtitles:
+            subtitle.set_position((0.0, _PAD + _LINE * self._text))
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""
         for columns in range(len(rows), 0, -1):
             legend = self._legend(rows, columns)
             box = _size_of(legend, self.figure)
-            if box.width <= self.figure.bbox.width or columns == 1:
+            room = self.figure.bbox.width - 2 * self._pixels(_LEGEND_MARGIN)
+            if box.width <= room or columns == 1:
                 break
             legend.remove()
-        self._place(math.ceil(box.height))
+        narrowest = math.ceil(box.width) + 2 * self._pixels(_LEGEND_MARGIN)
+        self._place(math.ceil(box.height), narrowest)
 
     @property
     def extent(self) -> Extent:
@@ -217,6 +240,16 @@ class Panels:
         )
         return [bar, text]
 
+    def _write_title(self, axes: Axes, text: str, pad: float) -> Text:
+        return axes.set_title(
+            text,
+            loc="left",
+            fontsize=self._text * _TITLE,
+            fontweight="bold",
+            pad=pad,
+            parse_math=False,
+        )
+
     def _write_subtitle(self, axes: Axes, text: str) -> Text:
         return axes.annotate(
             text,
@@ -239,14 +272,15 @@ class Panels:
             frameon=False,
         )
 
-    def _place(self, legend_height: int) -> None:
+    def _place(self, legend_height: int, narrowest: int = _NARROWEST) -> None:
         """Set the size of the figure, and the places of the panels in it."""
         across, up = self._size
         count = len(self.axes)
         sides = (_WEST, _GAP, _EAST) if self._numbers else (_EAST, _EAST, _EAST)
         west, gap, east = (self._pixels(each) for each in sides)
         inner = west + count * across + (count - 1) * gap + east
-        width = _even(max(inner, _NARROWEST))
+        beyond = max(0, math.ceil(self._widest) - across)  # of a title, to the right
+        width = _even(max(inner + 2 * beyond, narrowest, _NARROWEST))
         bottom = self._pixels(_TICKS if self._numbers else 1.0) + legend_height
         height = _even(bottom + up + self._top)
         self.figure.set_size_inches(width / DPI, height / DPI)
@@ -283,6 +317,6 @@ def _even(pixels: float) -> int:
     return math.ceil(pixels / EVEN) * EVEN
 
 
-def _size_of(legend: Legend, figure: Figure) -> Bbox:
+def _size_of(artist: Legend | Text, figure: Figure) -> Bbox:
     canvas: Any = FigureCanvasAgg(figure)  # parts of it have no types
-    return legend.get_window_extent(canvas.get_renderer())
+    return artist.get_window_extent(canvas.get_renderer())

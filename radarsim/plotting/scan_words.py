@@ -34,6 +34,7 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
             met = f"{_span(meeting)} beams that meet {words}"
             seeing = f"{_span(through)} of the {met} see through it"
         held = any((sight.stopped & sight.meeting).any() for sight in sights)
+        seeing += _with_target(scans[0], "their")
         return f"{seeing}{many}" if held else f"{seeing}, none is stopped{many}"
     pairs = zip(scans, sights, strict=True)
     stopped = [Counter(_penetrable_readings(*pair)) for pair in pairs]
@@ -41,9 +42,23 @@ def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
         ((material, _),) = total.most_common(1)
         count = _span([each[material] for each in stopped])
         name = as_words(material)
-        return f"{name} stops {count} of {beams} beams, none sees through{many}"
+        seeing = f"none sees through{_with_target(scans[0], 'its')}"
+        return f"{name} stops {count} of {beams} beams, {seeing}{many}"
     read = [int(np.count_nonzero(np.isfinite(scan.ranges))) for scan in scans]
     return f"{_span(read)} of {beams} beams read something{many}"
+
+
+def _with_target(scan: Scan, whose: str) -> str:
+    """Return which target of a beam counts, if a detector has found them; or nothing.
+
+    A beam has several, and may see through something with another one.
+    """
+    return "" if scan.targets is None else f" with {whose} {_read_target(scan)} target"
+
+
+def _read_target(scan: Scan) -> str:
+    mode = scan.echoes.settings.return_mode
+    return {"all": "farthest", "last": "farthest", "first": "nearest"}.get(mode, mode)
 
 
 def _span(counts: Sequence[int]) -> str:
@@ -109,8 +124,7 @@ def _beams(scan: Scan) -> str:
     settings = scan.echoes.settings
     mode = settings.return_mode
     if scan.targets is not None:
-        target = "farthest" if mode in ("all", "last") else mode
-        return f"{target} target of the detector {settings.detector!r}"
+        return f"{_read_target(scan)} target of the detector {settings.detector!r}"
     echoes = "all echoes" if mode == "all" else f"{mode} echo"
     if not settings.has_side_rays:
         return echoes

@@ -1,4 +1,5 @@
 import io
+import itertools
 import math
 from itertools import pairwise
 from typing import Any
@@ -9,6 +10,7 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.text import Text
 from PIL import Image
 
 from radarsim.geometry import Floats, Pose2
@@ -214,6 +216,32 @@ def test_axes_have_equal_scale_and_the_legend_is_outside() -> None:
     assert figure.legends[0].get_window_extent().y1 < frame.y0
     assert axes.get_title("left") == "title"
     assert "in 3 s" in labels(figure)
+
+
+def test_narrow_pictures_show_all_texts_apart() -> None:
+    poses = [(0.0, float(y), Activity.GOING) for y in range(12)]
+    figure = figure_of(
+        record_of(*poses, goal=(0.0, 12.0)),
+        outlines=PLAN,
+        true_path=TRUE,
+        title="Bug2 reaches its goal in a place with a long name",
+        subtitle="10.9 m in 37 s, in truth 0.11 m from the goal",
+    )
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    title = axes.get_title("left")
+    wanted = ("10.9 m in 37 s", "0.5 m", "1 m", "2 m")
+    boxes = [
+        text.get_window_extent()
+        for text in axes.findobj(Text)
+        if text.get_text() and text.get_text().startswith((title, *wanted))
+    ]
+    assert len(boxes) == 3  # title, subtitle, scale
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
+    for box in (*boxes, figure.legends[0].get_window_extent()):
+        assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
 
 
 def test_runs_beside_each_other_have_one_scale() -> None:

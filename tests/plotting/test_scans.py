@@ -529,3 +529,12 @@ def test_beams_of_a_detector_see_through_what_their_spectrum_does(
     assert "is stopped by foliage" in labels(figure)
     words = small_print(figure).replace("\n", " ")
     assert "farthest target of the detector 'ca'" in words
+    title = figure.axes[0].get_title("left").replace("\n", " ")
+    assert "with their farthest target" in title
+
+
+def test_title_says_which_target_of_a_detector_counts(foliage_room: Scene) -> None:
+    settings = {"detector": "ca", "max_range": 30, "return_mode": "first"}
+    scan = scan_of(foliage_room, "navtech_cts350x", **settings)
+    title = plot_scans(foliage_room, [scan]).axes[0].get_title("left")
+    assert "see through it with their nearest target" in title.replace("\n", " ")
