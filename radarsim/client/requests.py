@@ -89,7 +89,7 @@ class Requests:
         *,
         timeout: float,
         notify: Callable[[str], object] = lambda _: None,
-        diagnostics: Sequence[str] = (),
+        diagnostics: list[str] | None = None,
     ) -> None:
         """Start a session.
 
@@ -97,8 +97,8 @@ class Requests:
             clock: Returns the time of the transport's clock, s.
             timeout: Default timeout, s.
             notify: Called with what is waited for, when that takes long.
-            diagnostics: Grows by a text for each command without effect, where the
-                transport knows of it.
+            diagnostics: Gets a text for each command without effect, where the
+                transport knows of it; emptied before a robot is requested.
 
         Raises:
             ValueError: If the timeout is not above 0.
@@ -109,7 +109,7 @@ class Requests:
         self.has_robot = False
         self._clock = clock
         self._notify = notify
-        self._diagnostics = diagnostics
+        self._diagnostics = [] if diagnostics is None else diagnostics
         self._leaves_unanswered = False  # a question about start poses
         self._pending: list[Report] = []
 
@@ -140,13 +140,13 @@ class Requests:
         self.has_robot = True
         self._pending.clear()
         self.session.scans.clear()  # another robot's
-        diagnostics = len(self._diagnostics)
+        self._diagnostics.clear()
         yield from self.send(question.data)
-        first = yield from self._wait_for_robot(question, timeout, diagnostics)
+        first = yield from self._wait_for_robot(question, timeout)
         self._pending.insert(0, first)
 
     def _wait_for_robot(
-        self, question: Question, timeout: float | None, diagnostics: int
+        self, question: Question, timeout: float | None
     ) -> Exchange[Report]:
         """Return the first report of a robot, for which INIT has been sent.
 
@@ -155,37 +155,41 @@ class Requests:
         answered as soon as INIT is done.
         """
         wait = self._wait(question.what, timeout)
-        executed = False
-
-        def is_news(report: Report) -> bool:
-            return question.accepts(report) or isinstance(report, StartPoses)
-
         patience = min(SPAWN_PATIENCE, wait.timeout / 2)
         with suppress(ClientTimeout):
             early = Wait(question.what, patience, self._clock() + patience)
             return (yield from self._skip(question.accepts, early))
-        if len(self._diagnostics) > diagnostics:
-            reason = "; ".join(self._diagnostics[diagnostics:])
+        if self._diagnostics:
+            reason = "; ".join(self._diagnostics)
             raise ClientTimeout(f"no {question.what}: {reason}")
+
+        def is_news(report: Report) -> bool:
+            return question.accepts(report) or isinstance(report, StartPoses)
+
         yield from self.send(questions.start_poses().data)
-        while True:
-            try:
-                report = yield from self._skip(is_news, wait)
-            except ClientTimeout as error:
-                may_compile = not executed and self._answers
-                if timeout is None and may_compile and wait.timeout < COMPILING_LIMIT:
-                    left = COMPILING_LIMIT - wait.timeout
-                    wait = Wait(question.what, COMPILING_LIMIT, wait.until + left)
-                    self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
-                    continue
-                raise ClientTimeout(
-                    f"{error}; {REFUSED if executed else LATE}"
-                ) from None
-            if question.accepts(report):
-                return report
-            if not executed and wait.timeout == COMPILING_LIMIT:
-                wait = self._wait(question.what, None)  # it has just begun
-            executed = True
+        try:
+            report = yield from self._skip_or_explain(is_news, wait, LATE)
+        except ClientTimeout:
+            may_compile = timeout is None and self._answers
+            if not may_compile or wait.timeout >= COMPILING_LIMIT:
+                raise
+            self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
+            until = wait.until + COMPILING_LIMIT - wait.timeout
+            longer = Wait(question.what, COMPILING_LIMIT, until)
+            report = yield from self._skip_or_explain(is_news, longer, LATE)
+            wait = self._wait(question.what, timeout)  # it has just begun
+        if question.accepts(report):
+            return report
+        return (yield from self._skip_or_explain(question.accepts, wait, REFUSED))
+
+    def _skip_or_explain(
+        self, wanted: Callable[[Report], bool], wait: Wait, hint: str
+    ) -> Exchange[Report]:
+        """Skip reports as ``_skip`` does; a timeout has a hint of its reason."""
+        try:
+            return (yield from self._skip(wanted, wait))
+        except ClientTimeout as error:
+            raise ClientTimeout(f"{error}; {hint}") from None
 
     @property
     def _answers(self) -> bool:

@@ -1,6 +1,6 @@
 """A client that blocks the calling thread."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -59,7 +59,7 @@ class Client:
         if transport is None:
             raise TypeError("Client without a transport, expected one")
         self.transport = transport
-        diagnostics: Sequence[str] = ()
+        diagnostics = None
         if isinstance(transport, DiagnosingTransport):
             diagnostics = transport.diagnostics
         self._requests = Requests(

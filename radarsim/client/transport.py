@@ -87,7 +87,7 @@ class DiagnosingTransport(Protocol):
     """A transport that knows why commands had no effect, which servers do not tell.
 
     Attributes:
-        diagnostics: Grows by a text for each command without effect.
+        diagnostics: Newest texts on commands without effect; the client empties it.
     """
 
     diagnostics: list[str]

@@ -6,9 +6,12 @@ the same run.
 """
 
 from collections.abc import Callable, Iterable
+from typing import Final
 
 from radarsim.host import Diagnostic, Host
 from radarsim.simulation.clock import TICK
+
+MOST_DIAGNOSTICS: Final = 10  # that are kept
 
 
 class InProcessTransport:
@@ -17,7 +20,7 @@ class InProcessTransport:
     Attributes:
         host: The server.
         number: The client's number at the host.
-        diagnostics: Texts on commands of the client that had no effect.
+        diagnostics: Newest texts on commands of the client that had no effect.
     """
 
     def __init__(
@@ -79,6 +82,7 @@ class InProcessTransport:
 
     def _note(self, found: Iterable[Diagnostic]) -> None:
         self.diagnostics += [each.text for each in found]
+        del self.diagnostics[:-MOST_DIAGNOSTICS]
 
     def _require_open(self) -> None:
         if not self._open:

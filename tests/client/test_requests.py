@@ -251,11 +251,16 @@ def test_compiling_server_is_given_up_after_300_s() -> None:
     assert server.time() == pytest.approx(300, abs=0.5)
 
 
-def test_wait_for_a_compiling_server_ends_when_the_caller_says() -> None:
+@pytest.mark.parametrize("limit", [7.0, 300.0])
+def test_wait_for_a_compiling_server_ends_when_the_caller_says(limit: float) -> None:
     server = CompilingServer(begins=inf)
-    with pytest.raises(ClientTimeout, match=r"within 7 s.* still compiles"):
-        Client(server).spawn("P3AT", timeout=7)
-    assert server.time() == pytest.approx(7, abs=0.5)
+    with pytest.raises(ClientTimeout, match=rf"within {limit:g} s.* still compiles"):
+        Client(server).spawn("P3AT", timeout=limit)
+    assert server.time() == pytest.approx(limit, abs=0.5)
+    server = CompilingServer(begins=limit - 3, has_place=False)
+    with pytest.raises(ClientTimeout, match=rf"within {limit:g} s.* no free place"):
+        Client(server).spawn("P3AT", timeout=limit)
+    assert server.time() == pytest.approx(limit, abs=0.5)
 
 
 @pytest.mark.parametrize(("begins", "ends"), [(0.0, 5.0), (60.0, 65.0)])

@@ -5,6 +5,7 @@ import tracemalloc
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +26,7 @@ from radarsim.host.commands import (
 from radarsim.host.host import COMMANDS_PER_TICK, WAITING_WORK
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.reports import GroundTruth, Ins, decode_report
+from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.simulation.config import SimulationConfig
 
@@ -641,7 +643,9 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     assert host.has_robot(clients[-1])
 
 
-def test_place_outside_the_map_is_taken_and_told(empty_room: Scene) -> None:
+def test_place_outside_the_map_is_taken_and_told(
+    empty_room: Scene, tmp_path: Path
+) -> None:
     host = Host(empty_room)
     number = connected(host)
     (told,) = host.receive(number, b"INIT {ClassName P3AT} {Location 300,-2,0}\r\n")
@@ -650,6 +654,12 @@ def test_place_outside_the_map_is_taken_and_told(empty_room: Scene) -> None:
     assert told.text.startswith(
         "INIT at (300.00, 2.00), which is outside the map: x from -10"
     )
+    box = "objects: [{name: a, box: [1, 1, 1], position: [50, 0, 1], material: brick}]"
+    (tmp_path / "far.yaml").write_text(f"version: 1\n{box}\n")
+    far = Host(load_map(tmp_path / "far.yaml"))
+    number = connected(far)
+    (told,) = far.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert told.kind == "start, outside"
     nothing = Host(Scene("nothing", "DM-Nothing"))
     number = connected(nothing)
     assert nothing.receive(number, b"INIT {ClassName P3AT}\r\n") == []

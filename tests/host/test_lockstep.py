@@ -3,6 +3,7 @@
 import pytest
 
 from radarsim.host import Host
+from radarsim.host.host import COMMANDS_PER_TICK
 from radarsim.host.lockstep import InProcessTransport
 from radarsim.scene.scene import Scene
 from radarsim.simulation.clock import TICK
@@ -54,3 +55,14 @@ def test_closed_transport_refuses_to_send_and_receive(empty_room: Scene) -> None
         transport.send(INIT)
     with pytest.raises(ConnectionError):
         transport.receive(1.0)
+
+
+def test_newest_diagnostics_of_the_own_commands_are_kept(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    transport, other = InProcessTransport(host), InProcessTransport(host)
+    transport.send(b"GETGEO {Type Robot}\r\n" * (2 * COMMANDS_PER_TICK))
+    assert transport.receive(1.0).startswith(b"NFO ")
+    with pytest.raises(TimeoutError):  # the rest of the commands waits for a tick
+        transport.receive(0.5)
+    assert transport.diagnostics == ["GETGEO without a robot, expected INIT"] * 10
+    assert other.diagnostics == []
