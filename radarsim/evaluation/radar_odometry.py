@@ -143,7 +143,7 @@ def _unroll(turn: Turn, motion: Pose2) -> ScanPoints:
     places = np.column_stack([c * x - s * y, s * x + c * y])
     places -= np.outer(left, (back.x, back.y))
     along = places / np.maximum(np.linalg.norm(places, axis=1), 1e-9)[:, None]
-    return ScanPoints(places, along, SPREAD, True)
+    return ScanPoints(places, along, np.zeros_like(along), SPREAD, True)
 
 
 def turns_along(

@@ -9,6 +9,7 @@ In a room that the scanner sees as a whole nothing is ever left behind.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -61,7 +62,7 @@ class KeyframeMap:
     def add(self, keyframe: Keyframe) -> None:
         """Add a keyframe to the local map, and leave those behind that are far away."""
         self.keyframes.append(keyframe)
-        self.points.add(on_map(keyframe))
+        _add(self.points, keyframe)
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
         if keyframe.station > self._swept + STRIDE:
@@ -103,13 +104,35 @@ def map_of(keyframes: list[Keyframe]) -> PointMap:
     """Return a map of the points of some keyframes."""
     points = PointMap()
     for keyframe in keyframes:
-        points.add(on_map(keyframe))
+        _add(points, keyframe)
     return points
 
 
-def on_map(keyframe: Keyframe) -> Floats:
-    """Return the points of a keyframe on the map, (K, 2) m."""
-    return moved(keyframe.points.places, keyframe.pose)
+def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
+    """Return the points of some keyframes as one scan.
+
+    Args:
+        keyframes: At least one keyframe.
+        pose: Pose of the scan, map frame.
+        most: Number of points from which on only some of them are returned.
+    """
+    keyframes = list(keyframes)
+    parts: list[tuple[Floats, Floats, Floats]] = []
+    for each in keyframes:
+        motion = each.pose.relative_to(pose)
+        along, normals = (turned(rows, motion.yaw) for rows in each.points[1:3])
+        parts.append((moved(each.points.places, motion), along, normals))
+    step = 1 + sum(len(places) for places, *_ in parts) // most
+    columns = (np.concatenate(column)[::step] for column in zip(*parts, strict=True))
+    places, along, normals = map(np.ascontiguousarray, columns)
+    points = keyframes[0].points
+    return points._replace(places=places, along=along, normals=normals)
+
+
+def _add(points: PointMap, keyframe: Keyframe) -> None:
+    """Add the points of a keyframe to a map."""
+    pose, own = keyframe.pose, keyframe.points
+    points.add(moved(own.places, pose), turned(own.normals, pose.yaw))
 
 
 def moved(places: Floats, pose: Pose2) -> Floats:

@@ -10,12 +10,13 @@ same everywhere along it.
 """
 
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.keyframes import Keyframe, KeyframeMap, map_of, moved, turned
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap, joined, map_of
 from radarsim.mapping.point_map import Table
 from radarsim.mapping.scan_matching import Fit, best_start, fit
 
@@ -138,16 +139,9 @@ def _around(known: KeyframeMap, number: int) -> list[Keyframe]:
 def latest_keyframe(known: KeyframeMap) -> Keyframe:
     """Return the last keyframe with points of those shortly before, too."""
     last = known.keyframes[-1]
-    places, along = [], []
-    for each in reversed(known.keyframes):
-        if each.station < last.station - LATEST or not each.is_local:
-            break
-        motion = each.pose.relative_to(last.pose)
-        places.append(moved(each.points.places, motion))
-        along.append(turned(each.points.along, motion.yaw))
-    step = 1 + sum(map(len, places)) // MAX_POINTS
-    points = last.points._replace(
-        places=np.ascontiguousarray(np.concatenate(places)[::step]),
-        along=np.ascontiguousarray(np.concatenate(along)[::step]),
+    latest = takewhile(
+        lambda each: each.station >= last.station - LATEST and each.is_local,
+        reversed(known.keyframes),
     )
+    points = joined(latest, last.pose, MAX_POINTS)
     return Keyframe(last.pose, points, last.station)

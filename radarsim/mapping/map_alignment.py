@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import Pose2
-from radarsim.mapping.keyframes import Keyframe, KeyframeMap, map_of, moved, turned
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap, joined, map_of
 from radarsim.mapping.loop_closure import MIN_EVENNESS, find_pose, latest_keyframe
 from radarsim.mapping.scan_matching import fit
 
@@ -61,16 +61,7 @@ def refine(
         A better pose; None if the maps do not overlap enough.
     """
     own = known.keyframes[-1].pose
-    places, along = [], []
-    for each in known.keyframes:
-        motion = each.pose.relative_to(own)
-        places.append(moved(each.points.places, motion))
-        along.append(turned(each.points.along, motion.yaw))
-    step = 1 + sum(map(len, places)) // MAX_POINTS
-    points = known.keyframes[-1].points._replace(
-        places=np.ascontiguousarray(np.concatenate(places)[::step]),
-        along=np.ascontiguousarray(np.concatenate(along)[::step]),
-    )
+    points = joined(known.keyframes, own, MAX_POINTS)
     start = frame.compose(own)
     found = fit(map_of(list(reference)).table, points, start, start, np.array(SIGMA))
     fitting = found.inliers * len(points.places)

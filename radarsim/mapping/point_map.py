@@ -10,6 +10,12 @@ with enough points is used: where points are dense, as on a bush near by, a smal
 follows the shape; on a far fence, where each scan leaves one point in half a metre, a
 wide one averages the noise out. The cells are in a hash table with open addressing, as
 few of them hold points.
+
+A window takes in both faces of a thin wall, and where two walls meet. A point of the
+map therefore counts by (1 + u . v) / 2, where u and v are the normals of its surface
+and of that of the point that is compared: whole if both face the same way, not at all
+if one is the back of the other. That is linear in u, so that three sets of moments give
+the sum for any v: of the points, and of the points times either component of u.
 """
 
 import math
@@ -36,8 +42,9 @@ class Table(NamedTuple):
 
     Attributes:
         keys: (C,) size and number of a cell; 0 in free rows.
-        moments: (C, 6) sums over the cell's points of 1, x, y, x x, x y and y y,
-            relative to its center, m.
+        moments: (C, 3, 6) sums over the cell's points of 1, x, y, x x, x y and y y,
+            relative to its center, m; once as they are, once times the x and once
+            times the y of their normals.
     """
 
     keys: NDArray[np.int64]
@@ -59,18 +66,26 @@ class PointMap:
         """Return the number of cells that hold points."""
         return self._used
 
-    def add(self, points: Floats) -> None:
-        """Add points, (K, 2) m, map frame."""
+    def add(self, points: Floats, normals: Floats | None = None) -> None:
+        """Add points.
+
+        Args:
+            points: (K, 2) m, map frame.
+            normals: (K, 2) unit vectors into the surfaces that they are on, map frame;
+                None if these are not known.
+        """
+        if normals is None:
+            normals = np.zeros_like(points)
         rows = 2 * (self._used + LEVELS * len(points))
         if rows > len(self.table.keys):
             table = _new_table(1 << (2 * rows - 1).bit_length())
             _copy_table(self.table, table)
             self.table = table
-        self._used += _add(self.table, points)
+        self._used += _add(self.table, points, normals)
 
 
 def _new_table(rows: int) -> Table:
-    return Table(np.zeros(rows, np.int64), np.zeros((rows, 6)))
+    return Table(np.zeros(rows, np.int64), np.zeros((rows, 3, 6)))
 
 
 @njit_inline
@@ -100,7 +115,7 @@ def _copy_table(table: Any, other: Any) -> None:
 
 
 @njit_cached
-def _add(table: Any, points: Any) -> Any:
+def _add(table: Any, points: Any, normals: Any) -> Any:
     """Add points, and return how many cells are new."""
     new = 0
     for i in range(len(points)):
@@ -119,13 +134,15 @@ def _add(table: Any, points: Any) -> Any:
                 points[i, 0] - (column + 0.5) * size,
                 points[i, 1] - (line + 0.5) * size,
             )
-            sums = table.moments[row]
-            sums[0] += 1.0
-            sums[1] += x
-            sums[2] += y
-            sums[3] += x * x
-            sums[4] += x * y
-            sums[5] += y * y
+            for k in range(3):
+                factor = 1.0 if k == 0 else normals[i, k - 1]
+                sums = table.moments[row, k]
+                sums[0] += factor
+                sums[1] += factor * x
+                sums[2] += factor * y
+                sums[3] += factor * x * x
+                sums[4] += factor * x * y
+                sums[5] += factor * y * y
             size *= 2.0
     return new
 
@@ -137,8 +154,18 @@ def _spline(step: Any, t: Any) -> Any:
 
 
 @njit_inline
-def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
+def _sum(moments: Any, k: Any, normal: Any) -> Any:
+    """Return a moment of the points of a cell that face as a normal does."""
+    nx, ny = normal
+    return moments[0, k] + nx * moments[1, k] + ny * moments[2, k]
+
+
+@njit_inline
+def _window(table: Any, level: Any, x: Any, y: Any, normal: Any) -> Any:
     """Sum the moments of the cells around a point, relative to it."""
+    size, nx, ny = FINEST * 2.0**level, normal[0], normal[1]
+    # Without a normal, all points count whole.
+    whole = 0.5 if nx * nx + ny * ny > 0.0 else 1.0
     column, line = np.int64(np.floor(x / size)), np.int64(np.floor(y / size))
     tx, ty = x / size - column - 0.5, y / size - line - 0.5
     n, a, b, aa, ab, bb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -147,17 +174,18 @@ def _window(table: Any, level: Any, size: Any, x: Any, y: Any) -> Any:
             row = _find(table.keys, _key(level, column + i, line + j))
             if table.keys[row] == 0:
                 continue
-            f = _spline(i, tx) * _spline(j, ty)
+            f = whole * _spline(i, tx) * _spline(j, ty)
             u, v = (i - tx) * size, (j - ty) * size
             # Moments about the point, from those about a center that is (u, v) away.
             sums = table.moments[row]
-            m, p, q = f * sums[0], f * sums[1], f * sums[2]
+            m, p = f * _sum(sums, 0, normal), f * _sum(sums, 1, normal)
+            q = f * _sum(sums, 2, normal)
             n += m
             a += p + m * u
             b += q + m * v
-            aa += f * sums[3] + 2.0 * u * p + m * u * u
-            ab += f * sums[4] + u * q + v * p + m * u * v
-            bb += f * sums[5] + 2.0 * v * q + m * v * v
+            aa += f * _sum(sums, 3, normal) + 2.0 * u * p + m * u * u
+            ab += f * _sum(sums, 4, normal) + u * q + v * p + m * u * v
+            bb += f * _sum(sums, 5, normal) + 2.0 * v * q + m * v * v
     return n, a, b, aa, ab, bb
 
 
@@ -190,19 +218,22 @@ def is_line(xx: Any, xy: Any, yy: Any) -> Any:
 
 
 @njit_inline
-def shape_around(table: Any, x: Any, y: Any, wider: Any = 0) -> Any:
+def shape_around(
+    table: Any, x: Any, y: Any, normal: Any = (0.0, 0.0), wider: Any = 0
+) -> Any:
     """Return the ``LocalShape`` of the map around a point, m.
 
     Args:
         table: Table of the map.
         x: m.
         y: m.
+        normal: Unit vector into the surface that the point is on; zeros if not known.
         wider: How many wider windows are tried for a line, if the first shows none.
     """
-    size, last = FINEST, LEVELS - 1
+    last = LEVELS - 1
     found = LocalShape(False, 0.0, 0.0, 0.0, 0.0, 0.0)
     for level in range(LEVELS):
-        n, a, b, aa, ab, bb = _window(table, level, size, x, y)
+        n, a, b, aa, ab, bb = _window(table, level, x, y, normal)
         if n >= MIN_WEIGHT:
             a, b = a / n, b / n
             shape = LocalShape(
@@ -214,5 +245,4 @@ def shape_around(table: Any, x: Any, y: Any, wider: Any = 0) -> Any:
                 found, last = shape, min(level + wider, last)
         if level == last:
             break
-        size *= 2.0
     return found

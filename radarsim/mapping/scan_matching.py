@@ -4,10 +4,12 @@ Theory of operation
 ===================
 Each point of the scan is compared with the shape of the map's points around it. Where
 these lie along a line, only the distance across it counts, as points slide along walls;
-where they form a spot, as of a pole, both directions count. A distance is weighted by
-its information: less where the map's points are spread, as in foliage, and less where
-the beam grazes, since an echo may come from anywhere across the beam. Outliers count
-almost nothing (Geman and McClure's weights).
+where they form a spot, as of a pole, both directions count. The map's points count by
+how much their surfaces face as that of the scan's point does, so that the back of a
+wall is not taken for its front. A distance is weighted by its information: less where
+the map's points are spread, as in foliage, and less where the beam grazes, since an
+echo may come from anywhere across the beam. Outliers count almost nothing (Geman and
+McClure's weights).
 
 The motion that the robot reports is one more distance, from the predicted pose. Where
 the scan says nothing, in the open, that alone is left and the solution is the
@@ -15,10 +17,10 @@ prediction, so the pose cannot run away.
 
 Along a corridor, that must hold for one direction. Echoes of a thick beam scatter by
 centimetres, so that a wall is a spot in a window of a hand's breadth, and each spot
-holds the robot back a little, to where it was seen before. Where almost all
-information is about one direction, lines are therefore looked for in wider windows
-too; what is left across that direction is the error of the lines' own directions, and
-is dropped.
+holds the robot back a little, to where it was seen before. Lines are therefore looked
+for in a wider window too, and where almost all information is about one direction, in
+one wider still; what is left across that direction is the error of the lines' own
+directions, and is dropped.
 """
 
 import math
@@ -36,7 +38,8 @@ MAX_ITERATIONS: Final = 12
 ROBUST_SCALE: Final = 4.0
 SAMPLED_POINTS: Final = 150  # at most, that are used to compare starts
 HALF_SCORE: Final = 1 / 0.05**2  # 1/m^2; a point known to 5 cm scores one half
-WIDER: Final = 2  # wider windows in which lines are looked for along a corridor
+WIDER: Final = 1  # wider windows in which lines are looked for
+WIDER_ALONG: Final = 2  # along a corridor
 CORRIDOR_RATIO: Final = 0.3  # least information by most, below which it is one
 # Normals are off by some degrees: along a wall its points seem to have up to this share
 # of the information that they have across it, and have none.
@@ -52,12 +55,15 @@ class ScanPoints(NamedTuple):
     Attributes:
         places: (K, 2) m.
         along: (K, 2) unit vectors along the beams.
+        normals: (K, 2) unit vectors into the surfaces that the points are on; zeros
+            where these are not known.
         spread: Standard deviation of where across its beam an echo comes from, m.
         spots: Whether spots count; not if some beams may have run out of power.
     """
 
     places: Floats
     along: Floats
+    normals: Floats
     spread: float
     spots: bool
 
@@ -114,8 +120,9 @@ def best_start(table: Table, points: ScanPoints, starts: Floats) -> int:
     """Return the row of the pose, of (S, 3), at which a sample of points fits best."""
     step = 1 + len(points.places) // SAMPLED_POINTS
     # Kernels are compiled for contiguous arrays, and anew for any other layout.
-    places, along = (np.ascontiguousarray(rows[::step]) for rows in points[:2])
-    some = points._replace(places=places, along=along)
+    columns = (np.ascontiguousarray(rows[::step]) for rows in points[:3])
+    places, along, normals = columns
+    some = points._replace(places=places, along=along, normals=normals)
     return int(_best_start(table, some, starts))
 
 
@@ -180,7 +187,9 @@ def _compare(
     px, py = points.places[i, 0], points.places[i, 1]
     dx, dy = points.along[i, 0], points.along[i, 1]
     rx, ry = c * px - s * py, s * px + c * py
-    shape = shape_around(table, state[0] + rx, state[1] + ry, wider)
+    nx, ny = points.normals[i, 0], points.normals[i, 1]
+    normal = (c * nx - s * ny, s * nx + c * ny)
+    shape = shape_around(table, state[0] + rx, state[1] + ry, normal, wider)
     if not shape.found:
         return _Match(rx, ry, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0)
     across = (-s * dx - c * dy, c * dx - s * dy)
@@ -259,7 +268,7 @@ def _constraint(table: Any, points: Any, state: Any) -> Any:
     """
     turn, a, b, c = (math.cos(state[2]), math.sin(state[2])), 0.0, 0.0, 0.0
     for i in range(len(points.places)):
-        match = _compare(table, points, i, state, turn, WIDER)
+        match = _compare(table, points, i, state, turn, WIDER_ALONG)
         a += match.information[0]
         b += match.information[1]
         c += match.information[2]
@@ -288,7 +297,7 @@ def _fit(
     """
     normal, gradient, score, inliers = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     ratio, nx, ny = _constraint(table, points, state)
-    wider = WIDER if ratio < CORRIDOR_RATIO else 0
+    wider = WIDER_ALONG if ratio < CORRIDOR_RATIO else WIDER
     for _ in range(MAX_ITERATIONS):
         score, inliers = _add_up(table, points, state, normal, gradient, wider)
         if ratio < LEAST_RATIO:

@@ -27,6 +27,7 @@ from radarsim.mapping.keyframes import Keyframe, KeyframeMap
 from radarsim.mapping.loop_closure import LoopCloser
 from radarsim.mapping.scan import PlanarScan
 from radarsim.mapping.scan_matching import Fit, ScanPoints, best_start, fit
+from radarsim.mapping.surface_normals import inward_normals
 from radarsim.mapping.trajectory import Trajectory
 
 MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
@@ -119,7 +120,9 @@ class Slam:
         # They move with the robot in foliage, so that no spot can be relied on then.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
-        points = ScanPoints(places, along, self.settings.beam_spread, uses_spots)
+        normals = inward_normals(places, along)
+        spread = self.settings.beam_spread
+        points = ScanPoints(places, along, normals, spread, uses_spots)
         last = self.pose
         if self._starts_at_prior:
             self.pose = prior or self.pose

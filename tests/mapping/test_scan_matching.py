@@ -10,6 +10,7 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.point_map import PointMap
 from radarsim.mapping.scan import PlanarScan
 from radarsim.mapping.scan_matching import ScanPoints, best_start, fit
+from radarsim.mapping.surface_normals import inward_normals
 from radarsim.rng import generator_for
 
 Look = Callable[..., PlanarScan]
@@ -23,7 +24,7 @@ def points_of(
     scan: PlanarScan, *, spread: float = 0.0, spots: bool = True
 ) -> ScanPoints:
     places, along = scan.points()
-    return ScanPoints(places, along, spread, spots)
+    return ScanPoints(places, along, inward_normals(places, along), spread, spots)
 
 
 def on_the_map(places: Floats, pose: Pose2) -> Floats:
@@ -64,7 +65,8 @@ def test_pose_is_found_from_a_start_nearby(
 
 
 def test_scan_without_points_leaves_the_prediction(known: PointMap) -> None:
-    nothing = ScanPoints(np.zeros((0, 2)), np.zeros((0, 2)), 0.0, True)
+    none: Floats = np.zeros((0, 2))
+    nothing = ScanPoints(none, none, none, 0.0, True)
     start, predicted = off_by(HERE, 0.2, 0.1, 0.1), HERE
     found, score, *_ = fit(known.table, nothing, start, predicted, LOOSE)
     assert (found.x, found.y, found.yaw) == pytest.approx((1.0, -0.5, 0.4))
@@ -164,7 +166,7 @@ def poles() -> tuple[PointMap, ScanPoints]:
     known = PointMap()
     known.add(spots)
     along = cell_centers / np.linalg.norm(cell_centers, axis=1)[:, None]
-    return known, ScanPoints(cell_centers, along, 0.05, True)
+    return known, ScanPoints(cell_centers, along, np.zeros_like(along), 0.05, True)
 
 
 def test_poles_fix_a_pose_in_both_directions() -> None:

@@ -15,7 +15,7 @@ from radarsim.mapping.shared_map import SharedMap, without_discs
 from radarsim.mapping.slam import Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
 
-POSES = [Pose2(-4.0 + 0.3 * k, -3.0 + 0.1 * k, 0.05 * k) for k in range(12)]
+POSES = [Pose2(-4.0 + 0.3 * k, 2.0 + 0.1 * k, 0.05 * k) for k in range(12)]
 FRAME = Pose2(0.7, -0.5, 0.1)  # of the second robot's map on that of the first
 
 
