@@ -86,6 +86,22 @@ class KeyframeGraph:
         self._poses = [Pose2(x, y, wrap_angle(yaw)) for x, y, yaw in rows.tolist()]
         return self._poses
 
+    def move(self, first: int, frame: Pose2) -> list[Pose2]:
+        """Move all keyframes from a number on, as long as no loop is closed.
+
+        Args:
+            first: Number of the first keyframe that moves.
+            frame: Pose of the map that they are on now, map frame.
+
+        Returns:
+            The poses of all keyframes.
+        """
+        moved = [frame.compose(pose) for pose in self._poses[first:]]
+        self._poses = [*self._poses[:first], *moved]
+        motion = self._poses[first].relative_to(self._poses[first - 1])
+        self.edges[first - 1] = self.edges[first - 1]._replace(motion=motion)
+        return self._poses
+
     def trajectory(self) -> list[Pose2]:
         """Return the poses of the trajectory, as they follow the keyframes."""
         return [

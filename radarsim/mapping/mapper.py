@@ -196,10 +196,10 @@ class Mapper:
             min_range=self.scanner.min_range,
             mount=self._mount,
         )
-        closures = self.slam.closures
+        revision = self.slam.revision
         known = self._grid.without_robots(self.slam.pose, scan)
         pose = self.slam.step(known, self._prior)
-        if self.slam.closures > closures:
+        if self.slam.revision > revision:
             self._grid.rebuild()
         if echoes is None and time < self._echoes_due:
             self.missing = f"echoes of {self.scanner.name!r}"

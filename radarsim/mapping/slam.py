@@ -22,6 +22,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.mapping.anchoring import ANCHOR_STATION, find_correction
 from radarsim.mapping.keyframe_graph import KeyframeGraph
 from radarsim.mapping.keyframes import Keyframe, KeyframeMap
 from radarsim.mapping.loop_closure import LoopCloser
@@ -72,7 +73,9 @@ class Slam:
         pose: Pose of the robot at the last scan; before the first one its start.
         trajectory: The pose at the time of each scan.
         dead_reckoning: The same by the motion source alone, which never sees a scan.
-        closures: Number of loops closed; at each, the poses before change too.
+        closures: Number of loops closed.
+        revision: How often the poses before changed, too: at each loop, and when the
+            map was turned back to its start.
     """
 
     def __init__(
@@ -90,7 +93,8 @@ class Slam:
         self.trajectory = Trajectory()
         self.dead_reckoning = Trajectory()
         self._starts_at_prior = start is None
-        self.closures = 0
+        self.closures, self.revision = 0, 0
+        self._is_anchored = False
         self._map = KeyframeMap()
         self._graph = KeyframeGraph()
         self._closer = LoopCloser()
@@ -141,6 +145,7 @@ class Slam:
         self._graph.follow(self.pose)
         if is_keyframe:
             self._close_loop()
+            self._anchor()
         return self.pose
 
     def _next_pose(self, points: ScanPoints, prior: Pose2 | None) -> Pose2:
@@ -228,6 +233,22 @@ class Slam:
         poses = None if closure is None else self._graph.close(*closure)
         if poses is not None:
             self.closures += 1
-            self._map.move(poses)
-            self.pose = poses[-1]
-            self.trajectory.poses = self._graph.trajectory()
+            self._move(poses)
+
+    def _anchor(self) -> None:
+        """Move everything, once, to where the first scans show that it is."""
+        if self._is_anchored or self._length < ANCHOR_STATION:
+            return
+        self._is_anchored = True
+        if self.closures or len(self._map) <= FIRST_KEYFRAMES:
+            return
+        correction = find_correction(self._map, FIRST_KEYFRAMES)
+        if correction is not None:
+            self._move(self._graph.move(FIRST_KEYFRAMES, correction))
+
+    def _move(self, poses: list[Pose2]) -> None:
+        """Move all keyframes to other poses, and the trajectory with them."""
+        self.revision += 1
+        self._map.move(poses)
+        self.pose = poses[-1]
+        self.trajectory.poses = self._graph.trajectory()

@@ -263,7 +263,7 @@ def test_radar_maps_what_is_behind_the_bushes(robot: Robot) -> None:
     nav = nav_of(robot)
     assert np.mean(nav.at(X, Y)[hidden()] != -1) >= 0.6
     for name in THINGS:
-        # Hardly a beam in a thousand meets the pole, which is two cells wide.
+        # The pole is four cells wide, behind bushes, and few beams meet it.
         assert occupied_near(nav, name) >= (1 if name == "pole" else 25), name
 
 

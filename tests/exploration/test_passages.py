@@ -74,3 +74,20 @@ def test_an_office_is_explored_as_far_as_its_doors_let_the_robot(
     assert told["judge"]["reachable_coverage"] > 0.95
     assert len(told["left_out"]) == (0 if is_wide else 6)
     assert (told["judge"]["hidden_coverage"] is None) == is_wide
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_the_map_of_an_office_is_true_to_centimetres(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "office.yaml"
+    path.write_text(office_map(1.2))
+    plan = ExplorationPlan(safety_distance=SAFETY)
+    run = MappingRun(plan, Host(load_map(path), seed=seed), seed=seed)
+    run.run(("", 0))
+    run.judge()
+    told = run.result.to_dict()
+    assert told["judge"]["reachable_coverage"] > 0.95
+    assert told["judge"]["collisions"] == 0
+    assert told["judge"]["misplaced"] < 0.001
+    assert told["pose_errors"]["ate"] < 0.03
+    assert told["pose_errors"]["yaw_deg"] < 0.3

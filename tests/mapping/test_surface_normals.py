@@ -48,7 +48,7 @@ def both_faces(gap: float) -> tuple[Floats, Floats]:
     x = np.arange(-3.0, 3.0, 0.01)
     front = np.column_stack([x, np.zeros_like(x)])
     normals = np.repeat([[0.0, 1.0], [0.0, -1.0]], len(x), axis=0)
-    return np.concatenate([front, front + (0.0, gap)]), normals
+    return np.concatenate([front, front + np.array([0.0, gap])]), normals
 
 
 def test_the_back_of_a_wall_is_not_its_front() -> None:
@@ -91,7 +91,7 @@ def test_thick_echoes_from_both_sides_of_thin_walls_leave_the_pose(look: Look) -
         for dx in np.linspace(-0.6, 0.6, 7).tolist():
             near = Pose2(pose.x + dx, pose.y - dx / 2)
             points = seen(near)
-            known.add(points.places + (near.x, near.y), points.normals)
+            known.add(points.places + np.array([near.x, near.y]), points.normals)
     off = []
     for pose in poses:
         for _ in range(10):
