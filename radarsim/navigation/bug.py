@@ -40,6 +40,7 @@ GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 _MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
 _MOST_OTHERS = 3  # circuits around another obstacle, likewise
+_MOST_MISSES = 3  # leave points that are not found again, likewise
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
 
 
@@ -62,6 +63,7 @@ class Bug(Controller):
         self._circled = StandingObstacle()  # points of the boundary that is followed
         self._gone = 0  # number of obstacles that had gone when they were looked at
         self._hit_place: Point = (math.nan, math.nan)  # on the obstacle, m
+        self._misses = 0  # number of leave points that it did not find again
         self._others = 0  # number of times that another obstacle was circled
 
     def _begin_goal(self, pose: Pose2) -> None:
@@ -161,6 +163,10 @@ class Bug(Controller):
         ):
             return self._conclude(observation)
         if decision is Decision.LEAVE:
+            if policy.missed and self._misses < _MOST_MISSES:
+                # what it hits next it may have circled before
+                self._misses += 1
+                self._change_hand()
             return self._leave(observation)
         if decision is Decision.BACK:
             self._mode = self._mode.reversed
@@ -181,10 +187,21 @@ class Bug(Controller):
         if has_gone or is_other:
             self._gone += has_gone
             self._others += is_other
+            if is_other:
+                self._change_hand()
             self._best_leave = math.inf
             return self._leave(observation)
         self.activity = Activity.NO_PATH
         return STOP
+
+    def _change_hand(self) -> None:
+        """Follow the next boundaries on the other hand, and forget where it has left.
+
+        A gap may be wide enough in one direction and closed in the other, by noise. On
+        the same hand the robot would come back to it.
+        """
+        self._first_mode = FollowMode(wall_on_left=not self._first_mode.wall_on_left)
+        self._best_leave = math.inf
 
     def _follow_boundary(
         self, observation: Observation, obstacle: Observation, step: float

@@ -4,14 +4,20 @@ Theory of operation
 ===================
 A scan tells how far the robot could go in each direction. Where that distance jumps, an
 obstacle ends: its edge is a place that the robot could head for. It heads for the one
-over which the way to the goal is shortest, or for the goal itself if nothing is in
-between. So unlike Bug1 and Bug2 it goes around what it has not yet reached.
+over which the way to the goal is shortest, around all that the scan shows, or for the
+goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around what it has
+not yet reached.
 
-If the way over the best edge becomes longer while it drives, it is in a dead end. Then
-it drives to the obstacle that hides the goal and follows its boundary, on the hand to
-which it was heading, and remembers how near to the goal that boundary comes. As soon as
-it could go straight to a place that is nearer, it does, and never leads farther away
-again: so it ends. Back where it was on the same boundary, there is no path.
+If no edge leads to the goal, or the way over the best edge becomes longer while it
+drives and leads away from the goal, it is in a dead end. Then it drives to the obstacle
+that hides the goal and follows its boundary, on the hand on which the way is shorter,
+and remembers how near to the goal that boundary comes. As soon as it could go straight
+to a place that is nearer, it does, and never leads farther away again: so it ends. Back
+where it was on the same boundary, there is no path.
+
+Noise opens and closes gaps that are about as wide as the robot needs. So an edge is
+kept while the way there is nearly open, and a boundary that is hit where it was just
+left is followed on the same hand, and for a while.
 
 Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
 algorithm, International Journal of Robotics Research 17, 1998.
@@ -23,8 +29,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.geometry import Pose2
-from radarsim.navigation.boundary_policy import Landmark, Step, Trail
+from radarsim.geometry import Floats, Pose2
 from radarsim.navigation.bug import GRAZE, NOISE
 from radarsim.navigation.control import STOP, Twist, bearing_of, distance
 from radarsim.navigation.controller import (
@@ -33,7 +38,7 @@ from radarsim.navigation.controller import (
     ControllerSettings,
     Point,
 )
-from radarsim.navigation.followed_obstacle import FollowedObstacle
+from radarsim.navigation.followed_boundary import FollowedBoundary
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.open_directions import (
     HORIZON,
@@ -41,13 +46,15 @@ from radarsim.navigation.open_directions import (
     leads_too_near,
     open_lengths,
 )
-from radarsim.navigation.standing_obstacle import StandingObstacle
+from radarsim.navigation.tangent_graph import ways_to_goal
 from radarsim.navigation.wall_following import ALIGNED, FollowMode, WallFollower
 
+APART: Final = 0.05  # m beyond the safety distance, from what it passes
 LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
 NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
+AGAIN: Final = 0.5  # m from where a boundary was left: hits there are the same
 _SAME: Final = 0.7  # m within which an edge is the last one
 _MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 
@@ -58,12 +65,13 @@ class TangentBug(Controller):
     def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
         super().__init__(goals, settings)
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._radius = settings.bumpers.safety_distance + GRAZE
+        self._radius = settings.bumpers.safety_distance + APART
         self._edge: Point | None = None  # that it heads for
         self._shortest_way = math.inf  # m; over the best edge, so far
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
-        self._boundary: _Boundary | None = None
+        self._boundary: FollowedBoundary | None = None
+        self._mode = FollowMode(wall_on_left=settings.wall_on_left)
         self._gone = 0
 
     def _begin_goal(self, _: Pose2) -> None:
@@ -83,7 +91,7 @@ class TangentBug(Controller):
         """Head for the goal, or for the edge over which the way there is shortest."""
         point = self._choose(observation)
         if point is None or self._is_held(observation, point):
-            return self._hit(observation, self._edge or self.goals[0])
+            return self._hit(observation)
         return self._head_for(observation, point)
 
     def _choose(self, observation: Observation) -> Point | None:
@@ -97,19 +105,63 @@ class TangentBug(Controller):
             if is_away and directions.reaches(self._place):
                 return self._place
             self._place = None
+        return self._choose_edge(observation, directions)
+
+    def _choose_edge(
+        self, observation: Observation, directions: OpenDirections
+    ) -> Point | None:
+        """Choose the edge over which the way to the goal is shortest; None without."""
         edges = directions.edges()
-        edges = edges[np.hypot(*(edges - goal).T) < self._left_at]
-        if not len(edges):
+        if self._edge is not None and self._is_open(observation, self._edge):
+            edges = np.vstack([edges, self._edge])
+        edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
+        edge, way = self._best_edge(edges, directions, observation.pose)
+        if edge is None or not self._leads_on(edge, way, observation.pose):
             return None
-        ways = np.hypot(*(edges - goal).T) + np.hypot(*(edges - (pose.x, pose.y)).T)
+        self._edge, self._shortest_way = edge, min(self._shortest_way, way)
+        return edge
+
+    def _best_edge(
+        self, edges: Floats, directions: OpenDirections, pose: Pose2
+    ) -> tuple[Point | None, float]:
+        """Return the edge over which the way to the goal is shortest, and that way."""
+        if not len(edges):
+            return None, math.inf
+        ways = ways_to_goal(edges, self.goals[0], directions)
+        ways += np.hypot(*(edges - (pose.x, pose.y)).T)
         if self._edge is not None:
             ways -= KEPT * (np.hypot(*(edges - self._edge).T) < _SAME)
         best = int(ways.argmin())
-        self._edge = (float(edges[best, 0]), float(edges[best, 1]))
-        if ways[best] > self._shortest_way + LONGER:
-            return None
-        self._shortest_way = min(self._shortest_way, float(ways[best]))
-        return self._edge
+        if not math.isfinite(ways[best]):
+            return None, math.inf
+        return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
+
+    def _leads_on(self, edge: Point, way: float, pose: Pose2) -> bool:
+        """Return whether a way over an edge is no longer than it was, or leads nearer.
+
+        A way may become longer when more of an obstacle comes into sight. Then the
+        robot only goes on if that brings it nearer to the goal than it ever was when
+        that happened.
+        """
+        if way <= self._shortest_way + LONGER:
+            return True
+        left = distance(pose, *self.goals[0])
+        if math.dist(edge, self.goals[0]) > left or left > self._left_at - NEARER:
+            return False
+        self._left_at, self._shortest_way = left, way
+        return True
+
+    def _is_open(self, observation: Observation, edge: Point) -> bool:
+        """Return whether an edge that it heads for is still ahead, and in reach.
+
+        By less than the distance at which edges are looked for: noise may close a gap.
+        """
+        pose = observation.pose
+        away = distance(pose, *edge)
+        bearing = np.array([bearing_of(pose, *edge)])
+        radius = self._settings.bumpers.safety_distance - APART
+        (length,) = open_lengths(observation, bearing, radius)
+        return away > ARRIVED and bool(length >= min(away, HORIZON))
 
     def _sees_goal(self, observation: Observation) -> bool:
         """Return whether the way straight to the goal is open."""
@@ -117,7 +169,7 @@ class TangentBug(Controller):
         bearing = bearing_of(observation.pose, *self.goals[0])
         # a goal may be as near to something as the safety distance
         is_last = left < self._settings.bumpers.pressed_below
-        radius = self._radius - (GRAZE + NOISE / 2) * is_last
+        radius = self._radius - (APART + NOISE / 2) * is_last
         (length,) = open_lengths(observation, np.array([bearing]), radius)
         return bool(length >= min(left, HORIZON))
 
@@ -139,25 +191,38 @@ class TangentBug(Controller):
             return Twist(0.0, twist.turn)
         return twist
 
-    def _hit(self, observation: Observation, towards: Point) -> Twist:
-        """Turn to the boundary of what hides the goal, to follow it towards a point."""
-        pose, goal = observation.pose, self.goals[0]
+    def _hit(self, observation: Observation) -> Twist:
+        """Turn to the boundary of what hides the goal, to follow it."""
+        pose = observation.pose
+        is_again = any(distance(pose, *place) < AGAIN for place in self.leave_points)
+        if not is_again:
+            self._mode = FollowMode(wall_on_left=self._is_left(observation))
         self.hit_points.append((pose.x, pose.y))
         self.activity = Activity.ALIGNING
-        offset = bearing_of(pose, *towards) - bearing_of(pose, *goal)
-        is_left = math.sin(offset) < 0 if offset else self._settings.wall_on_left
-        self._boundary = _Boundary(self._follower, FollowMode(wall_on_left=is_left))
+        least = AGAIN if is_again else 0.0
+        self._boundary = FollowedBoundary(self._follower, self._mode, least)
         return STOP
 
+    def _is_left(self, observation: Observation) -> bool:
+        """Return whether to follow a boundary on the left: on the shorter way."""
+        pose, goal = observation.pose, self.goals[0]
+        directions = OpenDirections(observation, self._radius)
+        edge, _ = self._best_edge(directions.edges(), directions, pose)
+        if edge is None:
+            return self._settings.wall_on_left
+        offset = bearing_of(pose, *edge) - bearing_of(pose, *goal)
+        return math.sin(offset) < 0
+
     def _follow(
-        self, observation: Observation, boundary: "_Boundary", step: float
+        self, observation: Observation, boundary: FollowedBoundary, step: float
     ) -> Twist:
         """Follow a boundary until a place nearer to the goal can be gone to."""
         goal = self.goals[0]
-        place = OpenDirections(observation, self._radius).nearest_to(goal)
-        nearer = math.dist(place, goal)
-        if nearer < min(boundary.goal_distance, self._left_at) - NEARER:
-            self._left_at = nearer
+        directions = OpenDirections(observation, self._radius)
+        limit = min(boundary.goal_distance, self._left_at) - NEARER
+        place = directions.place_nearer_than(limit, goal)
+        if place is not None and boundary.travelled >= boundary.least:
+            self._left_at = limit
             return self._leave(observation, place)
         if self._sees_goal(observation) and not self._is_held(observation, goal):
             return self._leave(observation, goal)
@@ -173,7 +238,7 @@ class TangentBug(Controller):
             return self._conclude(observation, boundary)
         return self._follower.step(observation, boundary.mode, part)[0]
 
-    def _approach(self, observation: Observation, boundary: "_Boundary") -> Twist:
+    def _approach(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
         """Drive towards what hides the goal until that is in reach of the bumpers."""
         bearing = bearing_of(observation.pose, *self.goals[0])
         (length,) = open_lengths(observation, np.array([bearing]), self._radius)
@@ -190,7 +255,7 @@ class TangentBug(Controller):
         self._place = place
         return self._head_for(observation, place)
 
-    def _conclude(self, observation: Observation, boundary: "_Boundary") -> Twist:
+    def _conclude(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
         """Conclude that there is no path, unless what was circled has gone."""
         self.circuits += 1
         if self._gone < _MOST_GONE and boundary.circled.has_gone(observation):
@@ -199,61 +264,3 @@ class TangentBug(Controller):
             return self._leave(observation, self.goals[0])
         self.activity = Activity.NO_PATH
         return STOP
-
-
-class _Boundary:
-    """The boundary that is followed, and what is known of it.
-
-    Attributes:
-        mode: How it is followed.
-        goal_distance: Its least distance from the goal so far, m.
-        circled: Points of it, to look at them again.
-    """
-
-    def __init__(self, follower: WallFollower, mode: FollowMode) -> None:
-        self.mode = mode
-        self.goal_distance = -math.inf  # so that it is not left before it is reached
-        self.circled = StandingObstacle()
-        self._follower = follower
-        self._obstacle: FollowedObstacle | None = None
-        self._trail: Trail | None = None
-        self._travelled = 0.0  # m along it
-
-    @property
-    def is_reached(self) -> bool:
-        """Whether the robot is beside it."""
-        return self._obstacle is not None
-
-    def reach(self, observation: Observation, bearing: float) -> None:
-        """Begin beside it, where a bumper is pressed towards a bearing, rad."""
-        point = self._follower.hit_point(observation, self.mode, bearing)
-        place = point.point_from(observation.pose)
-        self._obstacle = FollowedObstacle(place, self._follower)
-        self.goal_distance = math.inf
-
-    def look(self, observation: Observation, goal: Point) -> Observation:
-        """Return the part of a scan that shows it; note its distance from a goal."""
-        assert self._obstacle is not None
-        part = self._obstacle.part_of(observation, self.mode)
-        distances = np.hypot(*(part.points() - goal).T)
-        nearest = float(distances.min(initial=math.inf))
-        self.goal_distance = min(self.goal_distance, nearest)
-        return part
-
-    def closes(self, part: Observation, step: float) -> bool:
-        """Return whether the robot has come back to where it was on it.
-
-        Args:
-            part: The part of the scan that shows it.
-            step: m that the robot has driven since the last scan.
-        """
-        self._travelled += step
-        if nearest := self._follower.boundary(part, self.mode):
-            self.circled.add(nearest.point_from(part.pose), part.pose.yaw)
-        pose, direction = part.pose, self._follower.tangent(part, self.mode)
-        if self._trail is None:
-            offset = self._follower.target_distance
-            hit = Landmark(pose, direction, max_offset=offset)
-            self._trail = Trail(hit, offset)
-        here = Step(pose, step, direction, free=False)
-        return self._trail.closes(here, self._travelled) is not None

@@ -155,6 +155,8 @@ class WallFollower:
             speed = self.speed_limits.speed
             return mode.robot_twist(Twist(speed, speed / self.target_distance)), False
         heading = self._clear_heading(view, self._along(view, boundary))
+        if abs(heading) < ALIGNED and self.bumpers.towards(view, 0.0).too_near:
+            heading = self._way_out(view, heading)
         return mode.robot_twist(self._move(view, heading)), True
 
     def align(
@@ -308,6 +310,17 @@ class WallFollower:
         if not len(clear):
             return heading - ABEAM  # walled in: turn until an opening comes into view
         return float(headings[clear[0]])
+
+    def _way_out(self, view: Observation, heading: float) -> float:
+        """Turn a heading away from the boundary until no bumper there is too near.
+
+        A robot that faces a heading in which something is too near does not move.
+        """
+        for count in range(1, int(2 * math.pi / HEADING_STEP)):
+            other = heading - count * HEADING_STEP
+            if not self.bumpers.towards(view, other).too_near:
+                return other
+        return heading - ABEAM
 
     def _move(self, view: Observation, heading: float) -> Twist:
         twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))

@@ -56,8 +56,66 @@ def test_place_behind_a_pole_is_not_reached_straight(flatland: World) -> None:
     directions = OpenDirections(flatland(POLE, at=Pose2(0.0, 0.0)).scan(), R)
     assert not directions.reaches((5.0, 0.0))
     assert directions.reaches((5.0, 5.0))
-    x, y = directions.nearest_to((5.0, 0.0))
-    assert math.hypot(x - 5, y) < 3.1
+
+
+@pytest.mark.parametrize("limit", [4.5, 3.0, 1.0])
+def test_place_nearer_than_a_limit_can_be_gone_to_straight(
+    flatland: World, limit: float
+) -> None:
+    scan = flatland(POLE, at=Pose2(0.0, 0.0)).scan()
+    goal = (5.0, 1.0)
+    place = OpenDirections(scan, R).place_nearer_than(limit, goal)
+    assert place is not None
+    assert math.dist(place, goal) < limit
+    way = shapely.LineString([(0, 0), place])
+    assert way.distance(POLE) > R - 0.05
+    assert way.length + math.dist(place, goal) < _shortest_way(limit, goal) + 0.3
+
+
+def _shortest_way(limit: float, goal: tuple[float, float]) -> float:
+    """Search for the shortest way over a place that the disc reaches straight."""
+    ways = []
+    for angle in np.radians(np.arange(0, 360, 2)):
+        for length in np.arange(0.1, HORIZON, 0.1):
+            place = (length * math.cos(angle), length * math.sin(angle))
+            if math.dist(place, goal) >= limit:
+                continue
+            if shapely.LineString([(0, 0), place]).distance(POLE) < R:
+                break
+            ways.append(length + math.dist(place, goal))
+    return min(ways)
+
+
+def test_there_may_be_no_place_nearer_than_a_limit(flatland: World) -> None:
+    scan = flatland(POLE, WALL, at=Pose2(0.0, 0.0)).scan()
+    behind = (0.0, 5.0)
+    assert OpenDirections(scan, R).place_nearer_than(2.0, behind) is None
+
+
+def test_walls_are_as_far_from_what_is_seen_as_the_disc(flatland: World) -> None:
+    begins, ends = OpenDirections(flatland(POLE, at=Pose2(0.0, 0.0)).scan(), R).walls()
+    assert len(begins) > 10
+    for point in (*begins, *ends):
+        assert POLE.distance(shapely.Point(point)) == pytest.approx(R, abs=0.05)
+
+
+def test_wall_goes_out_of_sight_behind_a_pole(flatland: World) -> None:
+    directions = OpenDirections(
+        flatland(POLE, shapely.box(5, -9, 5.5, 9), at=Pose2(0.0, 0.0)).scan(), R
+    )
+    ends = directions.hidden_ends()
+    assert len(ends) == 2
+    assert ends[:, 0] == pytest.approx(5 - R, abs=0.1)
+    # the directions that touch the pole
+    reach = math.tan(math.asin((0.5 + R) / 3)) * (5 - R)
+    assert np.sort(ends[:, 1]) == pytest.approx([-reach, reach], abs=0.2)
+
+
+def test_post_beside_a_wall_is_no_edge_of_it(flatland: World) -> None:
+    wall, post = shapely.box(3, -4, 3.2, 0), shapely.box(3, 1.0, 3.2, 1.2)
+    directions = OpenDirections(flatland(wall, post, at=Pose2(0.0, 0.0)).scan(), R)
+    edges = directions.edges()
+    assert all(not -4 < y < 1.2 for _, y in edges)
 
 
 def test_step_towards_something_near_leads_too_near(flatland: World) -> None:
