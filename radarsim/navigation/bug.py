@@ -190,6 +190,7 @@ class Bug(Controller):
             if is_other:
                 self._change_hand()
             self._best_leave = math.inf
+            self._start = observation.pose  # of the line that Bug2 has to meet
             return self._leave(observation)
         self.activity = Activity.NO_PATH
         return STOP
