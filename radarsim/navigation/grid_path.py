@@ -48,6 +48,16 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
     return np.asarray(labels == labels[start])
 
 
+def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
+    """Return whether two cells are both connected with the border of the grid.
+
+    Then a path between them may lead around what the grid shows.
+    """
+    border = np.ones(passable.shape, np.bool_)
+    border[1:-1, 1:-1] = False
+    return all((flood_fill(passable, each) & border).any() for each in (start, end))
+
+
 @njit_cached
 def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
     """Visit cells by cost until one is a target (Dijkstra); return it, or -1.

@@ -5,7 +5,7 @@ Theory of operation
 A cell gains when a beam ends in it, and loses, half as much, when a beam goes through:
 so what has driven away is forgotten, and one stray echo closes nothing for long. Cells
 that nobody has seen are open. The grid covers start and goal and a margin around them;
-what is beyond is left out.
+what is beyond is left out until the grid grows.
 
 A radar that sends its echoes also shows what is behind a first thin hedge: a dead end
 is known before the robot has driven into it.
@@ -40,6 +40,12 @@ class ObstacleGrid:
         self._corner = ends.min(axis=0) - MARGIN
         columns, rows = np.ceil((np.ptp(ends, axis=0) + 2 * MARGIN) / CELL).astype(int)
         self._evidence = np.zeros((rows, columns), np.int16)
+
+    def grow(self) -> None:
+        """Add a margin on all sides; nobody has seen it."""
+        width = round(MARGIN / CELL)
+        self._corner = self._corner - MARGIN
+        self._evidence = np.pad(self._evidence, width)
 
     def add(self, observation: Observation) -> None:
         """Add a scan."""

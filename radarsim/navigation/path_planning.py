@@ -1,8 +1,8 @@
 """Path planning: along the cheapest path to the goal, on the grid as it is seen so far.
 
 What nobody has seen counts as open, so paths are as short as they can be, and are
-planned anew while the robot drives. There is no path if none is left on the grid and
-the robot has stood and looked for a moment.
+planned anew while the robot drives. There is no path if none is left on the grid, nor
+around it, and the robot has stood and looked for a moment.
 """
 
 import math
@@ -19,7 +19,7 @@ from radarsim.navigation.controller import (
     ControllerSettings,
     Point,
 )
-from radarsim.navigation.grid_path import shortest_path
+from radarsim.navigation.grid_path import may_join_outside, shortest_path
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.obstacle_grid import CELL, ObstacleGrid
 from radarsim.navigation.open_directions import leads_too_near
@@ -30,6 +30,7 @@ LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line 
 SURE_AFTER: Final = 5.0  # s without a path after which there is none
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
+_MOST_GROWN: Final = 10  # margins around the first grid
 
 
 class PathPlanning(Controller):
@@ -42,6 +43,7 @@ class PathPlanning(Controller):
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s
         self._hopeless_since: float | None = None  # s
+        self._grown = 0  # number of times that the grid has grown
 
     def _begin_goal(self, _: Pose2) -> None:
         self._planned = -math.inf
@@ -72,6 +74,12 @@ class PathPlanning(Controller):
         self._path = self._grid.centres(shortest_path(cost, start, targets))
         if len(self._path):
             self._path[-1] = goal
+        elif self._grown < _MOST_GROWN and may_join_outside(
+            np.isfinite(cost), start, end
+        ):
+            self._grid.grow()
+            self._grown += 1
+            self._hopeless_since = None
 
     def _look(self, observation: Observation) -> Twist:
         """Stand where there is no path; if none appears, there is none."""

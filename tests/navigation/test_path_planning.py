@@ -13,6 +13,7 @@ from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.controller import Activity, ControllerSettings
 from radarsim.navigation.observation import Observation
+from radarsim.navigation.grid_path import may_join_outside
 from radarsim.navigation.obstacle_grid import ObstacleGrid
 from radarsim.navigation.options import Algorithm
 from radarsim.navigation.path_planning import PathPlanning
@@ -77,6 +78,17 @@ def test_closed_box_has_no_path(
 
 
 @pytest.mark.slow
+def test_way_around_a_wall_longer_than_the_grid_is_found(flatland: World) -> None:
+    wall = shapely.box(1.5, -9.5, 1.7, 30)
+    world = flatland(wall, at=Pose2(0.0, 0.0))
+    planned = planning((3.2, 0.0))
+    world.run(planned, steps=3000)
+    assert planned.activity is Activity.REACHED
+    assert world.length < 1.2 * shapely.LineString([(0, 0), (1.6, -10)]).length * 2
+    assert world.nearest > 0.4
+
+
+@pytest.mark.slow
 def test_waypoints_are_reached_in_turn(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-4.0, -4.0))
     goals = [(-4.0, 4.0), (4.0, 4.0)]
@@ -107,6 +119,29 @@ def test_what_has_driven_away_is_forgotten() -> None:
         grid.add(Observation(0.0, pose, bearings, np.full(1, length)))
     assert cost_is_open(grid, (2.0, 0.0))
     assert not cost_is_open(grid, (4.0, 0.0))
+
+
+def test_grid_keeps_what_it_has_seen_when_it_grows() -> None:
+    grid = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)])
+    grid.add(Observation(0.0, Pose2(0.0, 0.0), np.zeros(1), np.full(1, 2.0)))
+    shape = grid.cost(0.3).shape
+    far = grid.cell((0.0, -12.0))
+    grid.grow()
+    assert np.array(grid.cost(0.3).shape).tolist() == [n + 160 for n in shape]
+    assert not cost_is_open(grid, (2.0, 0.0))
+    assert grid.cell((0.0, -12.0)) != far
+    assert grid.centres(np.array([grid.cell((0.0, -12.0))]))[0] == pytest.approx(
+        [0.0, -12.0], abs=0.051
+    )
+
+
+def test_only_what_is_open_to_the_border_may_be_joined_outside() -> None:
+    rows, columns = np.indices((20, 30))
+    wall = columns == 15
+    assert may_join_outside(~wall, (10, 5), (10, 25))
+    ring = np.maximum(abs(rows - 10), abs(columns - 22)) == 3
+    assert not may_join_outside(~ring, (10, 5), (10, 22))
+    assert not may_join_outside(~ring, (10, 22), (10, 5))
 
 
 def cost_is_open(grid: ObstacleGrid, point: tuple[float, float]) -> bool:
