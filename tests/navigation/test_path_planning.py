@@ -12,8 +12,8 @@ from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumpers
 from radarsim.navigation.control import SpeedLimits
 from radarsim.navigation.controller import Activity, ControllerSettings
-from radarsim.navigation.observation import Observation
 from radarsim.navigation.grid_path import may_join_outside
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.obstacle_grid import ObstacleGrid
 from radarsim.navigation.options import Algorithm
 from radarsim.navigation.path_planning import PathPlanning
