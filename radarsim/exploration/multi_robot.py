@@ -27,7 +27,7 @@ from radarsim.exploration.traversability import Point
 from radarsim.exploration.unexplored_area import find_unexplored
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.mapping.keyframes import Keyframe, KeyframeMap
-from radarsim.mapping.map_alignment import align, refine
+from radarsim.mapping.map_alignment import VIEWS, align, refine
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.shared_map import RobotMap, SharedMap
 from radarsim.mapping.slam import FIRST_KEYFRAMES
@@ -36,7 +36,7 @@ from radarsim.navigation.runner import TripMeter
 from radarsim.suggestions import expected_one_of
 
 STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
-RETRY: Final = 0.5  # m of path between two attempts to align a robot's map
+RETRY: Final = 1.0  # m of path, of it and of others, between two attempts to align one
 REFINE: Final = 5.0  # m of path after which an aligned map is fitted anew
 NEWS: Final = 0.01, 0.001  # m and rad by which a map has to be off for that to count
 
@@ -78,6 +78,7 @@ class MultiRobotExploration:
         self._board = TargetBoard(robots)
         self.robots = [self._exploration(k) for k in range(robots)]
         self._next_station = [0.0] * robots
+        self._attempts = [0] * robots
         self._latest: dict[int, Observation] = {}
 
     @property
@@ -199,6 +200,9 @@ class MultiRobotExploration:
         if number == 0 or len(known) < FIRST_KEYFRAMES:
             return
         station = known.keyframes[-1].station
+        # A robot that waits sees nothing new, but others may come to where it was.
+        if map_.frame is None:
+            station += sum(self._station(k) for k in self._placed())
         if station < self._next_station[number]:
             return
         reference = self._reference(number)
@@ -207,10 +211,20 @@ class MultiRobotExploration:
             self._refine(number, reference)
             return
         self._next_station[number] = station + RETRY
-        frame = align(reference, known, map_.frame_pose)
+        if self._try_to_align(number, reference):
+            self._next_station[number] = known.keyframes[-1].station + REFINE
+
+    def _try_to_align(self, number: int, reference: Sequence[Keyframe]) -> bool:
+        """Find where the robot's map is on the shared one; return whether it is known.
+
+        Each attempt looks at another place.
+        """
+        map_, attempt = self.maps[number], self._attempts[number]
+        self._attempts[number] += 1
+        frame = align(reference, self._keyframes(number), map_.frame_pose, attempt)
         if frame is not None:
             map_.align(frame)
-            self._next_station[number] = station + REFINE
+        return frame is not None
 
     def _refine(self, number: int, reference: Sequence[Keyframe]) -> None:
         map_ = self.maps[number]
@@ -223,11 +237,23 @@ class MultiRobotExploration:
     def _reference(self, number: int) -> list[Keyframe]:
         """Return the keyframes of all other robots that are on the shared map."""
         return [
-            Keyframe(map_.frame.compose(each.pose), each.points, each.station)
-            for other, map_ in enumerate(self.maps)
-            if other != number and map_.frame is not None
+            Keyframe(
+                self.maps[other].frame_pose.compose(each.pose),
+                each.points,
+                each.station,
+            )
+            for other in self._placed()
+            if other != number
             for each in self._keyframes(other).keyframes
         ]
+
+    def _placed(self) -> list[int]:
+        """Return the numbers of the robots that are on the shared map."""
+        return [k for k, map_ in enumerate(self.maps) if map_.frame is not None]
+
+    def _station(self, number: int) -> float:
+        known = self._keyframes(number)
+        return known.keyframes[-1].station if len(known) else 0.0
 
     def _keyframes(self, number: int) -> KeyframeMap:
         mapper = self.robots[number].mapper
@@ -236,8 +262,12 @@ class MultiRobotExploration:
     def _finish(self) -> None:
         """Complete the map, with what is known now of where the robots were."""
         for number in range(1, len(self.maps)):
-            if len(self._keyframes(number)):
-                self._refine(number, self._reference(number))
+            reference = self._reference(number)
+            if not len(self._keyframes(number)):
+                continue
+            if self.maps[number].frame is None:
+                any(self._try_to_align(number, reference) for _ in range(VIEWS))
+            self._refine(number, reference)
         for map_ in self.maps:
             map_.finish()
 

@@ -104,14 +104,14 @@ def find_pose(
         The fit; None if too few points fit, or the place is a corridor.
     """
     points, pose = keyframe.points, keyframe.pose
-    starts = _starts(pose, distance, turn)
+    starts = starts_around(pose, distance, turn)
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
     found = fit(table, points, start, pose, np.array([distance, distance, turn]))
     is_sure = found.inliers >= MIN_INLIERS and found.evenness >= MIN_EVENNESS
     return found if is_sure else None
 
 
-def _starts(pose: Pose2, distance: float, turn: float) -> Floats:
+def starts_around(pose: Pose2, distance: float, turn: float) -> Floats:
     """Return poses all around a pose, (S, 3)."""
     shifts = _steps(distance, STEP)
     x, y, yaw = np.meshgrid(shifts, shifts, _steps(turn, TURN_STEP))

@@ -2,31 +2,58 @@
 
 Theory of operation
 ===================
-What a robot has seen last is matched with a map of the points of others, at poses all
-around the one that the start poses of the robots give; as a loop closure, the match
-counts only where most points fit, and not in a corridor. From then on the robot's whole
-map is fitted from time to time, as the maps that overlap grow.
+What a robot has seen from a place of its path is matched with a map of the points of
+others, at poses all around the one that the start poses of the robots give. Not how
+many points fit decides, since most of them may be where no other robot has been, but
+how many of those that the others must have seen are there (``overlap``). A match counts
+where nearly all of them are, where it is no corridor, and where no other pose nearby
+does about as well, as it would in a row of equal pillars.
+
+From then on the robot's whole map is fitted from time to time, as the maps that overlap
+grow.
 """
 
 from collections.abc import Sequence
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from radarsim.geometry import Pose2
-from radarsim.mapping.keyframes import Keyframe, KeyframeMap, joined, map_of
-from radarsim.mapping.loop_closure import MIN_EVENNESS, find_pose, latest_keyframe
-from radarsim.mapping.scan_matching import fit
+from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap, map_of, moved, turned
+from radarsim.mapping.loop_closure import MIN_EVENNESS, starts_around
+from radarsim.mapping.overlap import Agreement, SeenArea
+from radarsim.mapping.point_map import Table
+from radarsim.mapping.scan_matching import ScanPoints, best_start, fit
 
 MAX_DISTANCE: Final = 1.5  # m by which the first guess may be off
 MAX_TURN: Final = 0.2  # rad
+FARTHEST: Final = 1.5  # by which a fit may be farther away, in these
+VIEW_LENGTH: Final = 3.0  # m of path whose keyframes are matched together
+VIEW_POINTS: Final = 600  # of these, that are matched
+RIVALS: Final = 2  # other poses that are compared, at most
+COARSE: Final = 5  # of so many poses, one is where a rival is looked for
+APART: Final = 0.4  # m between poses that are compared, at least
+VIEWS: Final = 4  # that are tried in turn
+MIN_OVERLAP: Final = 40  # points of a view in the area that others saw, by the guess
+MIN_SEEN: Final = 120  # points of a view in the area that others saw
+MIN_SHARE: Final = 0.8  # of these that are there; at wrong poses up to 0.75 were
+MIN_LEAD: Final = 0.1  # by which that share is above the next pose's
 MAX_POINTS: Final = 3000  # of a whole map
 MIN_FITTING: Final = 300  # points of a whole map that have to fit
 SIGMA: Final = (0.2, 0.2, 0.03)  # m, m and rad; of a frame that is known
 
 
+class _Candidate(NamedTuple):
+    """A pose at which a view may be, from where it was found, and how it agrees."""
+
+    start: Pose2
+    pose: Pose2
+    agreement: Agreement
+
+
 def align(
-    reference: Sequence[Keyframe], known: KeyframeMap, guess: Pose2
+    reference: Sequence[Keyframe], known: KeyframeMap, guess: Pose2, attempt: int = 0
 ) -> Pose2 | None:
     """Find where a robot's map is on another one, knowing about where it is.
 
@@ -34,17 +61,136 @@ def align(
         reference: Keyframes of the other map, their poses on it.
         known: Keyframes of the robot.
         guess: About where the origin of its map is on the other one, within 1.5 m and
-            11°, seen from the robot's last keyframe.
+            11°, seen from the robot's keyframes.
+        attempt: Number of the attempt, from 0: each takes long, and tries one place of
+            the path, the one with the greatest overlap by the guess, and others.
 
     Returns:
         The pose of its origin; None if the maps do not overlap enough to be sure.
     """
-    latest = latest_keyframe(known)
-    own = latest.pose
-    table = map_of(list(reference)).table
-    there = Keyframe(guess.compose(own), latest.points, latest.station)
-    found = find_pose(table, there, MAX_DISTANCE, MAX_TURN)
-    return None if found is None else _frame(found.pose, own)
+    if not reference:
+        return None
+    area = SeenArea(reference)
+    views = _views(known, area, guess)
+    if not views:
+        return None
+    view = views[attempt % min(len(views), VIEWS)]
+    there = Keyframe(guess.compose(view.pose), view.points, view.station)
+    found = _find(map_of(list(reference)).table, area, there)
+    return None if found is None else _frame(found, view.pose)
+
+
+def _views(known: KeyframeMap, area: SeenArea, guess: Pose2) -> list[Keyframe]:
+    """Return what the robot has seen from where, the greatest overlap first."""
+    chosen = [known.keyframes[-1]]
+    for each in reversed(known.keyframes):
+        if chosen[-1].station - each.station >= VIEW_LENGTH / 2:
+            chosen.append(each)
+    views = [_view(known, each) for each in chosen]
+    overlaps = [
+        np.count_nonzero(area.sees(moved(view.points.places, guess.compose(view.pose))))
+        for view in views
+    ]
+    order = np.argsort(overlaps, kind="stable")[::-1]
+    return [views[k] for k in order.tolist() if overlaps[k] >= MIN_OVERLAP]
+
+
+def _view(known: KeyframeMap, middle: Keyframe) -> Keyframe:
+    """Return a keyframe with points of those shortly before and after it, too."""
+    near = [
+        each
+        for each in known.keyframes
+        if abs(each.station - middle.station) <= VIEW_LENGTH / 2
+    ]
+    points = _points(near, middle.pose, VIEW_POINTS)
+    return Keyframe(middle.pose, points, middle.station)
+
+
+def _points(keyframes: Sequence[Keyframe], pose: Pose2, most: int) -> ScanPoints:
+    """Return points of keyframes as seen from a pose, at most about a number."""
+    places, along = [], []
+    for each in keyframes:
+        motion = each.pose.relative_to(pose)
+        places.append(moved(each.points.places, motion))
+        along.append(turned(each.points.along, motion.yaw))
+    step = 1 + sum(map(len, places)) // most
+    return keyframes[0].points._replace(
+        places=np.ascontiguousarray(np.concatenate(places)[::step]),
+        along=np.ascontiguousarray(np.concatenate(along)[::step]),
+    )
+
+
+def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
+    """Find where a view is, near its pose; None if that is not sure."""
+    # Spots count, even where the robot's own poses are found without them: what would
+    # be wrong then is found out by its agreement.
+    view = replace(view, points=view.points._replace(spots=True))
+    starts = starts_around(view.pose, MAX_DISTANCE, MAX_TURN)
+    first = _candidate(table, area, view, starts)
+    seen, share = first.agreement
+    if seen < MIN_SEEN or share < MIN_SHARE or not _is_near(first.pose, view.pose):
+        return None
+    if _evenness(table, area, view, first.pose) < MIN_EVENNESS:
+        return None
+    starts = _away(starts, first)[::COARSE]
+    for _ in range(RIVALS):
+        if not len(starts):
+            break
+        rival = _candidate(table, area, view, starts)
+        starts = _away(starts, rival)
+        if _distance(rival.pose, first.pose) > APART and _is_as_good(
+            rival.agreement, first.agreement
+        ):
+            return None
+    return first.pose
+
+
+def _candidate(
+    table: Table, area: SeenArea, view: Keyframe, starts: Floats
+) -> _Candidate:
+    """Return the best pose of a view that is near any of some, (S, 3)."""
+    points = view.points
+    start = Pose2(*starts[best_start(table, points, starts)].tolist())
+    sigma = np.array([MAX_DISTANCE, MAX_DISTANCE, MAX_TURN])
+    found = fit(table, points, start, view.pose, sigma)
+    agreement = area.compare(moved(points.places, found.pose))
+    return _Candidate(start, found.pose, agreement)
+
+
+def _is_near(pose: Pose2, guess: Pose2) -> bool:
+    """Return whether a pose is about where it was looked for; fits may run away."""
+    distance, turn = _distance(pose, guess), abs(wrap_angle(pose.yaw - guess.yaw))
+    return distance < FARTHEST * MAX_DISTANCE and turn < FARTHEST * MAX_TURN
+
+
+def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> float:
+    """Return the evenness of a view at a pose, by what others have seen alone.
+
+    What is beyond a thin wall may continue the walls on this side of it.
+    """
+    points = view.points
+    seen = area.sees(moved(points.places, pose))
+    places, along = (np.ascontiguousarray(rows[seen]) for rows in points[:2])
+    points = points._replace(places=places, along=along)
+    return fit(table, points, pose, pose, np.array(SIGMA)).evenness
+
+
+def _is_as_good(rival: Agreement, first: Agreement) -> bool:
+    """Return whether a pose agrees about as well as another one, or better."""
+    is_near = rival.share > first.share - MIN_LEAD
+    return rival.seen >= MIN_SEEN and is_near
+
+
+def _away(starts: Floats, candidate: _Candidate) -> Floats:
+    """Return the poses, (S, 3), that are apart from one and from where it began."""
+    for pose in (candidate.start, candidate.pose):
+        distances = np.hypot(starts[:, 0] - pose.x, starts[:, 1] - pose.y)
+        starts = starts[distances > APART]
+    return starts
+
+
+def _distance(one: Pose2, other: Pose2) -> float:
+    return float(np.hypot(one.x - other.x, one.y - other.y))
 
 
 def refine(
@@ -61,7 +207,7 @@ def refine(
         A better pose; None if the maps do not overlap enough.
     """
     own = known.keyframes[-1].pose
-    points = joined(known.keyframes, own, MAX_POINTS)
+    points = _points(known.keyframes, own, MAX_POINTS)
     start = frame.compose(own)
     found = fit(map_of(list(reference)).table, points, start, start, np.array(SIGMA))
     fitting = found.inliers * len(points.places)

@@ -1,6 +1,7 @@
 """Several robots that make one map, in lockstep with a simulated server."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,43 @@ def test_two_robots_make_one_map(empty_room: Scene) -> None:
     assert first.grid is second.grid is made.exploration.shared.grid
     ends = [trajectory.poses[-1].y for trajectory in made.result.trajectories.values()]
     assert ends == pytest.approx([0.0, 3.5], abs=0.05)
+
+
+def three_rooms(starts: Sequence[float]) -> str:
+    """Return the map file of three rooms in a row, with robots at some places, x."""
+    walls = [(x, 0.0, 0.1, 6.1) for x in (-9, 9)]
+    walls += [(0.0, y, 18.1, 0.1) for y in (-3, 3)]
+    # The doors are far apart: from the first room nobody sees the third one.
+    walls += [(-3, -1.0, 0.1, 4.0), (-3, 2.75, 0.1, 0.5)]
+    walls += [(3, 1.0, 0.1, 4.0), (3, -2.75, 0.1, 0.5)]
+    walls += [(-5, -2, 0.6, 1.0), (0, 0.3, 0.4, 0.4), (6, 1.5, 1.2, 0.5)]
+    objects = "".join(
+        f"  - {{name: wall_{i}, box: [{length}, {width}, 1.4],"
+        f" position: [{x}, {y}, 0.7], material: wall}}\n"
+        for i, (x, y, length, width) in enumerate(walls)
+    )
+    names = "".join(
+        f"  - {{name: RobotStart{k}, position: [{x}, {y}, 0]}}\n"
+        for k, (x, y) in enumerate(((x, 1.7 - 1.7 * (x > 0)) for x in starts), 1)
+    )
+    return (
+        "version: 1\nmaterials:\n  wall: {density: opaque}\nobjects:\n"
+        "  - {name: floor, box: [30, 30, 0.2], position: [0, 0, -0.1],"
+        f" material: wall}}\n{objects}starts:\n{names}"
+    )
+
+
+def test_a_robot_is_on_the_map_by_what_others_than_the_first_one_have_seen(
+    tmp_path: Path,
+) -> None:
+    aligned = []
+    for starts in ((-6, 6), (-6, 0, 6)):
+        path = tmp_path / "rooms.yaml"
+        path.write_text(three_rooms(starts))
+        made = run(load_map(path), len(starts), time_limit=1.2)
+        aligned.append(json.loads(made.result.to_json())["robots"][-1]["aligned"])
+    assert aligned[0] is None
+    assert aligned[1] == pytest.approx([0, 0, 0], abs=0.1)
 
 
 def test_each_robot_needs_a_start(empty_room: Scene) -> None:

@@ -1,10 +1,11 @@
 """Maps of several robots: where they are on each other, and what is on them."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from flat_world import Look, box
+from flat_world import ROOM, Look, box
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.mapping.keyframes import Keyframe
@@ -12,11 +13,14 @@ from radarsim.mapping.map_alignment import align, refine
 from radarsim.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.mapping.scan import BeamEnd
 from radarsim.mapping.shared_map import SharedMap, without_discs
-from radarsim.mapping.slam import Slam, SlamSettings
+from radarsim.mapping.slam import MotionSource, Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory
 
 POSES = [Pose2(-4.0 + 0.3 * k, 2.0 + 0.1 * k, 0.05 * k) for k in range(12)]
 FRAME = Pose2(0.7, -0.5, 0.1)  # of the second robot's map on that of the first
+
+# What is left of a wall, at x = 6, beside a door of 2 m.
+DOOR: Floats = np.array([[[6, -4], [6, -2]], [[6, 0], [6, 4]]], np.float64)
 
 
 def slam_of(look: Look, walls: Floats, frame: Pose2) -> Slam:
@@ -49,6 +53,62 @@ def test_a_map_is_aligned_by_what_both_robots_see(look: Look, room: Floats) -> N
 def test_a_map_is_not_aligned_along_a_corridor(look: Look, corridor: Floats) -> None:
     known = slam_of(look, corridor / 4, FRAME).keyframes
     assert align(keyframes_of(look, corridor / 4), known, Pose2(0.0, 0.0)) is None
+
+
+def drive(
+    look: Look, walls: Floats, poses: Sequence[Pose2], source: MotionSource
+) -> Slam:
+    """Let a robot drive that knows well where it is."""
+    slam = Slam(SlamSettings(motion_source=source), poses[0])
+    for k, pose in enumerate(poses):
+        slam.step(look(walls, pose, time=0.1 * k), pose)
+    return slam
+
+
+def line(x: float, y: float, dx: float, count: int = 12) -> list[Pose2]:
+    return [Pose2(x + dx * k, y, 0.02 * k) for k in range(count)]
+
+
+@pytest.mark.parametrize("source", ["odometry", "none"])
+def test_a_map_is_aligned_by_a_place_that_the_robot_has_left(
+    look: Look, source: MotionSource
+) -> None:
+    # The second robot leaves the room, which the first one has seen, by a door.
+    hidden = np.concatenate([box(9, 0, 6, 8), box(10, 2, 1, 1)])
+    room = np.concatenate([ROOM[:1], ROOM[2:4], ROOM[4:], DOOR, hidden[:3], hidden[4:]])
+    reference = drive(look, room, line(-4, -3, 0.2), "odometry").keyframes.keyframes
+    path = [*line(2, -1, 0.3), *line(5.6, -1, 0.3)]
+    known = drive(look, room, path, source).keyframes
+    guesses = [Pose2(0.6, -0.4, 0.05), Pose2(-0.5, 0.3, -0.06)]
+    for guess in guesses:
+        tried = [align(reference, known, guess, attempt) for attempt in range(4)]
+        found = [frame for frame in tried if frame is not None]
+        assert found
+        for frame in found:
+            assert (frame.x, frame.y) == pytest.approx((0.0, 0.0), abs=0.06)
+            assert frame.yaw == pytest.approx(0.0, abs=0.01)
+
+
+def test_rooms_that_look_alike_are_not_taken_for_each_other(look: Look) -> None:
+    # A wall of 0.12 m is between them, which each robot sees from its side.
+    rooms = np.concatenate([box(x, 0, 4, 4) for x in (-2.06, 2.06)])
+    desks = np.concatenate([box(x, 1.5, 1, 0.5) for x in (-2.0, 2.12)])
+    walls = np.concatenate([rooms, desks])
+    reference = drive(look, walls, line(-3, -1, 0.15), "odometry").keyframes.keyframes
+    known = drive(look, walls, line(1.12, -1, 0.15), "odometry").keyframes
+    for x, y in ((0.0, 0.0), (-1.4, 0.0), (-1.0, 0.8), (0.9, -0.4)):
+        for attempt in range(4):
+            assert align(reference, known, Pose2(x, y), attempt) is None
+
+
+def test_a_map_is_not_aligned_where_two_places_fit_as_well(look: Look) -> None:
+    # Equal pillars at equal distances: any two places a metre apart look the same.
+    pillars = [box(x, y, 0.2, 0.2) for x in range(-60, 60) for y in (-1, 1)]
+    walls = np.concatenate([*pillars, [[[-99, -2], [99, -2]], [[-99, 2], [99, 2]]]])
+    reference = drive(look, walls, line(-2, 0, 0.2), "odometry").keyframes.keyframes
+    known = drive(look, walls, line(-1, 0, 0.2), "odometry").keyframes
+    for x in (0.0, 0.5, -0.9):
+        assert align(reference, known, Pose2(x, 0.0)) is None
 
 
 def test_maps_without_overlap_are_not_refined(look: Look, room: Floats) -> None:
