@@ -38,6 +38,7 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
     scene = result.scene
     trajectories = result.trajectories or {1: mapper.trajectory}
     paths = [each.rows() for each in trajectories.values()]
+    robots = tuple(trajectories) if result.robots > 1 else ()
     return MapView(
         mapper.grid,
         joined(paths),
@@ -47,6 +48,7 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         _summary(result),
         () if scene is None else tuple(scene.parts),
         0.0 if scene is None else _sensor_height(result, mapper),
+        robots,
     )
 
 
@@ -63,9 +65,12 @@ def headline(result: MappingResult, mapper: Mapper) -> str:
 
 
 def who_maps_what(result: MappingResult) -> str:
-    """Return the robot and the scene, in words."""
-    who = result.robot_class or "a robot that another client drives"
+    """Return the robot, or the robots, and the scene, in words."""
     where = "what it senses" if result.scene is None else result.scene.name
+    if result.robots > 1:
+        where = "what they sense" if result.scene is None else where
+        return f"{result.robots} robots {result.robot_class} map {where}"
+    who = result.robot_class or "a robot that another client drives"
     return f"{who[0].upper()}{who[1:]} maps {where}"
 
 

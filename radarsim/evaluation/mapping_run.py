@@ -107,6 +107,11 @@ class MappingResult:
         return result
 
     @property
+    def robots(self) -> int:
+        """Number of robots that explored."""
+        return 1
+
+    @property
     def trajectories(self) -> dict[int, Trajectory]:
         """The estimated trajectory of each robot on the map, map frame, from 1."""
         return {} if self.mapper is None else {1: self.mapper.trajectory}

@@ -64,6 +64,11 @@ class MultiRobotResult(MappingResult):
     exploration: MultiRobotExploration | None = None
 
     @property
+    def robots(self) -> int:
+        """Number of robots that explored, on the map or not."""
+        return len(self._placed())
+
+    @property
     def trajectories(self) -> dict[int, Trajectory]:
         """The trajectory of each robot that is on the map, map frame, from 1."""
         return {

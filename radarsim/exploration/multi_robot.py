@@ -170,8 +170,11 @@ class MultiRobotExploration:
                     del driving[number]
                     continue
                 self._latest[number] = step.observation
-                if self.maps[number].is_merged:
-                    self._board.poses[number] = step.observation.pose
+                self._board.note_pose(
+                    number,
+                    step.observation.pose,
+                    is_on_map=self.maps[number].is_merged,
+                )
                 observe(number, step)
                 self._align(number)
 

@@ -157,6 +157,10 @@ class PathFollower:
         twist = settings.speed_limits.towards(bearing)
         return settings.limit_by_bumpers(observation, twist)
 
+    def pause(self, observation: Observation) -> None:
+        """Note that the robot stands for a while, which is no lack of progress."""
+        self._last_progress = observation.time, observation.pose
+
     def _next_point(self, pose: Pose2) -> Point:
         """Return the point to head for: as far along the path as the line is open."""
         assert self.floor is not None

@@ -20,11 +20,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.mapping.keyframes import Keyframe, KeyframeMap, map_of, moved, turned
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap, joined, map_of, moved
 from radarsim.mapping.loop_closure import MIN_EVENNESS, starts_around
 from radarsim.mapping.overlap import Agreement, SeenArea
 from radarsim.mapping.point_map import Table
-from radarsim.mapping.scan_matching import ScanPoints, best_start, fit
+from radarsim.mapping.scan_matching import best_start, fit
 
 MAX_DISTANCE: Final = 1.5  # m by which the first guess may be off
 MAX_TURN: Final = 0.2  # rad
@@ -39,6 +39,7 @@ MIN_OVERLAP: Final = 40  # points of a view in the area that others saw, by the 
 MIN_SEEN: Final = 120  # points of a view in the area that others saw
 MIN_SHARE: Final = 0.8  # of these that are there; at wrong poses up to 0.75 were
 MIN_LEAD: Final = 0.1  # by which that share is above the next pose's
+MIN_CONFIRMED: Final = 0.8  # of the points that are there, by a pose as good as another
 MAX_POINTS: Final = 3000  # of a whole map
 MIN_FITTING: Final = 300  # points of a whole map that have to fit
 SIGMA: Final = (0.2, 0.2, 0.03)  # m, m and rad; of a frame that is known
@@ -102,22 +103,8 @@ def _view(known: KeyframeMap, middle: Keyframe) -> Keyframe:
         for each in known.keyframes
         if abs(each.station - middle.station) <= VIEW_LENGTH / 2
     ]
-    points = _points(near, middle.pose, VIEW_POINTS)
+    points = joined(near, middle.pose, VIEW_POINTS)
     return Keyframe(middle.pose, points, middle.station)
-
-
-def _points(keyframes: Sequence[Keyframe], pose: Pose2, most: int) -> ScanPoints:
-    """Return points of keyframes as seen from a pose, at most about a number."""
-    places, along = [], []
-    for each in keyframes:
-        motion = each.pose.relative_to(pose)
-        places.append(moved(each.points.places, motion))
-        along.append(turned(each.points.along, motion.yaw))
-    step = 1 + sum(map(len, places)) // most
-    return keyframes[0].points._replace(
-        places=np.ascontiguousarray(np.concatenate(places)[::step]),
-        along=np.ascontiguousarray(np.concatenate(along)[::step]),
-    )
 
 
 def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
@@ -157,6 +144,18 @@ def _candidate(
     return _Candidate(start, found.pose, agreement)
 
 
+def _away(starts: Floats, candidate: _Candidate) -> Floats:
+    """Return the poses, (S, 3), that are apart from one and from where it began."""
+    for pose in (candidate.start, candidate.pose):
+        distances = np.hypot(starts[:, 0] - pose.x, starts[:, 1] - pose.y)
+        starts = starts[distances > APART]
+    return starts
+
+
+def _distance(one: Pose2, other: Pose2) -> float:
+    return float(np.hypot(one.x - other.x, one.y - other.y))
+
+
 def _is_near(pose: Pose2, guess: Pose2) -> bool:
     """Return whether a pose is about where it was looked for; fits may run away."""
     distance, turn = _distance(pose, guess), abs(wrap_angle(pose.yaw - guess.yaw))
@@ -170,27 +169,19 @@ def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> floa
     """
     points = view.points
     seen = area.sees(moved(points.places, pose))
-    places, along = (np.ascontiguousarray(rows[seen]) for rows in points[:2])
-    points = points._replace(places=places, along=along)
+    columns = (np.ascontiguousarray(rows[seen]) for rows in points[:3])
+    places, along, normals = columns
+    points = points._replace(places=places, along=along, normals=normals)
     return fit(table, points, pose, pose, np.array(SIGMA)).evenness
 
 
 def _is_as_good(rival: Agreement, first: Agreement) -> bool:
-    """Return whether a pose agrees about as well as another one, or better."""
+    """Return whether a pose agrees about as well as another one, or better.
+
+    It does if nearly as many points are there, and nearly as large a share.
+    """
     is_near = rival.share > first.share - MIN_LEAD
-    return rival.seen >= MIN_SEEN and is_near
-
-
-def _away(starts: Floats, candidate: _Candidate) -> Floats:
-    """Return the poses, (S, 3), that are apart from one and from where it began."""
-    for pose in (candidate.start, candidate.pose):
-        distances = np.hypot(starts[:, 0] - pose.x, starts[:, 1] - pose.y)
-        starts = starts[distances > APART]
-    return starts
-
-
-def _distance(one: Pose2, other: Pose2) -> float:
-    return float(np.hypot(one.x - other.x, one.y - other.y))
+    return is_near and rival.confirmed > MIN_CONFIRMED * first.confirmed
 
 
 def refine(
@@ -207,7 +198,7 @@ def refine(
         A better pose; None if the maps do not overlap enough.
     """
     own = known.keyframes[-1].pose
-    points = _points(known.keyframes, own, MAX_POINTS)
+    points = joined(known.keyframes, own, MAX_POINTS)
     start = frame.compose(own)
     found = fit(map_of(list(reference)).table, points, start, start, np.array(SIGMA))
     fitting = found.inliers * len(points.places)

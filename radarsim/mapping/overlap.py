@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.keyframes import Keyframe, on_map, turned
+from radarsim.mapping.keyframes import Keyframe, moved, turned
 from radarsim.mapping.occupancy_grid import Mask
 
 SECTORS: Final = 180  # in which the nearest point of a keyframe bounds what it saw
@@ -37,6 +37,11 @@ class Agreement(NamedTuple):
     seen: int
     share: float
 
+    @property
+    def confirmed(self) -> float:
+        """Number of the points that are near a point of the keyframes."""
+        return self.seen * self.share
+
 
 class SeenArea:
     """The area that some keyframes have seen, and their points."""
@@ -47,7 +52,9 @@ class SeenArea:
         Args:
             keyframes: At least one, each with at least one point.
         """
-        self._points = KDTree(np.concatenate([on_map(each) for each in keyframes]))
+        self._points = KDTree(
+            np.concatenate([moved(each.points.places, each.pose) for each in keyframes])
+        )
         self._near = np.concatenate([_near(each.points.places) for each in keyframes])
         chosen = _some(keyframes)
         self._poses = [each.pose for each in chosen]

@@ -25,9 +25,9 @@ from radarsim.plotting.outlines import Outline, outlines_extent
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     INK,
-    MAPPED_PATH,
     NOT_SENSED,
     PAPER,
+    ROBOT_PATHS,
     TRUE_OUTLINE,
     Family,
 )
@@ -57,6 +57,7 @@ _SHADES: Final = np.array(
     [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
     np.uint8,
 )
+_DASHES: Final = ("-", "--", "-.", ":")  # of robots whose paths share a colour
 _TRUTH: Final[dict[str, Any]] = {"color": TRUE_OUTLINE, "linewidth": 0.9}
 _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
@@ -85,6 +86,7 @@ class MapView:
         subtitle: A further line; empty for none.
         parts: Parts of the scene whose objects are named; none for no names.
         height: Height at which the sensor cuts them, m, map frame.
+        robots: Numbers of the robots whose paths these are; none for a single robot.
     """
 
     grid: OccupancyGrid
@@ -95,6 +97,7 @@ class MapView:
     subtitle: str = ""
     parts: tuple[Part, ...] = ()
     height: float = 0.0
+    robots: tuple[int, ...] = ()
 
     @property
     def extent(self) -> Extent:
@@ -118,6 +121,7 @@ class MapPanel:
         outlines: Sequence[Outline] = (),
         *,
         text: float = 10.0,
+        robots: Sequence[int] = (),
     ) -> None:
         """Draw what does not change.
 
@@ -126,6 +130,7 @@ class MapPanel:
             robot_class: Class of the robot.
             outlines: What is truly there.
             text: Size of labels, points.
+            robots: Numbers of the robots whose paths are shown; none for a single one.
         """
         axes.set_facecolor(NOT_SENSED)  # beyond the map
         self._axes = axes
@@ -136,9 +141,10 @@ class MapPanel:
             axes.add_collection(LineCollection(outline.lines, **_TRUTH, zorder=2))
             for outline in outlines
         ]
-        (self._path,) = axes.plot(
-            [], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, zorder=3
-        )
+        self._paths = [
+            axes.add_line(Line2D([], [], **path_style(number), zorder=3))
+            for number in robots or (1,)
+        ]
         (self._start,) = axes.plot([], [], zorder=3, **START.options)
         self._label = axes.annotate(
             START.label,
@@ -156,8 +162,9 @@ class MapPanel:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
         window = sensed_window(grid)
         self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
-        self._path.set_data(path[:, 0], path[:, 1])
         paths = _parted(path)
+        for line, each in zip(self._paths, paths, strict=True):
+            line.set_data(each[:, 0], each[:, 1])
         self._start.set_data(*np.array([each[0, :2] for each in paths]).T)
         self._place_label(path[:, :2])
         for artist in self._robot:
@@ -189,7 +196,7 @@ class MapPanel:
     @property
     def artists(self) -> list[Artist]:
         """Everything in the panel, by which a film draws a frame."""
-        marks = (self._path, self._start, self._label)
+        marks = (*self._paths, self._start, self._label)
         return [self._image, *self._outlines, *marks, *self._robot]
 
 
@@ -231,7 +238,9 @@ def map_figure(
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        panel = MapPanel(axes, view.robot_class, view.outlines, text=text)
+        panel = MapPanel(
+            axes, view.robot_class, view.outlines, text=text, robots=view.robots
+        )
         panel.update(view.grid, view.path)
         name_objects(axes, view.parts, view.height, most=_MOST_NAMES)
     panels.add_legend(legend_rows(views))
@@ -256,23 +265,41 @@ def legend_rows(views: Sequence[MapView]) -> list[Artist]:
     for view in views:
         shown |= {*np.unique(view.grid.classes()[sensed_window(view.grid)]).tolist()}
     truth = any(view.outlines for view in views)
-    return map_rows([each for each in CellClass if each in shown], truth=truth)
+    robots = sorted({number for view in views for number in view.robots})
+    classes = [each for each in CellClass if each in shown]
+    return map_rows(classes, truth=truth, robots=robots)
 
 
-def map_rows(classes: Collection[CellClass], *, truth: bool) -> list[Artist]:
-    """Return the rows of a legend for some classes of cells and the path.
+def map_rows(
+    classes: Collection[CellClass], *, truth: bool, robots: Sequence[int] = ()
+) -> list[Artist]:
+    """Return the rows of a legend for some classes of cells and the paths.
 
     Args:
         classes: The classes.
         truth: Whether outlines of what is truly there are shown.
+        robots: Numbers of the robots whose paths are shown; none for a single one.
     """
     cells = [
         Patch(facecolor=CELL_COLOURS[each], edgecolor="0.5", label=CELL_TEXTS[each])
         for each in classes
     ]
-    path = Line2D([], [], color=MAPPED_PATH, linewidth=PATH_WIDTH, label="path")
+    paths = [
+        Line2D([], [], **path_style(number), label=f"path of robot {number}")
+        for number in robots
+    ] or [Line2D([], [], **path_style(1), label="path")]
     outline = Line2D([], [], **_TRUTH, label="what is truly there")
-    return [*cells, path, outline] if truth else [*cells, path]
+    return [*cells, *paths, outline] if truth else [*cells, *paths]
+
+
+def path_style(robot: int) -> dict[str, Any]:
+    """Return how the path of a robot is drawn, by its number, from 1."""
+    dashes, colour = divmod(robot - 1, len(ROBOT_PATHS))
+    return {
+        "color": ROBOT_PATHS[colour],
+        "linewidth": PATH_WIDTH,
+        "linestyle": _DASHES[dashes % len(_DASHES)],
+    }
 
 
 def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Extent:

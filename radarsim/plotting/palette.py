@@ -63,6 +63,7 @@ TARGET: Final = "#e11dbb"  # goals
 TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
 MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
+ROBOT_PATHS: Final = (MAPPED_PATH, RADAR, FOLLOWING)  # of robots that map together
 NOT_SENSED: Final = "#9aa3ad"  # cells of a map that no beam has crossed
 TRUE_OUTLINE: Final = RIGHT_RAY  # over a map: what is truly there
 MARKER: Final = INK  # markers, and their edges
@@ -83,7 +84,7 @@ SHOWN_TOGETHER: Final = {
     "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
     "sensors over a plan": (*_ON_MATERIALS, RADAR, LASER),
     **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
-    "map": (*_CELLS, MAPPED_PATH, TRUE_OUTLINE),
+    "map": (*_CELLS, *ROBOT_PATHS, TRUE_OUTLINE),
 }
 
 # The last word of a name that is found decides: a "wood_floor" is ground.

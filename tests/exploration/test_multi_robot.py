@@ -11,6 +11,7 @@ from office_map import office_map
 
 from radarsim.errors import NavigationError
 from radarsim.evaluation.multi_robot_run import MultiRobotRun
+from radarsim.exploration import multi_robot
 from radarsim.exploration.exploration import ExplorationPlan, Outcome
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import WAITING, ExplorationSettings
@@ -56,10 +57,14 @@ def test_two_robots_make_one_map(empty_room: Scene) -> None:
     assert ends == pytest.approx([0.0, 3.5], abs=0.05)
 
 
-def three_rooms(starts: Sequence[float]) -> str:
-    """Return the map file of three rooms in a row, with robots at some places, x."""
-    walls = [(x, 0.0, 0.1, 6.1) for x in (-9, 9)]
-    walls += [(0.0, y, 18.1, 0.1) for y in (-3, 3)]
+def three_rooms(starts: Sequence[tuple[float, float, float]]) -> str:
+    """Return the map file of three rooms in a row.
+
+    Args:
+        starts: x and y in m, and yaw in degrees, of each start.
+    """
+    walls = [(x, 0.0, 0.1, 6.1) for x in (-9.0, 9.0)]
+    walls += [(0.0, y, 18.1, 0.1) for y in (-3.0, 3.0)]
     # The doors are far apart: from the first room nobody sees the third one.
     walls += [(-3, -1.0, 0.1, 4.0), (-3, 2.75, 0.1, 0.5)]
     walls += [(3, 1.0, 0.1, 4.0), (3, -2.75, 0.1, 0.5)]
@@ -70,8 +75,8 @@ def three_rooms(starts: Sequence[float]) -> str:
         for i, (x, y, length, width) in enumerate(walls)
     )
     names = "".join(
-        f"  - {{name: RobotStart{k}, position: [{x}, {y}, 0]}}\n"
-        for k, (x, y) in enumerate(((x, 1.7 - 1.7 * (x > 0)) for x in starts), 1)
+        f"  - {{name: RobotStart{k}, position: [{x}, {y}, 0], yaw_deg: {yaw}}}\n"
+        for k, (x, y, yaw) in enumerate(starts, 1)
     )
     return (
         "version: 1\nmaterials:\n  wall: {density: opaque}\nobjects:\n"
@@ -84,13 +89,15 @@ def test_a_robot_is_on_the_map_by_what_others_than_the_first_one_have_seen(
     tmp_path: Path,
 ) -> None:
     aligned = []
-    for starts in ((-6, 6), (-6, 0, 6)):
+    first, second, third = (-6, 1.7, 0), (0, 1.7, 0), (6, 0, 0)
+    for starts in ((first, third), (first, second, third)):
         path = tmp_path / "rooms.yaml"
         path.write_text(three_rooms(starts))
         made = run(load_map(path), len(starts), time_limit=1.2)
         aligned.append(json.loads(made.result.to_json())["robots"][-1]["aligned"])
     assert aligned[0] is None
-    assert aligned[1] == pytest.approx([0, 0, 0], abs=0.1)
+    assert aligned[1][:2] == pytest.approx([0, 0], abs=0.2)
+    assert aligned[1][2] == pytest.approx(0, abs=1.5)
 
 
 def test_each_robot_needs_a_start(empty_room: Scene) -> None:
@@ -125,6 +132,7 @@ def test_robots_drive_to_different_frontiers(look: Look, room: Floats) -> None:
     for number, (robot, pose) in enumerate(zip(robots, poses, strict=True)):
         scan = look(room, pose)
         seen = Observation(9.0, pose, scan.angles, scan.known_range)
+        board.note_pose(number, Pose2(9.0 * number, 0.0), is_on_map=False)
         turn_round(robot, seen, grid)
         robot.step(seen, grid)
         assert robot.activity == "frontier"
@@ -162,6 +170,58 @@ def test_robots_that_only_wait_for_each_other_give_up() -> None:
     assert board.is_over(5.1 + DEADLOCK)
 
 
+def test_of_two_robots_near_each_other_only_one_moves() -> None:
+    board = TargetBoard(3)
+    for number, x in enumerate((0.0, 0.9, 9.0)):
+        board.note_pose(number, Pose2(x, 0.0), is_on_map=True)
+    assert [board.may_move(k, wants_to=True) for k in range(3)] == [True, False, True]
+    assert not board.may_move(0, wants_to=False)
+    assert board.may_move(1, wants_to=True)  # the first one waits
+    assert board.may_move(0, wants_to=True)
+    assert not board.may_move(1, wants_to=True)
+    board.leave(0)
+    assert board.may_move(1, wants_to=True)
+
+
+def test_robots_that_may_be_near_each_other_give_way_too() -> None:
+    board = TargetBoard(2)
+    board.note_pose(0, Pose2(0.0, 0.0), is_on_map=True)
+    assert board.may_move(0, wants_to=True)
+    assert not board.may_move(1, wants_to=True)  # nobody knows where it is
+    board.note_pose(1, Pose2(2.4, 0.0), is_on_map=False)
+    assert not board.may_move(1, wants_to=True)
+    board.note_pose(1, Pose2(2.8, 0.0), is_on_map=False)
+    assert board.may_move(1, wants_to=True)
+    board.note_pose(1, Pose2(1.3, 0.0), is_on_map=True)
+    assert board.may_move(1, wants_to=True)
+
+
+LAYOUTS = {  # x and y, m, and yaw, deg
+    "side by side": ((-6, 0.8, 0), (-6, 1.6, 0)),
+    "face to face": ((-6, 1, 0), (-4.8, 1, 180)),
+    "one behind the other": ((-6, 1, 0), (-5.1, 1, 0)),
+    "three": ((-6, 1, 0), (-6, 1.85, 0), (-5.1, 1.4, 90)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_aligned", [True, False])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_robots_that_start_near_each_other_do_not_touch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str, is_aligned: bool
+) -> None:
+    if not is_aligned:
+        monkeypatch.setattr(multi_robot, "align", lambda *_: None)
+    starts = LAYOUTS[layout]
+    path = tmp_path / "rooms.yaml"
+    path.write_text(three_rooms(starts))
+    made = run(load_map(path), len(starts), strategy=StrategyName.AUTO, time_limit=25)
+    told = json.loads(made.result.to_json())
+    assert told["judge"]["collisions"] == 0
+    assert (told["robots"][1]["aligned"] is not None) is is_aligned
+    assert told["path_length"] > 3.0
+
+
 @pytest.mark.slow
 def test_two_robots_explore_an_office_sooner_than_one(tmp_path: Path) -> None:
     path = tmp_path / "office.yaml"
@@ -173,6 +233,6 @@ def test_two_robots_explore_an_office_sooner_than_one(tmp_path: Path) -> None:
         assert made.exploration.outcome is Outcome.EXPLORED
         assert told["judge"]["collisions"] == 0
         assert told["judge"]["reachable_coverage"] > 0.95
-        assert told["judge"]["misplaced"] < 0.005
+        assert told["judge"]["misplaced"] < 0.01
         times.append(told["time"])
     assert times[1] < 0.8 * times[0]
