@@ -89,7 +89,8 @@ def test_a_robot_is_on_the_map_by_what_others_than_the_first_one_have_seen(
     tmp_path: Path,
 ) -> None:
     aligned = []
-    first, second, third = (-6, 1.7, 0), (0, 1.7, 0), (6, 0, 0)
+    # Each of two neighbours sees far into the room of the other one by the door.
+    first, second, third = (-6, 1.7, 0), (0, -1, 0), (5.5, -1, 0)
     for starts in ((first, third), (first, second, third)):
         path = tmp_path / "rooms.yaml"
         path.write_text(three_rooms(starts))
@@ -233,6 +234,6 @@ def test_two_robots_explore_an_office_sooner_than_one(tmp_path: Path) -> None:
         assert made.exploration.outcome is Outcome.EXPLORED
         assert told["judge"]["collisions"] == 0
         assert told["judge"]["reachable_coverage"] > 0.95
-        assert told["judge"]["misplaced"] < 0.01
+        assert told["judge"]["misplaced"] < 0.005
         times.append(told["time"])
     assert times[1] < 0.8 * times[0]
