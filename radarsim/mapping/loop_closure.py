@@ -7,8 +7,14 @@ matched with the map that these make. The pose may have drifted since, in propor
 the path, so that poses are tried all around the estimated one, and the best is
 corrected. It counts only where most points fit, and not in a corridor, which looks the
 same everywhere along it.
+
+What a wall looks like depends on where it is seen from. A match from some metres beside
+the old place can be off by more than the whole loop is, above all while much of what
+the robot sees is not on the old map yet. From there, almost all points must fit;
+otherwise the loop closes farther on.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import Final, NamedTuple
@@ -21,6 +27,8 @@ from radarsim.mapping.point_map import Table
 from radarsim.mapping.scan_matching import Fit, best_start, fit
 
 MAX_DISTANCE: Final = 4.0  # m from the old keyframe
+SAME_PLACE: Final = 2.0  # m from it, beyond which almost all points must fit
+MIN_INLIERS_BESIDE: Final = 0.9  # share of the points there
 RETRY: Final = 0.5  # m of path between two attempts, each of which takes long
 LATEST: Final = 3.0  # m of path whose keyframes are matched together
 MAX_POINTS: Final = 600  # of these, that are matched
@@ -86,7 +94,13 @@ def _match(known: KeyframeMap, number: int, latest: Keyframe) -> Closure | None:
     turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
     table = map_of(_around(known, number)).table
     found = find_pose(table, latest, distance, turn)
-    return None if found is None else Closure(number, found.pose, found.information)
+    if found is None:
+        return None
+    motion = found.pose.relative_to(known.keyframes[number].pose)
+    is_beside = math.hypot(motion.x, motion.y) > SAME_PLACE
+    if is_beside and found.inliers < MIN_INLIERS_BESIDE:
+        return None
+    return Closure(number, found.pose, found.information)
 
 
 def find_pose(

@@ -75,12 +75,13 @@ AROUND = (
 )
 
 
-def test_a_ring_closes_and_has_each_wall_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_ring_closes_and_has_each_wall_once(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "ring.yaml"
     path.write_text(RING)
     config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
     plan = ExplorationPlan(waypoints=AROUND, speed_limits=SpeedLimits(speed=0.6))
-    run = MappingRun(plan, Host(load_map(path), config=config, seed=1))
+    run = MappingRun(plan, Host(load_map(path), config=config, seed=seed))
     run.run(("", 0))
     run.judge()
     told = run.result.to_dict()

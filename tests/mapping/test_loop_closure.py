@@ -5,18 +5,23 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from flat_world import ANGLES, box, ranges_of
+from flat_world import ANGLES, box, look_around, ranges_of
 
-from radarsim.geometry import Pose2
+from radarsim.geometry import Floats, Pose2
+from radarsim.mapping.keyframes import Keyframe, KeyframeMap
+from radarsim.mapping.loop_closure import LoopCloser
 from radarsim.mapping.rebuildable_grid import RebuildableGrid
 from radarsim.mapping.scan import PlanarScan, read_scan
+from radarsim.mapping.scan_matching import Fit, ScanPoints
 from radarsim.mapping.slam import Slam, SlamSettings
+from radarsim.mapping.surface_normals import inward_normals
 from radarsim.mapping.trajectory import Trajectory, TrajectoryErrors, trajectory_errors
 from radarsim.protocol.reports import RangeScan
 
 REACH = 6.0  # m
 STEP = 0.15  # m between two scans
 BLOCK = np.concatenate([box(0, 0, 22.4, 14.4), box(0, 0, 17.6, 9.6)])  # around a ring
+EMPTY_ROOM = box(0, 0, 12, 8)
 CORNERS = [(10.0, -6.0), (10.0, 6.0), (-10.0, 6.0), (-10.0, -6.0), (10.0, -6.0)]
 
 
@@ -78,6 +83,35 @@ def test_a_loop_of_corridors_closes_and_takes_the_drift_with_it() -> None:
     assert slam.closures
     assert motion.ate > 0.4
     assert found.ate < 0.5 * as_driven.ate
+
+
+def keyframe(pose: Pose2, station: float, least_x: float) -> Keyframe:
+    """Return what is seen of a room east of some x."""
+    places, along = look_around(EMPTY_ROOM, pose).points()
+    is_seen = places[:, 0] + pose.x > least_x
+    seen: tuple[Floats, Floats] = (places[is_seen], along[is_seen])
+    points = ScanPoints(*seen, inward_normals(*seen), 0.0, True)
+    return Keyframe(pose, points, station)
+
+
+@pytest.mark.parametrize(
+    ("x", "least_x", "closes"),
+    [(2.8, -2.0, True), (0.5, -2.0, False), (0.5, -9.0, True)],
+    ids=["same place", "beside, half known", "beside, all known"],
+)
+def test_a_loop_closes_beside_an_old_place_only_if_almost_all_fits(
+    x: float, least_x: float, closes: bool
+) -> None:
+    known = KeyframeMap()
+    known.add(keyframe(Pose2(4.0, -2.0), 0.0, least_x))
+    known.keyframes[0].is_local = False
+    known.add(keyframe(Pose2(x, -2.0), 40.0, -9.0))
+    latest = Fit(Pose2(x, -2.0), 0.0, 1.0, np.diag([1e5, 1e5, 1e5]))
+    closure = LoopCloser().closure(known, latest)
+    assert (closure is not None) == closes
+    if closure is not None:
+        assert closure.start == 0
+        assert (closure.pose.x, closure.pose.y) == pytest.approx((x, -2.0), abs=0.02)
 
 
 def test_a_grid_follows_the_poses_when_these_move() -> None:
