@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from radarsim.client import Client
-from radarsim.errors import ClientError, NavigationError
+from radarsim.errors import ClientError, ClientTimeout, NavigationError
 from radarsim.exploration.exploration import (
     Exploration,
     ExplorationPlan,
@@ -188,14 +188,29 @@ class MultiRobotExploration:
         try:
             step = next(steps, None)
         except (ClientError, NavigationError) as error:
-            has_started = self.robots[number].trip.start is not None
-            if is_last or not has_started:
-                raise
             self.errors[number] = str(error)
+            if self.robots[number].trip.start is None:
+                self._explain_missing_scans(number, error)
+                raise
+            if is_last:
+                raise
             step = None
         if step is None:
             self._board.leave(number)
         return step
+
+    def _explain_missing_scans(self, number: int, error: Exception) -> None:
+        """Raise a clearer error if no scan of a robot came, but scans of the first one.
+
+        Raises:
+            ClientTimeout: If that is so.
+        """
+        if isinstance(error, ClientTimeout) and self.robots[0].trip.start is not None:
+            raise ClientTimeout(
+                f"robot {number + 1} at {self.robots[number].plan.start}: {error};"
+                " of FMCW radars only one antenna turns in a server: with these,"
+                " expected one robot, or a robot class with another scanner"
+            ) from error
 
     def _align(self, number: int) -> None:
         """Find where the robot's map is on the shared one, if it is time to."""

@@ -210,7 +210,7 @@ class ControlLoop:
         """Yield an observation for every scan; stop the robot while none arrives.
 
         Raises:
-            ClientError: If no more scans arrive.
+            ClientTimeout: If no more scans arrive.
         """
         while True:
             yield self._next()
@@ -234,7 +234,7 @@ class ControlLoop:
         came = f"what came: {names}" if received else "nothing came"
         missing = f"no {self._source.missing} within {self._timeout:g} s"
         cure = f"; {self._source.cure}" * bool(self._source.cure)
-        raise ClientError(f"{missing}, {came}; the robot was told to stop{cure}")
+        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{cure}")
 
     def _read(self, timeout: float) -> list[Report]:
         try:

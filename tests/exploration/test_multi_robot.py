@@ -9,7 +9,7 @@ import pytest
 from flat_world import Look
 from office_map import office_map
 
-from radarsim.errors import NavigationError
+from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.evaluation.multi_robot_run import MultiRobotRun
 from radarsim.exploration import multi_robot
 from radarsim.exploration.exploration import ExplorationPlan, Outcome
@@ -123,6 +123,22 @@ def turn_round(strategy: SharedTargetStrategy, seen: Observation, grid: Any) -> 
     for k in range(30):
         pose = Pose2(seen.pose.x, seen.pose.y, 0.5 * k)
         strategy.step(Observation(0.1 * k, pose, seen.bearings, seen.ranges), grid)
+
+
+@pytest.mark.slow
+def test_a_robot_whose_antenna_does_not_turn_is_named(empty_room: Scene) -> None:
+    plan = ExplorationPlan(
+        strategy=StrategyName.FRONTIERS,
+        robot_class="P3AT_Navtech",
+        scanner="Navtech",
+    )
+    made = MultiRobotRun(plan, 2, Host(empty_room, seed=0))
+    expected = "^robot 2 at RobotStart2: no scan of 'Navtech' .* expected one robot, or"
+    with pytest.raises(ClientTimeout, match=expected):
+        made.run(("", 0))
+    robots = json.loads(made.result.to_json())["robots"]
+    assert robots[0]["error"] is None
+    assert robots[1]["error"].startswith("no scan of 'Navtech'")
 
 
 def test_robots_drive_to_different_frontiers(look: Look, room: Floats) -> None:
