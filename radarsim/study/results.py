@@ -127,7 +127,9 @@ def _verdict(row: Row) -> tuple[str, str]:
 
 
 def _mean_of(rows: Sequence[Row], key: str) -> Estimate | None:
-    return _mean([row[key] for row in rows if row[key] is not None])
+    """Estimate the mean of shares."""
+    estimate = _mean([row[key] for row in rows if row[key] is not None])
+    return None if estimate is None else estimate.within(0.0, 1.0)
 
 
 def _mean(values: Sequence[float]) -> Estimate | None:

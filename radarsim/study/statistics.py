@@ -6,7 +6,7 @@ shares of 0 and 1. Means have Student's t interval.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -35,6 +35,10 @@ class Estimate:
     def has_interval(self) -> bool:
         """Whether there is an interval: there is none of a single run."""
         return self.count > 1
+
+    def within(self, least: float, most: float) -> "Estimate":
+        """Return the estimate with its interval cut to the values that are possible."""
+        return replace(self, low=max(self.low, least), high=min(self.high, most))
 
 
 def share(successes: int, count: int) -> Estimate:

@@ -46,6 +46,13 @@ def test_means_have_the_intervals_of_scipy() -> None:
     assert mean([2.0]).low == 2.0
 
 
+def test_interval_of_a_mean_of_shares_ends_at_what_is_possible() -> None:
+    estimate = mean([0.8, 1.0, 1.0])
+    assert estimate.high > 1
+    cut = estimate.within(0.0, 1.0)
+    assert (cut.value, cut.low, cut.high) == (estimate.value, estimate.low, 1.0)
+
+
 @pytest.mark.parametrize(
     ("kind", "is_passable"),
     [("smoke_corridor", True), ("hidden_room", False), ("dead_end", True)],
