@@ -6,7 +6,8 @@ A robot that stands sees all from one place, and each wall by few beams. What it
 next is matched with that little, and goes on from there: the map is true in itself, but
 turned by some tenths of a degree. Later, when walls have been seen from many places,
 the first scans are matched with the map of all others. Where they fit shows by how much
-it is off, and all but the first scans are moved by that.
+it is off, and all but the first scans are moved by that. It is repeated a few times, as
+that map becomes better.
 
 A map that the robot has left parts of behind is not moved: it may have bent since.
 """
@@ -20,7 +21,8 @@ from radarsim.mapping.keyframes import KeyframeMap, joined, map_of
 from radarsim.mapping.loop_closure import MIN_EVENNESS, MIN_INLIERS
 from radarsim.mapping.scan_matching import fit
 
-ANCHOR_STATION: Final = 25.0
+ANCHOR_INTERVAL: Final = 25.0  # m of path
+MOST_ANCHORINGS: Final = 4
 MAX_POINTS: Final = 4000  # of the first scans
 SIGMA: Final = (0.1, 0.1, 0.05)  # m, m and rad; by how much a map may be off
 

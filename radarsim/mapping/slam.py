@@ -22,7 +22,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.mapping.anchoring import ANCHOR_STATION, find_correction
+from radarsim.mapping.anchoring import ANCHOR_INTERVAL, MOST_ANCHORINGS, find_correction
 from radarsim.mapping.keyframe_graph import KeyframeGraph
 from radarsim.mapping.keyframes import Keyframe, KeyframeMap
 from radarsim.mapping.loop_closure import LoopCloser
@@ -94,7 +94,7 @@ class Slam:
         self.dead_reckoning = Trajectory()
         self._starts_at_prior = start is None
         self.closures, self.revision = 0, 0
-        self._is_anchored = False
+        self._anchorings = 0
         self._map = KeyframeMap()
         self._graph = KeyframeGraph()
         self._closer = LoopCloser()
@@ -129,7 +129,7 @@ class Slam:
         points = ScanPoints(places, along, normals, spread, uses_spots)
         last = self.pose
         if self._starts_at_prior:
-            self.pose = prior or self.pose
+            self.pose = last = prior or self.pose
         elif len(self.trajectory):
             self.pose = self._next_pose(points, prior)
         self._starts_at_prior = False
@@ -236,10 +236,11 @@ class Slam:
             self._move(poses)
 
     def _anchor(self) -> None:
-        """Move everything, once, to where the first scans show that it is."""
-        if self._is_anchored or self._length < ANCHOR_STATION:
+        """Move everything to where the first scans show that it is, a few times."""
+        due = (self._anchorings + 1) * ANCHOR_INTERVAL
+        if self._anchorings >= MOST_ANCHORINGS or self._length < due:
             return
-        self._is_anchored = True
+        self._anchorings += 1
         if self.closures or len(self._map) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self._map, FIRST_KEYFRAMES)
