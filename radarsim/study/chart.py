@@ -7,14 +7,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.plotting.palette import INK, LASER, RADAR, paler
+from radarsim.plotting.palette import INK, LASER, RADAR
 from radarsim.study.findings import headline
 from radarsim.study.results import TITLES, Summaries, Summary, kinds_of
 from radarsim.study.statistics import Estimate
 from radarsim.study.tasks import SENSORS
 
-_SIZE: Final = (11.0, 6.2)  # inches
+_SIZE: Final = (11.0, 6.6)  # inches
 _STEP: Final = 0.19  # rows between two sensors
+# Lasers are orange, and told apart by lightness too, for the colour-blind.
+_COLOURS: Final = {
+    "radar": RADAR,
+    "physical": "#7a2500",
+    "hokuyo": LASER,
+    "sick": "#e3a600",
+}
 _MARKERS: Final = {"radar": "D", "physical": "o", "hokuyo": "s", "sick": "^"}
 _FLOOR: Final = (
     ("hidden_room", "hidden", "hidden\nbehind bushes"),
@@ -31,7 +38,11 @@ def draw_study(summaries: Summaries) -> Figure:
     """
     figure = Figure(_SIZE, layout="constrained")
     figure.suptitle(
-        headline(summaries), x=0.01, ha="left", fontsize=14, fontweight="bold"
+        headline(summaries).replace("`", ""),
+        x=0.01,
+        ha="left",
+        fontsize=14,
+        fontweight="bold",
     )
     kinds = kinds_of(summaries)
     rows = [row for row in _FLOOR if row[0] in kinds]
@@ -44,14 +55,14 @@ def draw_study(summaries: Summaries) -> Figure:
             [label for *_, label in rows],
             lambda row, sensor: getattr(summaries[rows[row][0], sensor], rows[row][1]),
         )
-        floor.set_title("Share of the floor that is mapped", loc="left", fontsize=10)
+        floor.set_title("Share of the floor that is mapped", loc="left", fontsize=11)
     _draw_rows(
         verdicts,
         [TITLES[map_].removeprefix("a ").removeprefix("an ") for map_ in kinds],
         lambda row, sensor: summaries[kinds[row], sensor].success,
     )
     verdicts.set_title(
-        "Share of drives with a right verdict and no touch", loc="left", fontsize=10
+        "Share of drives with a right verdict and no touch", loc="left", fontsize=11
     )
     _draw_false_verdicts(verdicts, summaries)
     samples = [Line2D([], [], **_style(sensor)) for sensor in SENSORS]
@@ -81,9 +92,9 @@ def _draw_rows(
 
 
 def _draw_estimate(axes: Axes, estimate: Estimate, y: float, sensor: str) -> None:
-    colour = _colour(sensor)
+    colour = _COLOURS[sensor]
     ends = [max(estimate.low, 0.0), min(estimate.high, 1.0)]
-    axes.plot(ends, [y, y], color=colour, lw=2.2 if sensor == "radar" else 1.2)
+    axes.plot(ends, [y, y], color=colour, lw=2.2 if sensor == "radar" else 1.6)
     axes.plot([estimate.value], [y], clip_on=False, **_style(sensor))
 
 
@@ -100,18 +111,16 @@ def _draw_false_verdicts(axes: Axes, summaries: Summaries) -> None:
                     text,
                     va="center",
                     ha="left" if left else "right",
-                    fontsize=7,
+                    fontsize=9,
                     color=INK,
                 )
 
 
 def _mistakes(summary: Summary) -> str:
-    count = summary.success.count
     told = [
-        f'false "no path" {summary.false_no_path}/{count}'
-        * bool(summary.false_no_path),
-        f"no verdict {summary.failed}/{count}" * bool(summary.failed),
-        f"touches {summary.touches}" * bool(summary.touches),
+        f'{summary.false_no_path} false "no path"' * bool(summary.false_no_path),
+        f"{summary.failed} no verdict" * bool(summary.failed),
+        f"touches: {summary.touches}" * bool(summary.touches),
     ]
     return ", ".join(filter(None, told))
 
@@ -120,14 +129,10 @@ def _height(row: int, sensor: str) -> float:
     return row + (SENSORS.index(sensor) - (len(SENSORS) - 1) / 2) * _STEP
 
 
-def _colour(sensor: str) -> str:
-    return RADAR if sensor == "radar" else paler(LASER)
-
-
 def _style(sensor: str) -> dict[str, Any]:
     return {
         "marker": _MARKERS[sensor],
-        "markersize": 9 if sensor == "radar" else 6,
-        "color": _colour(sensor),
+        "markersize": 9 if sensor == "radar" else 7,
+        "color": _COLOURS[sensor],
         "linestyle": "none",
     }

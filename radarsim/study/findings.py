@@ -1,6 +1,6 @@
 """What the study has found, in sentences: where the radar wins, and where it loses."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 from radarsim.study.results import MEASURES, TITLES, Measure, Summaries, Summary
@@ -9,37 +9,91 @@ from radarsim.study.tasks import SENSORS
 
 RADAR: Final = "radar"
 LASERS: Final = tuple(sensor for sensor in SENSORS if sensor != RADAR)
+_ROUNDING: Final = 1e-9  # errors of shares
 
 
 def summary_sentences(summaries: Summaries) -> list[str]:
     """Return the study's summary: smoke, hidden floor, the dead end, and losses."""
     smoke = _listed(summaries, "smoke_corridor", _arrivals)
     hidden = _listed(summaries, "hidden_room", lambda each: _told(each.hidden))
-    path = _listed(summaries, "dead_end", lambda each: ratio(each.detour))
     found = (
         ("Through smoke, these arrive without a touch", smoke),
         ("Of the floor behind bushes that no robot can pass, these map", hidden),
-        (
-            "Where a gap in a hedge leads nowhere, the path is longer than the shortest"
-            " by these factors",
-            path,
-        ),
     )
     told = [f"{text}: {numbers}." for text, numbers in found if numbers]
-    return [*told, *_loss_sentences(summaries)]
+    return [*told, *_hedge_sentences(summaries), *_loss_sentences(summaries)]
 
 
 def headline(summaries: Summaries) -> str:
-    """Return what the figure shows first."""
-    smoke = summaries["smoke_corridor", RADAR].success
-    through = f"hrough smoke the radar arrives in {successes(smoke)} runs"
+    """Return what the figure shows first, names in backquotes, in one line or two."""
+    through = f"hrough smoke {_smoke_arrivals(summaries)}"
     radar, laser = (_most_hidden(summaries, each) for each in ((RADAR,), LASERS))
     if radar is None or laser is None:
         return f"T{through}"
-    return (
-        f"Behind bushes the radar maps {percent(radar)} of the floor, lasers map"
-        f" {percent(laser)};\nt{through}"
+    if laser.value == 0 < radar.value:
+        behind = (
+            f"Only the radar maps the floor behind bushes ({percent(radar)},"
+            f" lasers {percent(laser)})"
+        )
+    else:
+        behind = (
+            f"Behind bushes the radar maps {percent(radar)} of the floor, the best"
+            f" laser {percent(laser)}"
+        )
+    return f"{behind};\nt{through}"
+
+
+def _smoke_arrivals(summaries: Summaries) -> str:
+    """Return who arrives how often through smoke, most often first."""
+    groups: dict[str, list[str]] = {}
+    drives = {sensor: summaries["smoke_corridor", sensor].success for sensor in SENSORS}
+    for sensor in sorted(drives, key=lambda each: -drives[each].value):
+        share = drives[sensor]
+        told = "none" if share.value == 0 else successes(share)
+        groups.setdefault(told, []).append(sensor)
+    (most, first), *rest = groups.items()
+    verb = "arrives" if len(first) == 1 else "arrive"
+    others = (f"{named(sensors)} in {told}" for told, sensors in rest)
+    return ", ".join((f"{named(first)} {verb} in {most}", *others))
+
+
+def _hedge_sentences(summaries: Summaries) -> Iterator[str]:
+    """Yield how long the paths are where a gap leads nowhere; nothing if it was not."""
+    numbers = _listed(summaries, "dead_end", detour_text)
+    if not numbers:
+        return
+    text = "Where the nearer gap in a hedge leads nowhere, "
+    if told := _against_lasers(summaries):
+        text += f"the radar's path is {told}; "
+    yield f"{text}path / shortest path: {numbers}."
+
+
+def _against_lasers(summaries: Summaries) -> str:
+    """Return how the radar's path behind the dead end compares with lasers' paths."""
+    radar = summaries["dead_end", RADAR].detour
+    if radar is None or not radar.has_interval:
+        return ""
+    groups: dict[str, list[str]] = {}
+    for sensor in LASERS:
+        laser = summaries["dead_end", sensor].detour
+        if laser is None:
+            continue
+        word = "as good as with"
+        if _apart(radar, laser):
+            word = (
+                "shorter than with" if radar.value < laser.value else "longer than with"
+            )
+        groups.setdefault(word, []).append(sensor)
+    return ", and ".join(
+        f"{word} {named(sensors)}" + " (the intervals overlap)" * word.startswith("as")
+        for word, sensors in groups.items()
     )
+
+
+def named(sensors: Sequence[str]) -> str:
+    """Return names in backquotes as ``a``, ``b`` and ``c``."""
+    *others, last = (f"`{sensor}`" for sensor in sensors)
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def _listed(summaries: Summaries, map_: str, tell: Callable[[Summary], str]) -> str:
@@ -84,30 +138,41 @@ def find_losses(summaries: Summaries) -> Iterator[tuple[bool, str]]:
     for measure in MEASURES:
         for map_ in (map_ for map_ in measure.maps if (map_, RADAR) in summaries):
             radar = measure.of(summaries[map_, RADAR])
-            best = _best_laser(summaries, measure, map_)
+            best = _best_lasers(summaries, measure, map_)
             if radar is None or best is None:
                 continue
-            sensor, laser = best
+            lasers, laser = best
             if not _is_better(measure, laser, radar):
                 continue
-            write = percent if measure.more_is_better else ratio_value
+            runs = summaries[map_, RADAR].success.count
             yield (
                 _apart(laser, radar),
-                f"{measure.name} in {TITLES[map_]}, {write(radar)} against"
-                f" {write(laser)} with `{sensor}`",
+                f"{measure.name} in {TITLES[map_]}, {_written(measure, radar, runs)}"
+                f" against {_written(measure, laser, runs)} with {lasers}",
             )
 
 
-def _best_laser(
+def _best_lasers(
     summaries: Summaries, measure: Measure, map_: str
 ) -> tuple[str, Estimate] | None:
-    found = [
-        (sensor, estimate)
+    """Return the names of all lasers that seem the best, and the best estimate."""
+    found = {
+        sensor: estimate
         for sensor in LASERS
         if (estimate := measure.of(summaries[map_, sensor])) is not None
-    ]
+    }
+    if not found:
+        return None
     sign = 1 if measure.more_is_better else -1
-    return max(found, key=lambda each: sign * each[1].value) if found else None
+    best = max(found.values(), key=lambda each: sign * each.value)
+    ties = [s for s in found if round(found[s].value - best.value, 2) == 0]
+    return ("every laser" if len(ties) == len(LASERS) else named(ties)), best
+
+
+def _written(measure: Measure, estimate: Estimate, runs: int) -> str:
+    if measure.more_is_better:
+        return percent(estimate)
+    return f"{estimate.value:.2f}{_of_fewer(estimate, runs)}"
 
 
 def _is_better(measure: Measure, one: Estimate, other: Estimate) -> bool:
@@ -136,21 +201,34 @@ def successes(estimate: Estimate) -> str:
 
 def percent(estimate: Estimate) -> str:
     """Return an estimate as ``93 %``."""
-    return f"{100 * estimate.value:.0f} %"
+    return f"{_hundredths(estimate.value)} %"
 
 
-def ratio_value(estimate: Estimate) -> str:
-    """Return an estimate as ``1.08``."""
-    return f"{estimate.value:.2f}"
+def detour_text(summary: Summary) -> str:
+    """Return path / shortest path with its interval; empty if no drive arrived.
 
-
-def ratio(estimate: Estimate | None) -> str:
-    """Return a ratio with its interval; empty if there is none."""
+    The number of drives is told where not all of them arrived.
+    """
+    estimate = summary.detour
     if estimate is None:
         return ""
-    if not estimate.has_interval:
-        return ratio_value(estimate)
-    return f"{estimate.value:.2f} ({estimate.low:.2f} to {estimate.high:.2f})"
+    text = f"{estimate.value:.2f}"
+    if not estimate.is_exact:
+        text += f" ({estimate.low:.2f} to {estimate.high:.2f})"
+    return text + _of_fewer(estimate, summary.success.count)
+
+
+def _of_fewer(estimate: Estimate, runs: int) -> str:
+    """Return the number of values; empty if it is that of the runs."""
+    return f" [n = {estimate.count}]" if estimate.count < runs else ""
+
+
+def _hundredths(value: float) -> str:
+    """Return a share in percent, with one decimal if it would else seem to be exact."""
+    text = f"{100 * value:.0f}"
+    if text in ("0", "100") and abs(value - round(value)) > _ROUNDING:
+        return f"{100 * value:.1f}"
+    return text
 
 
 def _told(estimate: Estimate | None) -> str:
@@ -165,6 +243,6 @@ def _in_brackets(estimate: Estimate) -> str:
 
 def percent_interval(estimate: Estimate) -> str:
     """Return the interval of a share as ``72 to 100 %``; empty if there is none."""
-    if not estimate.has_interval:
+    if estimate.is_exact:
         return ""
-    return f"{100 * estimate.low:.0f} to {100 * estimate.high:.0f} %"
+    return f"{_hundredths(estimate.low)} to {_hundredths(estimate.high)} %"

@@ -1,31 +1,69 @@
 """The page of the study: its summary, the figure, and a table for each map."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from typing import Final
 
 from radarsim import __version__
 from radarsim.figures.page import GENERATOR
 from radarsim.figures.page_style import STYLE
-from radarsim.study.findings import percent, percent_interval, ratio, successes
+from radarsim.mapping.occupancy_grid import RESOLUTION
+from radarsim.navigation.controller import TOLERANCE
+from radarsim.study.findings import (
+    detour_text,
+    percent,
+    percent_interval,
+    successes,
+)
 from radarsim.study.results import TITLES, Summaries, Summary, kinds_of
 from radarsim.study.statistics import Estimate
-from radarsim.study.tasks import BEAMS, DRIVING_TIME, MAPPED, MAPPING_TIME, SENSORS
+from radarsim.study.tasks import (
+    BEAMS,
+    DRIVING_TIME,
+    MAPPED,
+    MAPPING_TIME,
+    ROBOT_RADIUS,
+    SENSORS,
+)
 
 TITLE: Final = "Radar against lasers: who finds the way, and who maps what"
 _TABLE_STYLE: Final = """
   main { max-width: 60rem; margin: 0 auto; }
-  table { border-collapse: collapse; margin: .5rem 0 2rem; font-size: .92rem; }
-  th, td { padding: .25rem .8rem .25rem 0; text-align: right; white-space: nowrap;
-           border-bottom: 1px solid var(--line); }
+  table { border-collapse: collapse; margin: .5rem 0; font-size: .92rem; }
+  th, td { padding: .25rem .8rem .25rem 0; text-align: right;
+           vertical-align: bottom; border-bottom: 1px solid var(--line); }
+  td, th:first-child { white-space: nowrap; }
   th:first-child { text-align: left; }
+  h2 { margin-top: 2rem; }
+  code { padding: 0 .2rem; background: var(--code); border-radius: .2rem; }
+  p.answer { font-weight: bold; }
   td small { color: var(--quiet); }
   div.wide { overflow-x: auto; }
 """
 _INTERVALS: Final = (
-    "Intervals are of 95 %: Wilson's for shares of runs, Student's t for means."
+    "Intervals are of 95 %: Wilson's for shares of runs, Student's t for means; those"
+    " of shares are cut at 0 and at 100 %. Where all values are equal, a mean has none."
 )
 _NO_INTERVALS: Final = "There are no intervals: each sensor ran once on each map."
+_QUESTION: Final = (
+    "Does a radar that sees through foliage and smoke find its way, and map, better"
+    " than a laser?"
+)
+_MODELS: Final = (
+    "`physical`, `hokuyo` and `sick` are lasers. `hokuyo` reaches 4 m, all others 80 m."
+    " Foliage stops every laser at the first leaf; the radar goes on until its power is"
+    " spent, which denser foliage does sooner. Smoke is nothing to the radar and to"
+    " `sick`. `physical` loses light in it, 2.3 dB for each metre, and reads the edge"
+    " of the cloud. In `hokuyo` smoke uses up a small power budget; its beams then read"
+    " 0.00 m, as if something touched the sensor. Without smoke, `physical` and `sick`"
+    " measure the same. All this is assumed by the simulator, not measured: what the"
+    " page tells of smoke and bushes follows from these models."
+)
+_ALGORITHMS: Final = {
+    "planned": "draws what it sees into a grid and takes the cheapest path over it to"
+    " the goal, planned again twice a second",
+}
+_NOTHING: Final = "-"
 _ABOUT: Final = {
     "smoke_corridor": "Smoke fills a corridor from wall to wall for 3 to 5 m. The robot"
     " can drive through it.",
@@ -55,12 +93,13 @@ def render_study(
         summaries: The runs of each sensor on each kind of map.
         sentences: The summary; names in backquotes are code.
         figure: Name of the figure's file.
-        headline: What the figure shows, in words.
+        headline: What the figure shows, in words; names in backquotes are code.
         algorithm: Algorithm of the drives.
         seeds: Number of seeds.
     """
     kinds = kinds_of(summaries)
-    said = escape(" ".join(headline.split()))
+    answer = " ".join(headline.split())
+    said = escape(answer.replace("`", ""))
     items = "".join(f"<li>{_marked(text)}</li>\n" for text in sentences)
     tables = "".join(_section(summaries, map_) for map_ in kinds)
     return f"""<!DOCTYPE html>
@@ -75,21 +114,33 @@ def render_study(
 <body>
 <main>
 <h1>{TITLE}</h1>
+<p>{_QUESTION}</p>
+<p class="answer">{_marked(answer)}.</p>
 <ul>
 {items}</ul>
 <p class="picture"><img src="{figure}" alt="{said}"></p>
 <h2>How</h2>
 <p>Maps of {_counted(len(kinds), "kind")}, each drawn anew for
 {_counted(seeds, "seed")}; every sensor runs on the same maps.
-All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}°.
-The robot, a P3AT, drives to a goal with <code>{escape(algorithm)}</code> for at most
-{DRIVING_TIME:g} s{_exploring(kinds)}. It keeps the safety distance that
-<code>radarsim navigate</code> chooses for the sensor when it asks
-for echoes: 0.5 m with each of the four.</p>
+All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}°.</p>
+<p>{_marked(_MODELS)}</p>
+<p>The robot, a P3AT, drives to a goal with {_named_algorithm(algorithm)}, for at most
+{DRIVING_TIME:g} s{_exploring(kinds)}. It asks its scanner for echoes: not only how far
+each beam gets, but everything that it meets on the way. What blocks a robot therefore
+counts where a beam first meets it, even if the beam goes on, and 0.5 m from the robot's
+centre is a safe distance with each of the four.</p>
 <p>A verdict is right if the robot reaches the goal, or tells that there is no path
-where a disc as wide as its diagonal finds none. A passage that is wide enough for the
-robot, but not for its safety distance, therefore gives a false "no path".
-{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
+where there is none for a disc of {ROBOT_RADIUS:g} m radius, half the robot's diagonal.
+A passage that is wide enough for the disc, but not for the safety distance, therefore
+gives a false "no path". A drive has no verdict if the robot would not start, because
+something seems to be too near, if it gets stuck, or if its time is up. Each time that
+the robot begins to touch something is a touch, in explorations too; a drive that
+touches something is not right.</p>
+<p>Path / shortest path is of the drives that arrived; n is their number where it
+is not that of the seeds. The shortest path is that of the disc. The factor may be a
+little below 1, because a drive ends when the robot is within {TOLERANCE:g} m of the
+goal.
+{_mapping_measures(kinds)}{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
 {tables}<p>Made by radarsim {__version__}. Runs are rows of <code>runs.csv</code>.</p>
 </main>
 </body>
@@ -101,53 +152,112 @@ def _counted(count: int, name: str) -> str:
     return f"{count} {name}" + "s" * (count != 1)
 
 
+def _named_algorithm(algorithm: str) -> str:
+    """Return the algorithm as code, with what it does if that is known."""
+    about = _ALGORITHMS.get(algorithm)
+    code = f"<code>{escape(algorithm)}</code>"
+    return code if about is None else f"{code}, which {about}"
+
+
 def _exploring(kinds: Sequence[str]) -> str:
     """Return where robots explore; empty if nowhere."""
     mapped = [kind for kind in kinds if kind in MAPPED]
     if not mapped:
         return ""
-    where = f"{_counted(len(mapped), 'kind')} of maps with walls around"
-    return f", and explores for {MAPPING_TIME:g} s in the {where}"
+    where = " and ".join(f"in {_definite(TITLES[kind])}" for kind in mapped)
+    return f". {where[0].upper()}{where[1:]} it also explores, for {MAPPING_TIME:g} s"
 
 
-def _section(summaries: Summaries, map_: str) -> str:
-    rows = "".join(_row(summaries[map_, sensor], map_) for sensor in SENSORS)
-    known = "".join(f"<th>{name}</th>" for name in _known_columns(map_))
-    title = TITLES[map_]
+def _definite(title: str) -> str:
+    return f"the {title.removeprefix('a ').removeprefix('an ')}"
+
+
+def _mapping_measures(kinds: Sequence[str]) -> str:
+    """Return what the shares of maps are; empty if nothing was mapped."""
+    if not any(kind in MAPPED for kind in kinds):
+        return ""
     return (
-        f'<h2 id="{map_}">{title[0].upper()}{title[1:]}</h2>\n<p>{_ABOUT[map_]}</p>\n'
-        '<div class="wide"><table>\n<tr><th>sensor</th><th>right verdicts</th>'
-        "<th>false no path</th><th>no verdict</th><th>touches</th>"
-        f"<th>path by shortest</th>{known}</tr>\n{rows}</table></div>\n"
+        "Reachable floor is the mapped share of the floor that the robot can get to,"
+        " hidden floor that of the floor where it would fit, but that it cannot get to."
+        " Obstacles in place are the share of the cells mapped as obstacles, bushes"
+        f" too, that lie within two cells ({2 * RESOLUTION:g} m) of a true one.\n"
     )
 
 
-def _known_columns(map_: str) -> tuple[str, ...]:
-    if map_ not in MAPPED:
-        return ()
-    hidden = ("hidden floor",) if map_ == "hidden_room" else ()
-    return ("reachable floor", *hidden, "walls in place")
-
-
-def _row(summary: Summary, map_: str) -> str:
-    known: list[Estimate | None] = []
-    if map_ in MAPPED:
-        known = [summary.reachable, summary.walls]
-        if map_ == "hidden_room":
-            known.insert(1, summary.hidden)
-    right = f"{successes(summary.success)}{_interval(summary.success)}"
-    counts = (summary.false_no_path, summary.failed, summary.touches)
-    cells = [
-        right,
-        *map(str, counts),
-        ratio(summary.detour) or "-",
-        *(
-            "-" if each is None else f"{percent(each)}{_interval(each)}"
-            for each in known
-        ),
+def _section(summaries: Summaries, map_: str) -> str:
+    each = [summaries[map_, sensor] for sensor in SENSORS]
+    columns = [
+        (name, cells)
+        for name, cells in _columns(each, map_).items()
+        if any(cell != _NOTHING for cell in cells)
     ]
-    columns = "".join(f"<td>{cell}</td>" for cell in cells)
-    return f"<tr><th>{summary.sensor}</th>{columns}</tr>\n"
+    head = "".join(f"<th>{name}</th>" for name, _ in columns)
+    lines = zip(*(cells for _, cells in columns), strict=True)
+    rows = "".join(
+        f"<tr><th>{sensor}</th>{''.join(f'<td>{cell}</td>' for cell in line)}</tr>\n"
+        for sensor, line in zip(SENSORS, lines, strict=True)
+    )
+    title = TITLES[map_]
+    notes = " ".join(_notes(each))
+    return (
+        f'<h2 id="{map_}">{title[0].upper()}{title[1:]}</h2>\n<p>{_ABOUT[map_]}</p>\n'
+        f'<div class="wide"><table>\n<tr><th>sensor</th>{head}</tr>\n{rows}</table>'
+        f"</div>\n" + f"<p>{_marked(notes)}</p>\n" * bool(notes)
+    )
+
+
+def _columns(summaries: Sequence[Summary], map_: str) -> dict[str, list[str]]:
+    """Return the cells below each heading, a cell for each sensor."""
+    columns = {
+        "right verdicts": [_share(each.success, successes) for each in summaries],
+        'false "no path"': [str(each.false_no_path) for each in summaries],
+        "no verdict": [str(each.failed) for each in summaries],
+        "touches": [str(each.touches) for each in summaries],
+        "path / shortest path": [detour_text(each) or _NOTHING for each in summaries],
+    }
+    if map_ in MAPPED:
+        columns["reachable floor"] = [_share(each.reachable) for each in summaries]
+        if map_ == "hidden_room":
+            columns["hidden floor"] = [_share(each.hidden) for each in summaries]
+        columns["obstacles in place"] = [_share(each.in_place) for each in summaries]
+    return columns
+
+
+def _notes(summaries: Sequence[Summary]) -> Iterator[str]:
+    """Yield what the table of a kind of maps does not tell: how runs ended."""
+    failed = [
+        f"`{each.sensor}` "
+        + " and ".join(
+            f"{reason} in {_counted(count, 'drive')}"
+            for reason, count in sorted(each.failures.items())
+        )
+        for each in summaries
+        if each.failures
+    ]
+    if failed:
+        yield f"No verdict: {', '.join(failed)}."
+    late = [
+        f"`{each.sensor}` {each.timed_out} of {each.explorations}"
+        for each in summaries
+        if each.timed_out
+    ]
+    if late:
+        yield f"Explorations that ended at the time limit: {', '.join(late)}."
+    for seed in sorted(set.intersection(*(set(each.shut_in) for each in summaries))):
+        shares = sorted({f"{100 * e.shut_in[seed]:.0f}" for e in summaries}, key=int)
+        mapped = " to ".join(dict.fromkeys((shares[0], shares[-1])))
+        yield (
+            f"In the map of seed {seed} no robot leaves the room where it starts, whose"
+            " door is wide enough for the disc, but not for the safety distance:"
+            f" {mapped} % of the floor are mapped, and that"
+            " makes the intervals of the reachable floor wide."
+        )
+
+
+def _share(
+    estimate: Estimate | None, write: Callable[[Estimate], str] = percent
+) -> str:
+    return _NOTHING if estimate is None else f"{write(estimate)}{_interval(estimate)}"
 
 
 def _interval(estimate: Estimate) -> str:

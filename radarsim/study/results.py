@@ -1,5 +1,6 @@
 """What the runs of the study add up to, for each map and sensor."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -20,6 +21,14 @@ TITLES: Final = {
     "office": "an office",
 }
 
+# Why drives end without a verdict.
+WOULD_NOT_START: Final = "would not start"
+STUCK: Final = "got stuck"
+OUT_OF_TIME: Final = "was not there in time"
+OTHERWISE: Final = "failed otherwise"
+
+_STANDING: Final = 0.05  # m; a robot that drives less has stayed where it was
+
 
 @dataclass(frozen=True, slots=True)
 class Summary:
@@ -30,7 +39,7 @@ class Summary:
         sensor: Sensor preset.
         success: Share of the drives that ended rightly and touched nothing.
         false_no_path: Number of drives that told there is no path where there is one.
-        failed: Number of drives that ended without a verdict.
+        failures: How many drives ended without a verdict, by the reason in words.
         touches: How often the robot began to touch something, in all runs.
         detour: Path divided by the shortest one, of drives that arrived; None if none
             did.
@@ -38,20 +47,33 @@ class Summary:
             nothing was mapped.
         hidden: Known share of the floor that it sees at most; None as above, or where
             there is none.
-        walls: Share of the mapped obstacles within two cells of a true one; None as
+        in_place: Share of the mapped obstacles within two cells of a true one; None as
             above.
+        explorations: Number of explorations.
+        timed_out: Number of those that ended at the time limit.
+        shut_in: Known share of the floor that the robot can get to, by seed, where an
+            exploration ended before the time limit and the drive on the same map told
+            falsely, where it stood, that there is no path.
     """
 
     map: str
     sensor: str
     success: Estimate
     false_no_path: int
-    failed: int
+    failures: Mapping[str, int]
     touches: int
     detour: Estimate | None
     reachable: Estimate | None
     hidden: Estimate | None
-    walls: Estimate | None
+    in_place: Estimate | None
+    explorations: int
+    timed_out: int
+    shut_in: Mapping[int, float]
+
+    @property
+    def failed(self) -> int:
+        """Number of drives that ended without a verdict."""
+        return sum(self.failures.values())
 
 
 Summaries: TypeAlias = Mapping[tuple[str, str], Summary]  # by map and sensor
@@ -76,10 +98,10 @@ class Measure:
 
 MEASURES: Final = (
     Measure("right verdicts", lambda each: each.success, True, KINDS),
-    Measure("path by shortest", lambda each: each.detour, False, KINDS),
+    Measure("path / shortest path", lambda each: each.detour, False, KINDS),
     Measure("reachable floor mapped", lambda each: each.reachable, True, MAPPED),
     Measure("hidden floor mapped", lambda each: each.hidden, True, ("hidden_room",)),
-    Measure("walls in place", lambda each: each.walls, True, MAPPED),
+    Measure("obstacles in place", lambda each: each.in_place, True, MAPPED),
 )
 
 
@@ -113,13 +135,44 @@ def _summary(map_: str, sensor: str, rows: Sequence[Row]) -> Summary:
         sensor=sensor,
         success=share(sum(map(is_right, drives)), len(drives)),
         false_no_path=sum(_verdict(r) == ("no_path", "reached") for r in drives),
-        failed=sum(row["outcome"] not in ("reached", "no_path") for row in drives),
+        failures=Counter(_failure(r) for r in drives if not _is_verdict(r)),
         touches=sum(row["collisions"] for row in rows),
         detour=_mean([row["path_length"] / row["shortest_path"] for row in arrived]),
         reachable=_mean_of(maps, "reachable_coverage"),
         hidden=_mean_of(maps, "hidden_coverage"),
-        walls=_mean_of(maps, "within_two_cells"),
+        in_place=_mean_of(maps, "within_two_cells"),
+        explorations=len(maps),
+        timed_out=sum(row["outcome"] == "time_limit" for row in maps),
+        shut_in=_shut_in(drives, maps),
     )
+
+
+def _is_verdict(row: Row) -> bool:
+    return row["outcome"] in ("reached", "no_path")
+
+
+def _failure(row: Row) -> str:
+    """Return why a drive has no verdict, in words, by its outcome and its note."""
+    if row["outcome"] == "too_near":
+        return WOULD_NOT_START
+    if row["note"].startswith("not there after"):
+        return OUT_OF_TIME
+    return STUCK if row["note"].startswith("the robot stays") else OTHERWISE
+
+
+def _shut_in(drives: Sequence[Row], maps: Sequence[Row]) -> dict[int, float]:
+    standing = {
+        row["seed"]
+        for row in drives
+        if _verdict(row) == ("no_path", "reached") and row["path_length"] < _STANDING
+    }
+    return {
+        row["seed"]: row["reachable_coverage"]
+        for row in maps
+        if row["seed"] in standing
+        and row["outcome"] == "explored"
+        and row["reachable_coverage"] is not None
+    }
 
 
 def _verdict(row: Row) -> tuple[str, str]:

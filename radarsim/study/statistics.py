@@ -36,6 +36,11 @@ class Estimate:
         """Whether there is an interval: there is none of a single run."""
         return self.count > 1
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether there is no interval to tell: a single run, or all values equal."""
+        return self.low == self.high
+
     def within(self, least: float, most: float) -> "Estimate":
         """Return the estimate with its interval cut to the values that are possible."""
         return replace(self, low=max(self.low, least), high=min(self.high, most))
@@ -66,11 +71,12 @@ def mean(values: Sequence[float]) -> Estimate:
     """Estimate a mean, with Student's t interval.
 
     Args:
-        values: At least one; of a single one there is no interval.
+        values: At least one. If all are equal, or there is only one, both ends of the
+            interval are the value itself.
     """
     count, value = len(values), float(np.mean(values))
-    if count < 2:
-        return Estimate(value, value, value, count)
+    if min(values) == max(values):
+        return Estimate(values[0], values[0], values[0], count)
     error = float(np.std(values, ddof=1)) / math.sqrt(count)
     half = float(special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
     return Estimate(value, value - half, value + half, count)

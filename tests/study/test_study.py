@@ -15,12 +15,14 @@ from scipy import stats
 from radarsim import __version__
 from radarsim.evaluation.shortest_path import shortest_path
 from radarsim.navigation.options import Algorithm
+from radarsim.presets.sensors import load_settings
 from radarsim.study.files import LOG, PAGE, TABLE, write_study
-from radarsim.study.findings import find_losses, summary_sentences
+from radarsim.study.findings import find_losses, headline, summary_sentences
 from radarsim.study.maps import make_study_map
 from radarsim.study.results import summarise
 from radarsim.study.statistics import mean, share
 from radarsim.study.tasks import (
+    MAPPING,
     QUICK,
     ROBOT_RADIUS,
     StudyTask,
@@ -49,6 +51,7 @@ def test_means_have_the_intervals_of_scipy() -> None:
 def test_interval_of_a_mean_of_shares_ends_at_what_is_possible() -> None:
     estimate = mean([0.8, 1.0, 1.0])
     assert estimate.high > 1
+    assert mean([0.1] * 3).is_exact
     cut = estimate.within(0.0, 1.0)
     assert (cut.value, cut.low, cut.high) == (estimate.value, estimate.low, 1.0)
 
@@ -110,6 +113,107 @@ def test_findings_tell_where_the_radar_wins_and_loses() -> None:
     hidden = next(s for s in summary_sentences(summaries) if "bushes" in s)
     assert "`radar` 90 %" in hidden
     assert "`sick` 0 %" in hidden
+    assert "with every laser" in text
+
+
+def lose_in_smoke(task: StudyTask, row: Row) -> None:
+    """Let two lasers fail in smoke, one of them without a verdict."""
+    if task.map != "smoke_corridor":
+        return
+    if task.sensor == "physical":
+        row["outcome"] = "no_path"
+    if task.sensor == "hokuyo":
+        row["outcome"] = "too_near" if task.seed else "failed"
+        row["note"] = "" if task.seed else "the robot stays at 0 0"
+
+
+def hide_the_floor(task: StudyTask, row: Row) -> None:
+    lose_in_smoke(task, row)
+    if task.sensor == "radar":
+        row["hidden_coverage"] = 0.998 if task.seed else 0.999
+
+
+def test_headline_names_the_lasers_that_arrive_too() -> None:
+    smoke = (
+        "hrough smoke `radar` and `sick` arrive in 4 of 4, `physical` and `hokuyo` in"
+        " none"
+    )
+    summaries = summarise(made_up_rows(hide_the_floor))
+    assert headline(summaries) == (
+        "Only the radar maps the floor behind bushes (99.8 %, lasers 0 %);\nt" + smoke
+    )
+    only_smoke = {key: each for key, each in summaries.items() if key[0] in QUICK}
+    assert headline(only_smoke) == "T" + smoke
+
+
+def test_headline_makes_no_win_of_what_a_laser_maps_too() -> None:
+    def see_with_a_laser(task: StudyTask, row: Row) -> None:
+        row["hidden_coverage"] = {"radar": 0.9, "sick": 0.5}.get(task.sensor, 0.0)
+
+    told = headline(summarise(made_up_rows(see_with_a_laser)))
+    assert told.startswith(
+        "Behind bushes the radar maps 90 % of the floor, the best laser 50 %;"
+    )
+
+
+def test_path_of_the_radar_is_compared_with_each_laser() -> None:
+    def go_round(task: StudyTask, row: Row) -> None:
+        if task.sensor == "hokuyo":
+            row["path_length"] = 15.0
+
+    sentences = summary_sentences(summarise(made_up_rows(go_round)))
+    (hedge,) = (text for text in sentences if "hedge" in text)
+    assert "as good as with `physical` and `sick` (the intervals overlap)" in hedge
+    assert "shorter than with `hokuyo`;" in hedge
+
+
+def shut_in(task: StudyTask, row: Row) -> None:
+    lose_in_smoke(task, row)
+    if task.map != "office":
+        return
+    row["outcome"] = "reached" if task.method != MAPPING else "time_limit"
+    if task.seed == 2:
+        row["outcome"] = "no_path" if task.method != MAPPING else "explored"
+        row["path_length"] = 0.0
+        row["reachable_coverage"] = 0.25
+
+
+def test_page_tells_how_runs_ended(tmp_path: Path) -> None:
+    rows = made_up_rows(shut_in)
+    write_study(tmp_path, rows, algorithm=Algorithm.PLANNED, seeds=4)
+    page = (tmp_path / PAGE).read_text()
+    hokuyo = "<code>hokuyo</code>"
+    assert f"No verdict: {hokuyo} got stuck in 1 drive and would not start in" in page
+    assert "time limit: <code>radar</code> 3 of 4," in page
+    assert "In the map of seed 2 no robot leaves" in page
+    assert " 25 % of the floor" in page
+    assert "1.20 [n = 3]" in page
+    assert "In the room behind bushes and in the office it also explores" in page
+
+
+def test_page_leaves_out_columns_without_values(tmp_path: Path) -> None:
+    def stay(task: StudyTask, row: Row) -> None:
+        if task.map == "hidden_room":
+            row["expected"] = row["outcome"] = "no_path"
+
+    rows = made_up_rows(stay)
+    write_study(tmp_path, rows, algorithm=Algorithm.PLANNED, seeds=4)
+    page = (tmp_path / PAGE).read_text()
+    column = "<th>path / shortest path</th>"
+    room = page.partition('id="hidden_room"')[2].partition("</table>")[0]
+    assert column in page
+    assert "<th>hidden floor</th>" in room
+    assert column not in room
+
+
+def test_page_tells_the_sensors_as_they_are(tmp_path: Path) -> None:
+    page = quick_page(tmp_path, seeds=1)
+    for sensor in ("radar", "physical", "sick"):
+        assert load_settings(sensor).max_range == 80
+    assert load_settings("hokuyo").max_range == 4
+    assert "reaches 4 m, all others 80 m" in page
+    assert "laser_db_per_m: 2.3," in make_study_map("smoke_corridor", 0).text
+    assert "2.3 dB" in page
 
 
 def test_same_runs_give_the_same_files(tmp_path: Path) -> None:
