@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.plotting.palette import INK, LASER, RADAR
+from radarsim.plotting.palette import INK, RADAR
 from radarsim.study.findings import headline
 from radarsim.study.results import TITLES, Summaries, Summary, kinds_of
 from radarsim.study.statistics import Estimate
@@ -15,12 +15,12 @@ from radarsim.study.tasks import SENSORS
 
 _SIZE: Final = (11.0, 6.6)  # inches
 _STEP: Final = 0.19  # rows between two sensors
-# Lasers are orange, and told apart by lightness too, for the colour-blind.
+# Lasers are of the hues around orange; their lightness tells them apart for all sights.
 _COLOURS: Final = {
     "radar": RADAR,
     "physical": "#7a2500",
-    "hokuyo": LASER,
-    "sick": "#e3a600",
+    "hokuyo": "#e04a00",
+    "sick": "#ffb000",
 }
 _MARKERS: Final = {"radar": "D", "physical": "o", "hokuyo": "s", "sick": "^"}
 _FLOOR: Final = (
