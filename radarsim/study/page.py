@@ -5,6 +5,7 @@ from html import escape
 from typing import Final
 
 from radarsim import __version__
+from radarsim.evaluation.trials import GOAL_TOLERANCE
 from radarsim.figures.page import GENERATOR
 from radarsim.figures.page_style import STYLE
 from radarsim.mapping.occupancy_grid import RESOLUTION
@@ -139,7 +140,7 @@ touches something is not right.</p>
 <p>Path / shortest path is of the drives that arrived; n is their number where it
 is not that of the seeds. The shortest path is that of the disc. The factor may be a
 little below 1, because a drive ends when the robot is within {TOLERANCE:g} m of the
-goal.
+goal by the inertial sensor, which drifts; up to {GOAL_TOLERANCE:g} m in truth count.
 {_mapping_measures(kinds)}{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
 {tables}<p>Made by radarsim {__version__}. Runs are rows of <code>runs.csv</code>.</p>
 </main>
