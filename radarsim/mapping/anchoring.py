@@ -7,11 +7,13 @@ next is matched with that little, and goes on from there: the map is true in its
 turned by some tenths of a degree. Later, when walls have been seen from many places,
 the first scans are matched with the map of all others. Where they fit shows by how much
 it is off, and all but the first scans are moved by that. It is repeated a few times, as
-that map becomes better.
+that map becomes better. A map that is off by less than the first scans can tell stays
+where it is.
 
 A map that the robot has left parts of behind is not moved: it may have bent since.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -23,6 +25,7 @@ from radarsim.mapping.scan_matching import fit
 
 ANCHOR_INTERVAL: Final = 25.0  # m of path
 MOST_ANCHORINGS: Final = 4
+LEAST_TURN: Final = math.radians(0.1)  # by which a map has to be off to be moved
 MAX_POINTS: Final = 4000  # of the first scans
 SIGMA: Final = (0.1, 0.1, 0.05)  # m, m and rad; by how much a map may be off
 

@@ -22,7 +22,12 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.mapping.anchoring import ANCHOR_INTERVAL, MOST_ANCHORINGS, find_correction
+from radarsim.mapping.anchoring import (
+    ANCHOR_INTERVAL,
+    LEAST_TURN,
+    MOST_ANCHORINGS,
+    find_correction,
+)
 from radarsim.mapping.keyframe_graph import KeyframeGraph
 from radarsim.mapping.keyframes import Keyframe, KeyframeMap
 from radarsim.mapping.loop_closure import LoopCloser
@@ -244,8 +249,12 @@ class Slam:
         if self.closures or len(self._map) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self._map, FIRST_KEYFRAMES)
-        if correction is not None:
-            self._move(self._graph.move(FIRST_KEYFRAMES, correction))
+        if correction is None:
+            return
+        if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
+            self._anchorings = MOST_ANCHORINGS
+            return
+        self._move(self._graph.move(FIRST_KEYFRAMES, correction))
 
     def _move(self, poses: list[Pose2]) -> None:
         """Move all keyframes to other poses, and the trajectory with them."""

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose2
+from radarsim.mapping.keyframes import KeyframeMap
 from radarsim.mapping.scan import PlanarScan
 from radarsim.mapping.slam import MotionSource, Slam, SlamSettings
 from radarsim.mapping.trajectory import Trajectory, TrajectoryErrors, trajectory_errors
@@ -204,3 +205,35 @@ def test_without_a_motion_source_there_is_no_dead_reckoning(
     scans: list[PlanarScan],
 ) -> None:
     assert len(matched(scans[:3], [None] * 3, "none").dead_reckoning) == 0
+
+
+@pytest.mark.parametrize(
+    ("turn", "expected"),
+    [
+        pytest.param(0.001, (1, 0), id="as true as the first scans tell"),
+        pytest.param(-0.003, (4, 4), id="turned"),
+        pytest.param(None, (4, 0), id="not shown by the first scans"),
+    ],
+)
+def test_map_is_turned_back_to_its_start_a_few_times(
+    look: Look,
+    room: Floats,
+    path: list[Pose2],
+    monkeypatch: pytest.MonkeyPatch,
+    turn: float | None,
+    expected: tuple[int, int],
+) -> None:
+    seen, (looks, moves) = [], expected
+
+    def find_correction(known: KeyframeMap, _: int) -> Pose2 | None:
+        seen.append(known.keyframes[-1].station)
+        return None if turn is None else Pose2(0.0, 0.0, turn)
+
+    monkeypatch.setattr("radarsim.mapping.slam.find_correction", find_correction)
+    monkeypatch.setattr("radarsim.mapping.slam.ANCHOR_INTERVAL", 4.0)
+    slam = Slam(SlamSettings(motion_source="odometry"))
+    for pose in path:
+        slam.step(look(room, pose), pose)
+    assert len(seen) == looks
+    assert seen == pytest.approx([4.0 * (k + 1) for k in range(looks)], abs=0.6)
+    assert slam.revision == moves
