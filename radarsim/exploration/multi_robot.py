@@ -240,9 +240,12 @@ class MultiRobotExploration:
         map_, attempt = self.maps[number], self._attempts[number]
         self._attempts[number] += 1
         frame = align(reference, self._keyframes(number), map_.frame_pose, attempt)
-        if frame is not None:
-            map_.align(frame)
-        return frame is not None
+        if frame is None:
+            return False
+        map_.align(frame)
+        for other in set(range(len(self.maps))) - set(self._placed()):
+            self._next_station[other] = 0.0  # what this one has seen may place it, too
+        return True
 
     def _refine(self, number: int, reference: Sequence[Keyframe]) -> None:
         map_ = self.maps[number]

@@ -23,7 +23,7 @@ from radarsim.mapping.occupancy_grid import Mask
 SECTORS: Final = 180  # in which the nearest point of a keyframe bounds what it saw
 BEHIND: Final = 0.15  # m behind that point that count as seen
 NEAR: Final = 0.1  # m within which two points are the same thing; more far away
-STRIDE: Final = 0.5  # m of path between the keyframes that are looked at
+STRIDE: Final = 0.5  # m between the keyframes that are looked at
 
 
 class Agreement(NamedTuple):
@@ -81,9 +81,13 @@ def _some(keyframes: Sequence[Keyframe]) -> list[Keyframe]:
     """Return keyframes some way apart; those between them see about the same."""
     chosen: list[Keyframe] = []
     for each in keyframes:
-        if not chosen or abs(each.station - chosen[-1].station) >= STRIDE:
+        if not chosen or _distance(chosen[-1].pose, each.pose) >= STRIDE:
             chosen.append(each)
     return chosen
+
+
+def _distance(one: Pose2, other: Pose2) -> float:
+    return math.hypot(one.x - other.x, one.y - other.y)
 
 
 def _near(places: Floats) -> Floats:

@@ -68,15 +68,14 @@ def _expected_instead(folder: Path) -> str:
         return f"{expected}; did you mean {str(folder.parent)!r}?"
     inside = _recordings_in(folder)
     if inside:
-        return f"one of {list_names(inside)}"
-    names = [Path(each).name for each in _recordings_in(folder.parent)]
-    return expected + did_you_mean(folder.name, names)
+        return f"one of those in it: {list_names(inside)}"
+    return expected + did_you_mean(folder.name, _recordings_in(folder.parent))
 
 
 def _recordings_in(folder: Path) -> list[str]:
-    """Return the recordings in a folder, sorted."""
+    """Return the names of the recordings in a folder, sorted."""
     with suppress(OSError):
-        return sorted({str(file.parent) for file in folder.glob("*/*.mcap")})
+        return sorted({file.parent.name for file in folder.glob("*/*.mcap")})
     return []
 
 
