@@ -19,13 +19,15 @@ class FollowedBoundary:
         mode: How it is followed.
         least: m to be followed before it is left for a place nearer to the goal.
         travelled: m along it.
+        reached_at: When the robot came beside it, s.
         goal_distance: Its least distance from the goal so far, m.
         circled: Points of it, to look at them again.
     """
 
-    def __init__(self, follower: WallFollower, mode: FollowMode, least: float) -> None:
+    def __init__(self, follower: WallFollower, mode: FollowMode) -> None:
         self.mode = mode
-        self.least = least
+        self.least = 0.0
+        self.reached_at = -math.inf
         self.travelled = 0.0
         self.goal_distance = -math.inf  # so that it is not left before it is reached
         self.circled = StandingObstacle()
@@ -43,7 +45,7 @@ class FollowedBoundary:
         point = self._follower.hit_point(observation, self.mode, bearing)
         place = point.point_from(observation.pose)
         self._obstacle = FollowedObstacle(place, self._follower)
-        self.goal_distance = math.inf
+        self.goal_distance, self.reached_at = math.inf, observation.time
 
     def look(self, observation: Observation, goal: Point) -> Observation:
         """Return the part of a scan that shows it; note its distance from a goal."""

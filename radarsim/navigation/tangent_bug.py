@@ -16,8 +16,8 @@ to a place that is nearer, it does, and never leads farther away again: so it en
 where it was on the same boundary, there is no path.
 
 Noise opens and closes gaps that are about as wide as the robot needs. So an edge is
-kept while the way there is nearly open, and a boundary that is hit where it was just
-left is followed on the same hand, and for a while.
+kept while the way there is nearly open, and a robot that cannot go on where it has just
+left a boundary follows it again, for a while.
 
 Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
 algorithm, International Journal of Robotics Research 17, 1998.
@@ -54,7 +54,8 @@ LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
 NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
-AGAIN: Final = 0.5  # m from where a boundary was left: hits there are the same
+AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
+MOST_ALIGNING: Final = 8.0  # s; a whole turn
 _SAME: Final = 0.7  # m within which an edge is the last one
 _MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 
@@ -71,12 +72,12 @@ class TangentBug(Controller):
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
         self._boundary: FollowedBoundary | None = None
-        self._mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._left: FollowedBoundary | None = None  # the boundary that it left last
         self._gone = 0
 
     def _begin_goal(self, _: Pose2) -> None:
         self._start_anew()
-        self._left_at = math.inf
+        self._left_at, self._left = math.inf, None
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
         if self._boundary is None:
@@ -194,13 +195,15 @@ class TangentBug(Controller):
     def _hit(self, observation: Observation) -> Twist:
         """Turn to the boundary of what hides the goal, to follow it."""
         pose = observation.pose
-        is_again = any(distance(pose, *place) < AGAIN for place in self.leave_points)
-        if not is_again:
-            self._mode = FollowMode(wall_on_left=self._is_left(observation))
         self.hit_points.append((pose.x, pose.y))
+        if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
+            # it could not go on where it left: as if it never had
+            self._boundary, self.activity = self._left, Activity.FOLLOWING
+            self._left.least = self._left.travelled + AGAIN
+            return STOP
         self.activity = Activity.ALIGNING
-        least = AGAIN if is_again else 0.0
-        self._boundary = FollowedBoundary(self._follower, self._mode, least)
+        mode = FollowMode(wall_on_left=self._is_left(observation))
+        self._boundary = FollowedBoundary(self._follower, mode)
         return STOP
 
     def _is_left(self, observation: Observation) -> bool:
@@ -223,15 +226,16 @@ class TangentBug(Controller):
         place = directions.place_nearer_than(limit, goal)
         if place is not None and boundary.travelled >= boundary.least:
             self._left_at = limit
-            return self._leave(observation, place)
+            return self._leave(observation, place, boundary)
         if self._sees_goal(observation) and not self._is_held(observation, goal):
-            return self._leave(observation, goal)
+            return self._leave(observation, goal, boundary)
         if not boundary.is_reached:
             return self._approach(observation, boundary)
         part = boundary.look(observation, goal)
         if self.activity is Activity.ALIGNING:
             bearing = bearing_of(observation.pose, *goal)
             twist, done = self._follower.align(observation, boundary.mode, bearing)
+            done = done or observation.time > boundary.reached_at + MOST_ALIGNING
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
         if boundary.closes(part, step):
@@ -249,8 +253,16 @@ class TangentBug(Controller):
             return STOP
         return self._head_for(observation, self.goals[0])
 
-    def _leave(self, observation: Observation, place: Point) -> Twist:
+    def _leave(
+        self,
+        observation: Observation,
+        place: Point,
+        boundary: FollowedBoundary | None = None,
+    ) -> Twist:
+        """Head for a place, away from a boundary, to which it may have to go back."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
+        is_followed = boundary is not None and boundary.is_reached
+        self._left = boundary if is_followed else None
         self._start_anew()
         self._place = place
         return self._head_for(observation, place)

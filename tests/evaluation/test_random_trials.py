@@ -94,6 +94,7 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
         pytest.param(350, "bug1", id="leave point missed, first obstacle hit again"),
         pytest.param(248, "bug1", id="noise in a corner, where it stood"),
         pytest.param(151, "planned", id="way around beyond the first grid"),
+        pytest.param(95, "tangentbug", id="boundary left where it could not go on"),
         pytest.param(50, "tangentbug", id="boundary that the robot lost sight of"),
     ],
 )
