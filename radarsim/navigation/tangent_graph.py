@@ -8,12 +8,16 @@ Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigati
 algorithm, International Journal of Robotics Research 17, 1998.
 """
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.geometry import Floats
 from radarsim.navigation.open_directions import OpenDirections, Point
+
+MOST_PAIRS: Final = 1_000_000  # of segments and walls at once, which bounds the memory
 
 
 def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
@@ -49,12 +53,15 @@ def crosses_any(
     Returns:
         (N,)
     """
-    a, b = begins[:, None], ends[:, None]
     c, d = walls
-    sides_of_wall = _side(c, d, a) * _side(c, d, b)
-    sides_of_segment = _side(a, b, c) * _side(a, b, d)
-    crossed = (sides_of_wall < 0) & (sides_of_segment < 0)
-    closed: NDArray[np.bool_] = np.asarray(crossed.any(axis=1))
+    closed = np.zeros(len(begins), np.bool_)
+    block = max(1, MOST_PAIRS // max(len(c), 1))
+    for first in range(0, len(begins), block):
+        rows = slice(first, first + block)
+        a, b = begins[rows, None], ends[rows, None]
+        sides_of_wall = _side(c, d, a) * _side(c, d, b)
+        sides_of_segment = _side(a, b, c) * _side(a, b, d)
+        closed[rows] = ((sides_of_wall < 0) & (sides_of_segment < 0)).any(axis=1)
     return closed
 
 

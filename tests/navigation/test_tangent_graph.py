@@ -71,3 +71,12 @@ def test_no_way_leads_out_of_a_closed_room(flatland: World) -> None:
     directions = OpenDirections(flatland(room, at=Pose2(0.3, 0.2)).scan(), R)
     ways = ways_to_goal(np.array([[0.0, 1.0], [1.0, 0.0]]), (6.0, 0.0), directions)
     assert np.isinf(ways).all()
+
+
+def test_blocks_of_segments_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(4)
+    begins, ends, *walls = rng.uniform(-5, 5, (4, 30, 2))
+    whole = crosses_any(begins, ends, (walls[0], walls[1]))
+    assert 0 < whole.sum() <= 30
+    monkeypatch.setattr("radarsim.navigation.tangent_graph.MOST_PAIRS", 100)
+    assert (crosses_any(begins, ends, (walls[0], walls[1])) == whole).all()
