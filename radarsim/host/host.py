@@ -17,8 +17,9 @@ Rule 4: commands per tick and robots per time are limited for each client, and t
 of a tick for all clients together; what exceeds a limit waits for the next ticks
 (``is_busy``). A command that arrives while none of its client waits is executed at
 once. Commands that wait are executed in turns, one of each client, and cannot use up
-the work that is reserved for those that arrive: a flood delays no one else. How the
-bytes of a client are split into packets changes nothing.
+the work that is reserved for those that arrive. Nor can several clients that send much
+use up what is reserved for the first command of each client in a tick: a flood delays
+no one else. How the bytes of a client are split into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
 queue of its own, which comes last in a write. It changes no byte that others get.
 Rule 6: a host can be there before its simulation, which takes a second to load and half
@@ -51,9 +52,11 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
-# Units of work of all clients together in a tick: for commands on arrival, and for
-# those that have waited. A unit is about 20 us.
+# Units of work of all clients together in a tick: for commands on arrival, for the
+# first command of each client once that is used up, and for those that have waited. A
+# unit is about 20 us.
 ARRIVAL_WORK = 100
+FIRST_WORK = 60
 WAITING_WORK = 60
 
 
@@ -101,7 +104,7 @@ class Host:
         self._unsent: set[int] = set()  # have bytes that are to be sent
         self._watchers = Watchers(config.dialect, self._unsent)
         self._commands = CommandHandler(scene, config, self._watchers)
-        self._arrival_work = ARRIVAL_WORK
+        self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         self._echo_writer: EchoWriter  # from the beginning of the simulation on
         self._last_served = 0  # number of the client whose waiting command was last
         if begins:
@@ -223,7 +226,7 @@ class Host:
         for number in self._spent:
             self._clients[number].command_budget = COMMANDS_PER_TICK
         self._spent.clear()
-        self._arrival_work = ARRIVAL_WORK
+        self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         diagnostics = self._handle_waiting()
         if not self.has_begun:
             return diagnostics
@@ -266,14 +269,22 @@ class Host:
     def _handle_arrived(self, client: Client) -> list[Diagnostic]:
         """Execute commands of a client that had none waiting."""
         diagnostics = []
-        while client.pending and client.command_budget and self._arrival_work > 0:
+        while client.pending and client.command_budget and self._has_work_left(client):
             handled = self._handle_next(client)
-            self._arrival_work -= handled.work
+            if self._arrival_work > 0:
+                self._arrival_work -= handled.work
+            else:
+                self._first_work -= handled.work
             if handled.diagnostic is not None:
                 diagnostics.append(handled.diagnostic)
             if not handled.done:
                 break
         return diagnostics
+
+    def _has_work_left(self, client: Client) -> bool:
+        """Return whether a command that has just arrived is executed now."""
+        is_first = client.command_budget == COMMANDS_PER_TICK
+        return self._arrival_work > 0 or (is_first and self._first_work > 0)
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""

@@ -23,7 +23,12 @@ from radarsim.host.commands import (
     SPAWNS_PER_TICK,
     SUGGESTION_WORK,
 )
-from radarsim.host.host import COMMANDS_PER_TICK, WAITING_WORK
+from radarsim.host.host import (
+    ARRIVAL_WORK,
+    COMMANDS_PER_TICK,
+    FIRST_WORK,
+    WAITING_WORK,
+)
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.reports import GroundTruth, Ins, decode_report
 from radarsim.scene.map_file import load_map
@@ -544,6 +549,27 @@ def test_flood_of_others_does_not_delay_a_command(host: Host) -> None:
         host.receive(number, b"GETGEO {Type Robot}\r\n")
         assert not host.is_busy(number)
     assert host.finish(number).count(GEO) == 10
+
+
+def test_bursts_of_others_in_the_same_tick_do_not_delay_a_command(host: Host) -> None:
+    number = spawned(host)
+    for _ in range(10):
+        for other in [
+            connected(host) for _ in range(2 + ARRIVAL_WORK // COMMANDS_PER_TICK)
+        ]:
+            host.receive(other, b"GETSTARTPOSES\r\n" * COMMANDS_PER_TICK)
+        host.receive(number, b"GETGEO {Type Robot}\r\n")
+        assert not host.is_busy(number)
+        host.step()
+    assert host.take(number).count(GEO) == 10
+
+
+def test_first_commands_of_all_clients_in_a_tick_are_limited(host: Host) -> None:
+    numbers = [connected(host) for _ in range(2 * (ARRIVAL_WORK + FIRST_WORK))]
+    for number in numbers:
+        host.receive(number, b"GETSTARTPOSES\r\n")
+    done = ARRIVAL_WORK + FIRST_WORK
+    assert [host.is_busy(n) for n in numbers] == [False] * done + [True] * done
 
 
 def test_replies_of_a_class_do_not_depend_on_what_others_have_asked(
