@@ -2,8 +2,9 @@
 
 Materials have the colour of their family: foliage is green, wood brown, concrete and
 brick grey, smoke and dust a pale sand that is drawn translucent. All radars are violet
-and all lasers orange, in every picture. Only where left and right rays of a radar are
-told apart they are coloured as in the thesis: left red, right blue.
+and all lasers orange, in every picture; several lasers differ in lightness, from brown
+to yellow. Only where left and right rays of a radar are told apart they are coloured as
+in the thesis: left red, right blue.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
 protanopia; ``SHOWN_TOGETHER`` lists these groups.
@@ -51,6 +52,7 @@ RIGHT_RAY: Final = "#1563be"
 
 RADAR: Final = "#6a4aeb"
 LASER: Final = "#ff5704"
+LASERS: Final = ("#7a2500", "#e04a00", "#ffb000")  # that are compared in one picture
 
 # Power that comes back of a radar beam.
 RETURNED: Final = "#047e7d"
@@ -83,6 +85,7 @@ SHOWN_TOGETHER: Final = {
     "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
     "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
     "sensors over a plan": (*_ON_MATERIALS, RADAR, LASER),
+    "a radar and several lasers": (PAPER, INK, RADAR, *LASERS),
     **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
     "map": (*_CELLS, *ROBOT_PATHS, TRUE_OUTLINE),
 }

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from radarsim.plotting.palette import INK, RADAR
+from radarsim.plotting.palette import INK, LASERS, RADAR
 from radarsim.study.findings import headline
 from radarsim.study.results import TITLES, Summaries, Summary, kinds_of
 from radarsim.study.statistics import Estimate
@@ -15,13 +15,7 @@ from radarsim.study.tasks import SENSORS
 
 _SIZE: Final = (11.0, 6.6)  # inches
 _STEP: Final = 0.19  # rows between two sensors
-# Lasers are of the hues around orange; their lightness tells them apart for all sights.
-_COLOURS: Final = {
-    "radar": RADAR,
-    "physical": "#7a2500",
-    "hokuyo": "#e04a00",
-    "sick": "#ffb000",
-}
+_COLOURS: Final = dict(zip(SENSORS, (RADAR, *LASERS), strict=True))
 _MARKERS: Final = {"radar": "D", "physical": "o", "hokuyo": "s", "sick": "^"}
 _FLOOR: Final = (
     ("hidden_room", "hidden", "hidden\nbehind bushes"),
