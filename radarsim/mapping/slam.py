@@ -62,7 +62,7 @@ class SlamSettings:
 
     motion_source: MotionSource = "ins"
     beam_spread: float = 0.08
-    rest_sigma: tuple[float, float] = (0.005, 0.003)
+    rest_sigma: tuple[float, float] = (0.005, 0.001)
     drift: float = 0.1
     keyframe_distance: float = 0.2
     keyframe_angle: float = 0.1
