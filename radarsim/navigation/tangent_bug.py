@@ -49,7 +49,6 @@ from radarsim.navigation.open_directions import (
 from radarsim.navigation.tangent_graph import ways_to_goal
 from radarsim.navigation.wall_following import ALIGNED, FollowMode, WallFollower
 
-APART: Final = 0.05  # m beyond the safety distance, from what it passes
 LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
 NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
@@ -66,7 +65,8 @@ class TangentBug(Controller):
     def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
         super().__init__(goals, settings)
         self._follower = WallFollower(settings.bumpers, settings.speed_limits)
-        self._radius = settings.bumpers.safety_distance + APART
+        # a gap that it enters has to be one that a wall follower finds open from inside
+        self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # that it heads for
         self._shortest_way = math.inf  # m; over the best edge, so far
         self._place: Point | None = None  # that it heads for after a boundary
@@ -160,7 +160,7 @@ class TangentBug(Controller):
         pose = observation.pose
         away = distance(pose, *edge)
         bearing = np.array([bearing_of(pose, *edge)])
-        radius = self._settings.bumpers.safety_distance - APART
+        radius = self._settings.bumpers.safety_distance - NOISE / 2
         (length,) = open_lengths(observation, bearing, radius)
         return away > ARRIVED and bool(length >= min(away, HORIZON))
 
@@ -170,7 +170,7 @@ class TangentBug(Controller):
         bearing = bearing_of(observation.pose, *self.goals[0])
         # a goal may be as near to something as the safety distance
         is_last = left < self._settings.bumpers.pressed_below
-        radius = self._radius - (APART + NOISE / 2) * is_last
+        radius = self._radius - (GRAZE + NOISE / 2) * is_last
         (length,) = open_lengths(observation, np.array([bearing]), radius)
         return bool(length >= min(left, HORIZON))
 

@@ -75,7 +75,7 @@ def test_sensors_and_side_beams_take_turns() -> None:
     assert RandomTrialSpec(1, "bug1").reach == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow("sampled")
 @pytest.mark.parametrize("number", range(20))
 def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
     algorithm = ("bug1", "tangentbug", "bug2", "planned")[number % 4]
@@ -96,6 +96,7 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
         pytest.param(151, "planned", id="way around beyond the first grid"),
         pytest.param(95, "tangentbug", id="boundary left where it could not go on"),
         pytest.param(50, "tangentbug", id="boundary that the robot lost sight of"),
+        pytest.param(318, "tangentbug", id="gap entered that is closed from inside"),
     ],
 )
 def test_map_that_was_told_wrongly_once(number: int, algorithm: str) -> None:
