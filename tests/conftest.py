@@ -68,10 +68,12 @@ def pytest_collection_modifyitems(
     """
     share = config.getoption("--sample")
     marks = {item: item.get_closest_marker("slow") for item in items}
+    places = {"alone": 1.0, "sampled": 0.0}
     left_out = {
         item
         for item, mark in marks.items()
-        if mark and share < 1 and (mark.args or _place(item.nodeid) >= share)
+        if mark and share < 1
+        if places.get("".join(mark.args), _place(item.nodeid)) >= share
     }
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
