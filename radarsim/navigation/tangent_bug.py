@@ -129,9 +129,13 @@ class TangentBug(Controller):
         if not len(edges):
             return None, math.inf
         ways = ways_to_goal(edges, self.goals[0], directions)
-        ways += np.hypot(*(edges - (pose.x, pose.y)).T)
+        offsets = edges - (pose.x, pose.y)
+        ways += np.hypot(*offsets.T)
         if self._edge is not None:
-            ways -= KEPT * (np.hypot(*(edges - self._edge).T) < _SAME)
+            # beside an obstacle, an edge ahead and one behind may be near to each other
+            is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
+            is_near = np.hypot(*(edges - self._edge).T) < _SAME
+            ways -= KEPT * (is_near & is_ahead)
         best = int(ways.argmin())
         if not math.isfinite(ways[best]):
             return None, math.inf

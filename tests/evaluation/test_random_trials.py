@@ -97,6 +97,9 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
         pytest.param(95, "tangentbug", id="boundary left where it could not go on"),
         pytest.param(50, "tangentbug", id="boundary that the robot lost sight of"),
         pytest.param(318, "tangentbug", id="gap entered that is closed from inside"),
+        pytest.param(
+            384, "tangentbug", id="turning between an edge ahead and one behind"
+        ),
     ],
 )
 def test_map_that_was_told_wrongly_once(number: int, algorithm: str) -> None:
