@@ -5,7 +5,7 @@ process the same seed gives the same map. What one of them has sensed is known t
 soon as it is known where their maps are on each other (``shared_map``).
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import Final, TypeAlias
@@ -20,25 +20,19 @@ from radarsim.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
+from radarsim.exploration.map_merging import MapMerger
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import ExplorationSettings
 from radarsim.exploration.target_allocation import SharedTargetStrategy, TargetBoard
 from radarsim.exploration.traversability import Point
 from radarsim.exploration.unexplored_area import find_unexplored
-from radarsim.geometry import Pose2, wrap_angle
-from radarsim.mapping.keyframes import Keyframe, KeyframeMap
-from radarsim.mapping.map_alignment import VIEWS, align, refine
 from radarsim.mapping.mapper import Mapper
 from radarsim.mapping.shared_map import RobotMap, SharedMap
-from radarsim.mapping.slam import FIRST_KEYFRAMES
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.runner import TripMeter
 from radarsim.suggestions import expected_one_of
 
 STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
-RETRY: Final = 1.0  # m of path, of it and of others, between two attempts to align one
-REFINE: Final = 5.0  # m of path after which an aligned map is fitted anew
-NEWS: Final = 0.01, 0.001  # m and rad by which a map has to be off for that to count
 
 Observer: TypeAlias = Callable[[int, ExplorationStep], None]
 
@@ -77,8 +71,7 @@ class MultiRobotExploration:
         self.errors = [""] * robots
         self._board = TargetBoard(robots)
         self.robots = [self._exploration(k) for k in range(robots)]
-        self._next_station = [0.0] * robots
-        self._attempts = [0] * robots
+        self._merger = MapMerger(self.robots, self.maps)
         self._latest: dict[int, Observation] = {}
 
     @property
@@ -176,7 +169,18 @@ class MultiRobotExploration:
                     is_on_map=self.maps[number].is_merged,
                 )
                 observe(number, step)
-                self._align(number)
+                self._merger.step(number)
+                if not self._board.searching:
+                    self._look_again(driving)
+
+    def _look_again(self, driving: Iterable[int]) -> None:
+        """Let robots that found no target search again, if their maps are moved.
+
+        What they have explored may not be the whole once all maps fit.
+        """
+        if self._merger.refine_all():
+            self.shared.finish()
+            self._board.searching.update(driving)
 
     def _next(
         self, number: int, steps: Generator[ExplorationStep], *, is_last: bool
@@ -212,83 +216,9 @@ class MultiRobotExploration:
                 " expected one robot, or a robot class with another scanner"
             ) from error
 
-    def _align(self, number: int) -> None:
-        """Find where the robot's map is on the shared one, if it is time to."""
-        map_, known = self.maps[number], self._keyframes(number)
-        if number == 0 or len(known) < FIRST_KEYFRAMES:
-            return
-        station = known.keyframes[-1].station
-        # A robot that waits sees nothing new, but others may come to where it was.
-        if map_.frame is None:
-            station += sum(self._station(k) for k in self._placed())
-        if station < self._next_station[number]:
-            return
-        reference = self._reference(number)
-        if map_.frame is not None:
-            self._next_station[number] = station + REFINE
-            self._refine(number, reference)
-            return
-        self._next_station[number] = station + RETRY
-        if self._try_to_align(number, reference):
-            self._next_station[number] = known.keyframes[-1].station + REFINE
-
-    def _try_to_align(self, number: int, reference: Sequence[Keyframe]) -> bool:
-        """Find where the robot's map is on the shared one; return whether it is known.
-
-        Each attempt looks at another place.
-        """
-        map_, attempt = self.maps[number], self._attempts[number]
-        self._attempts[number] += 1
-        frame = align(reference, self._keyframes(number), map_.frame_pose, attempt)
-        if frame is None:
-            return False
-        map_.align(frame)
-        for other in set(range(len(self.maps))) - set(self._placed()):
-            self._next_station[other] = 0.0  # what this one has seen may place it, too
-        return True
-
-    def _refine(self, number: int, reference: Sequence[Keyframe]) -> None:
-        map_ = self.maps[number]
-        if map_.frame is None or not reference:
-            return
-        frame = refine(reference, self._keyframes(number), map_.frame)
-        if frame is not None and _differ(frame, map_.frame):
-            map_.align(frame)
-
-    def _reference(self, number: int) -> list[Keyframe]:
-        """Return the keyframes of all other robots that are on the shared map."""
-        return [
-            Keyframe(
-                self.maps[other].frame_pose.compose(each.pose),
-                each.points,
-                each.station,
-            )
-            for other in self._placed()
-            if other != number
-            for each in self._keyframes(other).keyframes
-        ]
-
-    def _placed(self) -> list[int]:
-        """Return the numbers of the robots that are on the shared map."""
-        return [k for k, map_ in enumerate(self.maps) if map_.frame is not None]
-
-    def _station(self, number: int) -> float:
-        known = self._keyframes(number)
-        return known.keyframes[-1].station if len(known) else 0.0
-
-    def _keyframes(self, number: int) -> KeyframeMap:
-        mapper = self.robots[number].mapper
-        return KeyframeMap() if mapper is None else mapper.slam.keyframes
-
     def _finish(self) -> None:
         """Complete the map, with what is known now of where the robots were."""
-        for number in range(1, len(self.maps)):
-            reference = self._reference(number)
-            if not len(self._keyframes(number)):
-                continue
-            if self.maps[number].frame is None:
-                any(self._try_to_align(number, reference) for _ in range(VIEWS))
-            self._refine(number, reference)
+        self._merger.finish()
         for map_ in self.maps:
             map_.finish()
 
@@ -317,11 +247,3 @@ class MultiRobotExploration:
         is_whole = all(each.frame is not None for each in self.maps)
         if left.frontiers or not is_whole:
             self.outcome = Outcome.INCOMPLETE
-
-
-def _differ(one: Pose2, other: Pose2) -> bool:
-    distance, angle = NEWS
-    return (
-        bool(np.hypot(one.x - other.x, one.y - other.y) > distance)
-        or abs(wrap_angle(one.yaw - other.yaw)) > angle
-    )

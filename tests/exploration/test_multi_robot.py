@@ -11,8 +11,9 @@ from office_map import office_map
 
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.evaluation.multi_robot_run import MultiRobotRun
-from radarsim.exploration import multi_robot
+from radarsim.exploration import map_merging
 from radarsim.exploration.exploration import ExplorationPlan, Outcome
+from radarsim.exploration.map_merging import MapMerger
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import WAITING, ExplorationSettings
 from radarsim.exploration.target_allocation import (
@@ -55,6 +56,17 @@ def test_two_robots_make_one_map(empty_room: Scene) -> None:
     assert first.grid is second.grid is made.exploration.shared.grid
     ends = [trajectory.poses[-1].y for trajectory in made.result.trajectories.values()]
     assert ends == pytest.approx([0.0, 3.5], abs=0.05)
+
+
+@pytest.mark.slow
+def test_robots_look_again_when_the_last_fit_moves_a_map(
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moved = [True, True, False]
+    monkeypatch.setattr(MapMerger, "refine_all", lambda _: moved and moved.pop(0))
+    made = run(empty_room)
+    assert made.exploration.outcome is Outcome.EXPLORED
+    assert not moved
 
 
 def three_rooms(starts: Sequence[tuple[float, float, float]]) -> str:
@@ -228,7 +240,7 @@ def test_robots_that_start_near_each_other_do_not_touch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str, is_aligned: bool
 ) -> None:
     if not is_aligned:
-        monkeypatch.setattr(multi_robot, "align", lambda *_: None)
+        monkeypatch.setattr(map_merging, "align", lambda *_: None)
     starts = LAYOUTS[layout]
     path = tmp_path / "rooms.yaml"
     path.write_text(three_rooms(starts))
