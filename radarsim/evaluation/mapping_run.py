@@ -6,7 +6,8 @@ whose scene the map is compared with, or one that listens on a TCP port.
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -116,6 +117,23 @@ class MappingResult:
         """The estimated trajectory of each robot on the map, map frame, from 1."""
         return {} if self.mapper is None else {1: self.mapper.trajectory}
 
+    @contextmanager
+    def noting_errors(self) -> Iterator[None]:
+        """Note an error that ends the run, or that it was interrupted."""
+        try:
+            yield
+        except BaseException as error:
+            is_failure = isinstance(error, Exception)
+            self.error = str(error) if is_failure else INTERRUPTED
+            raise
+
+    def judge(self) -> None:
+        """Compare the map with the scene, if both are known."""
+        mapper, robot, start = self.mapper, self.robot_class, self.trip.start
+        if self.scene is None or mapper is None or robot is None or start is None:
+            return
+        self.score = score_mapper(mapper, self.scene, robot_class=robot, start=start)
+
     def _pose_errors(self) -> dict[str, float | None] | None:
         """Compare the estimated poses with the true ones that the server sends."""
         if self.mapper is None:
@@ -181,27 +199,14 @@ class MappingRun:
             NavigationError: If the robot cannot do what is asked of it.
         """
         try:
-            with self._connect(address) as client:
+            with self.result.noting_errors(), self._connect(address) as client:
                 self.exploration.run(client, observe)
-        except BaseException as error:
-            is_failure = isinstance(error, Exception)
-            self.result.error = str(error) if is_failure else INTERRUPTED
-            raise
         finally:
             self._complete_result()
 
     def judge(self) -> None:
         """Compare the map with the scene, if both are known."""
-        mapper, start = self.result.mapper, self.result.trip.start
-        scene = self.result.scene
-        if scene is None or mapper is None or start is None:
-            return
-        self.result.score = score_mapper(
-            mapper,
-            scene,
-            robot_class=self.exploration.plan.robot_class,
-            start=start,
-        )
+        self.result.judge()
 
     def _connect(self, address: tuple[str, int]) -> Client:
         if self._host is None:

@@ -14,9 +14,7 @@ import numpy as np
 
 from radarsim.client import Client
 from radarsim.evaluation.ground_truth import GroundTruthMonitor
-from radarsim.evaluation.map_score import score_mapper
 from radarsim.evaluation.mapping_run import MappingResult, describe_errors
-from radarsim.evaluation.navigation_run import INTERRUPTED
 from radarsim.exploration.exploration import Exploration, ExplorationPlan
 from radarsim.exploration.multi_robot import MultiRobotExploration, Observer
 from radarsim.geometry import Pose2
@@ -175,25 +173,17 @@ class MultiRobotRun:
             NavigationError: If no robot can do what is asked of it.
         """
         try:
-            with ExitStack() as stack:
+            with self.result.noting_errors(), ExitStack() as stack:
                 clients = [
                     stack.enter_context(client) for client in self._connect(address)
                 ]
                 self.exploration.run(clients, observe)
-        except BaseException as error:
-            is_failure = isinstance(error, Exception)
-            self.result.error = str(error) if is_failure else INTERRUPTED
-            raise
         finally:
             self._complete_result()
 
     def judge(self) -> None:
         """Compare the map with the scene, if both are known."""
-        mapper, start = self.result.mapper, self.result.trip.start
-        scene, robot = self.result.scene, self.exploration.plan.robot_class
-        if scene is not None and mapper is not None and start is not None:
-            score = score_mapper(mapper, scene, robot_class=robot, start=start)
-            self.result.score = score
+        self.result.judge()
 
     def _connect(self, address: tuple[str, int]) -> list[Client]:
         numbers = range(len(self.exploration.robots))
