@@ -6,11 +6,16 @@ from typing import Final
 import numpy as np
 
 from radarsim.errors import TooNearError
+from radarsim.geometry import Pose2
 from radarsim.navigation.bumpers import Bumpers
+from radarsim.navigation.control import moved
 from radarsim.navigation.observation import Observation
 
 START_NOISE: Final = 0.05  # m that something at the start may seem nearer than it is
 GOAL_NOISE: Final = 0.1  # m; at the goal, which is seen from afar
+DRIFT: Final = (
+    0.005  # m for each m of path by which the goal may be elsewhere by the INS
+)
 STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it stands
 _PLACE: Final = 0.15  # m within which it is the same thing
 
@@ -23,6 +28,8 @@ class ClearanceCheck:
     def __init__(self, bumpers: Bumpers) -> None:
         self._bumpers = bumpers
         self._is_first = True
+        self._previous: Pose2 | None = None
+        self._travelled = 0.0  # m
         self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
         self._since = 0.0  # s; when it was first seen there
 
@@ -37,6 +44,8 @@ class ClearanceCheck:
             TooNearError: If something is nearer to the start than the safety distance,
                 or stands so near to the goal.
         """
+        self._travelled += moved(self._previous or observation.pose, observation.pose)
+        self._previous = observation.pose
         if self._is_first:
             self._is_first = False
             self._check_start(observation)
@@ -52,7 +61,8 @@ class ClearanceCheck:
     def _check_goal(self, observation: Observation, goal: Point) -> None:
         points = observation.points()
         distances = np.hypot(*(points - goal).T)
-        near = distances < self._bumpers.safety_distance - GOAL_NOISE
+        unsure = GOAL_NOISE + DRIFT * self._travelled
+        near = distances < self._bumpers.safety_distance - unsure
         if not near.any():
             self._place = (math.inf, math.inf)
             return

@@ -1,6 +1,8 @@
 """Starts and goals inside the safety distance are told."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -52,3 +54,18 @@ def test_what_drives_by_a_goal_is_no_reason_to_give_up(flatland: World) -> None:
         world = flatland(shapely.box(2, y, 2.6, y + 0.5), at=Pose2(0.0, 0.0))
         world.track = [world.pose] * k
         check.check(world.scan(), (1.9, 0.0))
+
+
+@pytest.mark.parametrize("metres", [0.0, 18.0, 22.0])
+def test_pose_that_may_have_drifted_does_not_bring_a_goal_near_a_wall(
+    flatland: World, metres: float
+) -> None:
+    world, check = flatland(WALL, at=Pose2(-3.0, 0.0)), ClearanceCheck(BUMPERS)
+    observation = world.scan()
+    far = replace(observation, pose=Pose2(-3.0 - metres / 2, 0.0))
+    for seen in (observation, far, observation):
+        check.check(seen, GOAL)
+    check.check(observation, (1.7, 0.2))
+    later = replace(observation, time=observation.time + STANDING_AFTER)
+    with pytest.raises(TooNearError) if metres < 20 else nullcontext():
+        check.check(later, (1.7, 0.2))
