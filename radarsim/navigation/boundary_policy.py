@@ -20,6 +20,7 @@ thesis on navigation with a radar in USARSim, section 5.1.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Protocol
@@ -105,10 +106,12 @@ class BoundaryPolicy(Protocol):
     Attributes:
         circuits: Number of complete circuits.
         missed: Whether it leaves because the leave point was not found again.
+        circuit_start: Where on the path from the hit point the last circuit began, m.
     """
 
     circuits: int
     missed: bool
+    circuit_start: float
 
     def step(self, step: Step) -> Decision:
         """Decide what to do next."""
@@ -152,6 +155,7 @@ class Bug1Policy:
     ) -> None:
         self.circuits = 0
         self.missed = False
+        self.circuit_start = 0.0
         self._trail = Trail(hit, max_offset)
         self._goal = goal
         self._max_offset = max_offset
@@ -175,7 +179,7 @@ class Bug1Policy:
         began = self._trail.closes(step, self._travelled)
         if began is None:
             return Decision.ONWARD
-        self.circuits = 1
+        self.circuits, self.circuit_start = 1, began
         _, at, pose, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
@@ -219,7 +223,8 @@ class Bug2Policy:
     def __init__(
         self,
         hit: Landmark,
-        line: tuple[Pose2, tuple[float, float]],
+        starts: Sequence[Pose2],
+        goal: tuple[float, float],
         give_up: GiveUp,
         max_offset: float,
     ) -> None:
@@ -227,37 +232,48 @@ class Bug2Policy:
 
         Args:
             hit: The hit point.
-            line: Start of the line, and the goal, where it ends.
+            starts: Starts of the lines, any of which it has to meet: at least one.
+            goal: Where they end, m.
             give_up: When to conclude that there is no path.
             max_offset: How far beside a landmark a path still passes it, m.
         """
         self.circuits = 0
         self.missed = False
+        self.circuit_start = 0.0
         self._hit = hit
         self._trail = Trail(hit, max_offset)
-        self._start, self._goal = line
+        self._goal = goal
+        self._lines = [_Line(start, goal) for start in starts]
         self._give_up = give_up
         self._travelled = 0.0
-        self._hit_distance = distance(Pose2(hit.x, hit.y), *self._goal)
-        self._side: float | None = None
+        self._hit_distance = distance(Pose2(hit.x, hit.y), *goal)
 
     def step(self, step: Step) -> Decision:
         """Decide what to do next."""
         self._travelled += step.moved
-        at_line, crossed = self._meets_line(step.pose)
+        met = [line.meets(step.pose) for line in self._lines]
+        at_line, crossed = (any(column) for column in zip(*met, strict=True))
         nearer = distance(step.pose, *self._goal) < self._hit_distance - LEAST_GAIN
-        closed = self._trail.closes(step, self._travelled) is not None
+        began = self._trail.closes(step, self._travelled)
         if at_line and nearer and step.free:
             return Decision.LEAVE
-        if closed:
-            self.circuits += 1
+        if began is not None:
+            self.circuits, self.circuit_start = self.circuits + 1, began
             return Decision.NO_PATH
         if crossed and not nearer and self._give_up == GiveUp.LINE:
             away = distance(step.pose, self._hit.x, self._hit.y)
             return Decision.NO_PATH if away > LEAST_CIRCUIT / 2 else Decision.ONWARD
         return Decision.ONWARD
 
-    def _meets_line(self, pose: Pose2) -> tuple[bool, bool]:
+
+class _Line:
+    """The line from a start to the goal, which Bug2 has to meet."""
+
+    def __init__(self, start: Pose2, goal: tuple[float, float]) -> None:
+        self._start, self._goal = start, goal
+        self._side: float | None = None
+
+    def meets(self, pose: Pose2) -> tuple[bool, bool]:
         """Return whether the robot is at the line, and whether it just crossed it.
 
         The line ends at the goal, since there is no shorter way beyond; that a path

@@ -54,25 +54,26 @@ class Bug(Controller):
         self._first_mode = FollowMode(wall_on_left=settings.wall_on_left)
         self._mode = self._first_mode
         self._policy: BoundaryPolicy | None = None  # None away from boundaries
-        self._start: Pose2 | None = None
+        self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
         self._obstacle: FollowedObstacle | None = None
         self._circled = StandingObstacle()  # points of the boundary that is followed
+        self._followed = 0.0  # m along it
         self._gone = 0  # number of obstacles that had gone when they were looked at
         self._hit_place: Point = (math.nan, math.nan)  # on the obstacle, m
         self._misses = 0  # number of leave points that it did not find again
         self._others = 0  # number of times that another obstacle was circled
 
     def _begin_goal(self, pose: Pose2) -> None:
-        self._start, self._policy = pose, None
+        self._starts, self._policy = [pose], None
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
-        if self._start is None:
-            self._start = observation.pose
+        if not self._starts:
+            self._starts = [observation.pose]
         if self._policy is None:
             if self._is_free(observation) and not self._is_grazed(observation):
                 return self._go(observation)
@@ -119,7 +120,7 @@ class Bug(Controller):
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._mode, self._lost = Activity.ALIGNING, self._first_mode, 0.0
-        self._circled = StandingObstacle()
+        self._circled, self._followed = StandingObstacle(), 0.0
         max_offset = self._follower.target_distance
         obstacle = bearing_of(pose, *self.goals[0])
         point = self._follower.hit_point(observation, self._mode, obstacle)
@@ -130,9 +131,8 @@ class Bug(Controller):
         if self._settings.algorithm == Algorithm.BUG1:
             self._policy = Bug1Policy(hit, self.goals[0], max_offset)
         else:
-            assert self._start is not None
-            line = (self._start, self.goals[0])
-            self._policy = Bug2Policy(hit, line, self._settings.give_up, max_offset)
+            goal, give_up = self.goals[0], self._settings.give_up
+            self._policy = Bug2Policy(hit, self._starts, goal, give_up, max_offset)
 
     def _align(self, observation: Observation) -> Twist:
         obstacle = bearing_of(observation.pose, *self.goals[0])
@@ -143,6 +143,7 @@ class Bug(Controller):
     def _follow(self, observation: Observation, step: float) -> Twist:
         policy = self._policy
         assert policy is not None
+        self._followed += step
         if self._sees_goal(observation):
             self._seen_from = distance(observation.pose, *self.goals[0])
             return self._leave(observation)
@@ -150,7 +151,7 @@ class Bug(Controller):
         obstacle = self._obstacle.part_of(observation, self._mode)
         if boundary := self._follower.boundary(obstacle, self._mode):
             point = boundary.point_from(observation.pose)
-            self._circled.add(point, observation.pose.yaw)
+            self._circled.add(point, observation.pose.yaw, self._followed)
         direction = self._follower.tangent(obstacle, self._mode)
         circuits_before = policy.circuits
         free = not self._is_hidden(observation, obstacle)
@@ -178,22 +179,26 @@ class Bug(Controller):
         """Conclude that there is no path, unless what was circled has gone.
 
         Or unless it is not what was hit: where the robot hits something in a gap, what
-        it follows may be the other side of the gap.
+        it follows may be the other side of the gap; and in a gap that it follows it may
+        get to another obstacle, and not back.
         """
         has_gone = self._gone < _MOST_GONE and self._circled.has_gone(observation)
-        is_other = self._others < _MOST_OTHERS and not self._circled.begins_at(
-            self._hit_place
-        )
+        is_other = self._others < _MOST_OTHERS and not self._has_circled_what_it_hit()
         if has_gone or is_other:
             self._gone += has_gone
             self._others += is_other
             if is_other:
                 self._change_hand()
             self._best_leave = math.inf
-            self._start = observation.pose  # of the line that Bug2 has to meet
+            self._starts.append(observation.pose)
             return self._leave(observation)
         self.activity = Activity.NO_PATH
         return STOP
+
+    def _has_circled_what_it_hit(self) -> bool:
+        assert self._policy is not None
+        hit, start = self._hit_place, self._policy.circuit_start
+        return self._circled.begins_at(hit) and self._circled.passes(hit, start)
 
     def _change_hand(self) -> None:
         """Follow the next boundaries on the other hand, and forget where it has left.

@@ -16,7 +16,7 @@ import numpy as np
 from radarsim.geometry import wrap_angle
 from radarsim.navigation.observation import Observation, wrap_angles
 
-NEAR = 0.6  # m from what was hit to the first points of its boundary
+NEAR = 0.6  # m from what was hit to the points of its boundary there
 FIRST = 4  # such points
 SPACING = 0.25  # m between the points that are kept
 MAX_DISTANCE = 10.0  # m; points farther away are not looked at
@@ -32,21 +32,24 @@ class StandingObstacle:
 
     def __init__(self) -> None:
         self._points: list[Point] = []
+        self._stations: list[float] = []  # m along the path where each was seen
         self._turned_at: list[float] = []  # rad turned when each point was seen
         self._turned = 0.0  # rad
         self._yaw: float | None = None  # rad; of the last pose
 
-    def add(self, point: Point, yaw: float) -> None:
+    def add(self, point: Point, yaw: float, station: float = 0.0) -> None:
         """Add a point of the boundary, if it is away from the last.
 
         Args:
             point: m, map frame.
             yaw: The robot's, rad; to be told at every step.
+            station: Length of the path along the boundary until there, m.
         """
         self._turn_to(yaw)
         if not self._points or math.dist(point, self._points[-1]) >= SPACING:
             self._points.append(point)
             self._turned_at.append(self._turned)
+            self._stations.append(station)
 
     def _turn_to(self, yaw: float) -> None:
         self._turned += 0.0 if self._yaw is None else abs(wrap_angle(yaw - self._yaw))
@@ -56,6 +59,14 @@ class StandingObstacle:
         """Return whether most of its first points are near a point, m, map frame."""
         first = [math.dist(each, point) <= NEAR for each in self._points[:FIRST]]
         return 2 * sum(first) >= len(first)
+
+    def passes(self, point: Point, station: float) -> bool:
+        """Return whether it is near a point, m, map frame, from a station on."""
+        return any(
+            math.dist(each, point) <= NEAR
+            for each, at in zip(self._points, self._stations, strict=True)
+            if at >= station
+        )
 
     def has_gone(self, observation: Observation) -> bool:
         """Return whether more points have gone than stand, of those in sight.

@@ -3,11 +3,17 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
-from radarsim.study.results import MEASURES, TITLES, Measure, Summaries, Summary
+from radarsim.study.results import (
+    MEASURES,
+    RADAR,
+    TITLES,
+    Measure,
+    Summaries,
+    Summary,
+)
 from radarsim.study.statistics import Estimate
 from radarsim.study.tasks import SENSORS
 
-RADAR: Final = "radar"
 LASERS: Final = tuple(sensor for sensor in SENSORS if sensor != RADAR)
 _ROUNDING: Final = 1e-9  # errors of shares
 
@@ -209,12 +215,22 @@ def detour_text(summary: Summary) -> str:
 
     The number of drives is told where not all of them arrived.
     """
-    estimate = summary.detour
+    return number_text(summary.detour, summary, "{:.2f}")
+
+
+def number_text(estimate: Estimate | None, summary: Summary, form: str) -> str:
+    """Return a mean of some drives with its interval; empty if there is none.
+
+    Args:
+        estimate: The mean, of the summary's drives or of fewer, whose number is told.
+        summary: The summary.
+        form: How numbers are written, as for ``str.format``.
+    """
     if estimate is None:
         return ""
-    text = f"{estimate.value:.2f}"
+    text = form.format(estimate.value)
     if not estimate.is_exact:
-        text += f" ({estimate.low:.2f} to {estimate.high:.2f})"
+        text += f" ({form.format(estimate.low)} to {form.format(estimate.high)})"
     return text + _of_fewer(estimate, summary.success.count)
 
 

@@ -11,7 +11,7 @@ from radarsim.figures.page_style import STYLE
 from radarsim.mapping.occupancy_grid import RESOLUTION
 from radarsim.navigation.controller import TOLERANCE
 from radarsim.study.findings import (
-    detour_text,
+    number_text,
     percent,
     percent_interval,
     successes,
@@ -141,6 +141,8 @@ touches something is not right.</p>
 is not that of the seeds. The shortest path is that of the disc. The factor may be a
 little below 1, because a drive ends when the robot is within {TOLERANCE:g} m of the
 goal by the inertial sensor, which drifts; up to {GOAL_TOLERANCE:g} m in truth count.
+Less the radar's: the mean difference to the radar's factor on the same map, where both
+arrived. Time is simulated, of the drives that arrived.
 {_mapping_measures(kinds)}{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
 {tables}<p>Made by radarsim {__version__}. Runs are rows of <code>runs.csv</code>.</p>
 </main>
@@ -214,7 +216,14 @@ def _columns(summaries: Sequence[Summary], map_: str) -> dict[str, list[str]]:
         'false "no path"': [str(each.false_no_path) for each in summaries],
         "no verdict": [str(each.failed) for each in summaries],
         "touches": [str(each.touches) for each in summaries],
-        "path / shortest path": [detour_text(each) or _NOTHING for each in summaries],
+        "path / shortest path": [_mean(each.detour, each) for each in summaries],
+        "less the radar's": [
+            _mean(each.detour_beside, each, "{:+z.2f}") for each in summaries
+        ],
+        "time": [
+            _NOTHING if each.time is None else f"{each.time.value:.0f} s"
+            for each in summaries
+        ],
     }
     if map_ in MAPPED:
         columns["reachable floor"] = [_share(each.reachable) for each in summaries]
@@ -259,6 +268,11 @@ def _share(
     estimate: Estimate | None, write: Callable[[Estimate], str] = percent
 ) -> str:
     return _NOTHING if estimate is None else f"{write(estimate)}{_interval(estimate)}"
+
+
+def _mean(estimate: Estimate | None, summary: Summary, form: str = "{:.2f}") -> str:
+    value, blank, rest = number_text(estimate, summary, form).partition(" ")
+    return f"{value}{blank}<small>{rest}</small>" if rest else value or _NOTHING
 
 
 def _interval(estimate: Estimate) -> str:

@@ -21,6 +21,8 @@ TITLES: Final = {
     "office": "an office",
 }
 
+RADAR: Final = "radar"
+
 # Why drives end without a verdict.
 WOULD_NOT_START: Final = "would not start"
 STUCK: Final = "got stuck"
@@ -43,6 +45,9 @@ class Summary:
         touches: How often the robot began to touch something, in all runs.
         detour: Path divided by the shortest one, of drives that arrived; None if none
             did.
+        detour_beside: ``detour`` less that of the radar on the same map, where both
+            arrived; None for the radar itself, and if they never did.
+        time: Simulated time of drives that arrived, s; None if none did.
         reachable: Known share of the floor that the robot can get to; None where
             nothing was mapped.
         hidden: Known share of the floor that it sees at most; None as above, or where
@@ -63,6 +68,8 @@ class Summary:
     failures: Mapping[str, int]
     touches: int
     detour: Estimate | None
+    detour_beside: Estimate | None
+    time: Estimate | None
     reachable: Estimate | None
     hidden: Estimate | None
     in_place: Estimate | None
@@ -115,8 +122,9 @@ def summarise(rows: Sequence[Row]) -> dict[tuple[str, str], Summary]:
     summaries = {}
     for map_, sensor in product(KINDS, SENSORS):
         own = [row for row in rows if (row["map"], row["sensor"]) == (map_, sensor)]
+        radar = [row for row in rows if (row["map"], row["sensor"]) == (map_, RADAR)]
         if own:
-            summaries[map_, sensor] = _summary(map_, sensor, own)
+            summaries[map_, sensor] = _summary(map_, sensor, own, _detours(radar))
     return summaries
 
 
@@ -126,10 +134,13 @@ def kinds_of(summaries: Summaries) -> list[str]:
     return [map_ for map_ in KINDS if map_ in run]
 
 
-def _summary(map_: str, sensor: str, rows: Sequence[Row]) -> Summary:
+def _summary(
+    map_: str, sensor: str, rows: Sequence[Row], radar: Mapping[int, float]
+) -> Summary:
     drives = [row for row in rows if row["method"] != MAPPING]
     maps = [row for row in rows if row["method"] == MAPPING]
-    arrived = [row for row in drives if row["outcome"] == "reached" == row["expected"]]
+    detours = _detours(rows)
+    both = sorted(detours.keys() & radar.keys()) if sensor != RADAR else []
     return Summary(
         map=map_,
         sensor=sensor,
@@ -137,7 +148,9 @@ def _summary(map_: str, sensor: str, rows: Sequence[Row]) -> Summary:
         false_no_path=sum(_verdict(r) == ("no_path", "reached") for r in drives),
         failures=Counter(_failure(r) for r in drives if not _is_verdict(r)),
         touches=sum(row["collisions"] for row in rows),
-        detour=_mean([row["path_length"] / row["shortest_path"] for row in arrived]),
+        detour=_mean(list(detours.values())),
+        detour_beside=_mean([round(detours[each] - radar[each], 6) for each in both]),
+        time=_mean([row["time"] for row in drives if _has_arrived(row)]),
         reachable=_mean_of(maps, "reachable_coverage"),
         hidden=_mean_of(maps, "hidden_coverage"),
         in_place=_mean_of(maps, "within_two_cells"),
@@ -145,6 +158,19 @@ def _summary(map_: str, sensor: str, rows: Sequence[Row]) -> Summary:
         timed_out=sum(row["outcome"] == "time_limit" for row in maps),
         shut_in=_shut_in(drives, maps),
     )
+
+
+def _detours(rows: Sequence[Row]) -> dict[int, float]:
+    """Return path / shortest path of the drives that arrived, by seed."""
+    return {
+        row["seed"]: row["path_length"] / row["shortest_path"]
+        for row in rows
+        if row["method"] != MAPPING and _has_arrived(row)
+    }
+
+
+def _has_arrived(row: Row) -> bool:
+    return bool(row["outcome"] == "reached" == row["expected"])
 
 
 def _is_verdict(row: Row) -> bool:

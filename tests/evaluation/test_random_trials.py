@@ -91,6 +91,12 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
         pytest.param(188, "bug2", id="hit in a gap, whose other side it circled"),
         pytest.param(182, "bug2", id="the same gap again on the same hand"),
         pytest.param(58, "bug2", id="another obstacle followed away from the line"),
+        pytest.param(
+            357, "bug2", id="others circled beyond a gap, and not what was hit"
+        ),
+        pytest.param(
+            108, "bug1", id="gap where it changed to what it had circled before"
+        ),
         pytest.param(350, "bug1", id="leave point missed, first obstacle hit again"),
         pytest.param(248, "bug1", id="noise in a corner, where it stood"),
         pytest.param(151, "planned", id="way around beyond the first grid"),

@@ -1,6 +1,7 @@
 import math
 
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -67,7 +68,7 @@ def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
 
 
 def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy:
-    return Bug2Policy(mark(0.0), (start, goal), give_up, 0.7)
+    return Bug2Policy(mark(0.0), [start], goal, give_up, 0.7)
 
 
 def test_line_of_bug2_ends_at_the_goal() -> None:
@@ -91,6 +92,24 @@ def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
         assert verdict is (Decision.LEAVE if free else Decision.NO_PATH)
         assert angle == pytest.approx(math.pi if free else 2 * math.pi, abs=0.04)
         assert policy.circuits == (not free)
+
+
+def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
+    goal, starts = (-9.0, 0.0), (Pose2(9.0, 0.0), Pose2(2.0, 2.0))
+    met = shapely.intersection(
+        shapely.Point(0.0, 0.0).buffer(RADIUS, 1000).exterior,
+        shapely.LineString([(2.0, 2.0), goal]),
+    )
+    ends = []
+    for lines in (starts, starts[:1]):
+        policy = Bug2Policy(mark(0.0), lines, goal, GiveUp.HIT_POINT, 0.7)
+        angle, verdict = 0.0, Decision.ONWARD
+        while verdict is Decision.ONWARD:
+            angle, step = advance(angle, 1)
+            verdict = policy.step(step)
+        assert verdict is Decision.LEAVE
+        ends.append(angle)
+    assert ends == pytest.approx([math.atan2(met.y, met.x), math.pi], abs=0.05)
 
 
 def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:

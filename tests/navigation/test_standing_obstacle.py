@@ -75,3 +75,13 @@ def test_boundary_begins_where_it_was_hit(
     for point in points:
         obstacle.add(point, 0.0)
     assert obstacle.begins_at((0.0, 0.0)) is begins
+
+
+def test_circuit_passes_what_was_hit_only_where_it_was_there_again() -> None:
+    obstacle = StandingObstacle()
+    for station in range(10):  # away from the hit, and around something else
+        obstacle.add((min(station, 5.0), max(station - 5.0, 0.0)), 0.0, station)
+    assert obstacle.passes((0.1, 0.3), 0.0)
+    assert not obstacle.passes((0.1, 0.3), 2.0)
+    obstacle.add((0.2, 0.0), 0.0, 18.0)
+    assert obstacle.passes((0.1, 0.3), 2.0)

@@ -116,6 +116,29 @@ def test_findings_tell_where_the_radar_wins_and_loses() -> None:
     assert "with every laser" in text
 
 
+def test_paths_are_compared_on_the_same_maps() -> None:
+    def change(task: StudyTask, row: Row) -> None:
+        if task.map != "forest":
+            return
+        row["path_length"] += 2.0 * task.seed + 0.5 * (task.sensor == "sick")
+        row["time"] += task.seed
+        if task.sensor == "sick" and task.seed == 3:
+            row["outcome"] = "no_path"
+
+    summaries = summarise(made_up_rows(change))
+    radar, sick = summaries["forest", "radar"], summaries["forest", "sick"]
+    assert radar.detour is not None
+    assert sick.detour is not None
+    assert sick.detour.value < radar.detour.value  # the longest drive is missing
+    assert radar.detour_beside is None
+    assert sick.detour_beside is not None
+    assert sick.detour_beside.value == 0.05
+    assert sick.detour_beside.is_exact
+    assert sick.detour_beside.count == 3
+    assert sick.time is not None
+    assert (sick.time.value, sick.time.count) == (41.0, 3)
+
+
 def lose_in_smoke(task: StudyTask, row: Row) -> None:
     """Let two lasers fail in smoke, one of them without a verdict."""
     if task.map != "smoke_corridor":
