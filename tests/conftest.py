@@ -1,10 +1,10 @@
 """Scenes that many tests look at; they are read once, and nothing changes them."""
 
+import hashlib
 import os
 import signal
 import sys
 import threading
-import zlib
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 
@@ -54,7 +54,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def _place(name: str) -> float:
     """Return a number from 0 to 1 that a name alone decides."""
-    return zlib.crc32(name.encode()) / 2**32
+    digest = hashlib.blake2b(name.encode(), digest_size=4).digest()
+    return int.from_bytes(digest, "big") / 2**32
 
 
 @pytest.hookimpl(trylast=True)
@@ -68,13 +69,13 @@ def pytest_collection_modifyitems(
     """
     share = config.getoption("--sample")
     marks = {item: item.get_closest_marker("slow") for item in items}
-    places = {"alone": 1.0, "sampled": 0.0}
-    left_out = {
-        item
-        for item, mark in marks.items()
-        if mark and share < 1
-        if places.get("".join(mark.args), _place(item.nodeid)) >= share
-    }
+    places = {(): None, ("alone",): 1.0, ("sampled",): 0.0}
+    left_out = set()
+    for item, mark in marks.items():
+        if mark is not None and share < 1:
+            place = places[mark.args]
+            if (_place(item.nodeid) if place is None else place) >= share:
+                left_out.add(item)
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))
         items[:] = [item for item in items if item not in left_out]

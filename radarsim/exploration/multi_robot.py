@@ -158,27 +158,29 @@ class MultiRobotExploration:
         driving = dict(enumerate(steps))
         while driving:
             for number, robot_steps in list(driving.items()):
+                was_searching = bool(self._board.searching)
                 step = self._next(number, robot_steps, is_last=len(driving) == 1)
                 if step is None:
                     del driving[number]
-                    continue
-                self._latest[number] = step.observation
-                self._board.note_pose(
-                    number,
-                    step.observation.pose,
-                    is_on_map=self.maps[number].is_merged,
-                )
-                observe(number, step)
-                self._merger.step(number)
-                if not self._board.searching:
+                else:
+                    self._note(number, step, observe)
+                if was_searching and not self._board.searching:
                     self._look_again(driving)
+
+    def _note(self, number: int, step: ExplorationStep, observe: Observer) -> None:
+        """Note where a robot is after a step, and align its map if it is time to."""
+        self._latest[number] = step.observation
+        is_on_map = self.maps[number].is_merged
+        self._board.note_pose(number, step.observation.pose, is_on_map=is_on_map)
+        observe(number, step)
+        self._merger.step(number)
 
     def _look_again(self, driving: Iterable[int]) -> None:
         """Let robots that found no target search again, if their maps are moved.
 
         What they have explored may not be the whole once all maps fit.
         """
-        if self._merger.refine_all():
+        if self._merger.refine_all() or self.shared.is_rebuilding:
             self.shared.finish()
             self._board.searching.update(driving)
 

@@ -18,8 +18,8 @@ of a tick for all clients together; what exceeds a limit waits for the next tick
 (``is_busy``). A command that arrives while none of its client waits is executed at
 once. Commands that wait are executed in turns, one of each client, and cannot use up
 the work that is reserved for those that arrive. Nor can several clients that send much
-use up what is reserved for the first command of each client in a tick: a flood delays
-no one else. How the bytes of a client are split into packets changes nothing.
+use up what is reserved for the first command of each client in a tick, unless these
+first commands do. How the bytes of a client are split into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
 queue of its own, which comes last in a write. It changes no byte that others get.
 Rule 6: a host can be there before its simulation, which takes a second to load and half

@@ -232,7 +232,8 @@ class Bug2Policy:
 
         Args:
             hit: The hit point.
-            starts: Starts of the lines, any of which it has to meet: at least one.
+            starts: Starts of the lines, at any of which it leaves; at least one. Where
+                it gives up at a line, that is the last one.
             goal: Where they end, m.
             give_up: When to conclude that there is no path.
             max_offset: How far beside a landmark a path still passes it, m.
@@ -252,7 +253,7 @@ class Bug2Policy:
         """Decide what to do next."""
         self._travelled += step.moved
         met = [line.meets(step.pose) for line in self._lines]
-        at_line, crossed = (any(column) for column in zip(*met, strict=True))
+        at_line, crossed = any(at for at, _ in met), met[-1][1]
         nearer = distance(step.pose, *self._goal) < self._hit_distance - LEAST_GAIN
         began = self._trail.closes(step, self._travelled)
         if at_line and nearer and step.free:

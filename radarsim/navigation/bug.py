@@ -69,6 +69,8 @@ class Bug(Controller):
 
     def _begin_goal(self, pose: Pose2) -> None:
         self._starts, self._policy = [pose], None
+        self._gone = self._misses = self._others = 0
+        self._first_mode = FollowMode(wall_on_left=self._settings.wall_on_left)
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:

@@ -13,9 +13,7 @@ from radarsim.navigation.observation import Observation
 
 START_NOISE: Final = 0.05  # m that something at the start may seem nearer than it is
 GOAL_NOISE: Final = 0.1  # m; at the goal, which is seen from afar
-DRIFT: Final = (
-    0.005  # m for each m of path by which the goal may be elsewhere by the INS
-)
+DRIFT: Final = 0.005  # m for each m of path by which the goal may seem elsewhere
 STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it stands
 _PLACE: Final = 0.15  # m within which it is the same thing
 
@@ -61,8 +59,9 @@ class ClearanceCheck:
     def _check_goal(self, observation: Observation, goal: Point) -> None:
         points = observation.points()
         distances = np.hypot(*(points - goal).T)
-        unsure = GOAL_NOISE + DRIFT * self._travelled
-        near = distances < self._bumpers.safety_distance - unsure
+        safety_distance = self._bumpers.safety_distance
+        unsure = min(GOAL_NOISE + DRIFT * self._travelled, safety_distance / 2)
+        near = distances < safety_distance - unsure
         if not near.any():
             self._place = (math.inf, math.inf)
             return

@@ -4,6 +4,9 @@ A robot that drives by looks like an obstacle, and a path around it closes like 
 circuit. So before a navigator concludes that there is no path, it looks again at the
 points of the boundary that it has followed: those that beams go through have gone.
 
+It also tells whether what was followed is what was hit: its first points are near the
+hit point, and a circuit passes there again.
+
 The yaw of an INS drifts with the angles turned, so a point has gone only if beams go
 through wherever it may be by now. Otherwise a robot that has come back after a long
 circuit would not find what stands there.
@@ -61,8 +64,11 @@ class StandingObstacle:
         return 2 * sum(first) >= len(first)
 
     def passes(self, point: Point, station: float) -> bool:
-        """Return whether it is near a point, m, map frame, from a station on."""
-        return any(
+        """Return whether its boundary came near a point, m, map frame, after a station.
+
+        If it has no points, that is not known, and counts as passed.
+        """
+        return not self._points or any(
             math.dist(each, point) <= NEAR
             for each, at in zip(self._points, self._stations, strict=True)
             if at >= station

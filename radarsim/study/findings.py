@@ -75,25 +75,22 @@ def _hedge_sentences(summaries: Summaries) -> Iterator[str]:
 
 
 def _against_lasers(summaries: Summaries) -> str:
-    """Return how the radar's path behind the dead end compares with lasers' paths."""
-    radar = summaries["dead_end", RADAR].detour
-    if radar is None or not radar.has_interval:
-        return ""
+    """Return how the radar's path behind the dead end compares with lasers' paths.
+
+    That is by the differences on the same maps.
+    """
     groups: dict[str, list[str]] = {}
     for sensor in LASERS:
-        laser = summaries["dead_end", sensor].detour
-        if laser is None:
+        difference = summaries["dead_end", sensor].detour_difference
+        if difference is None or not difference.has_interval:
             continue
         word = "as good as with"
-        if _apart(radar, laser):
-            word = (
-                "shorter than with" if radar.value < laser.value else "longer than with"
-            )
+        if difference.low > 0:
+            word = "shorter than with"
+        elif difference.high < 0:
+            word = "longer than with"
         groups.setdefault(word, []).append(sensor)
-    return ", and ".join(
-        f"{word} {named(sensors)}" + " (the intervals overlap)" * word.startswith("as")
-        for word, sensors in groups.items()
-    )
+    return ", and ".join(f"{word} {named(names)}" for word, names in groups.items())
 
 
 def named(sensors: Sequence[str]) -> str:

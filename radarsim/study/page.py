@@ -218,7 +218,7 @@ def _columns(summaries: Sequence[Summary], map_: str) -> dict[str, list[str]]:
         "touches": [str(each.touches) for each in summaries],
         "path / shortest path": [_mean(each.detour, each) for each in summaries],
         "less the radar's": [
-            _mean(each.detour_beside, each, "{:+z.2f}") for each in summaries
+            _mean(each.detour_difference, each, "{:+z.2f}") for each in summaries
         ],
         "time": [
             _NOTHING if each.time is None else f"{each.time.value:.0f} s"

@@ -45,7 +45,7 @@ class Summary:
         touches: How often the robot began to touch something, in all runs.
         detour: Path divided by the shortest one, of drives that arrived; None if none
             did.
-        detour_beside: ``detour`` less that of the radar on the same map, where both
+        detour_difference: ``detour`` less that of the radar on the same map, where both
             arrived; None for the radar itself, and if they never did.
         time: Simulated time of drives that arrived, s; None if none did.
         reachable: Known share of the floor that the robot can get to; None where
@@ -68,7 +68,7 @@ class Summary:
     failures: Mapping[str, int]
     touches: int
     detour: Estimate | None
-    detour_beside: Estimate | None
+    detour_difference: Estimate | None
     time: Estimate | None
     reachable: Estimate | None
     hidden: Estimate | None
@@ -149,7 +149,9 @@ def _summary(
         failures=Counter(_failure(r) for r in drives if not _is_verdict(r)),
         touches=sum(row["collisions"] for row in rows),
         detour=_mean(list(detours.values())),
-        detour_beside=_mean([round(detours[each] - radar[each], 6) for each in both]),
+        detour_difference=_mean(
+            [round(detours[each] - radar[each], 6) for each in both]
+        ),
         time=_mean([row["time"] for row in drives if _has_arrived(row)]),
         reachable=_mean_of(maps, "reachable_coverage"),
         hidden=_mean_of(maps, "hidden_coverage"),

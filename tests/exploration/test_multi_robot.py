@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -58,15 +59,22 @@ def test_two_robots_make_one_map(empty_room: Scene) -> None:
     assert ends == pytest.approx([0.0, 3.5], abs=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.slow("sampled")
 def test_robots_look_again_when_the_last_fit_moves_a_map(
     empty_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    moved = [True, True, False]
-    monkeypatch.setattr(MapMerger, "refine_all", lambda _: moved and moved.pop(0))
-    made = run(empty_room)
-    assert made.exploration.outcome is Outcome.EXPLORED
-    assert not moved
+    ends = []
+    for moved in ([False], [True, False], [True, True, False]):
+        answers = list(moved)
+        monkeypatch.setattr(
+            MapMerger, "refine_all", lambda _, left=answers: left.pop(0)
+        )
+        made = run(empty_room)
+        assert made.exploration.outcome is Outcome.EXPLORED
+        assert answers == []
+        ends.append(made.exploration.trip.time)
+    # Robots look for targets once a second.
+    assert [b - a for a, b in pairwise(ends)] == pytest.approx([1.0, 1.0], abs=0.3)
 
 
 def three_rooms(starts: Sequence[tuple[float, float, float]]) -> str:

@@ -126,6 +126,18 @@ def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
     assert ends[GiveUp.HIT_POINT] == pytest.approx(2 * math.pi, abs=0.02)
 
 
+def test_bug2_gives_up_at_its_last_line_only() -> None:
+    """The circle crosses the first line at 132 degrees, no nearer to the goal."""
+    goal, starts = (-2.0, -9.0), (Pose2(-2.0, 9.0), Pose2(5.5, 4.5))
+    policy = Bug2Policy(mark(0.0), starts, goal, GiveUp.LINE, 0.7)
+    angle, verdict = 0.0, Decision.ONWARD
+    while verdict is Decision.ONWARD:
+        angle, step = advance(angle, 1)
+        verdict = policy.step(step)
+    assert verdict is Decision.LEAVE
+    assert math.degrees(angle) > 180
+
+
 def test_landmark_is_passed_once_by_a_path_beside_it() -> None:
     mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
     path = [Pose2(1.4, y / 10) for y in range(30)]
