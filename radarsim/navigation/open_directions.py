@@ -14,6 +14,7 @@ from radarsim.geometry import Floats
 from radarsim.navigation.observation import Observation, wrap_angles
 
 HORIZON: Final = 10.0  # m; nothing farther away is looked at
+MOST: Final = 720  # directions that are looked at; what is in the way is of all beams
 JUMP: Final = 0.5  # m between two neighbouring directions, where an obstacle ends
 PAST: Final = 0.3  # m past the end of an obstacle that its edge is
 TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
@@ -28,7 +29,8 @@ class OpenDirections:
     """What one scan tells of the ways of a disc.
 
     Attributes:
-        bearings: (N,) rad from the robot's front, increasing.
+        bearings: (N,) rad from the robot's front, increasing: those of all beams, or of
+            every second, third and so on in a scan of more than ``MOST``.
         lengths: (N,) m that the disc's centre could go, at most ``HORIZON``.
     """
 
@@ -40,7 +42,8 @@ class OpenDirections:
             radius: Of the disc, m.
         """
         self._pose = observation.pose
-        self.bearings = np.sort(observation.bearings)
+        step = 1 + (len(observation.bearings) - 1) // MOST
+        self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends
         after = np.roll(ends, -1, axis=0)

@@ -8,8 +8,10 @@ import pytest
 import shapely
 
 from radarsim.geometry import Pose2
+from radarsim.navigation.observation import Observation
 from radarsim.navigation.open_directions import (
     HORIZON,
+    MOST,
     OpenDirections,
     leads_too_near,
 )
@@ -41,6 +43,23 @@ def test_lengths_are_those_of_a_swept_disc(flatland: World) -> None:
     beside = jumps | np.roll(jumps, 1) | np.roll(jumps, 2) | np.roll(jumps, -1)
     assert (close | beside).all()
     assert close.mean() > 0.95
+
+
+def test_dense_scan_has_fewer_directions_but_all_its_points() -> None:
+    """The way to a disc of 0.5 m, 3 m ahead, in closed form."""
+    bearings = np.linspace(-math.pi, math.pi, 3600, endpoint=False)
+    half = 0.25 - np.square(3 * np.sin(bearings))
+    is_seen = (half > 0) & (np.cos(bearings) > 0)
+    ranges = np.full(3600, math.inf)
+    ranges[is_seen] = 3 * np.cos(bearings[is_seen]) - np.sqrt(half[is_seen])
+    scan = Observation(0.0, Pose2(0.0, 0.0), bearings, ranges)
+    directions = OpenDirections(scan, R)
+    assert len(directions.bearings) == MOST
+    meets = np.abs(directions.bearings) < 0.95 * math.asin((0.5 + R) / 3)
+    near = directions.bearings[meets]
+    exact = 3 * np.cos(near) - np.sqrt((0.5 + R) ** 2 - np.square(3 * np.sin(near)))
+    assert directions.lengths[meets] == pytest.approx(exact, abs=0.01)
+    assert len(directions.edges()) == 2
 
 
 def test_edges_are_beside_the_ends_of_what_is_seen(flatland: World) -> None:
