@@ -144,8 +144,8 @@ class MultiRobotExploration:
         first = 0 if wanted is None else folded.index(wanted.casefold())
         if len(names) < len(self.robots):
             raise NavigationError(
-                f"map with {len(names)} start poses, expected {len(self.robots)},"
-                " one for each robot"
+                f"map with {len(names)} start pose{'s' * (len(names) != 1)}, expected"
+                f" {len(self.robots)}, one for each robot: add starts to the map"
             )
         for k, robot in enumerate(self.robots):
             name = names[(first + k) % len(names)]
