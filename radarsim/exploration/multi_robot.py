@@ -20,7 +20,7 @@ from radarsim.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
-from radarsim.exploration.map_merging import MapMerger
+from radarsim.exploration.map_merger import MapMerger
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import ExplorationSettings
 from radarsim.exploration.target_allocation import SharedTargetStrategy, TargetBoard

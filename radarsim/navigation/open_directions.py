@@ -14,7 +14,7 @@ from radarsim.geometry import Floats
 from radarsim.navigation.observation import Observation, wrap_angles
 
 HORIZON: Final = 10.0  # m; nothing farther away is looked at
-MOST: Final = 720  # directions that are looked at; what is in the way is of all beams
+MOST_DIRECTIONS: Final = 720  # that are looked at; what is in the way is of all beams
 JUMP: Final = 0.5  # m between two neighbouring directions, where an obstacle ends
 PAST: Final = 0.3  # m past the end of an obstacle that its edge is
 TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
@@ -30,7 +30,7 @@ class OpenDirections:
 
     Attributes:
         bearings: (N,) rad from the robot's front, increasing: those of all beams, or of
-            every second, third and so on in a scan of more than ``MOST``.
+            every second, third and so on in a scan of more than ``MOST_DIRECTIONS``.
         lengths: (N,) m that the disc's centre could go, at most ``HORIZON``.
     """
 
@@ -42,7 +42,7 @@ class OpenDirections:
             radius: Of the disc, m.
         """
         self._pose = observation.pose
-        step = 1 + (len(observation.bearings) - 1) // MOST
+        step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
         self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends

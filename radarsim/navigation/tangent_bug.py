@@ -77,7 +77,7 @@ class TangentBug(Controller):
 
     def _begin_goal(self, _: Pose2) -> None:
         self._start_anew()
-        self._left_at, self._left = math.inf, None
+        self._left_at, self._left, self._gone = math.inf, None, 0
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
         if self._boundary is None:

@@ -3,16 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
-from radarsim.study.results import (
-    MEASURES,
-    RADAR,
-    TITLES,
-    Measure,
-    Summaries,
-    Summary,
-)
+from radarsim.study.results import MEASURES, TITLES, Measure, Summaries, Summary
 from radarsim.study.statistics import Estimate
-from radarsim.study.tasks import SENSORS
+from radarsim.study.tasks import RADAR, SENSORS
 
 LASERS: Final = tuple(sensor for sensor in SENSORS if sensor != RADAR)
 _ROUNDING: Final = 1e-9  # errors of shares

@@ -121,7 +121,17 @@ def render_study(
 {items}</ul>
 <p class="picture"><img src="{figure}" alt="{said}"></p>
 <h2>How</h2>
-<p>Maps of {_counted(len(kinds), "kind")}, each drawn anew for
+{_how(kinds, algorithm, seeds)}{tables}<p>Made by radarsim {__version__}.
+Runs are rows of <code>runs.csv</code>.</p>
+</main>
+</body>
+</html>
+"""
+
+
+def _how(kinds: Sequence[str], algorithm: str, seeds: int) -> str:
+    """Return as HTML what runs, and what is measured."""
+    return f"""<p>Maps of {_counted(len(kinds), "kind")}, each drawn anew for
 {_counted(seeds, "seed")}; every sensor runs on the same maps.
 All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}°.</p>
 <p>{_marked(_MODELS)}</p>
@@ -144,10 +154,6 @@ goal by the inertial sensor, which drifts; up to {GOAL_TOLERANCE:g} m in truth c
 Less the radar's: the mean difference to the radar's factor on the same map, where both
 arrived. Time is simulated, of the drives that arrived.
 {_mapping_measures(kinds)}{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
-{tables}<p>Made by radarsim {__version__}. Runs are rows of <code>runs.csv</code>.</p>
-</main>
-</body>
-</html>
 """
 
 

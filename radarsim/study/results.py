@@ -8,7 +8,7 @@ from typing import Any, Final, TypeAlias
 
 from radarsim.study.maps import KINDS
 from radarsim.study.statistics import Estimate, mean, share
-from radarsim.study.tasks import MAPPED, MAPPING, SENSORS
+from radarsim.study.tasks import MAPPED, MAPPING, RADAR, SENSORS
 
 Row = Mapping[str, Any]
 
@@ -20,8 +20,6 @@ TITLES: Final = {
     "forest": "a forest",
     "office": "an office",
 }
-
-RADAR: Final = "radar"
 
 # Why drives end without a verdict.
 WOULD_NOT_START: Final = "would not start"

@@ -16,7 +16,8 @@ from radarsim.simulation.config import SimulationConfig
 from radarsim.study.maps import KINDS, make_study_map
 
 MAPPING: Final = "map"
-SENSORS: Final = ("radar", "physical", "hokuyo", "sick")
+RADAR: Final = "radar"
+SENSORS: Final = (RADAR, "physical", "hokuyo", "sick")
 QUICK: Final = ("smoke_corridor",)
 MAPPED: Final = ("hidden_room", "office")  # rooms with walls around
 ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT

@@ -12,9 +12,9 @@ from office_map import office_map
 
 from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.evaluation.multi_robot_run import MultiRobotRun
-from radarsim.exploration import map_merging
+from radarsim.exploration import map_merger
 from radarsim.exploration.exploration import ExplorationPlan, Outcome
-from radarsim.exploration.map_merging import MapMerger
+from radarsim.exploration.map_merger import MapMerger
 from radarsim.exploration.options import StrategyName
 from radarsim.exploration.path_follower import WAITING, ExplorationSettings
 from radarsim.exploration.target_allocation import (
@@ -248,7 +248,7 @@ def test_robots_that_start_near_each_other_do_not_touch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str, is_aligned: bool
 ) -> None:
     if not is_aligned:
-        monkeypatch.setattr(map_merging, "align", lambda *_: None)
+        monkeypatch.setattr(map_merger, "align", lambda *_: None)
     starts = LAYOUTS[layout]
     path = tmp_path / "rooms.yaml"
     path.write_text(three_rooms(starts))

@@ -67,6 +67,15 @@ def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
     assert angle == pytest.approx(2.5 * math.pi, abs=0.05)
 
 
+def followed(policy: Bug2Policy) -> tuple[float, Decision]:
+    """Follow the circle until the policy decides; return the angle there."""
+    angle, verdict = 0.0, Decision.ONWARD
+    while verdict is Decision.ONWARD:
+        angle, step = advance(angle, 1)
+        verdict = policy.step(step)
+    return angle, verdict
+
+
 def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy:
     return Bug2Policy(mark(0.0), [start], goal, give_up, 0.7)
 
@@ -103,10 +112,7 @@ def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
     ends = []
     for lines in (starts, starts[:1]):
         policy = Bug2Policy(mark(0.0), lines, goal, GiveUp.HIT_POINT, 0.7)
-        angle, verdict = 0.0, Decision.ONWARD
-        while verdict is Decision.ONWARD:
-            angle, step = advance(angle, 1)
-            verdict = policy.step(step)
+        angle, verdict = followed(policy)
         assert verdict is Decision.LEAVE
         ends.append(angle)
     assert ends == pytest.approx([math.atan2(met.y, met.x), math.pi], abs=0.05)
@@ -116,10 +122,7 @@ def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
     ends = {}
     for rule in GiveUp:  # the line continues to the right of the hit point
         policy = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
-        angle, verdict = 0.0, Decision.ONWARD
-        while verdict is Decision.ONWARD:
-            angle, step = advance(angle, 1)
-            verdict = policy.step(step)
+        angle, verdict = followed(policy)
         assert verdict is Decision.NO_PATH
         ends[rule] = angle
     assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.04)
@@ -130,10 +133,7 @@ def test_bug2_gives_up_at_its_last_line_only() -> None:
     """The circle crosses the first line at 132 degrees, no nearer to the goal."""
     goal, starts = (-2.0, -9.0), (Pose2(-2.0, 9.0), Pose2(5.5, 4.5))
     policy = Bug2Policy(mark(0.0), starts, goal, GiveUp.LINE, 0.7)
-    angle, verdict = 0.0, Decision.ONWARD
-    while verdict is Decision.ONWARD:
-        angle, step = advance(angle, 1)
-        verdict = policy.step(step)
+    angle, verdict = followed(policy)
     assert verdict is Decision.LEAVE
     assert math.degrees(angle) > 180
 

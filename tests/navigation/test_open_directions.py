@@ -11,7 +11,7 @@ from radarsim.geometry import Pose2
 from radarsim.navigation.observation import Observation
 from radarsim.navigation.open_directions import (
     HORIZON,
-    MOST,
+    MOST_DIRECTIONS,
     OpenDirections,
     leads_too_near,
 )
@@ -54,7 +54,7 @@ def test_dense_scan_has_fewer_directions_but_all_its_points() -> None:
     ranges[is_seen] = 3 * np.cos(bearings[is_seen]) - np.sqrt(half[is_seen])
     scan = Observation(0.0, Pose2(0.0, 0.0), bearings, ranges)
     directions = OpenDirections(scan, R)
-    assert len(directions.bearings) == MOST
+    assert len(directions.bearings) == MOST_DIRECTIONS
     meets = np.abs(directions.bearings) < 0.95 * math.asin((0.5 + R) / 3)
     near = directions.bearings[meets]
     exact = 3 * np.cos(near) - np.sqrt((0.5 + R) ** 2 - np.square(3 * np.sin(near)))

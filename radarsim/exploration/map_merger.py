@@ -1,4 +1,4 @@
-"""Map merging: finds where the maps of several robots are on the one that they share.
+"""Map merger: finds where the maps of several robots are on the one that they share.
 
 What a robot has seen is compared with what all robots on the shared map have seen. A
 map that is not there yet is tried again whenever robots have gone on a little, each
